@@ -10,8 +10,9 @@ import msgspec
 
 from silo.errors import SaveError
 from silo.files.atomic import claimed
+from silo.files.formats import kind_of
 from silo.files.saving import size_of
-from silo.helper.capture_list import CaptureList
+from silo.helper.capture_list import CaptureEntry, CaptureList
 from silo.helper.spool import Spool
 from silo.model import FileType, LoggedEvent, SavedFile
 from silo.recording import with_events
@@ -47,12 +48,21 @@ def write_capture(spool: Spool, folder: str, listed: CaptureList, happened: Sequ
     what = f"capture {capture.number} of '{spool.trigger}' in run {spool.run}"
     with claimed(folder, what, PATIENCE_S) as claim:
         entry = listed.begun(spool.run, spool.trigger, capture.number, name)
-        files = _written(spool, folder, entry.name, happened, claim)
-        removed = listed.written(entry, [file.path for file in files], spool.options.keep)
+        if entry.files:  # its trigger may not keep it any more
+            files, removed = _there(folder, entry), []
+        else:
+            files = _written(spool, folder, entry.name, happened, claim)
+            removed = listed.written(entry, [file.path for file in files], spool.options.keep)
     ended = spool.why and f" ({spool.why})"
     paths = ", ".join(file.path for file in files)
     text = f"capture {capture.number} of '{spool.trigger}', ticks {capture.first} to {capture.last}{ended}: {paths}"
     return WrittenCapture(files, text, removed)
+
+
+def _there(folder: str, entry: CaptureEntry) -> list[SavedFile]:
+    """What is still there of a capture that was written."""
+    paths = [path for path in (Path(folder, file.name) for file in entry.files) if path.exists()]
+    return [SavedFile(str(path), kind, size_of(path)) for path in paths if (kind := kind_of(path)) is not None]
 
 
 def _written(spool: Spool, folder: str, name: str, happened: Sequence[LoggedEvent], claim: int) -> list[SavedFile]:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from silo.collecting.held import held_runs
 from silo.collecting.left_behind import claimed
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, SiloError, StateError
@@ -18,11 +19,11 @@ from silo.files.event_log import append_events, newest_number, read_events
 from silo.helper.capture_files import write_capture
 from silo.helper.capture_list import CaptureList
 from silo.helper.judge_memory import lost_text, untold
-from silo.helper.judge_state import JudgeState, Untold, left_states, read_state, state_path
+from silo.helper.judge_state import JudgeState, Untold, begun_state, left_states, read_state, state_path
 from silo.helper.segment_judge import SegmentJudge
 from silo.ipc.published import EventKind
 from silo.model import Extras, LoggedEvent, SavedFile
-from silo.runtime import list_segments
+from silo.runtime import HELD_SUFFIX, list_held, list_segments
 
 WHY = "the program and its helper process died"
 GONE = "program and helper process died before it was written, and its memory is gone"
@@ -54,10 +55,10 @@ def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     found = RecoveredCaptures([], [])
     try:
         path = state_path(schema.logger, schema.run)
-        state = read_state(path)
+        state = read_state(path) if path.exists() else _unseen(reader)
     except (SegmentError, OSError):
-        return found  # nothing was left, or nothing that can be read
-    if not state.is_orphan:
+        return found  # nothing that can be read
+    if state is None or not state.is_orphan:
         return found
     found.extras = state.extras
     try:
@@ -71,13 +72,32 @@ def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     return found
 
 
+def _unseen(reader: SegmentReader) -> JudgeState | None:
+    """What is known of a run that no helper process ever saw, and that has something to judge; None for any other.
+
+    One that was seen was judged to its end, where nothing is left of that.
+    """
+    schema = reader.schema
+    if not (schema.extras.triggers or schema.extras.limits) or not _was_served(reader):
+        return None
+    return None if read_events(schema.folder, schema.logger, schema.run) else begun_state(schema)
+
+
+def _was_served(reader: SegmentReader) -> bool:
+    """Whether its logger had a helper process: what has none judges nothing, and holds no run for it."""
+    held = [reader, *held_runs(reader.schema.logger, reader.schema.logger_id)]
+    for one in held[1:]:
+        one.close()
+    return reader.path.suffix == HELD_SUFFIX or len(held) > 1
+
+
 def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: RecoveredCaptures) -> list[Untold]:
     """Write what there is; returns what is to be told."""
     schema = reader.schema
     judge = SegmentJudge(reader, [*(one.info for one in schema.elements), *state.off], state.extras, state.until)
     whole = judge.recall(state)
     step = judge.end(WHY)
-    news = [*state.untold, *untold(step)]
+    news = [*_untold_start(reader), *state.untold, *untold(step)]
     listed = CaptureList(folder, schema.logger)
     for spool in [*whole, *step.whole]:
         capture = spool.capture
@@ -96,6 +116,13 @@ def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: Rec
         found.texts.append(text)
         news.append(Untold(kind.value, text, capture.fires[0].tick, capture.fires[0].time_ns))
     return news
+
+
+def _untold_start(reader: SegmentReader) -> list[Untold]:
+    """That the run was started, where nobody was there to say so."""
+    schema, kind = reader.schema, EventKind.STARTED.value
+    known = read_events(schema.folder, schema.logger, schema.run)
+    return [] if any(event.kind == kind for event in known) else [Untold(kind, "started", 0, reader.stamp_of(0))]
 
 
 def recover_all_captures(logger: str, folder: str, tell: Callable[[EventKind, str, list[SavedFile]], object]) -> None:
@@ -125,10 +152,10 @@ def _orphans(logger: str) -> Iterator[tuple[Path, JudgeState]]:
 
 
 def _segment_of(run: str, folder: str) -> SegmentReader | None:
-    for path in list_segments(Path(folder)):
+    for path in [*list_segments(Path(folder)), *list_held()]:
         with contextlib.suppress(SegmentError):
             reader = SegmentReader(path)
-            if reader.schema.run == run and not reader.alive():
+            if reader.schema.run == run and (path.suffix == HELD_SUFFIX or not reader.alive()):
                 return reader
             reader.close()
     return None

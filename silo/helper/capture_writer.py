@@ -3,6 +3,7 @@
 import logging
 import math
 import threading
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from silo.errors import SiloError
@@ -84,7 +85,7 @@ class CaptureWriter:
             log.exception("a capture was not saved")
             why = str(error) if isinstance(error, SiloError | OSError) else repr(error)
             text = f"capture {spool.capture.number} of '{spool.trigger}' was not saved: {why}"
-            self._events.publish(EventKind.SAVE_FAILED, text)
+            self._tell(spool, EventKind.SAVE_FAILED, text)
 
     def _write(self, spool: "Spool") -> None:
         from silo.helper.capture_files import write_capture
@@ -92,11 +93,16 @@ class CaptureWriter:
         logger = spool.schema.logger
         listed = self._list_of(self.folder, logger)
         done = write_capture(spool, self.folder, listed, self._events.log.of_run(spool.run))
-        if not self._was_told(spool, done.files):
-            self._events.publish(EventKind.CAPTURED, done.text, files=done.files)
+        if done.files and not self._was_told(spool, done.files):
+            self._tell(spool, EventKind.CAPTURED, done.text, done.files)
         self._files[spool.run, spool.trigger] = tuple(file.path for file in done.files)
         if done.removed:
             log.info("trigger '%s' keeps %d captures: removed %s", spool.trigger, spool.options.keep, done.removed)
+
+    def _tell(self, spool: "Spool", kind: EventKind, text: str, files: Sequence[SavedFile] = ()) -> None:
+        """Tell it of the capture's own run, which may be over, at the tick of what fired first."""
+        fire = spool.capture.fires[0]
+        self._events.publish(kind, text, files=files, tick=fire.tick, stamp_ns=fire.time_ns, run=spool.run)
 
     def _list_of(self, folder: str, logger: str) -> CaptureList:
         """The list that was read before, of which only what is new has to be read."""

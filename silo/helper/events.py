@@ -55,14 +55,15 @@ class Events:
         tick: int | None = None,
         stamp_ns: int = 0,
         run: str = "",
+        time_ns: int = 0,
     ) -> LoggedEvent:
         """Publish an event with the present status; it stands at `tick`, or at the newest one, of `run` or the present.
 
-        `stamp_ns` is the time stamp of that tick, where it is known.
+        `stamp_ns` is the time stamp of that tick, `time_ns` the wall clock then, where they are known.
         """
         status = self._mirror.status()
         newest = status.ticks - 1
-        begun_ns = status.started_ns if kind is EventKind.STARTED else 0  # this is told some time after
+        begun_ns = time_ns or (status.started_ns if kind is EventKind.STARTED else 0)  # this is told some time after
         event = LoggedEvent(
             kind.value,
             text,

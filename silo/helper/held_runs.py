@@ -138,12 +138,13 @@ class HeldRuns:
 
 
 def tell_left(reader: SegmentReader, events: Events) -> None:
-    """Tell what nobody told of a run that ended while there was no helper process."""
+    """Tell what nobody told of a run that began, or ended too, while there was no helper process."""
     run = reader.schema.run
     known = {event.kind for event in events.log.of_run(run)}
     if EventKind.STARTED.value not in known:
-        events.publish(EventKind.STARTED, "started", tick=0, stamp_ns=reader.stamp_of(0), run=run)
-    if EventKind.STOPPED.value not in known:
+        begun_ns = reader.schema.started_ns
+        events.publish(EventKind.STARTED, "started", tick=0, stamp_ns=reader.stamp_of(0), run=run, time_ns=begun_ns)
+    if EventKind.STOPPED.value not in known and not reader.running:
         text = reader.stop_reason or "stopped"
         events.publish(EventKind.STOPPED, text, tick=reader.ticks - 1, stamp_ns=reader.last_time_ns, run=run)
 

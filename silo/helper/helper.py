@@ -173,8 +173,7 @@ class Helper:
         journaling = Journaling(mirror, events)
         judge = self._judge = Judge(mirror, events)
         recording = self._recording = Recording(mirror, events, held)
-        self._take_left(held.find(), events)
-        held.add(recording.needs)
+        self._begin_with(held, events, judge, recording)
         people = self._people(path, mirror, events)
         answers = Answers(mirror, events, publisher, saver, self._robot, judge, recording, people[1])
         control = Control(session, self._root, answers, *people, publisher.name_client, self._denials)
@@ -285,11 +284,25 @@ class Helper:
     def _take_left(self, left: list[SegmentReader], events: Events) -> None:
         """Have runs read that ended while there was no helper process."""
         for reader in left:
+            if self._judge is not None:
+                self._judge.take_left(reader)  # first: what was told to have begun is judged by a successor, too
             tell_left(reader, events)
             if self._marks is not None:
                 self._marks.take_left(reader)
             if self._recording is not None:
                 self._recording.follow_present()
+
+    def _begin_with(self, held: HeldRuns, events: Events, judge: Judge, recording: Recording) -> None:
+        """Take in what went on while there was no helper process: runs that are over, and the present one."""
+        held.add(recording.needs)
+        held.add(judge.needs)
+        self._take_left(held.find(), events)
+        judge.take_run()  # also should the run be over before the judge looks
+        with contextlib.suppress(SegmentError):
+            reader = held.open(held.ids()[-1]) if held.ids() else None
+            if reader is not None:
+                with contextlib.closing(reader):
+                    tell_left(reader, events)
 
     def _poke(self) -> None:
         with contextlib.suppress(BlockingIOError):

@@ -64,6 +64,8 @@ class Judge:
         self._wake = threading.Event()
         self._ended = False
         self._offered: deque[SegmentReader] = deque()
+        self._left: deque[SegmentReader] = deque()  # runs that ended while there was no helper process
+        self._due: set[str] = set()  # of all those
         self._judge: SegmentJudge | None = None
         self._run = self._why = ""
         self._late_s = math.inf
@@ -107,8 +109,32 @@ class Judge:
             log.exception("a run can't be judged")
             return
         if reader is not None and _has_conditions(reader.schema.extras):
+            self._note_due(reader)
             self._offered.append(reader)
             self._wake.set()
+
+    def take_left(self, run: SegmentReader) -> None:
+        """Judge a run to its end that ended while there was no helper process, whatever goes on meanwhile."""
+        try:
+            reader = SegmentReader(run.path, run.fileno())
+        except SegmentError:
+            log.exception("a run can't be judged")
+            return
+        self._note_due(reader)
+        self._left.append(reader)
+        self._wake.set()
+
+    def _note_due(self, reader: SegmentReader) -> None:
+        from silo.helper.judge_state import note_begun
+
+        note_begun(reader.schema)
+        self._due.add(reader.schema.run)
+
+    def needs(self, run: str) -> bool:
+        """Whether the rows of a run are still to be judged, or a capture of it is not written yet."""
+        judge = self._judge
+        is_judged = judge is not None and judge.reader.schema.run == run
+        return is_judged or run in self._due or bool(self._writer.waiting(run))
 
     # --------------------------------------------------------------------------------- for threads that answer clients
 
@@ -274,11 +300,15 @@ class Judge:
         if not self._looked:
             self._looked = True
             self._look_back()
+        while self._left:
+            self._judge_left(self._left.popleft())
         while self._offered:
             self._next_run(self._offered.popleft())
         if self._run != self._mirror.run and not self._offered:
             self._next_run(self._mirror.open_reader())  # let go of, without triggers, or not handed over
         self._adopt()
+        if self._memory is not None:
+            self._memory.forget_others(lambda run: run == self._run or run in self._due)
         judge = self._judge
         if judge is None or not judge.active:
             self._mirror.alarm = ("", 0)
@@ -324,13 +354,45 @@ class Judge:
         self._run, self._closed, self._failed = run, False, ""
         if reader is None:
             return
-        if self._memory is not None:
-            self._memory.forget_others(run)
+        try:
+            self._go_over(reader)
+        finally:
+            self._due.discard(run)
+
+    def _go_over(self, reader: SegmentReader) -> None:
+        """Judge the run that has just begun."""
+        run = reader.schema.run
         if self._go_on(reader) or not _has_conditions(reader.schema.extras):
             return
         # of a damaged state nobody knows what it had fired for: nothing fires twice
         is_damaged = self._memory is not None and self._memory.was_damaged(run)
         self._begin(reader, reader.schema.extras, since=reader.ticks if is_damaged else 0)
+
+    def _judge_left(self, reader: SegmentReader) -> None:
+        """Judge a run that is over, from where a predecessor stood; told is what nobody told before."""
+        from silo.helper.segment_judge import SegmentJudge
+
+        memory, run = self._remembering(), reader.schema.run
+        state = memory.left(run)
+        extras, until = (reader.schema.extras, 0) if state is None else (state.extras, state.until)
+        try:
+            table = self._mirror.now.table.elements
+            judge = SegmentJudge(reader, table, extras, until, lambda: self._writer.size_bytes)
+            whole = judge.recall(state) if state is not None else []
+            found = judge.end(reader.stop_reason or "a new run began", self._is_late)
+        except (SiloError, ValueError, KeyError, IndexError) as error:
+            log.exception("a run that ended while there was no helper process can't be judged")
+            text = f"triggers and limits of run {run} are not judged to its end: {error}"
+            self._events.publish(EventKind.BLIND, text, tick=max(0, until - 1), run=run)
+        else:
+            found.blind[:0] = judge.problems
+            found.whole[:0] = whole
+            memory.keep(judge, found, closed=True, failed="")
+            memory.tell_new(found, judge)
+            for spool in found.whole:
+                self._writer.add(spool)
+        finally:
+            self._due.discard(run)
 
     # ------------------------------------------------------------------------------------------- before and after us
 
@@ -344,8 +406,8 @@ class Judge:
         if self._memory is None:
             from silo.helper.judge_memory import JudgeMemory
 
-            robot = self._mirror.now.robot
-            self._memory = JudgeMemory(robot.logger, robot.pid, self._events, self._writer)
+            now = self._mirror.now
+            self._memory = JudgeMemory(now.robot.logger, now.options.id, now.robot.pid, self._events, self._writer)
         return self._memory
 
     def _go_on(self, reader: SegmentReader) -> bool:
@@ -409,7 +471,7 @@ class Judge:
         memory = self._remembering()
         if found or memory.is_due():
             self._keep(judge, found)
-        memory.tell(found)
+        memory.tell(found, judge)
         for spool in found.whole:
             self._writer.add(spool)
 

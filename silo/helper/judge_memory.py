@@ -7,10 +7,12 @@ this process or by the next. Belongs to the judge thread.
 import contextlib
 import logging
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
 
+from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.helper.capture_list import CaptureList
 from silo.helper.capture_writer import CaptureWriter
@@ -26,9 +28,12 @@ from silo.helper.judge_state import (
 )
 from silo.helper.segment_judge import SegmentJudge, Step
 from silo.ipc.published import EventKind
+from silo.runtime import list_held, list_segments
 
 KEEP_S = 1.0  # how often a state is stored in which only rows are new
 SHARE = 0.05  # of the time, at most, where it is large
+LOOK_S = 1.0  # how often is looked whether the memory of a run is there that nobody has brought yet
+GONE = "the helper process died before it came to that, and its run's memory is gone"
 MOST_UNTOLD = 1000  # events of which the log in the folder is not sure, as its disk hangs
 
 log = logging.getLogger("silo.helper")
@@ -37,15 +42,15 @@ log = logging.getLogger("silo.helper")
 class JudgeMemory:
     """The files of one judge."""
 
-    def __init__(self, logger: str, pid: int, events: Events, writer: CaptureWriter) -> None:
-        self._logger, self._pid, self._events, self._writer = logger, pid, events, writer
+    def __init__(self, logger: str, logger_id: str, pid: int, events: Events, writer: CaptureWriter) -> None:
+        self._logger, self._id, self._pid, self._events, self._writer = logger, logger_id, pid, events, writer
         self._left: dict[str, JudgeState] = {}
         self._own: dict[str, Path] = {}
         self._damaged: set[str] = set()
-        self._told: list[tuple[int, Untold]] = []  # what the event log may not have in its file yet, by its number
-        self._run = ""
+        self._told: dict[str, list[tuple[int, Untold]]] = {}  # what the event log may not have in its file, by run
         self._due_s = 0.0
         self._failing = False
+        self._look_due_s = 0.0
 
     # ------------------------------------------------------------------------------------------------ before us
 
@@ -66,25 +71,33 @@ class JudgeMemory:
             return
         except OSError:
             return
-        if state.pid != self._pid:
+        # pids come again, and count anew in each container; of an older silo there is no other word
+        if state.program.logger_id != self._id if state.program.logger_id else state.pid != self._pid:
             return  # of a program that is gone, and its helper process with it: `silo.helper.capture_recovery`
         self._left[state.run], self._own[state.run] = state, path
-        self._tell_left(state)
+        self._tell_new(state.untold, state.run, state.until - 1)
 
-    def _tell_left(self, state: JudgeState) -> None:
-        known = {(event.kind, event.text) for event in self._events.log.of_run(state.run)}
-        for one in state.untold:
+    def _tell_new(self, news: Sequence[Untold], run: str, tick: int, stamp_ns: int = 0) -> None:
+        """Tell of a run that is over what nobody told yet; what stands nowhere in it stands at its end."""
+        known = {(event.kind, event.text) for event in self._events.log.of_run(run)}
+        for one in news:
             if (one.kind, one.text) not in known:
-                self._publish(one, run=state.run)
+                at = one if one.tick >= 0 else msgspec.structs.replace(one, tick=tick, stamp_ns=stamp_ns)
+                self._told.setdefault(run, []).append((self._publish(at, run), one))
 
     def _tell_lost(self, state: JudgeState, why: str) -> None:
         listed = CaptureList(self._writer.folder, self._logger)
+        news = []
         for kept in state.captures:
             entry = None
             with contextlib.suppress(OSError):
                 entry = listed.find(state.run, kept.options.name, kept.capture.number)
             if entry is None or not entry.files:
-                self._events.publish(EventKind.BLIND, lost_text(kept, why))
+                news.append(Untold(EventKind.BLIND.value, lost_text(kept, why)))
+        if not state.closed:
+            text = f"triggers and limits are blind for run {state.run} from tick {state.until} on: {why}"
+            news.append(Untold(EventKind.BLIND.value, text))
+        self._tell_new(news, state.run, state.until - 1)
 
     def was_damaged(self, run: str) -> bool:
         """Whether a predecessor left of this run what can't be read."""
@@ -97,16 +110,29 @@ class JudgeMemory:
         return {}
 
     def left(self, run: str) -> JudgeState | None:
-        """Return what a predecessor knew of a run, once."""
-        return self._left.pop(run, None)
+        """Return what a predecessor knew of a run, once; None where it had not begun with it."""
+        state = self._left.pop(run, None)
+        return None if state is None or state.is_begun_only else state
 
-    def forget_others(self, run: str) -> None:
-        """Tell what became of runs that are over, and forget them when nothing of them waits to be written."""
-        for other, state in [(name, state) for name, state in self._left.items() if name != run]:
-            del self._left[other]
-            self._tell_lost(state, "the helper process died before it was written, and a new run has taken its memory")
-        for other in [name for name in self._own if name != run and not self._writer.waiting(name)]:
-            self._own.pop(other).unlink(missing_ok=True)
+    def forget_others(self, needed: Callable[[str], bool]) -> None:
+        """Forget the runs that are over, and nobody judges, when nothing of them waits to be written.
+
+        Of those whose memory is gone it is told what was lost; of others the program has yet to leave theirs.
+        """
+        now_s = time.monotonic()
+        left = [state for run, state in self._left.items() if not needed(run)]
+        if left and now_s >= self._look_due_s:
+            self._look_due_s = now_s + LOOK_S
+            there = _runs_there(self._logger)
+            for state in left:
+                if state.run not in there:
+                    del self._left[state.run]
+                    self._tell_lost(state, GONE)
+        for run in [run for run in self._own if not needed(run) and run not in self._left]:
+            unsure = any(number > self._events.log.written for number, _ in self._told.get(run, ()))
+            if not (unsure or self._writer.waiting(run)):
+                self._own.pop(run).unlink(missing_ok=True)
+                self._told.pop(run, None)
 
     # ------------------------------------------------------------------------------------------------- after us
 
@@ -118,13 +144,11 @@ class JudgeMemory:
         """Store the state, with what is about to be told."""
         begun_s = time.monotonic()
         run = judge.reader.schema.run
-        if run != self._run:
-            self._run, self._told = run, []
         written = self._events.log.written
-        self._told = [(number, one) for number, one in self._told if number > written]
+        told = self._told[run] = [(number, one) for number, one in self._told.get(run, []) if number > written]
         whole = [*(found.whole if found else ()), *self._writer.waiting(run)]
         waiting = [KeptCapture(spool.options, spool.capture, spool.ended) for spool in whole]
-        unsure = [*(one for _, one in self._told[-MOST_UNTOLD:]), *(untold(found) if found else ())]
+        unsure = [*(one for _, one in told[-MOST_UNTOLD:]), *(untold(found) if found else ())]
         state = judge.state(waiting, unsure, closed=closed)
         if failed:
             state = msgspec.structs.replace(state, failed=failed)
@@ -142,21 +166,39 @@ class JudgeMemory:
         now_s = time.monotonic()
         self._due_s = now_s + max(KEEP_S, (now_s - begun_s) / SHARE)
 
-    def tell(self, found: Step) -> None:
+    def tell(self, found: Step, judge: SegmentJudge) -> None:
         """Publish what was found."""
-        for one in untold(found):
-            self._told.append((self._publish(one), one))
+        run = judge.reader.schema.run
+        told = self._told.setdefault(run, [])
+        told += [(self._publish(one, run), one) for one in untold(found)]
+
+    def tell_new(self, found: Step, judge: SegmentJudge) -> None:
+        """Publish what was found in a run that is over, as far as nobody did before."""
+        reader = judge.reader
+        self._tell_new(untold(found), reader.schema.run, reader.ticks - 1, reader.last_time_ns)
 
     def _publish(self, one: Untold, run: str = "") -> int:
         tick = None if one.tick < 0 else one.tick
         return self._events.publish(EventKind(one.kind), one.text, tick=tick, stamp_ns=one.stamp_ns, run=run).number
 
     def forget_all(self) -> None:
-        """Remove the files of this judge: there will be no successor."""
-        for path in self._own.values():
+        """Remove the files of this judge: there will be no successor. What nobody came to judge stays for recovery."""
+        self._look_due_s = 0.0
+        self.forget_others(lambda _: False)
+        for run in [run for run in self._own if run not in self._left]:
             with contextlib.suppress(OSError):
-                path.unlink(missing_ok=True)
-        self._own = {}
+                self._own.pop(run).unlink(missing_ok=True)
+
+
+def _runs_there(logger: str) -> set[str]:
+    """The runs of a logger that are in memory still."""
+    found = set()
+    with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
+        for path in [*list_segments(), *list_held()]:
+            if path.name.lstrip(".").startswith(f"{logger}."):
+                with contextlib.suppress(SegmentError), contextlib.closing(SegmentReader(path)) as reader:
+                    found.add(reader.schema.run)
+    return found
 
 
 def lost_text(kept: KeptCapture, why: str) -> str:

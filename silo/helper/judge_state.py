@@ -4,6 +4,7 @@ One file per run, `<logger>.<run>.judge` in the runtime folder, replaced as a wh
 written before anything is told: what was told is never told anew, and what was not is told by the successor.
 """
 
+import contextlib
 import os
 import zlib
 from collections.abc import Iterator
@@ -13,6 +14,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from silo.collecting.held import Program, is_live, program_of
+from silo.collecting.schema import SegmentSchema
 from silo.errors import SegmentError
 from silo.helper.limit_judge import LimitMemory
 from silo.judging.evaluation import EvaluatorMemory
@@ -70,10 +73,18 @@ class JudgeState(msgspec.Struct, frozen=True):
     closed: bool = False
     failed: str = ""
     off: list[ElementInfo] = []  # elements in conditions that are not logged
+    program: Program = Program()  # whose run it is; of nobody in the files of an older silo
+
+    @property
+    def is_begun_only(self) -> bool:
+        """Whether nothing of the run was judged yet: it only says that it is to be."""
+        return not (self.until or self.triggers or self.limits or self.captures or self.failed)
 
     @property
     def is_orphan(self) -> bool:
-        """Whether the robot process of the run is gone."""
+        """Whether the logger of the run is gone, be it with its process."""
+        if self.program.logger_id:
+            return not is_live(self.program)
         return process_start(self.pid) != self.pid_start
 
 
@@ -108,6 +119,26 @@ def store_state(path: Path, state: JudgeState) -> None:
     made.write_bytes(_MAGIC + zlib.crc32(body).to_bytes(4, "little") + body)
     made.chmod(0o600)
     made.replace(path)
+
+
+def begun_state(schema: SegmentSchema) -> JudgeState:
+    """Return what is known of a run of which nothing is judged."""
+    return JudgeState(
+        schema.run, schema.pid, schema.pid_start, 0, schema.extras, {}, [], [], {}, program=program_of(schema)
+    )
+
+
+def note_begun(schema: SegmentSchema) -> None:
+    """Store that a run is to be judged, before anybody is told of it: a successor of this process judges it, too.
+
+    Nothing where something is stored, or nothing is to be judged, or nothing can be stored.
+    """
+    if not (schema.extras.triggers or schema.extras.limits):
+        return
+    with contextlib.suppress(OSError, SegmentError):  # then a successor judges what it finds in the buffers
+        path = state_path(schema.logger, schema.run)
+        if not path.exists():
+            store_state(path, begun_state(schema))
 
 
 def read_state(path: Path) -> JudgeState:

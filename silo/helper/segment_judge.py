@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import msgspec
 
+from silo.collecting.held import program_of
 from silo.collecting.schema import TIME_RING
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import ElementError
@@ -387,7 +388,7 @@ class SegmentJudge:
         return JudgeState(
             schema.run, schema.pid, schema.pid_start, self._until, self.extras, self._rows.cursors, triggers,
             self._limits.memory(), self._numbers, [*under_way, *waiting], list(untold), closed,
-            off=self._rows.infos_of(self._off),
+            off=self._rows.infos_of(self._off), program=program_of(schema),
         )  # fmt: skip
 
     def count_from(self, numbers: Mapping[str, int]) -> None:

@@ -4,16 +4,20 @@ import os
 import signal
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 import silo
-from silo.errors import LogWarning
+from silo.collecting.held import Program
+from silo.errors import ConnectionLostError, LogWarning
 from silo.files.event_log import read_events
-from silo.helper.judge_state import state_path
+from silo.helper.judge_state import read_state, state_path, store_state
 from silo.ipc.client import Client
 from silo.ipc.conditions import TriggerWord
 from silo.ipc.published import EventKind
+from silo.logger import serving
+from silo.runtime import boot_id, pid_namespace, process_start
 from tests.waiting import answered, wait_until
 
 
@@ -186,7 +190,7 @@ def test_a_helper_process_that_gives_way_leaves_what_is_under_way_to_the_next(be
     assert silo.open_log(path)["x"].values.tolist() == list(range(46, 152))
 
 
-def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, client, heard):
+def test_a_capture_of_a_run_that_a_new_one_followed_is_written_by_the_next(bench, client, heard):
     bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
     bench.logger.start()
     bench.ticks(60)
@@ -194,8 +198,109 @@ def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, clien
     pid = bench.serving.helper_pid
     os.kill(pid, signal.SIGSTOP)
     bench.logger.restart(unsaved="clear")
+    bench.x[...] = 0
     bench.ticks(10)
     os.kill(pid, signal.SIGKILL)
-    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+    path = captured(bench)
+    with pytest.warns(LogWarning, match="91 ticks before its end"):
+        assert silo.open_log(path)["x"].values.tolist() == list(range(46, 61))
+    assert happened(bench, EventKind.BLIND) == []
+
+
+def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, client, heard, runtime):
+    bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
+    bench.logger.start()
+    bench.ticks(60)
+    heard.wait(EventKind.TRIGGERED)
+    run, pid = bench.logger.present_run.id, bench.serving.helper_pid
+    os.kill(pid, signal.SIGSTOP)
+    bench.logger.restart(unsaved="clear")
+    (held,) = runtime.glob("*.held")
+    held.unlink()  # by somebody who makes room, say
+    bench.x[...] = 0
+    bench.ticks(10)
+    os.kill(pid, signal.SIGKILL)
     lost = "capture 1 of 'high', ticks 45 to 150, is lost: the helper process died before"
-    wait_until(lambda: any(lost in one.text for one in happened(bench, EventKind.BLIND)))
+    wait_until(lambda: any(lost in one.text for one in happened(bench, EventKind.BLIND, run)))
+    blind = f"triggers and limits are blind for run {run} from tick"
+    wait_until(lambda: any(one.text.startswith(blind) for one in happened(bench, EventKind.BLIND, run)))
+    wait_until(lambda: not list(runtime.glob(f"*.{run}.judge")))
+
+
+@pytest.fixture
+def down(bench, client):
+    """A logger with a trigger whose helper process was killed, and that gets no other before `up` is called."""
+    bench.logger.trigger("high", "q_x > 50", pre="30ms", post="30ms")
+    bench.logger.start()
+    bench.ticks(5)
+    wait_until(lambda: client.triggers().tick >= 5)
+    with pytest.MonkeyPatch.context() as broken:
+        broken.setattr(serving, "HelperProcess", no_process)
+        bench.up = broken.undo
+        os.kill(bench.serving.helper_pid, signal.SIGKILL)
+        wait_until(lambda: not bench.serving.is_up)
+        yield bench
+
+
+def no_process(_: object) -> None:
+    raise ConnectionLostError("no process can be started")
+
+
+def test_runs_that_ended_while_there_was_no_helper_process_are_judged_by_the_next(down, runtime):
+    runs = [down.logger.present_run.id]
+    spiked(down, 95, {40, 70})
+    for _ in range(2):
+        down.logger.restart(unsaved="clear")
+        runs.append(down.logger.present_run.id)
+        spiked(down, 60, {30})
+    down.logger.restart(unsaved="clear")
+    runs.append(down.logger.present_run.id)
+    spiked(down, 10, {})
+    down.up()
+    for run, ticks in zip(runs, ([40, 70], [30], [30], []), strict=True):
+        wait_until(lambda run=run: happened(down, EventKind.STARTED, run))
+        wait_until(lambda run=run, ticks=ticks: len(happened(down, EventKind.CAPTURED, run)) == len(ticks))
+        assert [one.tick for one in happened(down, EventKind.TRIGGERED, run)] == ticks
+    assert happened(down, EventKind.BLIND) == []
+    for event in happened(down, EventKind.CAPTURED):
+        assert silo.open_log(event.text.rpartition(": ")[2])["q_x"].values.tolist() == [0.0] * 3 + [100.0] + [0.0] * 3
+    wait_until(lambda: not list(runtime.glob("*.held")))
+    assert [path.name.split(".")[1] for path in runtime.glob("*.judge")] == runs[-1:]
+
+
+def test_what_happened_before_a_logger_was_closed_without_its_helper_process_is_judged(down, runtime):
+    run = down.logger.present_run.id
+    spiked(down, 95, {40, 70})
+    down.up()
+    down.logger.close()
+    assert [one.tick for one in happened(down, EventKind.TRIGGERED, run)] == [40, 70]
+    assert len(happened(down, EventKind.CAPTURED, run)) == 2
+    assert [path for path in runtime.iterdir() if path.suffix in (".judge", ".held", ".segment")] == []
+
+
+def test_rows_of_such_a_run_that_are_gone_are_told_to_be_blindness(down):
+    run = down.logger.present_run.id
+    spiked(down, 2500, {100, 2490})
+    down.logger.restart(unsaved="clear")
+    down.up()
+    wait_until(lambda: happened(down, EventKind.CAPTURED, run))
+    assert [one.tick for one in happened(down, EventKind.TRIGGERED, run)] == [2490]
+    (blind,) = happened(down, EventKind.BLIND, run)
+    assert "triggers were blind for" in blind.text
+
+
+def test_a_state_of_a_program_in_another_container_is_nobody_s_to_take_or_remove(bench, client, runtime):
+    bench.logger.trigger("high", "x > 50")
+    bench.logger.start()
+    bench.ticks(60)
+    path = state_path("bot", bench.logger.present_run.id)
+    wait_until(path.exists)
+    # of a program whose pid is ours there, and its helper process is frozen
+    theirs = Program("bot", "c0ffee", os.getpid(), process_start(os.getpid()), boot_id(), pid_namespace() + 1)
+    other = msgspec.structs.replace(read_state(path), run="theirs", program=theirs)
+    store_state(state_path("bot", "theirs"), other)
+    assert not other.is_orphan
+    kill_helper(bench)
+    wait_until(lambda: (now := answered(client.triggers)) and now.tick >= 60)
+    assert not happened(bench, EventKind.BLIND)
+    assert read_state(state_path("bot", "theirs")) == other
