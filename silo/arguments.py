@@ -65,13 +65,17 @@ def texts(argument: str, value: object, example: str) -> list[str]:
 
 
 def path(argument: str, value: object) -> Path:
-    """A path, relative or absolute."""
+    """A path, relative or absolute; `~` is the home, as in a shell."""
     if not isinstance(value, str | bytes | os.PathLike) or not os.fspath(value):
         raise ElementError(f"{argument} must be a path, got {shown(value)}; write {argument}='some/path'")
     try:
         found = Path(os.fsdecode(value))
+        if found.parts[:1] == ("~",):
+            found = found.expanduser()
         length = len(os.fsencode(found))
         longest = max((len(os.fsencode(part)) for part in found.parts), default=0)
+    except RuntimeError as error:  # there is no home
+        raise ElementError(f"{argument}: {error}; write a path without '~', got {shown(value)}") from None
     except UnicodeError:
         raise ElementError(f"{argument} must be a path of whole characters, got {shown(value)}") from None
     if "\0" in str(found):

@@ -5,6 +5,7 @@ Heavy imports wait until it is clear that a screen is wanted.
 
 import os
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -100,7 +101,8 @@ def command(
         return
     if control or port:
         raise click.UsageError("--port and --control are for --serve")
-    file = None if config not in ("", "local") else _file(target)
+    # what runs elsewhere is a logger; a path is a file wherever one looks for loggers
+    file = _file(target, _running if config in ("", "local") else lambda: {target})
     ends = (sys.stdin, sys.stdout)  # None where the shell closed it
     in_browser = os.environ.get("TEXTUAL_DRIVER", "").endswith(":WebDriver")
     if not in_browser and not all(end is not None and end.isatty() for end in ends):
@@ -138,7 +140,7 @@ def _serve(arguments: list[str], port: int, *, control: bool) -> None:
         ) from error
 
 
-def _file(target: str) -> "FileSession | None":
+def _file(target: str, running: Callable[[], set[str]]) -> "FileSession | None":
     """Return the log that is meant, opened; None where a logger is meant."""
     if not target:
         return None
@@ -146,7 +148,7 @@ def _file(target: str) -> "FileSession | None":
     from silo_tui.sessions.target import file_meant
 
     try:
-        path = file_meant(target, _running)
+        path = file_meant(target, running)
         if path is None:
             return None
         from silo_tui.sessions.recorded import open_file

@@ -10,7 +10,7 @@ import msgspec
 
 from silo.cli.common import complete_logger, connect, find_logger, json_option
 from silo.errors import LogNotFoundError, SiloError
-from silo.files.formats import LOG_ENDINGS
+from silo.files.formats import means_log
 from silo.model import LoggedEvent
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def mark(words: tuple[str, ...], tick: int | None) -> None:
 def events(which: str | None, follow: bool, as_json: bool) -> None:
     """Print what happened: starts, stops, edits, triggers, losses, saves, marks; when, at which tick, by whom.
 
-    Of a logger that runs, of a folder with logs (also when nobody runs any more), or in a saved file.
+    Of a logger that runs, of a folder with logs (also when nobody runs any more), or in a saved file or run.
 
     \b
     Examples:
@@ -62,7 +62,7 @@ def events(which: str | None, follow: bool, as_json: bool) -> None:
 
 
 def _events(which: str | None, *, follow: bool, as_json: bool) -> None:
-    file = which is not None and (Path(which).is_file() or which.lower().endswith(LOG_ENDINGS))
+    file = which is not None and (Path(which).is_file() or means_log(which))
     if follow and file:
         raise click.UsageError("a file doesn't go on: leave --follow out")
     if which is not None and file:
@@ -86,8 +86,9 @@ def _runs(name: str) -> bool:
 
 def _of_file(path: str) -> Sequence[LoggedEvent]:
     from silo.files.formats import read_recording
+    from silo.files.naming import find_log
 
-    return read_recording(Path(path)).events
+    return read_recording(find_log(path)).events
 
 
 def _of_folder(folder: Path, *, follow: bool, as_json: bool) -> None:

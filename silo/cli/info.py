@@ -21,7 +21,7 @@ from silo.cli.common import (
     type_of,
 )
 from silo.errors import ConnectionLostError
-from silo.files.formats import LOG_ENDINGS, OPEN_PART_ENDING, SQLITE_ENDING, is_bag_folder
+from silo.files.formats import is_bag_folder, means_log
 from silo.pace import idle_words, is_stalled
 
 if TYPE_CHECKING:
@@ -29,9 +29,8 @@ if TYPE_CHECKING:
 
 
 def _is_log(word: str) -> bool:
-    """Whether a word means a file or a bag folder, not a logger."""
-    endings = (*LOG_ENDINGS, OPEN_PART_ENDING, SQLITE_ENDING)
-    return word.lower().endswith(endings) or word.isdecimal() or is_bag_folder(Path(word))
+    """Whether a word means a file, a run or a bag folder, not a logger."""
+    return means_log(word) or is_bag_folder(Path(word))
 
 
 @click.command()

@@ -5,6 +5,7 @@ dialogs ask here; a new format is a row, a module with its functions, and its te
 texts and imported when they are used: this module loads neither NumPy nor any format.
 """
 
+import contextlib
 import enum
 from collections.abc import Callable
 from importlib import import_module
@@ -221,6 +222,7 @@ def read_recording(path: "str | os.PathLike[str]") -> "Recording":
         if not is_bag_folder(source):
             raise FileFormatError(f"'{source}' is a folder without a bag in it")
         return FOLDER.load_reader()(source)
+    _refuse_others(source)
     found = format_of(source) if source.suffix else None
     if source.suffix == SQLITE_ENDING:
         found = FOLDER
@@ -242,6 +244,22 @@ def read_recording(path: "str | os.PathLike[str]") -> "Recording":
         ) from None
 
 
+_OTHERS = {
+    b"#ROSBAG V": "a bag of ROS 1, which silo doesn't read; convert it: `rosbags-convert --src x.bag --dst x`",
+    b"version https://git-lfs": "a pointer of Git LFS, not the file itself; fetch it: `git lfs pull`",
+    b"ULog": "a ULog of PX4, which silo doesn't read; convert it: `ulog2csv` (pyulog)",
+}
+
+
+def _refuse_others(path: Path) -> None:
+    """Raise FileFormatError for what people take for a log, by its first bytes, with the way to one."""
+    with contextlib.suppress(OSError), path.open("rb") as file:  # the reader will say why
+        start = file.read(32)
+        for mark, words in _OTHERS.items():
+            if start.startswith(mark):
+                raise FileFormatError(f"'{path}' is {words}")
+
+
 def _clock_told(recording: "Recording") -> "Recording":
     """The recording, with a warning where its clock stepped back."""
     from dataclasses import replace
@@ -259,6 +277,13 @@ def _clock_told(recording: "Recording") -> "Recording":
         "samples are in the order in which they were collected (clock=time.monotonic_ns never steps back)"
     )
     return replace(recording, warnings=(*recording.warnings, words))
+
+
+def means_log(word: str) -> bool:
+    """Whether a word is a run number, a file that is there, or has the ending of a file that silo reads or writes."""
+    endings = (*(ending for one in FORMATS for ending in one.endings), OPEN_PART_ENDING, SQLITE_ENDING)
+    path = Path(word)
+    return word.isdecimal() or word.lower().endswith(endings) or (path.is_file() and bool(path.suffix))
 
 
 def is_bag_folder(path: Path) -> bool:

@@ -1,0 +1,80 @@
+"""What people take for a log of silo, or for a logger: each is told for what it is, with the way on."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import silo
+from silo.cli.events import events
+from silo.cli.info import info
+from silo.errors import FileFormatError, LogNotFoundError
+from silo_tui.cli import _file
+
+
+@pytest.fixture
+def saved(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    log = silo.Logger("robot", frequency=100, folder=tmp_path / "logs", script=tmp_path / "no.yaml")
+    log.array("x")
+    log.start()
+    log.collect()
+    log.mark("slipped")
+    (done,) = log.save()
+    log.close()
+    return done.path
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "words"),
+    [
+        ("x.bag", b"#ROSBAG V2.0\n", "a bag of ROS 1.*rosbags-convert"),
+        ("x.mcap", b"version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS.*git lfs pull"),
+        ("x.silo", b"version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS"),
+        ("x.ulg", b"ULog\x01\x12\x35", "a ULog of PX4.*ulog2csv"),
+    ],
+)
+def test_files_of_others_are_called_by_their_names(name, start, words, tmp_path):
+    (tmp_path / name).write_bytes(start + bytes(100))
+    with pytest.raises(FileFormatError, match=words):
+        silo.open_log(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["x.parquet", "x.mat", "x.h5", "x.npz", "x.ulg", "x.txt"])
+def test_info_of_a_file_that_silo_does_not_read_speaks_of_the_file(name, tmp_path):
+    (tmp_path / name).write_bytes(bytes(100))
+    error = CliRunner().invoke(info, [str(tmp_path / name)]).exception
+    assert isinstance(error, FileFormatError)
+    assert f"silo doesn't read {name[1:]}" in str(error)
+
+
+def test_info_of_a_file_that_is_not_there_speaks_of_the_file(tmp_path):
+    error = CliRunner().invoke(info, [str(tmp_path / "run.parquet")]).exception
+    assert isinstance(error, LogNotFoundError)
+
+
+def test_events_of_a_run_are_those_of_its_file(saved, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path / "logs")
+    of_file = CliRunner().invoke(events, [saved]).output
+    assert "slipped" in of_file
+    assert CliRunner().invoke(events, ["1"]).output == of_file
+
+
+def test_a_path_is_a_file_for_silo_tui_wherever_it_looks_for_loggers(saved):
+    opened = _file(saved, lambda: {saved})
+    assert opened is not None
+    assert _file("robot3/anymal", lambda: {"robot3/anymal"}) is None
+
+
+def test_a_folder_in_the_home_is_meant_by_its_sign(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    log = silo.Logger("home", frequency=100, folder="~/logs", script="~/none.yaml")
+    x = log.array("x")
+    log.start()
+    x[...] = 3
+    log.collect()
+    (done,) = log.save()
+    log.close()
+    assert done.path.startswith(str(tmp_path / "logs"))
+    assert not (tmp_path / "~").exists()
+    assert np.asarray(silo.open_log("home", "~/logs")["x"]).tolist() == [3]
