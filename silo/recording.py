@@ -315,7 +315,9 @@ def _unmasked(element: RecordedElement, zero: int) -> RecordedElement:
         RecordedEntry(entry.name, entry.entry, with_gaps(np.ma.getdata(column), np.ma.getmaskarray(column)))
         for entry, column in zip(element.entries, values, strict=True)
     )
-    ticks = zero + element.first + np.flatnonzero(missing) * element.divider
+    ticks = np.flatnonzero(missing)  # of elements with stamps of their own, samples
+    if element.own_ns is None:
+        ticks = zero + element.first + ticks * element.divider
     return plain_element(element, entries=entries, failures=failures_at(element.failures, ticks, element.divider))
 
 

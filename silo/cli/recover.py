@@ -62,15 +62,15 @@ def recover(
         for one in left:
             click.echo(f"recording '{one.order.name}' in {one.order.folder} is not complete", err=as_json)
         _show_parts(folders, as_json)
-        _show_set_aside(paths or [look_in, *_known_folders()], as_json)
-        _show(stale, as_json)
+        shown = _show_set_aside(paths or [look_in, *_known_folders()], as_json)
+        _show(stale, as_json, quiet=shown)
     else:
         completed = _complete(left, as_json)
         closed = _close_parts(folders, as_json) or completed
         if not paths:
-            _sweep([look_in, *_known_folders(), *(Path(one.schema.folder) for one in stale if one.schema)])
+            closed |= _sweep([look_in, *_known_folders(), *(Path(one.schema.folder) for one in stale if one.schema)])
         elif named := [path for path in paths if path not in single]:
-            _sweep(named)
+            closed |= _sweep(named)
         found = [*single, *(one.path for one in stale if one.holdings)]
         _recover(found, folder, chosen, as_json, single, quiet=closed)
         list_segments()  # removes the links to those that are gone now
@@ -148,12 +148,14 @@ def _show_parts(folders: Sequence[Path], as_json: bool) -> None:
                 click.echo(text, err=as_json)
 
 
-def _show_set_aside(folders: Sequence[Path], as_json: bool) -> None:
+def _show_set_aside(folders: Sequence[Path], as_json: bool) -> bool:
+    """Show bags that lost their names; returns whether there are any."""
     from silo.files.atomic import set_aside
 
-    for folder in dict.fromkeys(path.resolve() for path in folders if path.is_dir()):
-        for path in set_aside(folder):
-            click.echo(f"{path}  a bag that lost its name as a conversion was killed", err=as_json)
+    found = [path for folder in dict.fromkeys(map(Path.resolve, folders)) for path in set_aside(folder)]
+    for path in found:
+        click.echo(f"{path}  a bag that lost its name as a conversion was killed", err=as_json)
+    return bool(found)
 
 
 def _close_parts(folders: Sequence[Path], as_json: bool) -> bool:
@@ -179,7 +181,8 @@ def _known_folders() -> list[Path]:
     return [folder for folder in remembered_folders() if folder.is_dir()]
 
 
-def _sweep(folders: Sequence[Path]) -> None:
+def _sweep(folders: Sequence[Path]) -> bool:
+    """Remove rests that hold no data; returns whether a bag has its name again."""
     from silo.collecting.left_journals import sweep_journals
     from silo.files.atomic import put_back, sweep_parts
     from silo.ipc.folders import own_folders
@@ -188,9 +191,11 @@ def _sweep(folders: Sequence[Path]) -> None:
 
     for own in own_folders():
         sweep(own)
+    named = False
     removed = sweep_unfinished(runtime_dir())
     for folder in dict.fromkeys(path.resolve() for path in folders):
         for path in put_back(folder):
+            named = True
             click.echo(f"{path}: has its name again: a conversion that was to replace it was killed", err=True)
         removed += sweep_unfinished(folder) + sweep_parts(folder)
     for path in removed:
@@ -198,14 +203,15 @@ def _sweep(folders: Sequence[Path]) -> None:
     for folder in dict.fromkeys(path.resolve() for path in folders):
         for path in sweep_journals(folder):
             click.echo(f"{path}: a journal in which no tick was durable yet; removed", err=True)
+    return named
 
 
-def _show(stale: "Sequence[StaleSegment]", as_json: bool) -> None:
+def _show(stale: "Sequence[StaleSegment]", as_json: bool, *, quiet: bool) -> None:
     if as_json:
         show_json([_facts(one) for one in stale])
         return
     _say(stale)
-    if not stale:
+    if not stale and not quiet:
         _say_nothing()
 
 

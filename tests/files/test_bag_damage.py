@@ -16,6 +16,7 @@ import silo
 from silo.cli.main import cli
 from silo.files import mcap_chunks
 from silo.files.bag_index import read_index
+from silo.recording import unmasked
 
 START = 1_700_000_000 * 10**9
 STEP = 10**7
@@ -187,6 +188,8 @@ class TestMasks:
     @pytest.mark.parametrize("ending", [".npz", ".h5", ".mat"])
     def test_files_with_stamps_of_their_own_are_written(self, log, tmp_path, ending):
         assert log.save(tmp_path / f"run{ending}").stat().st_size
+        (element,) = [one for one in unmasked(log.recording).elements if one.name == "/j/x"]
+        assert element.failures.spans == ((0, 0), (3, 3), (6, 6), (9, 9))
 
     def test_info_stats_and_diff_show_them(self, log, tmp_path):
         for words in (["info"], ["stats"], ["diff", tmp_path / "x.mcap"]):
@@ -318,6 +321,30 @@ class TestTopics:
         ):
             log = silo.open_log(bag(tmp_path / "x.mcap", *rows))
         assert log["j/x"].values.tolist() == [0, 1, 2, 3, 4, 5, None, 7, 8, 9]
+
+
+class TestSqlite:
+    def test_a_damaged_page_costs_what_is_in_it(self, tmp_path):
+        store = get_typestore(Stores.EMPTY)
+        store.register(get_types_from_msg(NUMBER, "my_msgs/msg/Number"))
+        with Writer(tmp_path / "bag", version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:
+            topics = [writer.add_connection(name, "my_msgs/msg/Number", typestore=store) for name in ("/good", "/b")]
+            for at in range(2000):
+                writer.write(topics[at % 2], START + at, number(at))
+        path = tmp_path / "bag" / "bag.db3"
+        data = bytearray(path.read_bytes())
+        page = int.from_bytes(data[16:18], "big")
+        place = next(at for at in range(0, len(data), page) if number(1000) in data[at : at + page])
+        data[place : place + page] = b"\xff" * page
+        path.write_bytes(data)
+        log = quietly(tmp_path / "bag")
+        values = log["good/data"].values
+        there = values[~np.isnan(values)]
+        assert 900 < len(there) < 1000
+        assert there[0] == 0
+        assert there[-1] == 1998
+        assert ((log["good/data"].time_ns - START)[~np.isnan(values)] == there).all()
+        assert "damaged" in log.warnings[0]
 
 
 @pytest.mark.parametrize("index", [IndexType.ALL, IndexType.NONE], ids=["index", "no index"])

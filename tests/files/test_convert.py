@@ -382,9 +382,11 @@ def test_recover_gives_a_bag_its_name_back(source, tmp_path):
     assert not target.exists()
     listed = CliRunner().invoke(cli, ["recover", "--list", str(tmp_path)])
     assert f"{target}  a bag that lost its name" in listed.output
+    assert "nothing to recover" not in listed.output
     assert not target.exists()
     found = CliRunner().invoke(cli, ["recover", str(tmp_path)])
     assert f"{target}: has its name again" in found.output
+    assert "nothing to recover" not in found.output
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag.rosbag2", "in.mcap"]
 
 

@@ -38,7 +38,22 @@ class SqliteFile:
         except sqlite3.Error as error:
             raise ValueError(f"damaged: {error}") from error
 
-    def rows_there(self, query: str, *values: object) -> tuple[list[tuple[object, ...]], str]:
+    def messages(self, column: str, topic: int, most: int = -1) -> tuple[list[tuple[object, object]], str]:
+        """Return number and a column of messages of a topic, and what is damaged in the file.
+
+        Then they are those before and behind that place.
+        """
+        start = f"SELECT id, {column} FROM messages"
+        found, why = self._there(f"{start} WHERE topic_id = ? ORDER BY timestamp, id LIMIT ?", topic, most)
+        if why:
+            ways = [
+                self._there(f"{start} NOT INDEXED WHERE topic_id = ? ORDER BY id {way} LIMIT ?", topic, most)[0]
+                for way in ("ASC", "DESC")
+            ]
+            found = [*found, *ways[0], *ways[1]]
+        return list({number: (number, value) for number, value in found}.values()), why
+
+    def _there(self, query: str, *values: object) -> tuple[list[tuple[object, ...]], str]:
         """Return what a query finds up to where the file is damaged, and how it is."""
         found: list[tuple[object, ...]] = []
         try:
@@ -53,11 +68,12 @@ class SqliteFile:
         definitions: dict[str, tuple[str, str]] = {}
         with contextlib.suppress(ValueError):  # a table of newer bags only
             definitions = {str(kind): (str(how), str(text)) for kind, how, text in self.rows(_DEFINITIONS)}
-        used = {number for (number,) in self.rows("SELECT DISTINCT topic_id FROM messages")}
+        found, damage = self._there("SELECT DISTINCT topic_id FROM messages")
+        used = {number for number, *_ in found}
         return [
             Topic(str(name), str(kind), str(encoding), *definitions.get(str(kind), ("", "")), SqliteTopic(self, number))
             for number, name, kind, encoding in self._topics
-            if number in used and isinstance(number, int)
+            if isinstance(number, int) and (number in used or damage)
         ]
 
 
@@ -71,16 +87,15 @@ class SqliteTopic:
     @cached_property
     def _logged(self) -> tuple[list[int], NDArray[np.int64], str]:
         """Numbers of the rows, their log times, and what is wrong with the file behind them."""
-        query = "SELECT id, timestamp FROM messages WHERE topic_id = ? ORDER BY timestamp, id"
-        found, why = self.file.rows_there(query, self.number)
-        whole = [
-            (number, stamp)
+        found, why = self.file.messages("timestamp", self.number)
+        whole = sorted(
+            (stamp, number)
             for number, stamp in found
             if isinstance(number, int) and isinstance(stamp, int) and -(2**63) <= stamp < 2**63
-        ]
+        )
         if len(whole) < len(found):
             why = f"{len(found) - len(whole)} messages have no time"
-        return [number for number, _ in whole], np.array([stamp for _, stamp in whole], np.int64), why
+        return [number for _, number in whole], np.array([stamp for stamp, _ in whole], np.int64), why
 
     def stamps(self) -> NDArray[np.int64]:
         """Return their log times."""
@@ -93,15 +108,14 @@ class SqliteTopic:
 
     def messages(self, bad: Bad) -> Iterator[Equal]:
         """Return what they hold, those of one size together; `bad` gets those that can't be read."""
-        return self._equal("SELECT id, data FROM messages WHERE topic_id = ? ORDER BY timestamp, id", bad)
+        return self._equal(bad)
 
     def some(self, bad: Bad) -> Iterator[Equal]:
         """Return the first messages."""
-        query = f"SELECT id, data FROM messages WHERE topic_id = ? ORDER BY timestamp, id LIMIT {SOME}"
-        return self._equal(query, bad, SOME)
+        return self._equal(bad, SOME)
 
-    def _equal(self, query: str, bad: Bad, most: int | None = None) -> Iterator[Equal]:
-        found, why = self.file.rows_there(query, self.number)
+    def _equal(self, bad: Bad, most: int | None = None) -> Iterator[Equal]:
+        found, why = self.file.messages("data", self.number, -1 if most is None else most)
         data = {number: content for number, content in found if isinstance(number, int)}
         contents: list[tuple[int, bytes]] = []
         for place, number in enumerate(self._logged[0][:most]):
