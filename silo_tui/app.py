@@ -174,7 +174,9 @@ class SiloApp(Guarded, App[None]):
         if session is not None and session.conditions_due and session.fresh:
             self.run_worker(Later(self._refresh_conditions, session), group="conditions", exclusive=True)
         if session is not None and session.lost_since is not None and session.link and session.link.connected:
-            self.run_worker(Later(self._regain, session), group="regain")  # it came back, but didn't answer at once
+            # it came back, but didn't answer at once: asked again when it has given up on that, else calls queue up
+            if all(one.is_finished for one in self.workers if one.group == "regain"):
+                self.run_worker(Later(self._regain, session), group="regain")
         elif session is not None and session.running and session.connected and session.status.durable_ticks >= 0:
             # no frame tells what is durable
             self.run_worker(Later(self._refresh_status), group="status", exclusive=True)

@@ -1,5 +1,7 @@
 """What somebody meets who opens silo-tui for the first time, and types faster than it was thought."""
 
+import threading
+
 import msgspec
 import pytest
 from textual import events
@@ -7,6 +9,7 @@ from textual import events
 from silo.model import FileType, State
 from silo_tui.model.fields import Field
 from tests.stand_ins.fake_signals import scalar
+from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -235,3 +238,27 @@ async def test_the_span_that_a_start_drops_is_told_in_minutes(new_fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
         await screen.press("S")
         await screen.shows("over 17.7 min")
+
+
+async def test_a_logger_that_is_back_and_slow_to_answer_is_asked_once_until_it_has_answered(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        fake.cut()
+        await screen.shows("~ NO LINK")
+        answers, asked, hello = threading.Event(), [], fake.hello
+
+        def slow_hello():
+            asked.append(len(asked))
+            assert answers.wait(DEADLINE_S)
+            return hello()
+
+        fake.hello = slow_hello
+        fake.mend()
+        await screen.until(lambda: asked)
+        for _ in range(5):
+            screen.app._second()
+            await screen.pilot.pause()
+        answers.set()
+        await screen.until(lambda: screen.session.connected)
+        await screen.until(lambda: all(one.is_finished for one in screen.app.workers if one.group == "regain"))
+        assert asked == [0]
