@@ -29,7 +29,7 @@ from silo.ipc.messages import Hello, HelloReply
 from silo.ipc.probing import Layer, LayerError
 from silo.ipc.remotes import LOCAL, remotes
 from silo.ipc.session import SOCKET_SUFFIX, dead_mark, key_file, owner_is_gone
-from silo.ipc.sessions import borrowed
+from silo.ipc.sessions import Borrowed, borrowed
 from silo.model import Status
 from silo.runtime import DOWN_SUFFIX, down_marks, user_name
 from silo.version import VERSION
@@ -39,6 +39,8 @@ _DOWN = re.compile(rf"(?P<name>.+)\.(?P<pid>[0-9]+){re.escape(DOWN_SUFFIX)}")
 
 
 PATIENCE = 5  # who looks again and again spends a sixth of the time on a remote that is silent
+# in which it is looked again where nobody is there: beside a subscription that begins Zenoh says so of everybody
+NOBODY_S = 0.3
 _silent: dict[str, tuple[float, float, str]] = {}  # by remote: when it failed to answer, how long that took, why
 
 
@@ -257,12 +259,22 @@ def namesakes(found: Found, timeout_s: float) -> list[Found]:
 
 def _remote(config: str, timeout_s: float, holding: ExitStack, alive: str = keys.ANY_ALIVE) -> list[Found]:
     mine = holding.enter_context(borrowed("", config))
-    replies = list(mine.session.liveliness().get(alive, timeout=timeout_s + mine.slack_s))
-    seen = {keys.robot_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
-    roots = sorted(root for root in seen if root is not None)
+    with mine.looking:
+        roots = those_there(mine, alive, timeout_s)
+        until_s = time.monotonic() + NOBODY_S + mine.slack_s
+        while not roots and time.monotonic() < until_s:
+            time.sleep(NOBODY_S / 10)
+            roots = those_there(mine, alive, timeout_s)
     if not roots:
         raise LayerError(Layer.ROLE, nobody_there(config, mine.session))
     return [Found(root.logger, 0, "", "", config, root.host, id=root.id) for root in roots]
+
+
+def those_there(mine: Borrowed, alive: str, timeout_s: float) -> list[keys.Root]:
+    """Return whose tokens are there, sorted."""
+    replies = mine.session.liveliness().get(alive, timeout=timeout_s + mine.slack_s)
+    seen = {keys.robot_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
+    return sorted(root for root in seen if root is not None)
 
 
 def nobody_there(config: str, session: zenoh.Session) -> str:

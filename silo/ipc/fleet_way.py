@@ -16,7 +16,7 @@ import zenoh
 from silo.errors import SiloError
 from silo.ipc import keys
 from silo.ipc.asking import Asking
-from silo.ipc.discovery import nobody_there
+from silo.ipc.discovery import nobody_there, those_there
 from silo.ipc.exchange import checked_reply, client_name, decode_reply, root_at
 from silo.ipc.foreign import NOT_UNDERSTOOD
 from silo.ipc.found import Found
@@ -32,6 +32,7 @@ RETRY_S = 1.0
 REACH_S = 2.0  # it looks for a way again and again, and is to end soon
 PATIENCE = 5  # who looks again and again spends a sixth of the time on a remote that is silent
 ANSWER_S = 2.0
+SETTLED_S = 0.5  # in which a subscription tells of those that are there
 AGAIN_S = 5.0  # until who gave no answer is asked once more
 MOST = 4096  # that may come within a look
 
@@ -106,12 +107,16 @@ class Way:
         declared: list[Any] = []
         summaries: Any = None
         try:
-            tokens = session.liveliness().declare_subscriber(alive, zenoh.handlers.RingChannel(MOST), history=True)
-            declared.append(tokens)
-            # those that are there already have an end, which a subscription has not
-            there = session.liveliness().get(alive, zenoh.handlers.FifoChannel(MOST), timeout=ANSWER_S + mine.slack_s)
+            with mine.looking:
+                # Those that are there already have an end, which a subscription has not. Until Zenoh has come to terms
+                # with a subscription it tells who asks that nobody is there: 29 of 40 sessions, for up to 0.2 s.
+                there = those_there(mine, alive, ANSWER_S)
+                tokens = session.liveliness().declare_subscriber(alive, zenoh.handlers.RingChannel(MOST), history=True)
+                declared.append(tokens)
+                news = _history(tokens, there, SETTLED_S + mine.slack_s)
+                _settle(mine, alive, len(there))
             asking: Asking[str] = Asking(mine, ANSWER_S)
-            ready, looked_s = False, 0.0
+            looked_s = 0.0
             while not self._stop.is_set() and main.is_alive():
                 if self._told.attentive and summaries is None:
                     # before anybody is asked: what is told between its answer and this must not be missed
@@ -121,18 +126,22 @@ class Way:
                 elif not self._told.attentive and summaries is not None:
                     undeclare(summaries)
                     summaries = None
-                ready = ready or self._take_those_there(there, asking)
-                self._take_tokens(tokens, asking)
+                for found in there:
+                    self._come(found, asking)
+                while (sample := tokens.try_recv()) is not None:
+                    news.append(sample)
+                self._take_tokens(news, asking)
+                there, news = [], []
                 if summaries is not None:
                     self._take_summaries(summaries)
                 self._take_answers(asking)
                 now_s = time.monotonic()
-                if ready and now_s - looked_s >= LOOK_S:
+                if now_s - looked_s >= LOOK_S:
                     looked_s = now_s
                     self._told.reached(self._name, self._problem(session))
                     self._ask_again(asking, now_s)
                 idle_s = POLL_S if self._told.attentive else IDLE_S
-                self.again.wait(idle_s if ready and not asking.count else POLL_S / 10)
+                self.again.wait(idle_s if not asking.count else POLL_S / 10)
                 self.again.clear()
         finally:
             undeclare(*declared, summaries)
@@ -145,22 +154,9 @@ class Way:
             return f"{self._name}: the link is cut, or what it leads to has ended; connecting again by itself"
         return nobody_there(self._name, session)
 
-    def _take_those_there(self, there: "zenoh.Handler[zenoh.Reply]", asking: Asking[str]) -> bool:
-        """Take in who is there; returns whether these were all."""
-        while True:
-            try:
-                reply = there.try_recv()
-            except zenoh.ZError:
-                return True
-            if reply is None:
-                return False
-            root = keys.robot_of(str(reply.ok.key_expr)) if reply.ok is not None else None
-            if root is not None:
-                self._come(root, asking)
-
-    def _take_tokens(self, tokens: Any, asking: Asking[str]) -> None:
+    def _take_tokens(self, news: list[zenoh.Sample], asking: Asking[str]) -> None:
         gone = []
-        while (sample := tokens.try_recv()) is not None:
+        for sample in news:
             root = keys.robot_of(str(sample.key_expr))
             if root is None:
                 continue
@@ -238,6 +234,26 @@ class Way:
                 changes.append((key, _failing(str(error))))
         if changes:
             self._told.change(changes)
+
+
+def _settle(mine: Borrowed, alive: str, count: int) -> None:
+    """Wait until who asks is told of so many again; one that went meanwhile is waited for no longer than that takes."""
+    until_s = time.monotonic() + SETTLED_S + mine.slack_s
+    while len(those_there(mine, alive, ANSWER_S)) < count and time.monotonic() < until_s:
+        time.sleep(POLL_S / 10)
+
+
+def _history(tokens: Any, there: list[keys.Root], timeout_s: float) -> list[zenoh.Sample]:
+    """Return what a subscription tells until it has told of all who are there."""
+    news: list[zenoh.Sample] = []
+    missing, until_s = set(there), time.monotonic() + timeout_s
+    while missing and time.monotonic() < until_s:
+        if (sample := tokens.try_recv()) is None:
+            time.sleep(POLL_S / 50)
+            continue
+        news.append(sample)
+        missing.discard(keys.robot_of(str(sample.key_expr)))
+    return news
 
 
 def _saying(found: Summary) -> Change:

@@ -33,13 +33,15 @@ class _Shared:
     session: zenoh.Session | None = None
     rtt_s: float = 0.0
     users: int = 0
+    looking: threading.Lock = field(default_factory=threading.Lock)
 
 
 @dataclass(frozen=True)
 class Borrowed:
     """A session to talk through, and the round trip time of its link in s, 0 on this computer.
 
-    Changes go out under the name `user`; with `proof` where a group shares the socket.
+    Changes go out under the name `user`; with `proof` where a group shares the socket. `looking` is held while somebody
+    asks who is there, or begins to follow that.
     """
 
     session: zenoh.Session
@@ -48,6 +50,7 @@ class Borrowed:
     user: str = keys.LOCAL_SENDER
     proof: bytes | None = None
     identity: str = ""  # by which a logger tells operators apart
+    looking: threading.Lock = field(default_factory=threading.Lock)
 
     @property
     def slack_s(self) -> float:
@@ -78,7 +81,7 @@ def borrow(socket_path: str, config: str, reach_s: float = REACH_S) -> Borrowed:
                 shared.session = open_client(None, path, reached)
                 shared.rtt_s = reached.rtt_s
             user = user_at(path)
-            return Borrowed(shared.session, path, shared.rtt_s, user, identity=user)
+            return Borrowed(shared.session, path, shared.rtt_s, user, identity=user, looking=shared.looking)
     except BaseException:
         _leave(path)
         raise

@@ -18,6 +18,7 @@ import pytest
 import silo
 from silo.helper.summary import differs, room_of
 from silo.ipc.client import Client
+from silo.ipc.discovery import discover
 from silo.ipc.fleet import Fleet
 from silo.ipc.member import Member
 from silo.ipc.published import MOST_REASON, Summary
@@ -25,7 +26,7 @@ from silo.ipc.session import close, open_router
 from silo.ipc.sessions import open_configurations
 from silo.model import State
 from tests.stand_ins.simulated_robots import SimulatedRobot, SimulatedRobots
-from tests.waiting import wait_until
+from tests.waiting import answered, wait_until
 
 HOST = socket.gethostname()
 RUNNING = Summary(state=State.RUNNING, measured_hz=400.0, disk_free_bytes=50, disk_bytes=1000)
@@ -269,3 +270,23 @@ def test_a_way_that_is_not_there_is_told_and_the_others_are_seen(site, served, t
         one = waited(fleet, "walker", lambda one: one.summary)
         assert one.found.socket  # the short way is taken
         assert len(fleet.now().members) == 1
+
+
+@pytest.mark.slow
+def test_a_way_that_was_tried_has_all_that_are_there(site) -> None:
+    with SimulatedRobots(site.desk, [f"robot{place}" for place in range(20)]):
+        with Fleet(site.desk) as fleet:
+            wait_until(lambda: len(fleet.now().members) == 20)
+        for _ in range(10):
+            with Fleet(site.desk) as fleet:
+                found = wait_until(lambda: (now := fleet.now()).ready and now)
+            assert (len(found.members), found.unreachable) == (20, {})
+
+
+@pytest.mark.slow
+def test_who_looks_once_beside_a_fleet_that_begins_sees_all(site) -> None:
+    with SimulatedRobots(site.desk, [f"robot{place}" for place in range(20)]):
+        wait_until(lambda: len(answered(lambda: discover(1.0, site.desk).loggers) or []) == 20)
+        for _ in range(10):
+            with Fleet(site.desk):
+                assert len(discover(8.0, site.desk).loggers) == 20
