@@ -23,6 +23,8 @@ from silo_tui.screens.exporting import picture
 from silo_tui.screens.opened import open_path
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.live import why
+from silo_tui.settings.themes import THEMES
+from silo_tui.theme import theme_name
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
@@ -58,7 +60,7 @@ class CommandRunner:
             "views": lambda: ["save", *files.names()],
             "logs": lambda: command_line.logs(begun),
             "control": lambda: ("take", "force", "release", "give"),
-            "themes": lambda: sorted(context.app.available_themes),
+            "themes": lambda: (*THEMES, *sorted(context.app.available_themes)),
         }
         needs = () if context.has_session else ("sorts", "names", "derived")
         source = (
@@ -222,9 +224,12 @@ class CommandRunner:
 
     def word_theme(self, spelled: command_line.Spelled) -> None:
         """Carry out `:theme NAME`."""
-        if len(spelled.arguments) != 1 or spelled.arguments[0] not in self._context.app.available_themes:
-            raise ValueError(f"themes: {', '.join(sorted(self._context.app.available_themes))}")
-        self._context.app.theme = spelled.arguments[0]
+        words, known = spelled.arguments, self._context.app.available_themes
+        name = theme_name(words[0]) if len(words) == 1 and words[0] in THEMES else " ".join(words)
+        if name not in known:
+            others = ", ".join(sorted(each for each in known if not each.startswith("silo-")))
+            raise ValueError(f"themes: {', '.join(THEMES)}; Textual's: {others}")
+        self._context.app.theme = name
 
     def word_control(self, spelled: command_line.Spelled) -> None:
         """Carry out `:control take|force|release|give NAME`; without words, tell who is there."""

@@ -10,30 +10,37 @@ from silo.ipc.messages import TriggerTried
 from silo.model import ElementInfo, FileType, TriggerOptions
 from silo_tui.model import text
 
+NAME, WHEN = 10, 20  # cells of a trigger's name, and those that its condition keeps
 LOUD = (TriggerWord.FIRING,)
 CAUTION = (TriggerWord.HOLDOFF, TriggerWord.BLIND, TriggerWord.OTHER)
 
 
-def times_head(width: int) -> str:
-    """Return the head of the list of triggers."""
-    when = _when_width(width)
-    return f"  {'state':<10} {'name':<10} {'when':<{when}} {'pre':>6} {'post':>6} {'count':>5}  last"
+def name_width(names: Sequence[str], width: int) -> int:
+    """Return the cells of the names of triggers: as many as the longest takes, where conditions keep theirs."""
+    return max(NAME, min(max(map(len, names), default=0), width - 54 - WHEN + NAME))
 
 
-def _when_width(width: int) -> int:
-    return max(12, width - 54)
+def times_head(width: int, name: int = NAME) -> str:
+    """Return the head of the list of triggers; `name` cells are of their names."""
+    when = _when_width(width, name)
+    return f"  {'state':<10} {'name':<{name}} {'when':<{when}} {'pre':>6} {'post':>6} {'count':>5}  last"
 
 
-def trigger_row(one: TriggerStatus, width: int, now_ns: int | None = None) -> str:
-    """Return a trigger as a line of so many cells."""
+def _when_width(width: int, name: int) -> int:
+    return max(12, width - 54 + NAME - name)
+
+
+def trigger_row(one: TriggerStatus, width: int, now_ns: int | None = None, name: str = "") -> str:
+    """Return a trigger as a line of so many cells; `name` is its name as long as the names of all are."""
+    name = name or f"{one.options.name[:NAME]:<{NAME}}"
     options = one.options
     state = one.state.value.upper() + (f" {one.holdoff_s:.0f}" if one.holdoff_s else "")
     since = ((time.time_ns() if now_ns is None else now_ns) - one.last_ns) / 1e9
     last = ago(since) if one.last_ns else "never"
-    when, room = text.clean(options.when), _when_width(width)
+    when, room = text.clean(options.when), _when_width(width, len(name))
     when = when if len(when) <= room else f"{when[: room - 1]}…"
     pre, post = (text.span(float(f"{value:.4g}")) if value else "0 s" for value in (options.pre_s, options.post_s))
-    return f"  {state:<10} {options.name[:10]:<10} {when:<{room}} {pre:>6} {post:>6} {one.fires:>5}  {last}"
+    return f"  {state:<10} {name} {when:<{room}} {pre:>6} {post:>6} {one.fires:>5}  {last}"
 
 
 def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[str]:

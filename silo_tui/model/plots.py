@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -219,7 +219,21 @@ def draw_panel(
             pieces[at] = _on_base(pieces[at], base)
         key = "|".join(series[at].name for at in members if at < len(series))
         found[side] = _axis_of(window, key, [pieces[at] for at in members], height, base, log=log)
+    found = _zeros_met(found)
     return [_picture(window, piece, found[side], width, height) for piece, side in zip(pieces, right, strict=True)]
+
+
+def _zeros_met(found: dict[bool, Axis]) -> dict[bool, Axis]:
+    """Return two axes, which both have a zero, with the zeros on one line: a curve below it is below that of both."""
+    ends = [axis.scale for axis in found.values()]
+    plain = all(axis.log is None and not axis.base for axis in found.values())
+    if len(found) < 2 or not plain or not all(low <= 0 <= high and 0 < high - low < math.inf for low, high in ends):
+        return found
+    sizes = [max(-low, high) for low, high in ends]
+    down = max(-low / size for (low, _), size in zip(ends, sizes, strict=True))
+    up = max(high / size for (_, high), size in zip(ends, sizes, strict=True))
+    scales = [(-down * size, up * size) for size in sizes]
+    return {side: replace(found[side], scale=scale) for side, scale in zip(found, scales, strict=True)}
 
 
 def _axis_of(window: PlotWindow, key: str, pieces: Sequence[Piece], height: int, base: int, *, log: bool) -> Axis:

@@ -277,13 +277,13 @@ class RecordingSource:
         newest = np.full(len(element.entries), np.nan)
         texts: dict[int, str] = {}
         if at < 0:
-            return Reading(newest, texts, 0, element.lost, time_ns, element.failures.count)
+            return Reading(newest, texts, 0, element.lost, time_ns, failed=element.failures.count)
         for position, entry in enumerate(element.entries):
             floats, words = newest_values(entry.values[at : at + 1])
             newest[position] = floats[0]
             if words:
                 texts[position] = words[0]
-        return Reading(newest, texts, element.count, element.lost, time_ns, element.failures.count)
+        return Reading(newest, texts, element.count, element.lost, time_ns, failed=element.failures.count)
 
     async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
         """All samples of an entry from `start_ns` to `end_ns`, both included; views, don't change them."""

@@ -89,17 +89,25 @@ def parse_settings(words: str, scope: Scope) -> Scope:
         if word in ("rising", "falling"):
             found = replace(found, direction=1 if word == "rising" else -1)
         elif word == "pre" and rest:
-            share = float(rest.pop(0)) / 100
+            share = _number(rest.pop(0)) / 100
             if not 0 <= share <= 1:
                 raise ValueError(f"pre is a share of the picture, 0 to 100 %, got {100 * share:g}")
             found = replace(found, pre=share)
         elif word in {mode.value for mode in Mode}:
             found = replace(found, mode=Mode(word))
         else:
-            found = replace(found, level=float(word))
+            found = replace(found, level=_number(word))
     if not math.isfinite(found.level):
         raise ValueError("the level is a number")
     return found
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        modes = ", ".join(mode.value for mode in Mode)
+        raise ValueError(f"{word!r} is no level such as 20, and none of rising, falling, pre 40, {modes}") from None
 
 
 def picture_of(samples: Mapping[str, Samples], scope: Scope, at_ns: int, columns: int) -> ColumnStore:

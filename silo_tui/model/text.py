@@ -146,11 +146,11 @@ def clock(time_ns: int) -> str:
 
 def size(size_bytes: float) -> str:
     """Return `812 B`, `1.2 MB`."""
-    for unit in ("B", "kB", "MB"):
+    for unit in ("B", "kB", "MB", "GB"):
         if size_bytes < 1000:
             return f"{size_bytes:.0f} B" if unit == "B" else f"{size_bytes:.1f} {unit}"
         size_bytes /= 1000
-    return f"{size_bytes:.1f} GB"
+    return f"{size_bytes:.1f} TB"
 
 
 def count(value: int) -> str:

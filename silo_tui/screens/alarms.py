@@ -46,7 +46,11 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
 
     @property
     def all(self) -> Sequence[LimitStatus]:
-        return [one for one in self.session.limits if one.violated or one.word is LimitWord.BLIND][:MOST_LINES]
+        return self._found[:MOST_LINES]
+
+    @property
+    def _found(self) -> list[LimitStatus]:
+        return [one for one in self.session.limits if one.violated or one.word is LimitWord.BLIND]
 
     @property
     def empty(self) -> str:  # type: ignore[override]  # what it says counts
@@ -71,7 +75,9 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         one = self.chosen
         if one is not None and one.why:
             return f"{one.name} is blind: {one.why}"
-        return alarms_words(self.session.limits)
+        count = len(self._found)
+        more = f"the first {MOST_LINES} of {count} │ " if count > MOST_LINES else ""
+        return more + alarms_words(self.session.limits)
 
     # ------------------------------------------------------------------------------------------------- commands
 

@@ -29,6 +29,7 @@ from silo_tui.model.pairs import histogram_of, pair_of
 from silo_tui.model.panels import LETTERS
 from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, Plotted
 from silo_tui.model.source import Samples
+from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.detail_plot import DetailPlot
@@ -258,6 +259,25 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         else:
             self.say("Y is for signals over time and for spectra: Tab leads there")
 
+    def command_find(self) -> None:
+        """Find in what is drawn: moments over time, peaks in a spectrum."""
+        if self.mode == MODES[0]:
+            super().command_find()
+        elif not self._peaks:
+            self._go_to_peak(1)  # says why there is none
+        else:
+            words = ["highest peak", *(f"peak {number}" for number in range(2, len(self._peaks) + 1))]
+            choices = [
+                Choice(str(at), f"{word}, {peak.frequency_hz:.6g} Hz", "h" if at == 0 else str(at + 1))
+                for at, (word, peak) in enumerate(zip(words, self._peaks, strict=True))
+            ]
+            self.app.push_screen(Question("Find in the spectrum", "", choices), self._peak_chosen)
+
+    def _peak_chosen(self, answer: str | None) -> None:
+        if answer is not None and int(answer) < len(self._peaks):
+            self._peak = int(answer)
+            self._tell_peak()
+
     def command_next_found(self) -> None:
         if self.mode == MODES[0]:
             super().command_next_found()
@@ -276,6 +296,11 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
             return
         before = self._peak if self._peak is not None else (-1 if step > 0 else len(self._peaks))
         self._peak = (before + step) % len(self._peaks)
+        self._tell_peak()
+
+    def _tell_peak(self) -> None:
+        if self._peak is None:
+            return
         peak = self._peaks[self._peak]
         level = big_plot.level_words(peak.amplitude, self.level, self.plots[0].element.unit)
         self.say(f"peak {self._peak + 1}: {peak.frequency_hz:.6g} Hz, {level}")

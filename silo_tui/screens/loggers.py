@@ -6,6 +6,7 @@ Shown when there are several, and while there is none: then it says what to star
 
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import ClassVar
 
 from rich.text import Text
@@ -91,7 +92,9 @@ class LoggersScreen(FilteredScreen):
         elif found and self._wanted:
             advice = f"There is no logger called {self._wanted!r}; these run:"
         elif self._wanted and not found:
-            no_file = ", and there is no file of that path" if "/" in self._wanted else ""
+            no_file = (
+                ", and there is no file of that path" if "/" in self._wanted and not Path(self._wanted).exists() else ""
+            )
             advice = f"Waiting for the logger {self._wanted!r}: it doesn't run{no_file}.\n\n{WAITING}"
         notes = [note for note in (problem, *forbidden) if note]
         self._notes = "\n\n".join([advice, *notes]).strip() if not found else "\n".join(filter(None, [advice, *notes]))

@@ -357,7 +357,9 @@ class MonitorScreen(Pausing):
             self.say("the scope needs a signal of numbers that is on")
             return
         low, high = self.stack.span_of(chosen)
-        at_cursor = value_here(chosen, self.stack.readings) if self.window.paused and self.window.cursor else ""
+        at_cursor = (
+            value_here(chosen, self.stack.readings) if self.window.paused and self.window.cursor is not None else ""
+        )
         level = float(at_cursor) if at_cursor else halfway(low, high)
         plots = [chosen, *(each for each in panel if each != chosen and each.numeric)]
         settings = Scope(level, span_s=fitting_span(self._live.period_ns(chosen.element.name)))

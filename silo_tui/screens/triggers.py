@@ -15,8 +15,9 @@ from silo.model import SavedFile, TriggerOptions
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later
 from silo_tui.model import text
-from silo_tui.model.conditions import CAUTION, LOUD, named_in, times_head, trigger_row
+from silo_tui.model.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row
 from silo_tui.model.lists import Order
+from silo_tui.model.names import fitting_names
 from silo_tui.screens.conditions import MOST_PLOTS, ConditionsScreen
 from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.opened import open_saved
@@ -49,7 +50,13 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("triggers")
 
     def head(self, width: int) -> str:
-        return times_head(width)
+        return times_head(width, self._names(width)[0])
+
+    def _names(self, width: int) -> tuple[int, list[str]]:
+        """Return the cells of names, and the names of all in these: different ones stay different."""
+        names = [one.options.name for one in self.session.triggers]
+        room = name_width(names, width)
+        return room, [f"{name:<{room}}" for name in fitting_names(names, room)]
 
     @property
     def all(self) -> Sequence[TriggerStatus]:
@@ -63,7 +70,9 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def row_of(self, one: TriggerStatus, width: int) -> Text:
         name = "error" if one.state in LOUD else "warning" if one.state in CAUTION else "success"
-        line = Text(trigger_row(one, width), no_wrap=True, overflow="ellipsis")
+        _, fitted = self._names(width)
+        names = {each.options.name: name for each, name in zip(self.session.triggers, fitted, strict=True)}
+        line = Text(trigger_row(one, width, name=names[one.options.name]), no_wrap=True, overflow="ellipsis")
         quiet = one.state in (TriggerWord.OFF, TriggerWord.WAITING)
         line.stylize("" if quiet else f"bold {color(self.app.theme_variables, name)}", 2, 12)
         return line

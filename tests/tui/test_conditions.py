@@ -383,3 +383,25 @@ async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, opened):
         await screen.press("backspace", "enter")
         await screen.shows("name it")
         assert fake.trigger_statuses == []
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+@pytest.mark.slow
+async def test_names_of_triggers_never_look_alike(size, fake, opened):
+    names = ["overcurrent_left", "overcurrent_right"]
+    fake.trigger_statuses = [TriggerStatus(TriggerOptions(name, "x > 1"), TriggerWord.ARMED) for name in names]
+    async with opened(fake, size=size) as screen:
+        await screen.press("T")
+        await screen.shows("ARMED")
+        shown = [line.split()[1] for line in screen.text.splitlines() if "x > 1" in line and "ARMED" in line]
+        assert len(set(shown)) == 2
+        assert size[0] < 160 or shown == names
+
+
+@pytest.mark.slow
+async def test_more_alarms_than_are_listed_are_told(fake, opened, monkeypatch):
+    monkeypatch.setattr("silo_tui.screens.alarms.MOST_LINES", 1)
+    fake.limit_statuses = [HOT, COLD]
+    async with opened(fake) as screen:
+        await screen.press("A")
+        await screen.shows("the first 1 of 2")

@@ -100,3 +100,11 @@ def test_help_tells_how_a_file_is_meant():
     text = CliRunner().invoke(command, ["--help"]).output
     assert "LOGGER | FILE" in text
     assert "run.silo" in text
+
+
+def test_a_file_is_a_file_wherever_one_looks_for_loggers(folder):
+    result = CliRunner().invoke(command, ["there/is-none.silo"], env={"SILO_CONFIG": "robot3"})
+    assert (result.exit_code, "is-none.silo" in result.stderr) == (1, True)
+    write(folder / "run.silo")
+    result = CliRunner().invoke(command, ["--config", "robot3", "./run.silo"])
+    assert "silo-tui needs a terminal" in result.stderr, "which comes behind reading the file"

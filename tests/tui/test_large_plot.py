@@ -157,3 +157,17 @@ async def test_held_beyond_what_there_is_the_large_plot_shows_what_the_small_one
         await screen.press("enter")
         await screen.until(lambda: screen.app.screen.scope == "detail")
         await screen.until(lambda: dots(screen) > 10, "curves in the large plot")
+
+
+async def test_find_in_a_spectrum_finds_peaks_by_their_height(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_large(screen)
+        await screen.press("tab", "tab")
+        await screen.until(lambda: large(screen)._peaks)
+        await screen.press("f")
+        await screen.shows("Find in the spectrum")
+        await screen.press("h")
+        await screen.shows("peak 1: ")
+        assert not large(screen).window.paused or large(screen).mode == "spectrum"
+        assert "highest" not in screen.text.splitlines()[-2]

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silo_tui.model import text
 from silo_tui.model.names import cells, first_levels, fitting_names, without_prefix
 
 # cells for names in a table of 80, 120 and 160 columns with the columns of settings or of statistics
@@ -71,3 +72,7 @@ def test_words_have_the_names_of_signals_as_tables_give_them():
     shown = "12 x /legs/*/contact, /tau_x: divider 1 -> 5; saved /log/run_7.silo, robot/log/tau"
     assert without_prefix(told, "/log", levels) == shown
     assert without_prefix(told, "", levels) == told
+
+
+def test_sizes_go_on_behind_gigabytes():
+    assert [text.size(size) for size in (812, 1.2e6, 2.5e9, 2.5e12)] == ["812 B", "1.2 MB", "2.5 GB", "2.5 TB"]

@@ -216,6 +216,22 @@ def test_the_axis_on_the_right_has_a_scale_of_its_own():
     assert pictures[0].scale[1] < 10 < pictures[1].scale[1]
 
 
+def test_the_zeros_of_both_axes_are_on_one_line_and_no_curve_leaves_its_plot():
+    store = store_of(a=[-1.0, 3.0] * 10, c=[-900.0, 100.0] * 10)
+    pictures = draw_panel(store, PlotWindow(), [A, C], [False, True], 10, 4, lambda name: 10)
+    shares = [-low / (high - low) for low, high in (picture.scale for picture in pictures)]
+    assert shares[0] == pytest.approx(shares[1])
+    for picture, (least, most) in zip(pictures, ((-1, 3), (-900, 100)), strict=True):
+        assert picture.scale[0] <= least
+        assert picture.scale[1] >= most
+
+
+def test_an_axis_without_a_zero_stays_as_it_is():
+    store = store_of(a=[-1.0, 3.0] * 10, c=[490.0, 500.0] * 10)
+    pictures = draw_panel(store, PlotWindow(), [A, C], [False, True], 10, 4, lambda name: 10)
+    assert pictures[1].scale[0] > 400
+
+
 def test_eight_series_differ_in_16_colours_too():
     few = [_style(place, True, True).color.downgrade(ColorSystem.STANDARD).number for place in range(8)]
     assert few == [14, 11, 13, 10, 9, 12, 15, 6]

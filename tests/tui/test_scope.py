@@ -159,3 +159,11 @@ class TestScreen:
             fake.find = off
             fake.advance(1.0)
             await screen.shows("BLIND")
+
+
+@pytest.mark.parametrize("typed", ["foo", "rising foo", "pre foo", "20 pre x"])
+def test_what_is_no_setting_is_told_with_those_that_are(typed):
+    with pytest.raises(
+        ValueError, match="is no level such as 20, and none of rising, falling, pre 40, normal, single, auto"
+    ):
+        parse_settings(typed, Scope(1.0))

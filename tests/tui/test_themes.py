@@ -6,6 +6,7 @@ import pytest
 from textual.color import Color
 
 from silo_tui import theme
+from silo_tui.commands.runner import CommandRunner
 from silo_tui.settings.options import OPTION, Settings
 
 GROUNDS = ("background", "panel", "boost")
@@ -108,3 +109,13 @@ async def test_sixteen_colours_send_nothing_but_these(fake, opened):
         assert styles
         assert not re.search(r"[34]8;[25];", codes)
         assert not re.search(r"(?:^|[;\[])(?:34|90|44|100)(?=[;m])", codes)
+
+
+@pytest.mark.slow
+async def test_the_colon_line_takes_the_words_of_the_command_line(fake, opened):
+    async with opened(fake) as screen:
+        for word, name in (("light", "silo-light"), ("16", "silo-16"), ("nord", "nord")):
+            CommandRunner(screen.app.context).run(f"theme {word}")
+            assert screen.app.theme == name
+        CommandRunner(screen.app.context).run("theme drak")
+        await screen.shows("themes: dark, light, contrast, 16")
