@@ -41,6 +41,18 @@ def user_name(uid: int) -> str:
         return f"uid {uid}"
 
 
+FOLDER_GONE = "the working directory of this process was deleted: change to one that is there, then try again"
+
+
+def is_folder_gone() -> bool:
+    """Whether the working directory of this process has no name any more."""
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return True
+    return False
+
+
 def runtime_dir() -> Path:
     """Return this user's private folder, made where missing.
 

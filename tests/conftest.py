@@ -91,9 +91,24 @@ def runtime_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     state = folder.with_name(f"{folder.name}-state")  # made by the first journal, as a user's own
     monkeypatch.setenv("XDG_STATE_HOME", str(state))
     monkeypatch.setenv("XDG_CONFIG_HOME", str(folder / "no-config"))  # no remotes of this user
+    _made.append(folder)
     yield folder
-    shutil.rmtree(folder, ignore_errors=True)
-    shutil.rmtree(state, ignore_errors=True)
+    _remove(folder)
+
+
+_made: list[Path] = []
+
+
+def _remove(folder: Path) -> None:
+    """Remove a runtime folder, and those beside it: of groups, and of the state of a user."""
+    for one in (folder, *folder.parent.glob(f"{folder.name}-*")):
+        shutil.rmtree(one, ignore_errors=True)
+
+
+def pytest_sessionfinish() -> None:
+    """What a process made again that ended after its test goes as well."""
+    for folder in _made:
+        _remove(folder)
 
 
 @pytest.fixture(scope="session")

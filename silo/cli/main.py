@@ -12,6 +12,7 @@ import click
 from silo.cli.codes import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_NO_LOGGER, EXIT_PIPE, EXIT_USAGE
 from silo.cli.common import READ_ONLY, config_option
 from silo.errors import ConnectionLostError, SiloError
+from silo.runtime import FOLDER_GONE, is_folder_gone
 from silo.version import VERSION
 
 
@@ -173,6 +174,9 @@ def run(arguments: list[str]) -> int:
         click.echo("silo: this takes more memory than there is; take a part of the log, or another machine", err=True)
         return EXIT_FAILED
     except OSError as error:
+        if not error.filename and isinstance(error, FileNotFoundError) and is_folder_gone():
+            click.echo(f"silo: {FOLDER_GONE}", err=True)
+            return EXIT_FAILED
         place = f"{error.filename}: " if error.filename else ""
         click.echo(f"silo: {place}{error.strerror or error}", err=True)
         return EXIT_FAILED

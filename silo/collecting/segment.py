@@ -4,8 +4,10 @@ Only `start()` and the chunk allocation do system calls; the stores of a tick ar
 """
 
 import contextlib
+import errno
 import mmap
 import os
+import resource
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -160,6 +162,13 @@ class Segment:
         try:
             os.posix_fallocate(self._fd, offset, size_bytes)
         except OSError as error:
+            if error.errno == errno.EFBIG:
+                limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+                raise SegmentError(
+                    f"{self.path.parent}: this process may make files of {limit / 1e6:.1f} MB only (RLIMIT_FSIZE, "
+                    f"`ulimit -f`), the buffers take {(offset + size_bytes) / 1e6:.1f} MB ({error.strerror}): raise "
+                    "that limit, or make buffers smaller"
+                ) from error
             room = os.statvfs(self.path.parent)
             free_bytes = room.f_bavail * room.f_frsize
             raise NoRoomError(

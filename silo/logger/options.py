@@ -33,6 +33,7 @@ from silo.model import (
     Threads,
     join_name,
 )
+from silo.runtime import FOLDER_GONE
 from silo.settings.rules import option_problems, refusal
 from silo.settings.words import Settings, apply_settings, read_options
 
@@ -81,7 +82,13 @@ def logger_options(
 
 
 def _absolute(argument: str, given: object) -> str:
-    return text(argument, str(path(argument, given).absolute()), f"{argument}='some/path'")
+    asked = path(argument, given)
+    try:
+        return text(argument, str(asked.absolute()), f"{argument}='some/path'")
+    except FileNotFoundError:
+        raise ElementError(
+            f"{argument} {shown(str(asked))} can't be found: {FOLDER_GONE}, or give a whole path"
+        ) from None
 
 
 def _prefix(given: object) -> str:

@@ -1,13 +1,15 @@
 """What does nothing says so: ticks while a logger stands still, calls before there is one, ends without a save."""
 
 import itertools
+import resource
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import silo
-from silo.errors import ArgumentError, ElementError
+from silo.cli.main import run
+from silo.errors import ArgumentError, ElementError, SegmentError
 from silo.logger import default
 from silo.logger.null import NullLogger
 from tests.stand_ins.ticking import Robot, collect, warnings_of
@@ -210,3 +212,34 @@ def test_a_logger_that_logs_nothing_knows_names_and_shapes():
 def test_what_it_saves_are_no_files_with_a_path_that_can_be_read():
     saved = NullLogger().save()
     assert (list(saved), Path(saved.path).read_bytes(), saved.size_bytes) == ([], b"", 0)
+
+
+# ------------------------------------------------------------------------------------- limits of the system
+
+
+def test_a_limit_on_the_size_of_files_is_named(new_logger):
+    logger = new_logger()
+    kept = logger.array("q", 1000)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, before[1]))
+    try:
+        with pytest.raises(SegmentError, match=r"may make files of 0\.1 MB only \(RLIMIT_FSIZE, `ulimit -f`\)"):
+            logger.start()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    logger.start()
+    assert kept.shape == (1000,)
+
+
+def test_a_working_directory_that_was_deleted_is_named(tmp_path, monkeypatch, capsys):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    with pytest.raises(
+        ElementError, match="script 'logger.yaml' can't be found: the working directory of this process"
+    ):
+        silo.Logger("arm")
+    silo.Logger("arm", folder=tmp_path, script=tmp_path / "none.yaml").close()
+    assert run(["ls"]) == 1
+    assert capsys.readouterr().err.startswith("silo: the working directory of this process was deleted")
