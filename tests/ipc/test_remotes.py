@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import silo
-from silo.cli.authority import Made, make_network, role_of
+from silo.cli.authority import Made, make_network, robot_of, role_of
 from silo.cli.main import EXIT_NO_LOGGER, EXIT_USAGE, cli, run
 from silo.errors import RefusedError, SiloError
 from silo.ipc.access import access_control
@@ -399,6 +399,40 @@ def test_init_again_adds_a_user_and_keeps_authority_and_passwords(tmp_path) -> N
 def test_a_user_who_can_not_be_is_refused(word) -> None:
     with pytest.raises(SiloError, match="nothing was made"):
         role_of(word)
+
+
+@pytest.mark.parametrize("name", ["local", "robots", "a b", "", "a:b", ".x", "x" * 65])
+def test_a_robot_who_can_not_be_is_refused(name) -> None:
+    with pytest.raises(SiloError, match="nothing was made"):
+        robot_of(name)
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="makes certificates with openssl")
+def test_init_makes_a_file_for_each_robot_and_one_more_later(mine, capsys) -> None:
+    folder = mine / "lab"
+    given = ["--host", "router.local", "--user", "alice:operator", "--robot", "robot3", "--robot", "robot4"]
+    assert run(["remote", "init", str(folder), *given]) == 0
+    before = {name: (folder / "clients" / f"{name}.json5").read_text() for name in ("robot3", "robot4")}
+    assert read_json5(before["robot3"])["metadata"]["silo"]["robot"] == "robot3"
+    assert before["robot3"] != before["robot4"]
+    assert run(["remote", "init", str(folder), "--robot", "robot5"]) == 0
+    assert 'log.serve(config="robot5.json5")' in capsys.readouterr().out
+    assert (folder / "clients" / "robot3.json5").read_text() == before["robot3"]
+    rules = read_json5((folder / "server" / "server.json5").read_text())["access_control"]["rules"]
+    sent = {key for rule in rules if rule["id"].startswith("robot4: ") and rule["flows"] == ["ingress"]
+            for key in rule["key_exprs"]}  # fmt: skip
+    assert all(key.startswith("silo/robot4~$*/*/") for key in sent)
+    assert {path.stat().st_mode & 0o077 for path in (folder / "clients").iterdir()} == {0}
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="makes certificates with openssl")
+@pytest.mark.parametrize("words", [["--user", "robot3"], ["--robot", "alice"], ["--user", "x", "--robot", "x"]])
+def test_a_name_is_that_of_a_person_or_of_a_robot(mine, capsys, words) -> None:
+    folder = mine / "lab"
+    assert run(["remote", "init", str(folder), "--host", "h", "--user", "alice", "--robot", "robot3"]) == 0
+    capsys.readouterr()
+    assert run(["remote", "init", str(folder), *words]) == 1
+    assert "take another name; nothing was changed" in capsys.readouterr().err
 
 
 # ------------------------------------------------------------------------------------------ trying again by itself
