@@ -10,6 +10,7 @@ import zenoh
 
 from silo.helper import lanes
 from silo.helper.control import Control
+from silo.helper.denials import Denials
 from silo.helper.door import Door, Sender
 from silo.helper.lanes import Lane, Turn
 from silo.ipc.clocks import clock_s
@@ -69,7 +70,9 @@ class Helper:
     def __init__(self, folder: Path) -> None:
         self.answers = Answers()
         self.server, path = open_server(folder, "walker", 1, None, ROOT)
-        self.control = Control(self.server, ROOT, self.answers, Door(ROOT), Everybody(), lambda *_: None)  # type: ignore[arg-type]
+        self.control = Control(  # type: ignore[arg-type]
+            self.server, ROOT, self.answers, Door(ROOT), Everybody(), lambda *_: None, Denials()
+        )
         self.control.start()
         self.client = open_client(path)
 
