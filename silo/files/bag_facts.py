@@ -9,6 +9,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from silo.files.mcap_chunks import MOST_RATIO, MOST_ROOM
 from silo.model import NO_EXTRAS, BufferType, Entry, Extras, LoggedEvent
 from silo.recording import NO_FAILURES, Failures
 
@@ -76,7 +77,7 @@ def pack_facts(facts: RecordingFacts) -> bytes:
 
 def unpack_facts(data: bytes) -> RecordingFacts:
     """Raises `zstandard.ZstdError` or `msgspec.MsgspecError` for damaged bytes."""
-    return msgspec.json.decode(_decompress(data), type=RecordingFacts)
+    return msgspec.json.decode(decompress(data, max(MOST_ROOM, MOST_RATIO * len(data))), type=RecordingFacts)
 
 
 def pack_times(time_ns: NDArray[np.int64]) -> bytes:
@@ -88,13 +89,15 @@ def pack_times(time_ns: NDArray[np.int64]) -> bytes:
 
 def unpack_times(data: bytes) -> NDArray[np.int64]:
     """Raises `zstandard.ZstdError` or `ValueError` for damaged bytes."""
-    planes = np.frombuffer(_decompress(data), dtype=np.uint8).reshape(8, -1)
+    # the stamps of a steady clock are packed as small as zeros
+    planes = np.frombuffer(decompress(data, _MAX_BYTES), dtype=np.uint8).reshape(8, -1)
     differences = np.ascontiguousarray(planes.T).reshape(-1).view("<i8")
     return np.cumsum(differences, dtype=np.int64)
 
 
-def _decompress(data: bytes) -> bytes:
+def decompress(data: bytes, most: int) -> bytes:
+    """What an attachment is. Raises ZstdError for damaged bytes, and for those that announce more than `most`."""
     # the size stands in the frame: refuse before allocating what a damaged frame claims
-    if zstandard.frame_content_size(data) > _MAX_BYTES:
-        raise zstandard.ZstdError(f"more than {_MAX_BYTES} bytes announced")
+    if zstandard.frame_content_size(data) > most:
+        raise zstandard.ZstdError(f"{len(data):,} bytes announce more than {most:,}")
     return zstandard.decompress(data)

@@ -9,8 +9,9 @@ from collections.abc import Mapping
 import msgspec
 import zstandard
 
-from silo.files.bag_facts import RecordingFacts
+from silo.files.bag_facts import RecordingFacts, decompress
 from silo.files.formats import OPEN_PART_ENDING
+from silo.files.mcap_chunks import MOST_RATIO, MOST_ROOM
 
 PART_ATTACHMENT = "silo/part.json.zst"
 PART_ENDING = OPEN_PART_ENDING
@@ -19,7 +20,6 @@ TOTALS_METADATA = "silo/totals"
 PART_VERSION = 1
 SEQUENCES = 2**32  # a message counts in 32 bits
 EVENTS_RING = -1  # stands for the event log, whose lines are its rows: they have a channel and no ring
-_MAX_BYTES = 2**31
 
 
 class RingFacts(msgspec.Struct, frozen=True):
@@ -60,9 +60,7 @@ def pack_part(facts: PartFacts) -> bytes:
 
 def unpack_part(data: bytes) -> PartFacts:
     """Raises ZstdError, MsgspecError or ValueError for damaged bytes."""
-    if zstandard.frame_content_size(data) > _MAX_BYTES:
-        raise zstandard.ZstdError(f"more than {_MAX_BYTES} bytes announced")
-    facts = msgspec.json.decode(zstandard.decompress(data), type=PartFacts)
+    facts = msgspec.json.decode(decompress(data, max(MOST_ROOM, MOST_RATIO * len(data))), type=PartFacts)
     if facts.version != PART_VERSION:
         raise ValueError(f"part version {facts.version} is newer than this silo reads ({PART_VERSION})")
     return facts

@@ -15,6 +15,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 import silo
 from silo.cli.main import cli
 from silo.files import mcap_chunks
+from silo.files.bag_facts import pack_times, unpack_facts, unpack_times
 from silo.files.bag_index import read_index
 from silo.recording import unmasked
 
@@ -406,6 +407,14 @@ class TestSizes:
         path.write_bytes(whole[:place] + 30 * chunk)
         with pytest.raises(silo.FileFormatError, match="holds no message"):
             silo.open_log(path)
+
+    def test_what_silo_wrote_beside_messages_may_not_announce_more_than_it_can_hold(self):
+        import zstandard
+
+        with pytest.raises(zstandard.ZstdError, match="announce more than"):
+            unpack_facts(zstandard.compress(b" " * (65 << 20)))
+        times = np.arange(10_000_000) * 10**6
+        assert unpack_times(pack_times(times))[-1] == times[-1]
 
     def test_a_chunk_of_more_records_than_bytes_is_damaged(self):
         chunk = struct.pack("<BQ", 0x80, 0) * 100_000
