@@ -126,8 +126,8 @@ def _set(
         )
     if runs and keep == "refuse" and status.ticks and not status.saved:
         raise RefusedError(
-            f"logger '{status.logger}' holds {many(status.held_samples, 'sample')} over {duration(status.held_s)} of "
-            "which some are in no file, and a restart clears them: add --save or --discard; nothing was changed"
+            f"logger '{status.logger}' holds {many(status.held_samples, 'sample')} of up to {duration(status.held_s)}, "
+            "of which some are in no file, and a restart clears them: add --save or --discard; nothing was changed"
         )
     if runs:
         client.stop()

@@ -147,7 +147,7 @@ def _recording(status: "Status") -> list[tuple[str, str]]:
 
 
 def _held(status: "Status") -> str:
-    return f"the buffers hold {many(status.held_samples, 'sample')} over {duration(status.held_s)}"
+    return f"the buffers hold {many(status.held_samples, 'sample')} of up to {duration(status.held_s)}"
 
 
 def _failed(status: "Status") -> list[tuple[str, str]]:

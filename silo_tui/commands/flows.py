@@ -72,9 +72,9 @@ def _is_unsaved(context: Context) -> bool:
 
 
 def _held(context: Context) -> str:
-    """Return what the buffers hold, in words: of all ticks since the start they may have forgotten most."""
+    """Return what the buffers hold, in words: the longest holds so much, of most ticks they may have forgotten all."""
     status = context.session.status
-    return f"{text.plural_count(status.held_samples, 'sample')} over {duration(status.held_s)}"
+    return f"{text.plural_count(status.held_samples, 'sample')} of up to {duration(status.held_s)}"
 
 
 def _decided(answer: str) -> Unsaved:

@@ -22,6 +22,13 @@ STYLES = [
 LETTERS = [*"aB 1.  ⠉⣿│▐…°漢字🙂", "e\u0301", "\u0301"]
 
 
+def test_normal_intensity_ends_bold_and_dim():
+    styles = Styles()
+    dim, bold = styles.after(0, "2"), styles.after(0, "1")
+    assert dim not in (0, bold)
+    assert styles.after(dim, "22") == styles.after(bold, "22") == styles.after(styles.after(bold, "2"), "22") == 0
+
+
 def rendered(segments):
     return "".join(f"\x1b[{style}m{words}\x1b[0m" if style else words for words, style in segments)
 

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from silo_tui.model import braille, dots
 from silo_tui.model.columns import ColumnStore, hold
+from silo_tui.model.plots import PlotWindow
 
 values = st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=60).map(np.array)
 
@@ -99,3 +100,14 @@ def test_the_range_of_nothing_is_none():
 )
 def test_nice_ranges_have_round_ends(extent, expected):
     assert braille.nice_range(*extent) == pytest.approx(expected)
+
+
+def test_the_cursor_stays_in_the_window_at_both_ends():
+    window = PlotWindow()
+    assert window.move_cursor(1, 40) == 0
+    for _ in range(60):
+        window.move_cursor(-1, 40)
+    assert window.cursor == 38, "the first cell of 20: two columns each"
+    for _ in range(60):
+        window.move_cursor(1, 40)
+    assert window.cursor == 0

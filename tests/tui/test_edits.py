@@ -1,5 +1,7 @@
 """Pending edits: undo, rebase on what others changed, and what is sent."""
 
+import os
+
 import msgspec
 import numpy as np
 from hypothesis import given
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 from silo.model import Action, BufferType, ElementInfo, ElementOptions, Entry, Table
 from silo_tui.model.fields import Field, values_of
 from silo_tui.model.table import TableState
+from silo_tui.sessions.kept import lives
 
 COUNT = 4
 option_values = {
@@ -158,3 +161,12 @@ def test_a_change_reads_old_new_and_theirs():
     state.load(table(2, ElementOptions(), ElementOptions(buffer_type=BufferType.GROWING), *[ElementOptions()] * 2))
     change = state.changes()[0]
     assert (change.field, change.old, change.new, change.theirs) == ("buffer type", "looping", "fixed", "growing")
+
+
+def test_a_process_of_another_user_lives(monkeypatch):
+    def forbidden(pid, signal):
+        raise PermissionError
+
+    monkeypatch.setattr("os.kill", forbidden)
+    assert lives(os.getpid() + 1)
+    assert not lives(os.getpid()), "ours has just begun with its logger"

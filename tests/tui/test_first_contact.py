@@ -50,8 +50,8 @@ async def test_applying_around_a_stop_says_what_would_be_dropped_and_saves_it_wh
         await screen.press("t", "a")
         held = f"{fake.status().held_samples:,}".replace(",", " ")
         assert fake.ticks == 4800  # of which buffers of 4000 samples hold 10 s
-        await screen.shows(f"{held} samples over 10 s are not saved")
-        await screen.shows(f"Drop {held} samples over 10 s: stop, apply, start again")
+        await screen.shows(f"{held} samples of up to 10 s are not saved")
+        await screen.shows(f"Drop {held} samples of up to 10 s: stop, apply, start again")
         await screen.press("s")
         await screen.shows("logging again")
         assert [call[0] for call in fake.calls] == ["stop", "save", "apply", "start"]

@@ -11,7 +11,7 @@ from silo_tui.model.live import Reading, entry_text, value_text
 @pytest.mark.parametrize(
     ("dtype", "value", "word", "shown"),
     [
-        ("<f8", -0.7568, None, "-0.7568"), ("<f8", 1234.5678, None, "1234.57"), ("<f8", 1.5e7, None, "15.0000e6"),
+        ("<f8", -0.7568, None, "-0.7568"), ("<f8", 1234.5678, None, "1234.57"), ("<f8", 1.5e7, None, "15000000.00"),
         ("<f8", 2.5e-6, None, "2.5000e-6"), ("<f8", float("nan"), None, "nan"), ("<f8", float("-inf"), None, "-inf"),
         ("<i4", -42.0, None, "-42"), ("|b1", 1.0, None, "true"), ("|S8", float("nan"), "hello", "hello"),
         ("|S80", float("nan"), "a much longer text", "a much lon…"), ("<i8", 2.0**40, None, "1099511627776"[:13]),

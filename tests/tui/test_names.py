@@ -76,3 +76,9 @@ def test_words_have_the_names_of_signals_as_tables_give_them():
 
 def test_sizes_go_on_behind_gigabytes():
     assert [text.size(size) for size in (812, 1.2e6, 2.5e9, 2.5e12)] == ["812 B", "1.2 MB", "2.5 GB", "2.5 TB"]
+
+
+def test_seconds_go_on_to_two_minutes():
+    assert [text.span(seconds) for seconds in (0.5, 59.0, 119.0, 120.0, 7199.0)] == [
+        "500 ms", "59 s", "119 s", "2 min", "120 min",
+    ]  # fmt: skip
