@@ -58,6 +58,9 @@ def ufunc_of(signal: One, ufunc: np.ufunc, method: str, inputs: tuple[Any, ...],
         plain = [_plain(one) for one in inputs]
         _check_together(ufunc.__name__, inputs)
         return getattr(ufunc, method)(*plain, **keywords)
+    dtype = keywords.get("dtype")
+    if dtype is not None:
+        return _as_type(ufunc_of(signal, ufunc, method, inputs, {}), ufunc, dtype)
     if len(inputs) == 1:
         return _unary(signal, ufunc)
     if len(inputs) != 2:
@@ -73,6 +76,17 @@ def ufunc_of(signal: One, ufunc: np.ufunc, method: str, inputs: tuple[Any, ...],
         raise _no_meaning(ufunc)
     made = combined(one, other, ufunc, _SIGNS[ufunc], swapped)
     return replace(made, unit="rad") if ufunc is np.arctan2 else made
+
+
+def _as_type(made: Any, ufunc: np.ufunc, dtype: Any) -> Any:
+    """A result in the type that was asked for. Raises ElementError where it is of another kind."""
+    wanted = np.dtype(dtype)
+    if not isinstance(made, Samples) or not np.can_cast(made.dtype, wanted, "same_kind"):
+        raise ElementError(
+            f"np.{ufunc.__name__} can't give {wanted}: the result is {getattr(made, 'dtype', 'no signal')}; leave "
+            "dtype= out, and take .values.astype(...)"
+        )
+    return replace(made, values=made.values.astype(wanted))
 
 
 def logical(one: One, other: Any, function: Callable[[Any, Any], Any], sign: str, swapped: bool = False) -> One:

@@ -39,7 +39,6 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
             yield file
             os.fsync(file.fileno())
             part.replace(final)  # while it is locked still
-        _sync_folder(final.parent)
     except SaveError:
         _remove(part)
         raise
@@ -49,6 +48,7 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     except BaseException:
         _remove(part)
         raise
+    _sync_name(final)
 
 
 @contextmanager
@@ -68,7 +68,6 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
                 _sync(file)
             _sync(part)
             part.rename(final)
-        _sync_folder(final.parent)
     except SaveError:
         _remove(part)
         raise
@@ -78,6 +77,7 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     except BaseException:
         _remove(part)
         raise
+    _sync_name(final)
 
 
 @contextmanager
@@ -287,12 +287,19 @@ def _made_part(part: Path) -> Iterator[None]:
             os.close(descriptor)
 
 
+def lock(descriptor: int) -> bool:
+    """Wait for the lock of an open file; False in a file system that knows no locks. Closing it lets go."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    except OSError:
+        return False
+    return True
+
+
 def _locked(descriptor: int, part: Path) -> bool:
     """Lock what was just made; False if a sweep came before that and takes it for a dead writer's: make it again."""
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)  # a sweep holds it for the moment in which it removes it
-    except OSError:
-        return True  # no locks in this file system: then nothing is swept there either
+    if not lock(descriptor):  # a sweep holds it for the moment in which it removes it
+        return True  # then nothing is swept there either
     try:
         return os.path.samestat(os.fstat(descriptor), part.lstat())
     except FileNotFoundError:
@@ -347,6 +354,15 @@ def _remove(part: Path) -> None:
             shutil.rmtree(part)
         else:
             part.unlink(missing_ok=True)
+
+
+def _sync_name(final: Path) -> None:
+    """Make a rename durable that is done. Raises SaveError, which says that the new file stands there."""
+    try:
+        _sync_folder(final.parent)
+    except OSError as error:
+        left = "the new one stands under that name, but may be gone after a power cut"
+        raise _refused(final, error, left) from error
 
 
 def _sync_folder(folder: Path) -> None:

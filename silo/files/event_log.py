@@ -14,6 +14,7 @@ from pathlib import Path
 
 import msgspec
 
+from silo.files.atomic import lock
 from silo.model import DAMAGED, LoggedEvent
 from silo.recording import Recording, with_events
 from silo.runtime import open_own
@@ -74,7 +75,7 @@ def _locked(path: Path) -> Iterator[int]:
     while True:
         descriptor = open_own(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            lock(descriptor)
             if _is_still(path, descriptor):
                 yield descriptor
                 return

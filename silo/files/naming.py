@@ -4,7 +4,6 @@
 folder of the logs, under a lock, so that several processes may save at once.
 """
 
-import fcntl
 import glob
 import os
 import re
@@ -13,7 +12,7 @@ from datetime import datetime
 from pathlib import Path
 
 from silo.errors import LogNotFoundError, SaveError
-from silo.files.atomic import reason
+from silo.files.atomic import lock, reason
 from silo.files.formats import LOG_ENDINGS, is_bag_folder
 from silo.runtime import open_own
 
@@ -31,7 +30,7 @@ def next_run_number(folder: str | os.PathLike[str], logger: str) -> int:
         descriptor = open_own(counter, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             # released by close, also when the process dies
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            lock(descriptor)
             text = os.read(descriptor, 64).strip()
             last = int(text) if re.fullmatch(rb"\d{1,18}", text) else _newest_run(Path(folder), logger)
             number = b"%d\n" % (last + 1)
@@ -100,7 +99,7 @@ def find_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str]
             return path
     found = _meant(which, place)
     if found:
-        return max(found, key=_age_and_preference)
+        return _by_age(found)[-1]
     if str(which).isdecimal():
         return _by_run(int(str(which)), place)
     raise LogNotFoundError(f"no log '{which}' in '{place.resolve()}'{_what_is_there(place)}")
@@ -117,7 +116,7 @@ def find_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".
     if not found:
         raise LogNotFoundError(f"no log '{which}' in '{place.resolve()}'{_what_is_there(place)}")
     best: dict[Path, Path] = {}
-    for path in sorted(found, key=_age_and_preference):
+    for path in _by_age(found):
         best[path.with_suffix("")] = path
     return list(best.values())
 
@@ -164,6 +163,23 @@ def _run_of(path: Path) -> int:
     return int(match["run"]) if match else 0
 
 
+def _by_age(paths: Iterable[Path]) -> list[Path]:
+    """The oldest first. Of one logger's logs in a folder the run number decides: local time goes back once a year.
+
+    Captures, which come within a run, stand by their date.
+    """
+    keys = {path: _age_and_preference(path) for path in paths}
+    newest: dict[tuple[Path, str], float] = {}
+    made: dict[Path, float] = {}
+    for path in sorted(keys, key=lambda path: (_run_of(path), keys[path])):
+        age, match = keys[path][0], _STEM.fullmatch(path.stem)
+        if match:
+            of = (path.parent, match["logger"])
+            age = newest[of] = max(newest.get(of, age), age)
+        made[path] = age
+    return sorted(keys, key=lambda path: (made[path], *keys[path][1:]))
+
+
 def _age_and_preference(path: Path) -> tuple[float, int, int]:
     # by the date in the name, which survives copying; by the file's own where the name has none
     match = _STEM.match(path.stem)
@@ -183,7 +199,7 @@ def _newest_run(folder: Path, logger: str) -> int:
 
 
 def _what_is_there(folder: Path) -> str:
-    newest = sorted(_logs(folder), key=_age_and_preference, reverse=True)
+    newest = _by_age(_logs(folder))[::-1]
     if not newest:
         return " (the folder holds no log)"
     more = f" and {len(newest) - 3} more" if len(newest) > 3 else ""

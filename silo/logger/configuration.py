@@ -217,6 +217,11 @@ class Configuration(metaclass=HidesOtherNames):
             extras = self._extras if limits is None else self._limited(info, limits)
             self._table.add(Element(info, tuple(parts)))
             self._extras = extras
+        if any(letter.isspace() for letter in full):
+            log.warning(
+                "element '%s': its name holds a blank: silo reads its files, the readers of signal_logger read none "
+                "that has it; write '%s'", full, "_".join(full.split()),
+            )  # fmt: skip
             if self._running and not self._said_late:
                 self._said_late = True
                 log.warning(

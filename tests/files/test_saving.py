@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 
 from silo.errors import LogNotFoundError, SaveError
-from silo.files import PartlySavedError, silo_writer, write
+from silo.files import PartlySavedError, atomic, silo_writer, write
 from silo.files.atomic import atomic_file, atomic_folder
+from silo.files.event_log import append_events
 from silo.files.naming import check_name, find_log, find_logs, log_path, next_run_number
 from silo.files.silo_reader import read_silo
-from silo.model import FileType
+from silo.model import FileType, LoggedEvent
 from tests.waiting import DEADLINE_S
 
 
@@ -278,3 +279,42 @@ def test_what_is_there_is_told_when_nothing_is_found(folder, tmp_path):
 def test_what_was_written_is_found_and_read(recording, tmp_path):
     write(recording, tmp_path, "robot", ["silo"])
     assert read_silo(find_log(1, tmp_path)).elements[0].name == "/log/a"
+
+
+def test_of_one_logger_the_run_number_says_which_is_the_newest(tmp_path):
+    # local time went back from 03:00 to 02:00 between the two
+    for name in ("robot_20261025_02-50-00_00007.silo", "robot_20261025_02-10-00_00008.silo"):
+        (tmp_path / name).touch()
+    assert find_log("robot", tmp_path).name.endswith("_00008.silo")
+    assert find_log(tmp_path).name.endswith("_00008.silo")
+    assert [path.stem[-1] for path in find_logs("robot", tmp_path)] == ["7", "8"]
+    (tmp_path / "other_20261025_02-30-00_00001.silo").touch()
+    (tmp_path / "late_20261026_02-30-00_00001.silo").touch()
+    assert [path.stem.partition("_")[0] for path in find_logs("*.silo", tmp_path)] == [
+        "other",
+        "robot",
+        "robot",
+        "late",
+    ]
+
+
+def test_where_locks_are_not_known_runs_are_counted_and_events_written(tmp_path, monkeypatch):
+    def refused(descriptor, how):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(atomic.fcntl, "flock", refused)
+    assert [next_run_number(tmp_path, "robot"), next_run_number(tmp_path, "robot")] == [1, 2]
+    append_events(tmp_path, "robot", [LoggedEvent("marker", "here", 10**18)])
+    assert (tmp_path / ".robot.events.jsonl").read_text().count("here") == 1
+
+
+def test_a_name_that_may_not_outlast_a_power_cut_is_said_to_stand_there(tmp_path, monkeypatch):
+    def broken(path):
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(atomic, "_sync_folder", broken)
+    for kind in (atomic.atomic_file, atomic.atomic_folder):
+        path = tmp_path / kind.__name__
+        with pytest.raises(SaveError, match="the new one stands under that name, but may be gone"), kind(path):
+            pass
+        assert path.exists()

@@ -250,3 +250,12 @@ def test_a_plot_is_drawn_on_given_axes(log):
 def test_notebooks_see_the_first_samples(log):
     assert "<th>x</th><th>y</th><th>z</th>" in log["q"]._repr_html_()
     assert "and 12 more samples" in log["q"]._repr_html_()
+
+
+def test_the_type_that_is_asked_for_is_given_or_refused():
+    one = silo.Signal("s", np.arange(4.0), np.arange(4), unit="m")
+    assert np.add(one, 1, dtype=np.float32).dtype == np.float32
+    assert np.add(one, 1, dtype=np.float32).values.tolist() == [1, 2, 3, 4]
+    assert np.sqrt(one, dtype=np.float32).dtype == np.float32
+    with pytest.raises(silo.ElementError, match=r"np.add can't give int32: the result is float64"):
+        np.add(one, 1, dtype=np.int32)

@@ -265,3 +265,12 @@ def test_what_a_rate_became_is_told_where_no_divider_gives_it(new_logger, caplog
         "element '/log/b': divider=80Hz became 1: 100 Hz of 100 Hz",
         f"{script}:2: element '/log/d': divider=45Hz became 2: 50 Hz of 100 Hz",
     ]
+
+
+def test_a_name_with_a_blank_is_told_of_as_other_readers_read_no_file_that_has_it(new_logger, caplog):
+    logger = new_logger()
+    logger.array("my signal")
+    logger.array("mine")
+    (told,) = [record.getMessage() for record in caplog.records if "blank" in record.getMessage()]
+    assert "'/log/my signal'" in told
+    assert "write '/log/my_signal'" in told
