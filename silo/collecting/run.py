@@ -78,8 +78,23 @@ class Run:
         )
         if self._announced:
             announce_segment(self.segment.path)
+        try:
+            self._begin(clock, options, on_stop, after_end)
+        except BaseException:  # Ctrl-C as well: nobody else knows of the segment yet
+            self.segment.unlink()
+            if self._announced:
+                withdraw_segment(self.segment.path)
+            raise
+
+    def _begin(
+        self,
+        clock: Callable[[], int],
+        options: LoggerOptions,
+        on_stop: Callable[[StopReason], None],
+        after_end: Collect,
+    ) -> None:
         generated = generate(
-            plan,
+            self.plan,
             self.segment,
             looked_at(clock, options.name, options.frequency_hz),
             on_stop,

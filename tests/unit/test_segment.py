@@ -1,5 +1,6 @@
 """The segment: its file, its room, its memory limit, what it counts, and what it tells a reader."""
 
+import gc
 import os
 import resource
 import signal
@@ -454,3 +455,27 @@ def test_the_control_words_of_a_ring_fit_its_line():
     assert max(RingControl) < 8
     assert TIME_RING == 0
     assert set(StopReason) == {0, 1, 2, 3, 4}
+
+
+@pytest.mark.parametrize("storage", ["memory", "file"])
+@pytest.mark.parametrize("failing", ["generate", "looked_at"])
+def test_a_start_that_is_interrupted_leaves_no_segment_and_no_open_file(new_logger, monkeypatch, storage, failing):
+    logger = new_logger(storage=storage)
+    kept = logger.array("x", buffer_type="growing")
+    logger.start()
+    logger.stop()
+    gc.collect()
+    before = len(list(Path("/proc/self/fd").iterdir())), logger.segment_path
+    with monkeypatch.context() as patch:
+        patch.setattr(f"silo.collecting.run.{failing}", interrupted)
+        for _ in range(3):
+            with pytest.raises(KeyboardInterrupt):
+                logger.start()
+    gc.collect()  # the frames of the last one hold its memory
+    assert (len(list(Path("/proc/self/fd").iterdir())), logger.segment_path) == before
+    assert [str(path) for path in Path(logger.segment_path).parent.glob("*.segment")] in ([logger.segment_path], [])
+    assert kept.shape == ()
+
+
+def interrupted(*_, **__):
+    raise KeyboardInterrupt
