@@ -65,7 +65,8 @@ def recover(
         shown = _show_set_aside(paths or [look_in, *_known_folders()], as_json)
         _show(stale, as_json, quiet=shown)
     else:
-        completed = _complete(left, as_json)
+        judged = not paths and _judge_left(as_json)
+        completed = _complete(left, as_json) or judged
         closed = _close_parts(folders, as_json) or completed
         if not paths:
             closed |= _sweep([look_in, *_known_folders(), *(Path(one.schema.folder) for one in stale if one.schema)])
@@ -104,6 +105,20 @@ def _complete(left: "list[Kept]", as_json: bool) -> bool:
         for problem in complete_recordings(lambda text: click.echo(text, err=as_json), lambda one: one in left):
             click.echo(problem, err=True)
     return bool(left)
+
+
+def _judge_left(as_json: bool) -> bool:
+    """Judge what programs that died held for that; returns whether there was anything to tell."""
+    from silo.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
+
+    told: list[str] = []
+    if any(path.suffix in (HELD_SUFFIX, JUDGE_SUFFIX) for path in runtime_dir().iterdir()):
+        from silo.helper.capture_recovery import recover_left
+
+        recover_left(told.append)
+    for text in told:
+        click.echo(text, err=as_json)
+    return bool(told)
 
 
 def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[StaleSegment]]":

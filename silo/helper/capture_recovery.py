@@ -11,15 +11,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from silo.collecting.held import held_runs
+from silo.collecting.held import held_runs, is_live, program_of
 from silo.collecting.left_behind import claimed
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import append_events, newest_number, read_events
 from silo.helper.capture_files import write_capture
 from silo.helper.capture_list import CaptureList
-from silo.helper.judge_memory import lost_text, untold
-from silo.helper.judge_state import JudgeState, Untold, begun_state, left_states, read_state, state_path
+from silo.helper.judge_memory import lost_news, untold
+from silo.helper.judge_state import JudgeState, Untold, all_states, begun_state, left_states, read_state, state_path
 from silo.helper.segment_judge import SegmentJudge
 from silo.ipc.published import EventKind
 from silo.model import Extras, LoggedEvent, SavedFile
@@ -130,9 +130,8 @@ def recover_all_captures(logger: str, folder: str, tell: Callable[[EventKind, st
     for path, state in _orphans(logger):
         reader = _segment_of(state.run, folder)
         if reader is None:
-            for kept in state.captures:
-                if not _is_written(CaptureList(folder, logger), state.run, kept.options.name, kept.capture.number):
-                    tell(EventKind.BLIND, lost_text(kept, GONE), [])
+            for one in lost_news(state, folder, logger, GONE):
+                tell(EventKind(one.kind), one.text, [])
             _log(folder, logger, state.run, state.untold)
             path.unlink(missing_ok=True)
             continue
@@ -140,6 +139,40 @@ def recover_all_captures(logger: str, folder: str, tell: Callable[[EventKind, st
             found = recover_captures(reader, folder)
             if found.texts:
                 tell(EventKind.RECOVERED, f"{WHY}; {'; '.join(found.texts)}", found.files)
+
+
+def recover_left(tell: Callable[[str], object]) -> None:
+    """Judge the runs that programs held before they died, of all loggers; told is what became of them.
+
+    Of runs whose memory is gone the event log is told since when nobody looked.
+    """
+    for reader in held_runs():
+        with contextlib.closing(reader), contextlib.suppress(StateError):
+            if not is_live(program_of(reader.schema)):
+                with claimed(reader):
+                    for text in recover_captures(reader, reader.schema.folder).texts:
+                        tell(f"{reader.path}: {text}")
+    with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
+        for path in all_states():
+            with contextlib.suppress(SegmentError, OSError):  # a damaged one is the judge's
+                _let_go(path, read_state(path), tell)
+
+
+def _let_go(path: Path, state: JudgeState, tell: Callable[[str], object]) -> None:
+    """Forget what is known of a run whose program and memory are gone."""
+    if not state.is_orphan or not state.program.logger:
+        return
+    reader = _segment_of(state.run, state.folder)
+    if reader is not None:
+        reader.close()
+        return
+    logger = state.program.logger
+    news = [*state.untold, *lost_news(state, state.folder, logger, GONE)]
+    if Path(state.folder).is_dir():
+        _log(state.folder, logger, state.run, news)
+    path.unlink(missing_ok=True)
+    for one in news:
+        tell(f"logger '{logger}': {one.text}")
 
 
 def _orphans(logger: str) -> Iterator[tuple[Path, JudgeState]]:

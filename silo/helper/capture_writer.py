@@ -6,7 +6,7 @@ import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from silo.errors import SiloError
+from silo.errors import SaveError, SiloError
 from silo.helper.capture_list import CaptureList
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
@@ -79,11 +79,16 @@ class CaptureWriter:
 
     def _guarded(self, spool: "Spool") -> None:
         try:
-            self._write(spool)
+            try:
+                self._write(spool)
+            except SaveError as error:  # its writing process was killed, perhaps
+                log.info("capture %d of '%s' is tried again: %s", spool.capture.number, spool.trigger, error)
+                self._write(spool)
         except Exception as error:
             # whatever a writer does, the next capture gets its chance, and clients hear of this one
-            log.exception("a capture was not saved")
-            why = str(error) if isinstance(error, SiloError | OSError) else repr(error)
+            is_ours = isinstance(error, SiloError | OSError)
+            log.log(logging.WARNING if is_ours else logging.ERROR, "a capture was not saved", exc_info=not is_ours)
+            why = str(error) if is_ours else repr(error)
             text = f"capture {spool.capture.number} of '{spool.trigger}' was not saved: {why}"
             self._tell(spool, EventKind.SAVE_FAILED, text)
 

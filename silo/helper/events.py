@@ -98,6 +98,11 @@ class Events:
             self._publisher.put(_encoder.encode(told))
         return event
 
+    def is_started(self) -> bool:
+        """Whether it is told that the present run was started."""
+        run = self._mirror.run
+        return bool(run) and any(event.kind == EventKind.STARTED.value for event in self.log.of_run(run))
+
     def publish_mark(self, mark: LoggedEvent) -> None:
         """Log and publish a mark of the program; without a status, for there may be many at once."""
         logged = self.log.add(mark)

@@ -31,6 +31,7 @@ class HeldRuns:
         self._extras: dict[str, Extras] = {}  # derived signals, limits and triggers that each had last
         self._known: set[str] = set()  # all that there ever were
         self._looked: set[Path] = set()
+        self._told: set[str] = set()  # of which is known that they began
         self._needs: list[Callable[[str], bool]] = []
 
     def add(self, needs: Callable[[str], bool]) -> None:
@@ -72,6 +73,16 @@ class HeldRuns:
                     found.append(reader)
             return found
         return []
+
+    def tell_starts(self, events: Events) -> None:
+        """Tell of runs that began and were followed by another one before their program could say so."""
+        for run in [run for run in self.ids() if run != self._mirror.run and run not in self._told]:
+            self._told.add(run)
+            with contextlib.suppress(SegmentError):
+                reader = self.open(run)
+                if reader is not None:
+                    with contextlib.closing(reader):
+                        tell_start(reader, events)
 
     def _add(self, reader: SegmentReader) -> None:
         self._known.add(reader.schema.run)
@@ -139,14 +150,22 @@ class HeldRuns:
 
 def tell_left(reader: SegmentReader, events: Events) -> None:
     """Tell what nobody told of a run that began, or ended too, while there was no helper process."""
+    tell_start(reader, events)
     run = reader.schema.run
-    known = {event.kind for event in events.log.of_run(run)}
-    if EventKind.STARTED.value not in known:
-        begun_ns = reader.schema.started_ns
-        events.publish(EventKind.STARTED, "started", tick=0, stamp_ns=reader.stamp_of(0), run=run, time_ns=begun_ns)
-    if EventKind.STOPPED.value not in known and not reader.running:
+    if not reader.running and not _is_told(EventKind.STOPPED, run, events):
         text = reader.stop_reason or "stopped"
         events.publish(EventKind.STOPPED, text, tick=reader.ticks - 1, stamp_ns=reader.last_time_ns, run=run)
+
+
+def tell_start(reader: SegmentReader, events: Events) -> None:
+    """Tell that a run was started, if nobody did."""
+    run, begun_ns = reader.schema.run, reader.schema.started_ns
+    if not _is_told(EventKind.STARTED, run, events):
+        events.publish(EventKind.STARTED, "started", tick=0, stamp_ns=reader.stamp_of(0), run=run, time_ns=begun_ns)
+
+
+def _is_told(kind: EventKind, run: str, events: Events) -> bool:
+    return any(event.kind == kind.value for event in events.log.of_run(run))
 
 
 def _held(reader: SegmentReader) -> Path:

@@ -173,7 +173,7 @@ class Helper:
         journaling = Journaling(mirror, events)
         judge = self._judge = Judge(mirror, events)
         recording = self._recording = Recording(mirror, events, held)
-        self._begin_with(held, events, judge, recording)
+        self._begin_with(held, mirror, events, judge, recording)
         people = self._people(path, mirror, events)
         answers = Answers(mirror, events, publisher, saver, self._robot, judge, recording, people[1])
         control = Control(session, self._root, answers, *people, publisher.name_client, self._denials)
@@ -196,6 +196,7 @@ class Helper:
             at_end.callback(self._robot.lost)
             at_end.callback(token.undeclare)
             ended = self._follow_robot(mirror, events, saver, path)
+            self._look_at_held(events)  # the program may have gone on while this process started
             if ended is _Ended.DIED:
                 _tell_death(path, publisher)
             marks.stop()  # recordings have them, too
@@ -279,6 +280,7 @@ class Helper:
         """Let go of runs that nobody needs any more, and take in those that came by no message."""
         if self._held is not None:
             self._take_left(self._held.find(), events)
+            self._held.tell_starts(events)
             self._held.release()
 
     def _take_left(self, left: list[SegmentReader], events: Events) -> None:
@@ -292,16 +294,24 @@ class Helper:
             if self._recording is not None:
                 self._recording.follow_present()
 
-    def _begin_with(self, held: HeldRuns, events: Events, judge: Judge, recording: Recording) -> None:
-        """Take in what went on while there was no helper process: runs that are over, and the present one."""
+    def _begin_with(self, held: HeldRuns, mirror: Mirror, events: Events, judge: Judge, recording: Recording) -> None:
+        """Take in what went on while there was no helper process: runs that are over, and the present one.
+
+        Runs that are over may have come by the link, too: their program went on while this process started.
+        """
         held.add(recording.needs)
         held.add(judge.needs)
-        self._take_left(held.find(), events)
-        judge.take_run()  # also should the run be over before the judge looks
-        with contextlib.suppress(SegmentError):
-            reader = held.open(held.ids()[-1]) if held.ids() else None
-            if reader is not None:
+        held.find()
+        for run in held.ids():
+            with contextlib.suppress(SegmentError):
+                reader = held.open(run)
+                if reader is None:
+                    continue
                 with contextlib.closing(reader):
+                    if run != mirror.run:
+                        self._take_left([reader], events)
+                        continue
+                    judge.take_run()  # also should the run be over before the judge looks
                     tell_left(reader, events)
 
     def _poke(self) -> None:
@@ -439,7 +449,8 @@ def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -
     by = now.robot.by
     stopped = now.robot.state is State.STOPPED
     if now.robot.segment != before.robot.segment and not (stopped and before.robot.state is State.STOPPED):
-        events.publish(EventKind.STARTED, "started", by=by, tick=0)
+        if not events.is_started():  # a state may come behind the run that follows the one that it tells of
+            events.publish(EventKind.STARTED, "started", by=by, tick=0)
         if now.robot.saved:
             events.publish(EventKind.SAVED, now.robot.saved, by=by, tick=0)
         if stopped:

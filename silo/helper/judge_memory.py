@@ -86,17 +86,7 @@ class JudgeMemory:
                 self._told.setdefault(run, []).append((self._publish(at, run), one))
 
     def _tell_lost(self, state: JudgeState, why: str) -> None:
-        listed = CaptureList(self._writer.folder, self._logger)
-        news = []
-        for kept in state.captures:
-            entry = None
-            with contextlib.suppress(OSError):
-                entry = listed.find(state.run, kept.options.name, kept.capture.number)
-            if entry is None or not entry.files:
-                news.append(Untold(EventKind.BLIND.value, lost_text(kept, why)))
-        if not state.closed:
-            text = f"triggers and limits are blind for run {state.run} from tick {state.until} on: {why}"
-            news.append(Untold(EventKind.BLIND.value, text))
+        news = lost_news(state, self._writer.folder, self._logger, why)
         self._tell_new(news, state.run, state.until - 1)
 
     def was_damaged(self, run: str) -> bool:
@@ -199,6 +189,22 @@ def _runs_there(logger: str) -> set[str]:
                 with contextlib.suppress(SegmentError), contextlib.closing(SegmentReader(path)) as reader:
                     found.add(reader.schema.run)
     return found
+
+
+def lost_news(state: JudgeState, folder: str, logger: str, why: str) -> list[Untold]:
+    """What is to be told of a run that nobody can judge any more: lost captures, and from when on it is blind."""
+    listed = CaptureList(folder, logger)
+    news = []
+    for kept in state.captures:
+        entry = None
+        with contextlib.suppress(OSError):
+            entry = listed.find(state.run, kept.options.name, kept.capture.number)
+        if entry is None or not entry.files:
+            news.append(Untold(EventKind.BLIND.value, lost_text(kept, why)))
+    if not state.closed:
+        text = f"triggers and limits are blind for run {state.run} from tick {state.until} on: {why}"
+        news.append(Untold(EventKind.BLIND.value, text))
+    return news
 
 
 def lost_text(kept: KeptCapture, why: str) -> str:

@@ -74,6 +74,7 @@ class JudgeState(msgspec.Struct, frozen=True):
     failed: str = ""
     off: list[ElementInfo] = []  # elements in conditions that are not logged
     program: Program = Program()  # whose run it is; of nobody in the files of an older silo
+    folder: str = ""  # of its event log
 
     @property
     def is_begun_only(self) -> bool:
@@ -124,8 +125,9 @@ def store_state(path: Path, state: JudgeState) -> None:
 def begun_state(schema: SegmentSchema) -> JudgeState:
     """Return what is known of a run of which nothing is judged."""
     return JudgeState(
-        schema.run, schema.pid, schema.pid_start, 0, schema.extras, {}, [], [], {}, program=program_of(schema)
-    )
+        schema.run, schema.pid, schema.pid_start, 0, schema.extras, {}, [], [], {}, program=program_of(schema),
+        folder=schema.folder,
+    )  # fmt: skip
 
 
 def note_begun(schema: SegmentSchema) -> None:
@@ -152,6 +154,11 @@ def read_state(path: Path) -> JudgeState:
         return _decoder.decode(body)
     except (msgspec.MsgspecError, ValueError, TypeError) as error:
         raise SegmentError(f"{path}: the state of the triggers is damaged ({error})") from error
+
+
+def all_states() -> list[Path]:
+    """Return the files that judges of all loggers left. Raises SegmentError without a runtime folder."""
+    return sorted(path for path in runtime_dir().iterdir() if path.suffix == SUFFIX and not path.name.startswith("."))
 
 
 def left_states(logger: str) -> Iterator[Path]:

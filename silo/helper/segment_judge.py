@@ -388,7 +388,7 @@ class SegmentJudge:
         return JudgeState(
             schema.run, schema.pid, schema.pid_start, self._until, self.extras, self._rows.cursors, triggers,
             self._limits.memory(), self._numbers, [*under_way, *waiting], list(untold), closed,
-            off=self._rows.infos_of(self._off), program=program_of(schema),
+            off=self._rows.infos_of(self._off), program=program_of(schema), folder=schema.folder,
         )  # fmt: skip
 
     def count_from(self, numbers: Mapping[str, int]) -> None:

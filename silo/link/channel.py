@@ -40,6 +40,8 @@ class LinkChannel:
             self._socket.sendall(data)
             return
         while data:
+            if self._socket.fileno() < 0:
+                raise BrokenPipeError("this end of the link is closed")  # select tells it by a ValueError
             if select.select([], [self._socket], [], ASKED_EVERY_S)[1]:
                 with contextlib.suppress(BlockingIOError):
                     data = data[self._socket.send(data, socket.MSG_DONTWAIT) :]

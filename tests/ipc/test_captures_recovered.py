@@ -2,8 +2,10 @@
 
 import os
 import re
+import signal
 from pathlib import Path
 
+import psutil
 import pytest
 
 import silo
@@ -95,3 +97,37 @@ def test_the_next_start_writes_the_capture_and_no_second_one(robots, tmp_path, c
     assert run(["recover", str(folder)]) == 0
     assert len(captures(folder)) == 1
     capsys.readouterr()
+
+
+def test_a_run_that_was_held_is_judged_by_recover_when_program_and_helper_are_gone(robots, tmp_path, runtime) -> None:
+    robot = robots("bot")
+    with Client.connect("bot") as client:
+        client.set_trigger(TriggerOptions("fall", "x % 100 == 50", pre_s=0.05, post_s=0.05))
+        wait_until(lambda: client.triggers().triggers and client.triggers().triggers[0].fires)
+        first = client.triggers().run
+        os.kill(robot.helper_pid, signal.SIGSTOP)  # frozen: it judges no more
+        wait_until(lambda: len(list_segments()) == 1)
+    held = runtime / list_segments()[0].with_suffix(".held").name
+    for pid in (robot.pid, robot.helper_pid):
+        os.kill(pid, 9)
+    robot.kill()
+    list_segments()[0].rename(held)  # as the next start of the program would have
+    assert run(["recover"]) == 0
+    events = read_events(tmp_path / "logs", "bot", first)
+    fires = [event.tick for event in events if event.kind == EventKind.TRIGGERED.value]
+    assert fires == sorted(set(fires))
+    assert fires
+    assert len(fires) == len(list((tmp_path / "logs").glob("bot_*_fall_*.silo")))
+    assert [path for path in runtime.iterdir() if path.suffix in (".judge", ".held", ".segment")] == []
+
+
+def test_a_state_whose_program_and_memory_are_gone_is_told_and_forgotten_by_recover(robots, tmp_path, runtime) -> None:
+    robot = fallen(robots, FALL)
+    for path in list_segments(tmp_path / "logs"):
+        path.unlink()
+    wait_until(lambda: not psutil.pid_exists(robot.helper_pid))
+    assert run(["recover"]) == 0
+    texts = [event.text for event in read_events(tmp_path / "logs", "bot") if event.kind == EventKind.BLIND.value]
+    assert any("capture 1 of 'fall'" in text and "is lost" in text for text in texts)
+    assert any(text.startswith("triggers and limits are blind for run") for text in texts)
+    assert not list(runtime.glob("*.judge"))
