@@ -234,6 +234,7 @@ def make_stub(path: Path) -> None:
     new = path.with_name(f".{path.name}.new")
     try:
         with contextlib.closing(SegmentReader(path)) as reader, open(new, "wb", opener=_private) as file:
+            # zeros too: who looks at a page that isn't there takes one, and ends by SIGBUS where there is none
             file.write(os.pread(reader.fileno(), reader.rows_offset, 0))
             file.truncate(reader.size_bytes)
             os.pwrite(file.fileno(), (1).to_bytes(8, "little"), reader.control_offset(Control.DROPPED))

@@ -17,7 +17,7 @@ from silo.helper.events import Events
 from silo.helper.mirror import HeldNow, Mirror
 from silo.ipc.published import EventKind
 from silo.model import Extras
-from silo.runtime import HELD_SUFFIX, list_held, runtime_dir
+from silo.runtime import HELD_SUFFIX, is_at, list_held, runtime_dir
 
 
 class HeldRuns:
@@ -93,11 +93,25 @@ class HeldRuns:
     def release(self, *, at_end: bool = False) -> None:
         """Let go of the runs that nobody needs: their memory is free with that. `at_end`: of the present one, too."""
         for run, reader in list(self._runs.items()):
-            if (at_end or run != self._mirror.run) and not any(needs(run) for needs in self._needs):
+            if run == self._mirror.run and not at_end:
+                continue
+            if any(needs(run) for needs in self._needs):
+                self._follow_name(run, reader)
+            else:
                 self._forget(run)
                 self._looked.discard(_held(reader))
                 remove(_held(reader))
         self._count()
+
+    def _follow_name(self, run: str, reader: SegmentReader) -> None:
+        """Let go of rows that had to make room: the file of that name is another one now, and has none."""
+        held = _held(reader)
+        with contextlib.suppress(SegmentError, OSError):
+            if held.exists() and not is_at(reader.fileno(), held):
+                stub = SegmentReader(held)
+                with self._lock:
+                    self._runs[run] = stub
+                reader.close()
 
     def let_go(self, *, held_alone: bool) -> None:
         """Free the memory of all, as far as it depends on this process: the robot program needs it for the next run."""

@@ -31,6 +31,8 @@ from silo.recorder.written import Sums, read_written
 # glibc answers each large block that is freed by keeping larger ones: within 3 minutes 54 MB became 68
 HEAP = {"MALLOC_ARENA_MAX": "2", "MALLOC_MMAP_THRESHOLD_": str(2**20), "MALLOC_TRIM_THRESHOLD_": str(2**20)}
 
+MOST_IN_HAND = 2  # the run that a recorder reads, and the one by which it knows that this one is over
+
 log = logging.getLogger("silo.helper")
 
 
@@ -117,7 +119,8 @@ class RecorderProcess:
         self.again_s = 0.0
         self.started_s = time.monotonic()
         self._handed = set()
-        self.has_recorded = False  # in this life
+        self._is_told = False  # in this life that it is to end
+        self.has_recorded = False  # likewise
         self._send(encode(msgspec.structs.replace(order, runs=tuple(self.runs))))
 
     @property
@@ -131,8 +134,9 @@ class RecorderProcess:
         return not self.ended.is_set() and not self.again_s
 
     def lacks(self, run: str) -> bool:
-        """Whether a run is to be handed over to the process that lives."""
-        return run in self.runs and run not in self._handed and not self.again_s
+        """Whether a run is to be handed over to the process that lives: with each it has that run's memory in hand."""
+        in_hand = sum(one in self._handed for one in self.runs)
+        return run not in self._handed and in_hand < MOST_IN_HAND and not self.again_s
 
     def follow(self, reader: SegmentReader, extras: Extras | None) -> None:
         """Hand a run over, with the limits and triggers that it has now, None: those that it had last."""
@@ -172,8 +176,10 @@ class RecorderProcess:
         self.finish_again()
 
     def finish_again(self) -> None:
-        """Tell a process that took the place of one that was to end."""
-        if self._ending is not None and not self.again_s:
+        """Tell the process that lives, once it has all runs in hand that it is to record."""
+        all_there = all(run in self._handed for run in self.runs)
+        if self._ending is not None and all_there and not self.again_s and not self._is_told:
+            self._is_told = True
             self._send(encode(self._ending))
 
     def _send(self, packet: bytes) -> None:

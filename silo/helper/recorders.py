@@ -232,20 +232,23 @@ class Recording:
     def _follow(self, recorder: RecorderProcess) -> None:
         self._assign(recorder)
         for run in recorder.runs:
-            if recorder.lacks(run):
-                self._hand_over(recorder, run)
+            if recorder.lacks(run) and not self._hand_over(recorder, run):
+                break  # it comes again, and they go over in their order
         if self._mirror.run in recorder.runs and self._mirror.now.robot.segment == self._mirror.segment:
             recorder.change(self._mirror.now.robot.extras)
 
-    def _hand_over(self, recorder: RecorderProcess, run: str) -> None:
+    def _hand_over(self, recorder: RecorderProcess, run: str) -> bool:
         try:
             reader = self._held.open(run)
         except SegmentError as error:
             log.warning("a run can't be recorded: %s", error)
-            return
-        if reader is not None:
-            with contextlib.closing(reader):
-                recorder.follow(reader, self._held.extras(run))
+            recorder.done(run)
+            return False
+        if reader is None:
+            return False
+        with contextlib.closing(reader):
+            recorder.follow(reader, self._held.extras(run))
+        return True
 
     def stop(self, *, forget: bool, died: bool = False) -> None:
         """Have all of them finish; returns at once. `forget`: no helper process after this one goes on with them.
@@ -307,6 +310,8 @@ class Recording:
         if report.done:
             with self._lock:
                 recorder.done(report.done)
+                self._follow(recorder)
+                recorder.finish_again()
             self._held.changed()
         self._keep_spare(recorder)
         if report.finished:

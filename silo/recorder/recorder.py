@@ -42,6 +42,7 @@ from silo.recorder.orders import (
 )
 from silo.recorder.resuming import Closing, fewer_rows, left_rows
 from silo.recorder.writing import Disk, ExtrasChange, Look, RunBegins, RunEnds, Settle, Writing
+from silo.recorder.written import RunEntry
 
 FLUSH_S = 0.5  # a chunk at least as often: what a kill can take
 FLUSH_BYTES = 4 << 20
@@ -49,6 +50,7 @@ CATCH_UP_S = 60.0  # until then what a predecessor left stays open, as to close 
 REPORT_S = 1.0
 RELEASE_S = 5.0  # how often memory pages of the rings are let go of, which would count as the recorder's own
 PREDECESSOR_S = 60.0  # how long one that ends may take to finish its part
+MOST_MISSED = 100  # runs that are missing, counted one by one
 OLD_RUN_S = 5.0  # a run that doesn't end although the next one began
 
 log = logging.getLogger("silo.recorder")
@@ -76,6 +78,8 @@ class Recorder:
         self._until = 0  # the event that the log is to have at the end
         self._died = False  # the program, without a word
         self._gone = ""  # what is to stand in the next part of runs that are not whole
+        self._missed: list[RunEntry] = []  # and in the ledger
+        self._last_number = 0  # of the newest run that was begun with
         self._first = True
         self._closing: Closing | None = None
         self._settled = False
@@ -104,6 +108,7 @@ class Recorder:
             ledger.begin_order(self._order.order)
         self._left = ledger.written.run, ledger.written.next_rows
         self._look_for_gone()
+        self._last_number = max((entry.number for entry in ledger.written.runs), default=0)
         self._writing = Writing(self._order, ledger, self._disk)
         self._writing.start()
         problem = ""
@@ -309,6 +314,7 @@ class Recorder:
                 reader.close()
                 continue
             begin = self._begin_of(reader)
+            self._last_number = max(self._last_number, schema.number)
             self._first = False
             self._drain = drain = Drain(reader, layout_of(schema, self._order.patterns), begin)
             since = begin.get(EVENTS_RING, 0) if begin is not None else newest_number(schema.folder, schema.logger) + 1
@@ -331,9 +337,11 @@ class Recorder:
 
     def _look_for_missed(self, number: int) -> None:
         """Write down which runs before this one nobody handed over: their numbers tell that there were some."""
-        last = max((entry.number for entry in self._ledger.written.runs), default=0)
+        last = self._last_number
         missed = number - last - 1 if last and number else 0
         if missed > 0:
+            first = max(last, number - 1 - MOST_MISSED) + 1
+            self._missed += [RunEntry("", one, done=True, gone=DROPPED) for one in range(first, number)]
             runs = f"runs {last + 1} to {number - 1}" if missed > 1 else f"run {last + 1}"
             self._tell_gone(f"{runs} of the logger {'are' if missed > 1 else 'is'} not recorded: {DROPPED}")
 
@@ -349,8 +357,9 @@ class Recorder:
                 "buffer_type=looping to record them without end"
             )
         self._happening = Happening(drain.reader, since)
-        gone, self._gone = self._gone, ""
-        self._writing.put(RunBegins(layout, {**drain.begun_with, EVENTS_RING: since}, self._happening, gone))
+        begin = {**drain.begun_with, EVENTS_RING: since}
+        self._writing.put(RunBegins(layout, begin, self._happening, self._gone, tuple(self._missed)))
+        self._gone, self._missed = "", []
 
     def _drain_last(self) -> None:
         """Take what is in the rings now, however long the disk takes."""

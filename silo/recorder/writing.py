@@ -48,13 +48,14 @@ log = logging.getLogger("silo.recorder")
 class RunBegins:
     """What follows is of another run: its layout, the rows with which its rings begin, and what happens in it.
 
-    `gone` tells of the runs before it that are not whole.
+    `gone` tells of the runs before it that are not whole, `missed` are those of them that nobody handed over.
     """
 
     layout: Layout
     begin: Mapping[int, int]
     happening: Happening
     gone: str = ""
+    missed: tuple[RunEntry, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -199,6 +200,7 @@ class Writing:
             self._end_run(RunEnds())
             self._layout, self._next, self._happening = item.layout, dict(item.begin), item.happening
             self._gone = "; ".join(filter(None, [self._gone, item.gone]))
+            self._ledger.written.runs += item.missed
             self._ledger.begin_run(_entry(item.layout, item.begin))
             self.totals.state = RecorderState.RECORDING
         elif isinstance(item, RunEnds):

@@ -1,5 +1,6 @@
 """No run gets lost: known before its first tick, kept when the next can't begin, saved when its files are deleted."""
 
+import contextlib
 import gc
 import os
 import resource
@@ -15,10 +16,12 @@ import numpy as np
 import pytest
 
 import silo
+from silo.collecting.held import bytes_of
 from silo.errors import SegmentError, StateError
 from silo.ipc.client import Client
 from silo.ipc.published import EventKind
 from silo.link.handover import offer_run
+from silo.runtime import list_held
 
 PROGRAM = """
 import os, signal, sys
@@ -367,3 +370,45 @@ def test_a_new_run_is_known_before_the_files_of_the_last_one_go(served, monkeypa
     log.restart()
     assert there == [True]
     assert not last.exists()
+
+
+# --------------------------------------------------------------------------------- runs that somebody still has to read
+
+
+def recorded_by_a_frozen_process(log, size: int) -> list[int]:
+    """Begins with a recording that comes no further; returns its processes."""
+    x = log.array("x", 100, buffer_type="looping", buffer_size=size)
+    serving = log.serve()
+    log.start()
+    x[:] = 7
+    log.collect()
+    log.record()
+    tasks = Path(f"/proc/{serving.helper_pid}/task").iterdir()
+    children = {int(pid) for task in tasks for pid in (task / "children").read_text().split()}
+    for pid in children:
+        os.kill(pid, signal.SIGSTOP)
+    return sorted(children)
+
+
+def test_runs_that_are_held_keep_no_start_from_its_memory(served, small_memory):
+    log = served()
+    stopped = recorded_by_a_frozen_process(log, 2500)  # 2 MB
+    try:
+        for _ in range(6):
+            log.collect()
+            log.restart()
+            assert log.is_running
+        whole = [path for path in list_held() if bytes_of(path) > 1_000_000]
+        assert len(whole) <= 1  # a quarter of 12 MB
+        with contextlib.suppress(OSError), (small_memory / "of others").open("wb", buffering=0) as others:
+            while True:
+                others.write(bytes(50_000))
+        log.collect()
+        log.restart()  # finds no room, but what is held
+        assert log.is_running
+    finally:
+        for pid in stopped:
+            os.kill(pid, signal.SIGCONT)
+    (small_memory / "of others").unlink()
+    told = log.stop_recording()
+    assert " 0 lost" not in told or "and the end of" in told
