@@ -39,6 +39,7 @@ _TELL_LOSS = frozenset(
 )  # fmt: skip
 _TOTALS = re.compile(r"recording '(?P<name>[^']+)'.*?(?P<parts>\d+) files, (?P<samples>\d+) samples")
 _ENDED = re.compile(r"recording '(?P<name>[^']+)'.*(ended|stopped|files, \d+ samples)")
+_BEGUN = re.compile(r"recording '(?P<name>[^']+)' of .* to ")
 _FIRED = re.compile(r"trigger '(?P<name>[^']+)' fired")
 _CAPTURED = re.compile(r"capture (?P<number>\d+) of '(?P<name>[^']+)', ticks (?P<first>\d+) to (?P<last>\d+)")
 _DIED = ("program died", "program died, recovered later", "program ended without saving")
@@ -91,6 +92,11 @@ class _Part:
     def recorder(self) -> str:
         return self.scan.facts.recorder if self.scan.facts is not None else ""
 
+    @property
+    def number(self) -> int:
+        number = self.path.name.removesuffix(".part").removesuffix(".mcap").rpartition("_")[2]
+        return int(number) if number.isdecimal() else 0
+
     def ticks(self) -> list[Span]:
         """The ticks of which any ring has a row."""
         dividers = {ring.ring: ring.divider for ring in self.scan.facts.value_rings} if self.scan.facts else {}
@@ -136,6 +142,8 @@ class _Folder:
         self.runs: dict[str, _Run] = {}
         self.verdicts: list[Verdict] = []
         self.captures: dict[str, list[CaptureEntry]] = {}
+        # by logger and name, the events that tell of a recording that it was begun (True) or ended, by their numbers
+        self.orders: dict[tuple[str, str], list[tuple[int, bool]]] = {}
         self.loggers = loggers_with_events(folder)
         for logger in self.loggers:
             self._take_events(logger)
@@ -167,6 +175,10 @@ class _Folder:
         for event in read_events(self.folder, logger):
             if event.kind == DAMAGED:
                 self.verdicts.append(Verdict("damaged", event.text, logger, event.run, told="the event log"))
+            if event.kind in (EventKind.RECORDING.value, EventKind.RECORDING_FAILED.value):
+                begun = _BEGUN.match(event.text)
+                if (about := begun or _ENDED.match(event.text)) is not None:
+                    self.orders.setdefault((logger, about["name"]), []).append((event.number, begun is not None))
             if not event.run:
                 continue
             run = self.run_of(logger, event.run)
@@ -242,7 +254,7 @@ def verify(folder: Path) -> Verified:
     verdicts = list(there.verdicts)
     runs = sorted(there.runs.values(), key=lambda run: (run.logger, run.started_ns))
     for run in runs:
-        verdicts += _recordings(run, _recorded_around(run, runs))
+        verdicts += _recordings(run, _recorded_around(run, runs), there)
         verdicts += _captures(run, there.captures.get(run.logger, []))
         verdicts += _saved(run)
         verdicts += _events(run, there)
@@ -284,16 +296,26 @@ def _recorded_around(run: _Run, runs: Iterable[_Run]) -> set[str]:
     return before & after if run.started_ns else set()
 
 
-def _recordings(run: _Run, around: set[str]) -> Iterator[Verdict]:
+def _recordings(run: _Run, around: set[str], there: _Folder) -> Iterator[Verdict]:
     own = {part.recorder for part in run.parts}
     for name in sorted(around - own):
         if run.ticks:
             yield _missing(run, name, [(0, run.ticks - 1)])
     for name in sorted(own):
-        yield from _recording(run, name, [part for part in run.parts if part.recorder == name])
+        parts = [part for part in run.parts if part.recorder == name]
+        yield from _recording(run, name, parts, is_whole=_is_from_begin(run, name, parts, there))
 
 
-def _recording(run: _Run, name: str, parts: list[_Part]) -> Iterator[Verdict]:
+def _is_from_begin(run: _Run, name: str, parts: list[_Part], there: _Folder) -> bool:
+    """Whether a recording was under way when the run began, and none of its parts went for newer ones since."""
+    started = next((event.number for event in run.events if event.kind == EventKind.STARTED.value), 0)
+    before = [begun for number, begun in there.orders.get((run.logger, name), ()) if number < started]
+    numbers = {part.number for one in there.runs.values() for part in one.parts if part.recorder == name}
+    first = min(part.number for part in parts)
+    return bool(before) and before[-1] and (first == 1 or first - 1 in numbers)
+
+
+def _recording(run: _Run, name: str, parts: list[_Part], *, is_whole: bool) -> Iterator[Verdict]:
     missing: list[Span] = []
     again: list[Span] = []
     rings = {ring.ring: ring for part in parts if part.scan.facts for ring in part.scan.facts.value_rings}
@@ -302,6 +324,7 @@ def _recording(run: _Run, name: str, parts: list[_Part]) -> Iterator[Verdict]:
     for number, ring in rings.items():
         rows = [(first, end - 1) for part in parts for first, end in part.scan.rows.get(number, ())]
         begins = [one.begin for part in parts if part.scan.facts for one in part.scan.facts.rings if one.ring == number]
+        begins += [0] * is_whole
         end = max([0, *(last + 1 for _, last in rows)])
         if run.ended and not ended:
             end = max(end, -(-run.ticks // ring.divider))

@@ -125,6 +125,21 @@ def test_a_hole_between_two_parts_is_missing(kept, tmp_path, truth):
     assert 490 < last < 540
 
 
+def test_a_run_that_began_after_its_recording_was_ordered_is_to_be_there_from_its_first_tick(kept):
+    kept.robot.start()
+    kept.run = kept.robot.log.present_run.id
+    kept.happens("recording", f"recording 'bot' of all elements to {kept.folder}/rec", 0)
+    kept.happens("started", "started", 0)
+    kept.robot.ticks(40)
+    direct = kept.recorder()
+    kept.robot.ticks(60)
+    direct.step()
+    direct.finish()
+    kept.robot.log.close()
+    kept.happens("stopped", "stopped", 99)
+    assert kept.found()[0] == [("missing", ((0, 39),))]
+
+
 def test_a_run_between_two_that_were_recorded_is_missing_as_a_whole(kept):
     kept.recorded(100)
     between = "c0ffee"
