@@ -13,6 +13,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from silo.kinds import SCALAR
 from silo.model import MARKER, NO_EXTRAS, BufferType, Extras, LoggedEvent
@@ -70,12 +71,16 @@ class TableRow(msgspec.Struct, frozen=True):
 
 
 class EntryFacts(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What the table can't say of an entry; `name` only where the table's line could not hold it unchanged."""
+    """What the table can't say of an entry; `name` only where the table's line could not hold it unchanged.
+
+    `dashes`: at the end of which texts of the file so many dashes belong to the text, not to the padding.
+    """
 
     suffix: str
     dtype: str
     labels: dict[int, str] | None = None
     name: str | None = None
+    dashes: dict[int, int] | None = None
 
 
 class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -205,6 +210,16 @@ def _is_named_otherwise(element: RecordedElement, entry: RecordedEntry) -> bool:
     return table_name(entry.name) != entry.name or entry.name != element.name + entry.entry.suffix
 
 
+def _dashes(values: NDArray[Any]) -> dict[int, int] | None:
+    """How many dashes end which texts; None where none does, as nearly always."""
+    if values.dtype.kind not in "SU":
+        return None
+    places = np.flatnonzero(np.char.endswith(values, "-" if values.dtype.kind == "U" else b"-"))
+    stripped = np.char.rstrip(values[places], "-" if values.dtype.kind == "U" else b"-")
+    counts = np.char.str_len(values[places]) - np.char.str_len(stripped)
+    return dict(zip(places.tolist(), counts.tolist(), strict=True)) or None
+
+
 def element_facts(element: RecordedElement, first: int | None) -> ElementFacts:
     """The facts of an element that is about to be written."""
     entries = tuple(
@@ -213,6 +228,7 @@ def element_facts(element: RecordedElement, first: int | None) -> ElementFacts:
             dtype=_dtype_text(entry.entry.dtype, entry.values.dtype),
             labels=entry.entry.labels and {key: plain_text(label) for key, label in entry.entry.labels.items()},
             name=plain_text(entry.name) if _is_named_otherwise(element, entry) else None,
+            dashes=_dashes(entry.values),
         )
         for entry in element.entries
     )

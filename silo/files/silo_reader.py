@@ -35,6 +35,7 @@ class _Column(NamedTuple):
     offset: int
     whole: int
     skip: int = 0
+    dashes: dict[int, int] | None = None  # of texts that end in some
 
 
 @dataclass(frozen=True)
@@ -206,7 +207,11 @@ def _by_facts(
     data: memoryview, header: Header, facts: form.ElementFacts, columns: Sequence[_Column], time: _Time
 ) -> list[RecordedElement]:
     entries = [
-        (column, Entry(entry.suffix, entry.dtype, entry.labels), entry.name or facts.name + entry.suffix)
+        (
+            column._replace(dashes=entry.dashes),
+            Entry(entry.suffix, entry.dtype, entry.labels),
+            entry.name or facts.name + entry.suffix,
+        )
         for column, entry in zip(columns, facts.entries, strict=True)
     ]
     row = columns[0].row
@@ -331,4 +336,5 @@ def _entry(data: memoryview, header: Header, column: _Column, entry: Entry, name
         logged = stored
     start = column.offset + column.skip * stored.itemsize
     made = entry if shown == entry.dtype else Entry(entry.suffix, shown, entry.labels)
-    return file_entry(name, made, data, start, column.whole, stored, logged)
+    dashes = column.dashes if stored.kind == "S" else None
+    return file_entry(name, made, data, start, column.whole, stored, logged, dashes, column.skip)

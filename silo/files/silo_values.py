@@ -3,7 +3,7 @@
 Both readers of the header make these: the quick one for files that are whole, the careful one for all others.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -30,6 +30,8 @@ class FileEntry(RecordedEntry):
         values = stored_values(data, stored, count, offset)
         if stored is not logged:
             values = _as_logged(values, logged)
+        for at, number in fields.get("dashes", {}).items():
+            values[at] += b"-" * min(number, stored.itemsize)
         fields["values"] = values
         return values
 
@@ -45,11 +47,24 @@ class FileRecording(Recording):
 
 
 def file_entry(
-    name: str, entry: Entry, data: memoryview, offset: int, count: int, stored: Type, logged: Type
+    name: str,
+    entry: Entry,
+    data: memoryview,
+    offset: int,
+    count: int,
+    stored: Type,
+    logged: Type,
+    dashes: Mapping[int, int] | None = None,
+    skipped: int = 0,
 ) -> RecordedEntry:
-    """An entry of so many values that begin at this byte of the file."""
+    """An entry of so many values that begin at this byte of the file, `skipped` behind the first of its column.
+
+    dashes: at the end of which texts, counted from the first of the column, so many dashes are no padding.
+    """
     made = FileEntry.__new__(FileEntry)
-    fields = {"name": name, "entry": entry, "place": (data, offset, count, stored, logged)}
+    fields: dict[str, Any] = {"name": name, "entry": entry, "place": (data, offset, count, stored, logged)}
+    if dashes:
+        fields["dashes"] = {at - skipped: number for at, number in dashes.items() if 0 <= at - skipped < count}
     object.__setattr__(made, "__dict__", fields)
     return made
 

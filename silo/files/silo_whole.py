@@ -119,7 +119,8 @@ class FileElements(Sequence[RecordedElement]):
         if facts.labels is not None:
             entry = Entry(facts.suffix, entry.dtype, facts.labels)
         name = table.names[row] if facts.name is None else facts.name
-        return file_entry(name, entry, self._data, table.offsets[row], kind.samples, stored, logged)
+        dashes = facts.dashes if stored.kind == "S" else None
+        return file_entry(name, entry, self._data, table.offsets[row], kind.samples, stored, logged, dashes)
 
 
 @lru_cache(maxsize=1024)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silo.analysis.opening import open_log
 from silo.errors import SaveError
 from silo.files.silo_reader import read_silo
 from silo.files.silo_writer import write_silo
@@ -249,3 +250,17 @@ def test_columns_of_a_matrix_are_written_as_they_are_in_any_order(tmp_path, colu
     for element in elements:
         expected = element.entries[0].values
         assert again[element.name].tolist() == expected.tolist(), element.name
+
+
+@pytest.mark.parametrize("dtype", ["S12", "U12"])
+def test_texts_keep_the_dashes_at_their_ends(dtype, tmp_path):
+    texts = ["phase-", "", "-", "a--", "plain", "----", "a-b"]
+    entry = RecordedEntry("/log/s", Entry("", np.dtype(dtype).str), np.array(texts, dtype))
+    element = RecordedElement("/log/s", "-", "scalar", (), 1, BufferType.GROWING, 0, (entry,))
+    path = tmp_path / "x.silo"
+    write_silo(Recording("r", 10**18 + np.arange(len(texts)), len(texts), (element,)), path)
+    assert open_log(path)["s"].values.tolist() == texts
+    (again,) = read_silo(path).elements
+    assert [value.decode() for value in again.entries[0].values.tolist()] == texts
+    path.write_bytes(path.read_bytes()[:-1])  # the tolerant reader
+    assert open_log(path)["s"].values.tolist()[:6] == texts[:6]
