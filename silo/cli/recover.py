@@ -41,8 +41,8 @@ def recover(
     folders in which loggers of this user kept them. FOLDER: only what is in that log folder, or was to be saved there.
 
     The helper process of a logger does this by itself, also when the program is started again; this command is for when
-    nobody does. Rests that hold no data are removed on the way. Parts of endless recordings (`silo record`) that a kill
-    left open are closed where they are.
+    nobody does. Rests that hold no data are removed on the way. Endless recordings (`silo record`) are completed from
+    what is in memory, and parts of them that a kill left open are closed where they are.
 
     \b
     Examples:
