@@ -326,7 +326,8 @@ class Recorder:
         """With which rows to begin: None for what comes from now on."""
         schema, order = reader.schema, self._order
         if self._first and not order.resume:
-            return None
+            began_after = order.order and schema.run != order.run
+            return {} if began_after else None
         known = self._ledger.rows_of(schema.run)
         if known is not None:
             return dict(known)

@@ -167,6 +167,17 @@ def test_a_restart_is_recorded_from_its_first_tick_and_the_program_may_record_to
 
 
 @pytest.mark.slow
+def test_a_recording_that_is_begun_before_the_start_has_the_first_tick(bench, client, tmp_path) -> None:
+    bench.logger.record()
+    bench.logger.start()
+    bench.ticks(50)  # at once, whenever the recorder comes to it
+    wait_until(lambda: samples(client))
+    bench.logger.stop_recording()
+    (path,) = parts(tmp_path / "logs" / "recordings")
+    found = read_bag(path)
+    assert (found.offset - len(found.time_ns), found.offset) == (0, 50)
+
+
 def test_what_can_not_be_recorded_is_refused_in_words(bench, client, tmp_path) -> None:
     (Path(bench.logger.options.folder)).mkdir(exist_ok=True)
     (Path(bench.logger.options.folder) / "out").symlink_to(tmp_path)
