@@ -19,7 +19,7 @@ import zstandard
 from mcap.exceptions import McapError
 
 from silo.errors import FileFormatError, SaveError
-from silo.files.atomic import reason
+from silo.files.atomic import reason, sweep_parts
 from silo.files.mcap_write import McapFile, file_start
 from silo.files.part_facts import PART_ENDING, TOTALS_METADATA
 from silo.files.part_scan import PartScan, scan_part
@@ -76,6 +76,8 @@ def close_parts(folder: Path) -> tuple[list[ClosedPart], list[str]]:
     """Close what killed recorders left in a folder; returns what was closed, and in words what could not be."""
     closed: list[ClosedPart] = []
     problems: list[str] = []
+    with contextlib.suppress(OSError):
+        sweep_parts(folder)  # of a ledger that was being written when its recorder was killed
     for path in left_parts(folder):
         _close_one(path, closed, problems)
     return closed, problems

@@ -183,3 +183,10 @@ def test_at_sigterm_a_recorder_finishes_its_part(robot, recorders, tmp_path, tru
     os.kill(recorder.process.pid, signal.SIGTERM)
     assert recorder.end().state is RecorderState.ENDED
     assert truth.span(read_bag(parts(tmp_path)[0])) == (0, 120)
+
+
+def test_a_ledger_that_a_kill_left_half_written_is_removed(tmp_path) -> None:
+    left = tmp_path / f".silo-{2**22 + 5}-0123abcd.part"
+    left.touch()
+    assert close_parts(tmp_path) == ([], [])
+    assert not left.exists()
