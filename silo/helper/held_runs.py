@@ -74,9 +74,9 @@ class HeldRuns:
             return found
         return []
 
-    def tell_starts(self, events: Events) -> None:
-        """Tell of runs that began and were followed by another one before their program could say so."""
-        for run in [run for run in self.ids() if run != self._mirror.run and run not in self._told]:
+    def tell_starts(self, events: Events, *, at_end: bool = False) -> None:
+        """Tell of runs that began and were followed by another one, or `at_end`, before their program could say so."""
+        for run in [run for run in self.ids() if (at_end or run != self._mirror.run) and run not in self._told]:
             self._told.add(run)
             with contextlib.suppress(SegmentError):
                 reader = self.open(run)

@@ -196,7 +196,7 @@ class Helper:
             at_end.callback(self._robot.lost)
             at_end.callback(token.undeclare)
             ended = self._follow_robot(mirror, events, saver, path)
-            self._look_at_held(events)  # the program may have gone on while this process started
+            self._look_at_held(events, at_end=True)  # the program may have gone on while this process started
             if ended is _Ended.DIED:
                 _tell_death(path, publisher)
             marks.stop()  # recordings have them, too
@@ -276,11 +276,11 @@ class Helper:
             self._deleted = "" if offer.named else offer.run
         return bool(taken)
 
-    def _look_at_held(self, events: Events) -> None:
+    def _look_at_held(self, events: Events, *, at_end: bool = False) -> None:
         """Let go of runs that nobody needs any more, and take in those that came by no message."""
         if self._held is not None:
             self._take_left(self._held.find(), events)
-            self._held.tell_starts(events)
+            self._held.tell_starts(events, at_end=at_end)
             self._held.release()
 
     def _take_left(self, left: list[SegmentReader], events: Events) -> None:
