@@ -1,0 +1,62 @@
+"""Messages, files and help are what they were. What is meant to be new: `python -m tests.golden`, and read the diff."""
+
+import difflib
+import json
+
+import pytest
+from msgspec import inspect
+
+from tests.golden import files, structs, words
+from tests.golden.__main__ import FOLDER
+
+KEPT = json.loads((FOLDER / "structs.json").read_text())
+TOLD = {one.name: one for one in structs.all_told()}
+FILES = sorted(path.name for path in FOLDER.glob("run.*"))
+
+
+def same(before: str, now: str, what: str) -> None:
+    changed = list(difflib.unified_diff(before.splitlines(), now.splitlines(), what, "now", n=1, lineterm=""))
+    assert not changed, "\n".join(line[:200] for line in changed[:60])
+
+
+def test_the_shape_of_every_message_and_file_is_as_it_was() -> None:
+    now = structs.told()
+    for part in ("requests", "shapes", "samples"):
+        same(json.dumps(KEPT[part], indent=1), json.dumps(now[part], indent=1), f"{part} of before")
+
+
+@pytest.mark.parametrize("name", KEPT["samples"])
+def test_a_sample_of_before_is_read_and_comes_out_as_it_was(name) -> None:
+    told, kept = TOLD[name], KEPT["samples"][name]
+    data = kept.encode() if told.json else bytes.fromhex(kept)
+    assert told.encode(told.decode(data)) == data
+
+
+@pytest.mark.parametrize("name", KEPT["samples"])
+def test_a_sample_says_something_of_every_field(name) -> None:
+    kind = inspect.type_info(TOLD[name].kind)
+    made = structs.sample(kind)
+    defaults = {one.name for one in kind.fields if not one.required and getattr(made, one.name) == one.default}
+    assert not defaults
+
+
+def test_every_word_of_the_help_is_as_it_was() -> None:
+    same((FOLDER / "help.txt").read_text(), "\n".join(words.told()), "help of before")
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_recording_is_written_as_it_was(name, written) -> None:
+    before, now = (FOLDER / name).read_bytes(), written[name]
+    same(before.decode("utf-8", "backslashreplace"), now.decode("utf-8", "backslashreplace"), name)
+    assert before == now
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("golden"))
+        return files.written()
+
+
+def test_every_format_that_is_written_is_held(written) -> None:
+    assert sorted(written) == FILES
