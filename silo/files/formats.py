@@ -221,7 +221,7 @@ def read_recording(path: "str | os.PathLike[str]") -> "Recording":
     if source.is_dir():
         if not is_bag_folder(source):
             raise FileFormatError(f"'{source}' is a folder without a bag in it")
-        return FOLDER.load_reader()(source)
+        return _clock_told(FOLDER.load_reader()(source))
     _refuse_others(source)
     found = format_of(source) if source.suffix else None
     if source.suffix == SQLITE_ENDING:
@@ -276,6 +276,11 @@ def _clock_told(recording: "Recording") -> "Recording":
         f"the clock stepped back {times}, first by {step_s:.3g} s at {at_s:.6g} s: some times are there twice, and "
         "samples are in the order in which they were collected (clock=time.monotonic_ns never steps back)"
     )
+    if words in recording.warnings:  # a copy, which was told so when it was written
+        return recording
+    if isinstance(recording.warnings, list):  # of a bag: what is found later, when values are read, is added to it
+        recording.warnings.append(words)
+        return recording
     return replace(recording, warnings=(*recording.warnings, words))
 
 

@@ -79,3 +79,17 @@ def test_the_shell_tells_of_it(path):
     result = CliRunner().invoke(stats_command, [str(path)])
     assert result.exit_code == 0
     assert "the clock stepped back once" in result.output
+
+
+@pytest.mark.parametrize("ending", [".csv", ".mcap", ".rosbag2"])
+def test_each_format_tells_of_it_once_and_goes_on_to_tell_what_is_found_later(path, tmp_path, ending):
+    copy = tmp_path / f"copy{ending}"
+    with pytest.warns(silo.LogWarning, match="the clock stepped back once"):
+        silo.open_log(path).save(copy)
+    with pytest.warns(silo.LogWarning, match="the clock stepped back once"):
+        log = silo.open_log(copy)
+    assert [text.startswith("the clock stepped back once") for text in log.warnings] == [True]
+    if ending != ".csv":
+        with pytest.warns(silo.LogWarning, match="found later"):
+            log.recording.elements.warnings.add("found later")
+        assert "found later" in log.warnings

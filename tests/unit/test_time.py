@@ -1,5 +1,6 @@
 """Time stamps: one per tick for all elements, from any clock, and kept by the rules of the original."""
 
+import itertools
 import time
 
 import numpy as np
@@ -209,6 +210,25 @@ def test_a_clock_of_another_unit_is_told_of_at_the_tenth_tick(new_logger, caplog
 def test_a_clock_that_is_right_or_only_its_own_is_not_told_of(new_logger, caplog, step):
     times = iter(step * tick for tick in range(100))
     logger = new_logger(clock=lambda: next(times))
+    logger.start()
+    collect(logger, 60)
+    assert caplog.text == ""
+
+
+@pytest.mark.parametrize("unit", [1, 1.0e-9])
+@pytest.mark.parametrize(("frequency", "apart_ns"), [(100, 4_000), (10, 40_000)])
+def test_a_loop_without_a_pace_says_nothing_against_a_clock_that_is_right(
+    new_logger, caplog, monkeypatch, unit, frequency, apart_ns
+):
+    ticks = itertools.count(1)
+    now = [0]
+    monkeypatch.setattr(time, "monotonic_ns", lambda: 5 + now[0])
+
+    def clock():
+        now[0] = next(ticks) * apart_ns
+        return (10**15 + now[0]) * unit
+
+    logger = new_logger(clock=clock, frequency=frequency)
     logger.start()
     collect(logger, 60)
     assert caplog.text == ""
