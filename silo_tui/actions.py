@@ -183,7 +183,7 @@ COMMANDS: tuple[Command, ...] = (
     # ------------------------------------------------------------------------------------------------- looking
     Command("monitor", "m", "Monitor", "plot what is marked, or the element under the cursor", "Look", _TABLE, 7,
             typed=Typed(("monitor",))),
-    Command("inspector", "i", "Inspector", "show or hide the pane on the right", "Look", _TABLES),
+    Command("inspector", "i", "Inspector", "show or hide all about the element, beside or below", "Look", _TABLES),
     Command("plot_down", "j,down", "Next", "next plot", "Plots", _MONITORS),
     Command("plot_up", "k,up", "Previous", "previous plot", "Plots", _MONITORS),
     Command("plot_top", "g", "First", "first plot", "Plots", _MONITORS),

@@ -94,10 +94,13 @@ class ElementsScreen(SiloScreen):
 
     def _lay_out(self, width: int) -> None:
         wanted = width >= INSPECTOR_FROM if self._inspector_wanted is None else self._inspector_wanted
-        self.inspector.display = wanted and width >= WIDE
-        inspector_width = self.inspector_width(width)
+        self.inspector.display = wanted
+        below = width < WIDE  # no room beside the table: under it, over the whole width
+        self.query_one("#body").set_class(below, "below")
+        self.inspector.below = below
+        inspector_width = width if below else self.inspector_width(width)
         self.inspector.styles.width = inspector_width
-        self.lay_out_pane(width, width - (inspector_width if self.inspector.display else 0))
+        self.lay_out_pane(width, width - (inspector_width if wanted and not below else 0))
         self.live_head.update(self.pane.head)
         self.live_head.styles.width = self.pane.wanted_width
         self.table_head.refresh()
@@ -265,8 +268,6 @@ class ElementsScreen(SiloScreen):
 
     def command_inspector(self) -> None:
         self._inspector_wanted = not self.inspector.display
-        if self.app.size.width < WIDE:
-            self.say(f"the inspector needs {WIDE} columns, here are {self.app.size.width}")
         self._lay_out(self.app.size.width)
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:

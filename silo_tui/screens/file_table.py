@@ -78,7 +78,7 @@ class FileTableScreen(ElementsScreen):
         if self.inspector.display and row is not None:
             begin, end = source.extent_ns([table.names[row]])
             names = self.inspector.plot_names() if end > begin else ()  # nothing to see of one sample
-            store = _empty_store(names, 2 * max(8, self.inspector.content_size.width), begin, end)
+            store = _empty_store(names, 2 * max(8, self.inspector.plot_width), begin, end)
             if not _alike(store, self.plots.store):
                 self.run_worker(Later(self._read_plots, store, begin, end), group="plots", exclusive=True)
         self.live_head.update(self.pane.head)

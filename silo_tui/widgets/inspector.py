@@ -1,7 +1,9 @@
-"""The pane on the right of a wide terminal: everything about the element under the cursor, with small plots."""
+"""Everything about the element under the cursor, with small plots: on the right, on a narrow terminal below."""
 
+import itertools
 import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from rich.cells import cell_len, set_cell_size
@@ -25,19 +27,40 @@ from silo_tui.widgets.bars import color
 
 MAX_PLOTS = 6
 MAX_VALUES = 16
+BESIDE_FROM = 54  # cells from which a pane below the table has values and plots beside the facts: of rows it has few
+
+
+Line = list[tuple[str, str]]  # words with their style
 
 
 class Lines:
     """Lines of words with their styles. Measured: as one text the pane was a third of what a live table cost."""
 
     def __init__(self) -> None:
-        self.lines: list[list[tuple[str, str]]] = [[]]
+        self.lines: list[Line] = [[]]
 
     def append(self, words: str, style: str = "") -> None:
         """Add words; each line feed in them begins a line."""
         first, *others = words.split("\n")
         self.lines[-1].append((first, style))
         self.lines += [[(each, style)] for each in others]
+
+
+def beside(left: Sequence[Line], right: Sequence[Line], width: int) -> list[Line]:
+    """Return lines of both, the right ones `width` cells from the left edge; what is longer on the left is cut."""
+    lines = []
+    for old, new in itertools.zip_longest(left, right, fillvalue=()):
+        pieces, room = [], width - 1
+        for words, style in old:
+            pieces.append((cut_to(words, room), style))
+            room = max(0, room - cell_len(words))
+        lines.append([*pieces, (" " * (room + 1), ""), *new])
+    return lines
+
+
+def cut_to(words: str, room: int) -> str:
+    """Return words of at most `room` cells, cut with an ellipsis."""
+    return words if cell_len(words) <= room else set_cell_size(words, max(0, room - 1)) + "…"[:room]
 
 
 class Inspector(Guarded, Widget):
@@ -48,7 +71,8 @@ class Inspector(Guarded, Widget):
     def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session
-        self._lines: list[list[tuple[str, str]]] | None = None  # None: to be made anew
+        self.below = False  # the table, not beside it
+        self._lines: list[Line] | None = None  # None: to be made anew
         self._lines_fit = self.content_size
         self._plotted = Lines()
         self._plotted_of: object = None
@@ -60,13 +84,24 @@ class Inspector(Guarded, Widget):
         """What the small plots show."""
         return self.session.columns
 
+    @property
+    def spread(self) -> bool:
+        """Whether values and plots stand beside the facts."""
+        return self.below and self.content_size.width >= BESIDE_FROM
+
+    @property
+    def plot_width(self) -> int:
+        """The cells that a plot takes."""
+        width = self.content_size.width
+        return width - width // 2 if self.spread else width
+
     def live_changed(self) -> None:
         """Paint the lines that read differently now; a logger that stands still costs nothing."""
         before, self._lines = self._lines, self._pane()
         if before is None:
             super().refresh()
             return
-        missing: list[tuple[str, str]] = []
+        missing: Line = []
         for y in range(max(len(before), len(self._lines))):
             old = before[y] if y < len(before) else missing
             if old != (self._lines[y] if y < len(self._lines) else missing):
@@ -100,11 +135,9 @@ class Inspector(Guarded, Widget):
         pieces = self._lines[y] if y < len(self._lines) else []
         segments, room = [], width
         for words, style in pieces:
-            size = cell_len(words)
-            cut = words if size <= room else set_cell_size(words, max(0, room - 1)) + "…"[:room]
-            if cut:
+            if cut := cut_to(words, room):
                 segments.append(Segment(cut, base + self._style(style)))
-            room = max(0, room - size)
+            room = max(0, room - cell_len(words))
         return Strip(segments).adjust_cell_length(width, base)
 
     def _style(self, words: str) -> Style:
@@ -112,7 +145,7 @@ class Inspector(Guarded, Widget):
             self._styles[words] = Style.parse(" ".join(word for word in words.split() if word != "none"))
         return self._styles[words]
 
-    def _pane(self) -> list[list[tuple[str, str]]]:
+    def _pane(self) -> list[Line]:
         self._lines_fit = self.content_size
         row = self.session.rows.row
         if row is None:
@@ -120,13 +153,21 @@ class Inspector(Guarded, Widget):
         element = self.session.table.elements[row]
         reading = self.session.live.readings.get(element.name)
         pane = Lines()
-        width = self.content_size.width
+        width, height = self.content_size
         name = self.session.short_name(element.name)
         for start in range(0, len(name), max(8, width)):
             pane.append(name[start : start + max(8, width)] + "\n", style="bold")
-        self._facts(pane, element, row, reading)
-        self._values(pane, element, row, reading)
-        return [*pane.lines[:-1], *self._plots(row, width, self.content_size.height - len(pane.lines))]
+        if not self.spread:
+            self._facts(pane, element, row, reading)
+            self._values(pane, element, row, reading)
+            return [*pane.lines[:-1], *self._plots(row, width, height - len(pane.lines))]
+        facts, values, title = Lines(), Lines(), pane.lines[:-1]
+        self._facts(facts, element, row, reading)
+        self._values(values, element, row, reading)
+        shown = [each for each in values.lines[:-1] if any(words for words, _ in each)]  # no blank line: rows are few
+        room = height - len(title) - len(shown)
+        right = [*shown, *self._plots(row, self.plot_width, room)]
+        return [*title, *beside(facts.lines, right, width // 2)]
 
     def _facts(self, pane: Lines, element: ElementInfo, row: int, reading: Reading | None) -> None:
         quiet = self._quiet
@@ -191,7 +232,7 @@ class Inspector(Guarded, Widget):
         if len(element.entries) > MAX_VALUES:
             pane.append(f"and {len(element.entries) - MAX_VALUES} more; m plots them\n", style=self._quiet)
 
-    def _plots(self, row: int, width: int, room: int) -> list[list[tuple[str, str]]]:
+    def _plots(self, row: int, width: int, room: int) -> list[Line]:
         """Return the plots of the element, drawn once a second: they are most of what a frame sends."""
         columns, now_s = self.columns, time.monotonic()
         key = (row, width, room, columns, columns.past_until_ns, self.session.fresh)

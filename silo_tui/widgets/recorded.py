@@ -105,9 +105,9 @@ class RecordedInspector(Inspector):
             shown = [f"{number} {word}" for number, word in list(report.labels.items())[:MAX_LABELS]]
             more = ", …" if len(report.labels) > MAX_LABELS else ""
             pane.append(", ".join(shown) + more + "\n", style=self._quiet)
-        pane.append(f"\nat {self._file.seconds:.6g} s:", style=self._quiet)
 
     def _values(self, pane: Lines, element: ElementInfo, row: int, reading: Reading | None) -> None:
+        pane.append(f"\nat {self._file.seconds:.6g} s:", style=self._quiet)
         if reading is None or not reading.held:
             none = not self._file.rows_of[element.name].samples
             pane.append("\nno samples in this file\n" if none else "\nno sample yet\n", style=self._quiet)

@@ -107,6 +107,19 @@ async def test_a_wide_table_shows_values_and_the_inspector(path, on_file):
         await screen.shows("divider   40")
 
 
+async def test_a_narrow_table_of_a_file_has_the_inspector_below(path, on_file):
+    async with on_file(path) as screen:
+        await screen.type("//imu/temperature")
+        await screen.press("enter", "i")
+        for words in ("divider   40", "buffer    looping", "lost      3", "at 19.9975 s:"):
+            await screen.shows(words)
+        line = next(line for line in screen.text.splitlines() if "kind  " in line)
+        assert "at 19.9975 s:" in line  # beside the facts: lines are few
+        inspector = screen.app.screen.inspector
+        await screen.until(lambda: not inspector.store.empty, "a plot")
+        assert inspector.store.count <= 2 * inspector.plot_width + 2  # of all samples, not of their last half
+
+
 async def test_the_inspector_says_at_how_many_ticks_an_element_could_not_be_read(tmp_path, on_file):
     found = tmp_path / "robot_00008.silo"
     mode = replace(element("mode", np.arange(TICKS)), failures=Failures(3, ((5, 6), (9, 9))))

@@ -163,6 +163,42 @@ async def test_the_inspector_gives_way_first_and_comes_by_i(fake, opened):
         assert screen.app.screen.inspector.display
 
 
+@pytest.mark.parametrize("size", [(80, 24), (60, 20), (109, 30)])
+async def test_a_narrow_screen_has_the_inspector_below_the_table_with_values_and_plots_beside_the_facts(
+    size, fake, opened
+):
+    fake.run(20)
+    async with opened(fake, size=size) as screen:
+        await screen.press("G", "i")
+        below = screen.app.screen.inspector
+        await screen.until(lambda: below.region.y == screen.app.screen.table.region.bottom, "the inspector below")
+        assert (below.region.x, below.region.width) == (0, size[0])
+        assert below.region.bottom == size[1] - 2  # above the message and the keys
+        last = screen.session.table.elements[screen.session.rows.row]
+        # the row under the cursor is still to be seen, and what it is stands below
+        shown = [screen.session.short_name(last.name), "divider ", "buffer size  4000", "held "]
+        await screen.until(lambda: all(words in screen.text for words in shown), "the facts")
+        assert sum(shown[0] in line for line in screen.text.splitlines()) == 2
+        await screen.type("//imu/acceleration")
+        await screen.press("enter")
+        for words in ("vector 3 f8 [m/s2]", "_x ", "_y ", "_z ", "which holds  10 s at 400 Hz"):
+            await screen.shows(words)
+        await screen.until(lambda: re.search(r"logging +on +_", screen.text), "an entry beside the facts")
+        if size[1] >= 24:
+            await screen.until(lambda: set("⣿⡇⢸⠉⣀⠃⠘") & set(screen.text), "a plot")
+        await screen.press("i")
+        await screen.until(lambda: "buffer type" not in screen.text, "the table alone")
+
+
+async def test_a_table_that_grows_wide_has_the_inspector_beside_it_again(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("i")
+        inspector, table = screen.app.screen.inspector, screen.app.screen.table
+        await screen.until(lambda: inspector.region.y == table.region.bottom, "below")
+        await screen.pilot.resize_terminal(160, 50)
+        await screen.until(lambda: inspector.region.x > table.region.x and inspector.region.y < 3, "beside")
+
+
 async def test_a_logger_that_knows_no_surveys_is_shown_all_the_same(fake, opened):
     fake.run()
     from silo.ipc.messages import RefusedWhy
@@ -204,9 +240,9 @@ async def test_statistics_of_an_enumeration_are_its_labels(fake, opened):
 async def test_a_message_leaves_the_count_of_the_filter_beside_it(fake, opened):
     async with opened(fake) as screen:
         await screen.type("/torque")
-        await screen.press("enter", "asterisk", "i")
-        await screen.shows("the inspector needs")
-        line = next(line for line in screen.text.splitlines() if "the inspector needs" in line)
+        await screen.press("enter", "asterisk", "u")
+        await screen.shows("nothing to undo")
+        line = next(line for line in screen.text.splitlines() if "nothing to undo" in line)
         assert "/torque: " in line
 
 

@@ -8,12 +8,15 @@ import pytest
 
 from silo.files import write
 from silo.model import BufferType, Entry, FileType
+from silo.programs.demo.robot import Robot
+from silo.programs.demo.signals import signals
 from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.model.fields import Field
 from silo_tui.model.panels import isolate
 from silo_tui.screens.file_table import FileTableScreen
 from silo_tui.screens.holding import Holding
 from silo_tui.screens.monitor import MonitorScreen
+from tests.stand_ins.fake_signals import scalar
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -75,14 +78,26 @@ async def test_1_the_hottest_motor_is_on_top(fake, opened):
         assert len(rows.shown) == 12
 
 
-async def test_2_three_torques_are_plotted_live(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+@pytest.fixture
+def demo(new_fake):
+    """A logger with the elements of `silo demo`: many more of them are torques than those of the small robot."""
+    robot = signals(Robot(400, seed=1))
+    return new_fake([scalar(f"/log/{each.group}/{each.name}", each.unit, action=each.action) for each in robot])
+
+
+@pytest.mark.parametrize("robot", ["fake", "demo"])
+async def test_2_three_torques_and_nothing_else_are_plotted_live(robot, request, opened):
+    logger = request.getfixturevalue(robot)
+    logger.run(20)
+    async with opened(logger) as screen:
         await do(screen, 2)
         shown = await plots(screen)
-        assert [plot.name.rpartition("/")[2] for plot in shown.stack.plots] == ["torque"] * 3
+        assert screen.app.context.session.rows.marked_count == 3
+        for joint in ("HAA", "HFE", "KFE"):
+            await screen.until(lambda joint=joint: f"LF/{joint}/torque " in screen.text, joint)
+        assert len(re.findall(r"/LF/\w+/\w+", screen.text)) == 3
         end = shown.stack.store.end
-        fake.advance(1.0)
+        logger.advance(1.0)
         await screen.until(lambda: shown.stack.store.end > end, "new values")
 
 
