@@ -222,12 +222,12 @@ class Configuration(metaclass=HidesOtherNames):
                 "element '%s': its name holds a blank: silo reads its files, the readers of signal_logger read none "
                 "that has it; write '%s'", full, "_".join(full.split()),
             )  # fmt: skip
-            if self._running and not self._said_late:
-                self._said_late = True
-                log.warning(
-                    "%s was added while the logger runs: it is logged from the next start on, as all that is added now",
-                    full,
-                )
+        if self._running and not self._said_late:
+            self._said_late = True
+            log.warning(
+                "%s was added while the logger runs: it is logged from the next start on, as all that is added now",
+                full,
+            )
 
     def _unit(self, name: str, given: str) -> str:
         """The unit of a new element or derived signal; each that silo doesn't know is told once."""
