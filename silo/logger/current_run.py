@@ -159,7 +159,12 @@ class CurrentRun:
     @property
     def has_unsaved(self) -> bool:
         """Whether it has ticks that stand in no file."""
-        return self.ticks > self.saved_ticks
+        return self.unsaved_ticks > 0
+
+    @property
+    def unsaved_ticks(self) -> int:
+        """How many of its ticks stand in no file."""
+        return max(0, self.ticks - self.saved_ticks)
 
     def mark_saved(self, run: Run, ticks: int) -> None:
         """Remember that the first `ticks` of a run stand in files, unless it is the present one no more."""

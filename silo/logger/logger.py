@@ -36,6 +36,7 @@ from silo.logger.unclosed import (
     end_namesakes,
     forked_collect,
     save_at_end,
+    say_dropped,
     say_saved,
     say_what_is_held,
     say_where_it_is,
@@ -344,14 +345,22 @@ class Logger(Logged):
             )
             return self._serving
 
-    def close(self) -> None:
-        """Stop, end the helper process and free the buffers. What was not saved is gone; closing twice is fine."""
+    def close(self, *, discard: bool = False) -> None:
+        """Stop, end the helper process and free the buffers. What was not saved is gone, which is said; closing twice
+        is fine.
+
+        Args:
+            discard: what was not saved is to go: nothing is said of it.
+        """
         with self._lock:
             if self._closed:
                 return
             self.stop()
             self.look_for_unheld()
             self._closed = True
+            dropped = 0 if discard else self._present.unsaved_ticks
+        if dropped:
+            say_dropped(self.options.name, dropped)
         if self._serving is not None:
             self._serving.close()
         self._set_mark(no_mark)

@@ -351,7 +351,7 @@ class NullLogger(metaclass=HidesOtherNames):
         """Start nothing: nobody listens."""
         return NullServing()
 
-    def close(self) -> None:
+    def close(self, *, discard: bool = False) -> None:
         """Do nothing."""
 
     cleanup = close

@@ -100,6 +100,17 @@ def _say_saved(name: str, held: str, saved: Sequence[SavedFile], without: str) -
     print(f"silo: logger '{name}' ended without {without}; saved {held}: {paths}", file=sys.stderr)
 
 
+def say_dropped(name: str, ticks: int) -> None:
+    """Say that `close()` drops what was not saved, and what keeps it."""
+    what = "1 tick that was not saved is" if ticks == 1 else f"{ticks} ticks that were not saved are"
+    print(
+        f"silo: logger '{name}' was closed without save(): {what} dropped (what was recorded or captured "
+        "stays). save() before close() keeps it, or the end of a `with silo.Logger(...)` that doesn't close; "
+        "close(discard=True) drops it without a word",
+        file=sys.stderr,
+    )
+
+
 def drop_journals(options: LoggerOptions) -> None:
     """Remove the journals of a logger that is closed or saved: its helper process may have left them."""
     if options.storage is Storage.DISK:

@@ -131,6 +131,65 @@ def test_closing_it_before_the_end_drops_it(tmp_path):
     assert list(tmp_path.glob("*.silo")) == []
 
 
+@pytest.fixture
+def closing(tmp_path):
+    def one(ticks):
+        log = silo.Logger("walk", folder=tmp_path, script=tmp_path / "none.yaml")
+        log.add(np.zeros(1), "x")
+        log.start()
+        collect(log, ticks)
+        return log
+
+    return one
+
+
+def test_closing_with_unsaved_ticks_says_once_how_many_are_dropped_and_what_keeps_them(closing, tmp_path, capsys):
+    log = closing(3)
+    log.close()
+    log.close()
+    said = capsys.readouterr().err
+    assert said.count("silo: logger 'walk' was closed without save(): 3 ticks that were not saved are dropped") == 1
+    assert "save() before close() keeps it, or the end of a `with silo.Logger(...)`" in said
+    assert list(tmp_path.glob("*.silo")) == []
+
+
+def test_of_what_was_saved_only_the_ticks_after_that_are_told_of(closing, capsys):
+    log = closing(3)
+    log.save()
+    collect(log, 2)
+    log.stop()
+    log.cleanup()
+    assert "2 ticks that were not saved are dropped" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("ticks", "end"),
+    [
+        (0, lambda log: log.close()),
+        (3, lambda log: (log.save(), log.close())),
+        (3, lambda log: log.close(discard=True)),
+        (3, lambda log: (log.close(discard=True), log.close())),
+        (3, lambda log: log.abandon()),
+        (3, lambda log: log.__exit__(None, None, None)),
+    ],
+    ids=["nothing collected", "all saved", "discarded", "discarded and closed", "abandoned", "with"],
+)
+def test_where_nothing_is_dropped_or_all_is_on_purpose_closing_says_nothing_of_it(closing, capsys, ticks, end):
+    end(closing(ticks))
+    assert "was closed without save()" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("end", [silo.close, silo.cleanup])
+def test_the_default_logger_says_so_too(monkeypatch, tmp_path, capsys, end):
+    monkeypatch.setattr(default, "_default", NullLogger())
+    silo.init("walk", folder=tmp_path, script=tmp_path / "none.yaml")
+    silo.add(np.zeros(1), "x")
+    silo.start()
+    silo.collect()
+    end()
+    assert "1 tick that was not saved is dropped" in capsys.readouterr().err
+
+
 def test_what_can_not_be_saved_at_the_end_stays_for_recover(tmp_path, capsys, monkeypatch):
     def refuse(*_, **__):
         raise silo.errors.SaveError("the disk refuses")

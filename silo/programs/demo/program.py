@@ -74,7 +74,7 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
             skipped[...] = rate.skipped
         log.stop()
         farewell(log, options.save, say, cut_short=bool(ending.received))
-        log.close()  # what nobody asked to keep, after a limit of time, is dropped
+        log.close(discard=True)  # what nobody asked to keep, after a limit of time: `farewell` tells of it
 
 
 def end_with(parent_pid: int) -> None:

@@ -82,4 +82,4 @@ def run_host(options: HostOptions, say: Callable[[str], None] = print) -> None:
             lateness_ms[...] = rate.wait() / 1e6
         log.stop()
         farewell(log, options.save, say, cut_short=bool(ending.received))
-        log.close()  # what nobody asked to keep is dropped
+        log.close(discard=True)  # what nobody asked to keep: `farewell` tells of it
