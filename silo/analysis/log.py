@@ -410,9 +410,9 @@ class Log(Mapping[str, Signal]):
         return events_of(self.recording, self.start_ns)
 
     @property
-    def warnings(self) -> Sequence[str]:
-        """What is missing, damaged, or could not be read when it was logged."""
-        return self.recording.warnings
+    def warnings(self) -> tuple[str, ...]:
+        """What is missing, damaged, or could not be read when it was logged; of a bag, as far as values were read."""
+        return tuple(self.recording.warnings)
 
     # --------------------------------------------------------------------------------------------------------- tables
 
