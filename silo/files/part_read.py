@@ -123,7 +123,11 @@ def _recording(
             "that other readers read it too)"
         )
     warnings += damaged
-    read = [_element(values, ring_by_channel, first) for values in elements if values.whole]
+    read = []
+    for values in elements:
+        ring = ring_by_channel[values.facts.entries[0].channel]
+        if values.whole or not len(ring.rows):  # damaged ones are left out, those of which nothing came are empty
+            read.append(_element(values, ring, first))
     lost = sum(element.lost for element in read)
     if lost:
         spans = sorted({span for ring in filled for span in ring.holes})
@@ -160,9 +164,8 @@ def _stamps(rings: list[_Joined], first: int, end: int) -> NDArray[np.int64]:
     return stamps
 
 
-def _element(values: Values, rings: dict[int, _Joined], first: int) -> RecordedElement:
+def _element(values: Values, ring: _Joined, first: int) -> RecordedElement:
     facts = values.facts
-    ring = rings[facts.entries[0].channel]
     holes = ring.holes
     entries = []
     for entry, array in zip(facts.entries, values.arrays, strict=True):
@@ -176,7 +179,7 @@ def _element(values: Values, rings: dict[int, _Joined], first: int) -> RecordedE
         shape=facts.shape,
         divider=facts.divider,
         buffer_type=BufferType.LOOPING,
-        first=int(ring.ticks[0]) - first,
+        first=int(ring.ticks[0]) - first if len(ring.rows) else 0,
         entries=tuple(entries),
         description=facts.description,
         lost=ring.missing,

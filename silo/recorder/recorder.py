@@ -259,7 +259,8 @@ class Recorder:
         drain = self._drain
         assert drain is not None
         self._flush()
-        over = end.died or bool(self._runs) or drain.is_over()
+        # not by `is_over`: it may have logged more, and ended, since its rows were read
+        over = end.died or bool(self._runs) or drain.done()
         self._writing.put(replace(end, end=dict(drain.cursors), over=over))
         drain.reader.close()
         self._drain = None

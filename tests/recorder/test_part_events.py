@@ -51,6 +51,19 @@ def kept(path: Path) -> list[tuple[str, str, int]]:
     return [(event.kind, event.text, event.tick) for event in read_bag(path).events]
 
 
+def test_a_part_of_nothing_but_events_is_read_as_an_empty_run(robot, tmp_path, truth, happens) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    told = happens("before the first tick", 0)
+    direct.finish()
+    (path,) = parts(tmp_path)
+    assert kept(path) == [(told.kind, told.text, told.tick)]
+    log = open_log(path)
+    assert {name: len(log[name].values) for name in log} == dict.fromkeys(robot.log, 0)
+    for ending in (".silo", ".csv", ".mcap", ".parquet"):
+        assert run(["convert", str(path), str(tmp_path / f"again{ending}")]) == 0
+
+
 def test_what_happened_stands_in_the_part_as_in_the_event_log(robot, tmp_path, truth, happens) -> None:
     robot.start()
     direct = truth.direct(robot, order(tmp_path))

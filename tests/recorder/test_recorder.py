@@ -14,6 +14,7 @@ from silo.files.part_facts import PART_ENDING
 from silo.model import RecorderState
 from silo.recorder import resuming
 from silo.recorder.closing import close_parts, left_parts
+from silo.recorder.draining import Drain, Drained
 from silo.recorder.orders import Finish, Follow, RecordOrder, encode
 from silo.recorder.recorder import Recorder
 from tests.waiting import wait_until
@@ -148,6 +149,38 @@ def test_a_recorder_goes_on_before_what_a_killed_one_left_is_closed(
     theirs.close()
     spans = [truth.span(read_bag(path)) for path in parts(tmp_path)]
     assert [spans[0][0], spans[0][1], spans[1][1]] == [0, spans[1][0], robot.tick]
+
+
+def test_what_is_logged_between_the_last_look_and_the_end_is_left_to_the_next_one(
+    robot, recorders, tmp_path, truth, monkeypatch
+) -> None:
+    robot.start()
+    robot.ticks(50)
+    look, drain_last = Drain.read, Recorder._drain_last
+    last = threading.Event()
+
+    def looked(self: Drain, room_bytes: int) -> Drained:
+        found = look(self, room_bytes)
+        if last.is_set():
+            last.clear()
+            robot.ticks(2)
+            robot.log.stop()
+        return found
+
+    monkeypatch.setattr(Drain, "read", looked)
+    monkeypatch.setattr(Recorder, "_drain_last", lambda self: last.set() or drain_last(self))
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ours, theirs:
+        descriptor = robot.log.present_run.segment.open_read_only()
+        socket.send_fds(ours, [encode(Follow(robot.log.segment_path))], [descriptor])
+        os.close(descriptor)
+        ours.shutdown(socket.SHUT_WR)  # as of a helper process that was killed
+        Recorder(order(tmp_path, order="one"), theirs).run()
+    again = recorders(order(tmp_path, order="one", resume=True))
+    again.follow(robot.log)
+    assert again.finish().lost == 0
+    spans = [truth.span(read_bag(path)) for path in parts(tmp_path)]
+    assert spans == [(0, 50), (50, 52)]
 
 
 def test_a_part_that_a_kill_left_is_read_as_it_is_and_closed_by_hand(robot, recorders, tmp_path, truth) -> None:
