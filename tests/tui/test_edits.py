@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from silo.model import Action, BufferType, ElementInfo, ElementOptions, Entry, Table
 from silo_tui.model.fields import Field, values_of
@@ -106,6 +107,79 @@ def test_the_edits_that_are_sent_make_the_table_what_the_screen_shows(edits):
     state.load(table(2, *applied))
     assert np.array_equal(state.values, shown)
     assert state.pending_count == (0, 0)
+
+
+class Edited(RuleBasedStateMachine):
+    """Edits, others' changes, settled conflicts and undo in any order, beside a book of values and their grounds."""
+
+    def __init__(self):
+        super().__init__()
+        self.state = fresh()
+        self.book = {}  # (field, row) -> (wanted, the logger's value that it was wanted instead of)
+        self.steps = []  # the book of the rows of each step, before it; what was told, at which revision
+
+    def server(self, cell):
+        return int(self.state.server[cell])
+
+    def beyond(self):
+        """The cells in conflict: the logger's value isn't the one that the edit was made on."""
+        return {
+            cell for cell, (wanted, ground) in self.book.items() if self.server(cell) not in {wanted, ground}
+        }  # fmt: skip
+
+    def remember(self, rows, change):
+        told, label = self.state.changes(), len(self.state._undo)
+        before = {cell: each for cell, each in self.book.items() if cell[1] in rows}
+        change()
+        if len(self.state._undo) > label:
+            self.steps.append((rows, before, told, self.state.revision))
+
+    @rule(edit=one_edit)
+    def edit(self, edit):
+        rows, field, value = edit
+        cells = [(field, row) for row in rows if int(self.state.values[field, row]) != value]
+        self.remember({row for _, row in cells}, lambda: self.state.edit(rows, field, value))
+        for cell in cells:
+            ground = self.book[cell][1] if cell in self.book else self.server(cell)
+            self.book.pop(cell, None)
+            if value != self.server(cell):
+                self.book[cell] = value, ground
+
+    @rule(row=st.integers(0, COUNT - 1), mine=st.booleans())
+    def settle(self, row, mine):
+        cells = [cell for cell in self.beyond() if cell[1] == row]
+        self.remember({row}, lambda: self.state.resolve([row], keep_mine=mine))
+        for cell in cells:
+            wanted, _ = self.book.pop(cell)
+            if mine:
+                self.book[cell] = wanted, self.server(cell)
+
+    @rule(theirs=st.lists(options, min_size=COUNT, max_size=COUNT))
+    def somebody_else_changes_it(self, theirs):
+        self.state.load(table(self.state.revision + 1, *theirs))
+        self.book = {cell: each for cell, each in self.book.items() if each[0] != self.server(cell)}
+
+    @rule()
+    def undo(self):
+        assert (self.state.undo() is not None) == bool(self.steps)
+        if self.steps:
+            rows, before, told, revision = self.steps.pop()
+            self.book = {cell: each for cell, each in self.book.items() if cell[1] not in rows} | before
+            if revision == self.state.revision:
+                assert self.state.changes() == told
+
+    @invariant()
+    def a_conflict_is_a_ground_that_moved(self):
+        assert {(Field(int(field)), int(row)) for field, row in np.argwhere(self.state.conflicts)} == self.beyond()
+
+    @invariant()
+    def what_is_pending_is_what_is_wanted(self):
+        wanted = {cell: each[0] for cell, each in self.book.items() if each[0] != self.server(cell)}
+        found = {(Field(int(field)), int(row)) for field, row in np.argwhere(self.state.pending)}
+        assert {cell: int(self.state.values[cell]) for cell in found} == wanted
+
+
+TestEdited = Edited.TestCase
 
 
 def test_a_bulk_edit_is_one_undo_step():
