@@ -65,7 +65,7 @@ def recover(
         shown = _show_set_aside(paths or [look_in, *_known_folders()], as_json)
         _show(stale, as_json, quiet=shown)
     else:
-        judged = not paths and _judge_left(as_json)
+        judged = _judge_left(paths, single, as_json)
         completed = _complete(left, as_json) or judged
         closed = _close_parts(folders, as_json) or completed
         if not paths:
@@ -107,15 +107,19 @@ def _complete(left: "list[Kept]", as_json: bool) -> bool:
     return bool(left)
 
 
-def _judge_left(as_json: bool) -> bool:
-    """Judge what programs that died held for that; returns whether there was anything to tell."""
+def _judge_left(paths: Sequence[Path], single: Sequence[Path], as_json: bool) -> bool:
+    """Judge what programs that died held for that: all, or those whose folders are named.
+
+    Returns whether there was anything to tell.
+    """
     from silo.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
 
     told: list[str] = []
+    named = [path.resolve() for path in paths if path not in single]
     if any(path.suffix in (HELD_SUFFIX, JUDGE_SUFFIX) for path in runtime_dir().iterdir()):
         from silo.helper.capture_recovery import recover_left
 
-        recover_left(told.append)
+        recover_left(told.append, lambda folder: not paths or Path(folder) in named)
     for text in told:
         click.echo(text, err=as_json)
     return bool(told)

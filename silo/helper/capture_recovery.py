@@ -56,8 +56,13 @@ def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     try:
         path = state_path(schema.logger, schema.run)
         state = read_state(path) if path.exists() else _unseen(reader)
-    except (SegmentError, OSError):
-        return found  # nothing that can be read
+    except OSError:
+        return found  # it can't be read now
+    except SegmentError as error:
+        if not is_live(program_of(schema)):  # nobody will read it: it would keep the run for ever
+            found.texts.append(f"what triggers captured of it is lost: {error}")
+            path.unlink(missing_ok=True)
+        return found
     if state is None or not state.is_orphan:
         return found
     found.extras = state.extras
@@ -141,21 +146,24 @@ def recover_all_captures(logger: str, folder: str, tell: Callable[[EventKind, st
                 tell(EventKind.RECOVERED, f"{WHY}; {'; '.join(found.texts)}", found.files)
 
 
-def recover_left(tell: Callable[[str], object]) -> None:
+def recover_left(tell: Callable[[str], object], wanted: Callable[[str], bool] = lambda _: True) -> None:
     """Judge the runs that programs held before they died, of all loggers; told is what became of them.
 
-    Of runs whose memory is gone the event log is told since when nobody looked.
+    Of runs whose memory is gone the event log is told since when nobody looked. `wanted` chooses by the folder of a
+    logger.
     """
     for reader in held_runs():
         with contextlib.closing(reader), contextlib.suppress(StateError):
-            if not is_live(program_of(reader.schema)):
+            if wanted(reader.schema.folder) and not is_live(program_of(reader.schema)):
                 with claimed(reader):
                     for text in recover_captures(reader, reader.schema.folder).texts:
                         tell(f"{reader.path}: {text}")
     with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
         for path in all_states():
-            with contextlib.suppress(SegmentError, OSError):  # a damaged one is the judge's
-                _let_go(path, read_state(path), tell)
+            with contextlib.suppress(SegmentError, OSError):  # a damaged one goes with its run
+                state = read_state(path)
+                if wanted(state.folder):
+                    _let_go(path, state, tell)
 
 
 def _let_go(path: Path, state: JudgeState, tell: Callable[[str], object]) -> None:

@@ -27,7 +27,7 @@ from silo.files.atomic import sweep_parts
 from silo.helper.events import Events
 from silo.helper.judge import STATE_NAME
 from silo.helper.left_log import RECOVERED
-from silo.helper.left_recordings import complete_recordings
+from silo.helper.left_recordings import complete_recordings, release_left
 from silo.helper.mirror import Mirror
 from silo.helper.saver import describe
 from silo.ipc.published import EventKind
@@ -63,6 +63,7 @@ class PredecessorRecovery:
         options = self._mirror.now.options
         self._complete_recordings()
         self._recover_captures(options.name, options.folder)
+        release_left()  # what was held for captures alone
         with contextlib.suppress(SiloError):  # no runtime folder any more: then there is nothing in it either
             sweep_segments(segment_folder(options))
             sweep_parts(Path(options.folder))

@@ -18,31 +18,15 @@ from silo.files.summaries import Summary, opened_file, opened_folder
 from silo.ipc.fetching import mark_of
 from silo.ipc.messages import RecordingFile, SavedRecording
 from silo.model import FileType
+from silo.recorder.written import WRITTEN_ENDING, decode_written
 
 ENDING = ".mcap"
 MOST_FOLDERS = 1000
-_LIST = ".recorder.json"
 _MOST_LIST_BYTES = 8 << 20
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _STATISTICS, _SUMMARY_OFFSET = 0x02, 0x0B, 0x0E
 _FOOTER_BYTES = 9 + 20 + len(_MAGIC)
 _MOST_OFFSETS_BYTES = 4096
-
-
-class _Entry(msgspec.Struct):
-    name: str
-    inode: int
-    size_bytes: int = 0
-
-
-class _Written(msgspec.Struct):
-    """What is read of a recorder's list (`silo.recorder.ledger`), whose module loads MCAP."""
-
-    recorder: str = ""
-    parts: list[_Entry] = []
-
-
-_decode = msgspec.json.Decoder(_Written).decode
 
 
 @dataclass(frozen=True)
@@ -82,10 +66,10 @@ def part_named(place: int, name: str) -> Part | None:
 
 def _parts_of(folder: int, name: str) -> Iterator[Part]:
     for each in os.listdir(folder):
-        if not each.endswith(_LIST):
+        if not each.endswith(WRITTEN_ENDING):
             continue
         with suppress(OSError, msgspec.MsgspecError, UnicodeDecodeError), opened_file(folder, each) as file:
-            written = _decode(os.pread(file, _MOST_LIST_BYTES, 0))
+            written = decode_written(os.pread(file, _MOST_LIST_BYTES, 0))
             for entry in written.parts:
                 if not entry.size_bytes or "/" in entry.name or not entry.name.endswith(ENDING):
                     continue

@@ -18,7 +18,7 @@ from silo.errors import SaveError
 from silo.files.atomic import atomic_file, reason
 from silo.files.part_facts import PART_ENDING
 from silo.recorder.closing import ClosedPart, finished_part
-from silo.recorder.written import PartEntry, RunEntry, Sums, Written, written_path
+from silo.recorder.written import PartEntry, RunEntry, Sums, Written, decode_written, written_path
 
 ROOM_SHARE = 0.02  # of a disk that is left free, or
 ROOM_BYTES = 1_000_000_000  # that many, whichever is less
@@ -62,7 +62,7 @@ class Ledger:
 
     def _read(self) -> Written:
         try:
-            return msgspec.json.decode(self._path.read_bytes(), type=Written)
+            return decode_written(self._path.read_bytes())
         except FileNotFoundError:
             return Written(self.name)
         except (msgspec.MsgspecError, UnicodeDecodeError) as error:

@@ -10,6 +10,7 @@ import msgspec
 from silo.model import Extras
 
 MOST_RUNS = 100  # that are told one by one; of those before them the sums are kept
+WRITTEN_ENDING = ".recorder.json"
 
 
 class PartEntry(msgspec.Struct):
@@ -108,12 +109,15 @@ class Written(msgspec.Struct):
 
 def written_path(folder: Path, name: str) -> Path:
     """Return where a recorder of that name keeps its ledger."""
-    return folder / f".{name}.recorder.json"
+    return folder / f".{name}{WRITTEN_ENDING}"
+
+
+decode_written = msgspec.json.Decoder(Written).decode
 
 
 def read_written(folder: Path, name: str) -> Written | None:
     """Return the ledger of a recorder; None where there is none, or it is damaged."""
     try:
-        return msgspec.json.decode(written_path(folder, name).read_bytes(), type=Written)
+        return decode_written(written_path(folder, name).read_bytes())
     except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
         return None

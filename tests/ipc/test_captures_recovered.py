@@ -99,7 +99,8 @@ def test_the_next_start_writes_the_capture_and_no_second_one(robots, tmp_path, c
     capsys.readouterr()
 
 
-def test_a_run_that_was_held_is_judged_by_recover_when_program_and_helper_are_gone(robots, tmp_path, runtime) -> None:
+def held(robots, runtime) -> tuple[str, Path]:
+    """A run that a program held for its triggers before it and its helper process were killed."""
     robot = robots("bot")
     with Client.connect("bot") as client:
         client.set_trigger(TriggerOptions("fall", "x % 100 == 50", pre_s=0.05, post_s=0.05))
@@ -107,18 +108,39 @@ def test_a_run_that_was_held_is_judged_by_recover_when_program_and_helper_are_go
         first = client.triggers().run
         os.kill(robot.helper_pid, signal.SIGSTOP)  # frozen: it judges no more
         wait_until(lambda: len(list_segments()) == 1)
-    held = runtime / list_segments()[0].with_suffix(".held").name
+    path = runtime / list_segments()[0].with_suffix(".held").name
     for pid in (robot.pid, robot.helper_pid):
         os.kill(pid, 9)
     robot.kill()
-    list_segments()[0].rename(held)  # as the next start of the program would have
-    assert run(["recover"]) == 0
+    list_segments()[0].rename(path)  # as the next start of the program would have
+    return first, path
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_a_run_that_was_held_is_judged_by_recover_when_program_and_helper_are_gone(
+    robots, tmp_path, runtime, named
+) -> None:
+    first, path = held(robots, runtime)
+    (elsewhere := tmp_path / "elsewhere").mkdir()
+    assert run(["recover", str(elsewhere)]) == 0
+    assert path.exists()
+    assert run(["recover", *([str(tmp_path / "logs")] if named else [])]) == 0
     events = read_events(tmp_path / "logs", "bot", first)
     fires = [event.tick for event in events if event.kind == EventKind.TRIGGERED.value]
     assert fires == sorted(set(fires))
     assert fires
     assert len(fires) == len(list((tmp_path / "logs").glob("bot_*_fall_*.silo")))
     assert [path for path in runtime.iterdir() if path.suffix in (".judge", ".held", ".segment")] == []
+
+
+def test_a_damaged_state_keeps_no_run_of_a_program_that_is_gone(robots, runtime, capsys) -> None:
+    _, path = held(robots, runtime)
+    (state,) = runtime.glob("*.judge")
+    state.write_bytes(b"silo judge 1\nno more")
+    assert run(["recover"]) == 0
+    assert "what triggers captured of it is lost" in capsys.readouterr().out
+    assert not state.exists()
+    assert not path.exists()
 
 
 def test_a_state_whose_program_and_memory_are_gone_is_told_and_forgotten_by_recover(robots, tmp_path, runtime) -> None:
