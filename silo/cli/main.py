@@ -129,9 +129,10 @@ def cli(ctx: click.Context, config: str, read_only: bool) -> None:
 
     \b
     Exit codes:
-      0  done            1  refused or failed      2  wrong usage
-      3  no such logger, or it can't be reached
+      0  done            1  refused, failed, or beyond its limits
+      2  wrong usage     3  no such logger, or it can't be reached
       4  two logs, or a script and a logger, differ
+      5  some of it, or all, could not be judged
     """
     ctx.obj = config
     if read_only:

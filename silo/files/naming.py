@@ -14,7 +14,7 @@ from pathlib import Path
 from silo.errors import LogNotFoundError, SaveError
 from silo.files.atomic import lock, reason
 from silo.files.formats import LOG_ENDINGS, is_bag_folder
-from silo.runtime import open_own
+from silo.runtime import FOLDER_GONE, is_folder_gone, open_own
 
 _STEM = re.compile(r"(?P<logger>.+)_(?P<when>\d{8}_\d\d-\d\d-\d\d)_(?P<run>\d{5,})")
 
@@ -102,7 +102,7 @@ def find_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str]
         return _by_age(found)[-1]
     if str(which).isdecimal():
         return _by_run(int(str(which)), place)
-    raise LogNotFoundError(f"no log '{which}' in '{place.resolve()}'{_what_is_there(place)}")
+    raise LogNotFoundError(f"no log '{which}' in '{_whole(place)}'{_what_is_there(place)}")
 
 
 def find_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".") -> list[Path]:
@@ -114,11 +114,19 @@ def find_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".
     exact = [path for path in (Path(which), place / which) if path.exists() and (path.is_file() or is_bag_folder(path))]
     found = exact[:1] or _meant(which, place)
     if not found:
-        raise LogNotFoundError(f"no log '{which}' in '{place.resolve()}'{_what_is_there(place)}")
+        raise LogNotFoundError(f"no log '{which}' in '{_whole(place)}'{_what_is_there(place)}")
     best: dict[Path, Path] = {}
     for path in _by_age(found):
         best[path.with_suffix("")] = path
     return list(best.values())
+
+
+def _whole(folder: Path) -> Path:
+    """The whole path of a folder. Raises LogNotFoundError where the one that it counts from is gone."""
+    try:
+        return folder.resolve()
+    except OSError as error:
+        raise LogNotFoundError(f"no log in '{folder}': {FOLDER_GONE if is_folder_gone() else error}") from None
 
 
 def _meant(which: str | os.PathLike[str], folder: Path) -> list[Path]:
@@ -137,11 +145,11 @@ def _by_run(run: int, folder: Path) -> Path:
     loggers = sorted({match["logger"] for path in found if (match := _STEM.match(path.name))})
     if len(loggers) > 1:
         raise LogNotFoundError(
-            f"run {run} in '{folder.resolve()}' is a log of several loggers ({', '.join(loggers)}); "
+            f"run {run} in '{_whole(folder)}' is a log of several loggers ({', '.join(loggers)}); "
             f"say which by the start of the file name, like '{loggers[0]}_'"
         )
     if not found:
-        raise LogNotFoundError(f"no log of run {run} in '{folder.resolve()}'{_what_is_there(folder)}")
+        raise LogNotFoundError(f"no log of run {run} in '{_whole(folder)}'{_what_is_there(folder)}")
     return max(found, key=_age_and_preference)
 
 

@@ -301,3 +301,13 @@ def test_a_working_directory_that_was_deleted_is_named(tmp_path, monkeypatch, ca
     silo.Logger("arm", folder=tmp_path, script=tmp_path / "none.yaml").close()
     assert run(["ls"]) == 1
     assert capsys.readouterr().err.startswith("silo: the working directory of this process was deleted")
+
+
+@pytest.mark.parametrize("look", [lambda: silo.open_log("x"), lambda: silo.open_log("."), lambda: silo.open_logs(".")])
+def test_a_log_of_a_working_directory_that_was_deleted_is_not_found_in_words(tmp_path, monkeypatch, look) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    with pytest.raises(silo.SiloError, match="the working directory of this process was deleted"):
+        look()
