@@ -101,7 +101,8 @@ def tell_bare_m(what: str, given: str, taken: str, instead: str) -> None:
         return
     _told.add((what, given))
     log.warning(
-        "%s %s is taken as %s, and will be refused: a bare m is minutes to others; write %s%s, or %smin for minutes",
+        "%s %s is taken as %s; the next release will refuse it: a bare m is minutes to others; write %s%s, or %smin "
+        "for minutes",
         what, given.strip(), taken, f"{amount[0]:g}", instead, f"{amount[0]:g}",
     )  # fmt: skip
 

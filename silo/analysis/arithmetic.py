@@ -259,7 +259,7 @@ def _warn_of_turn(signal: Samples, number: object, sign: str) -> None:
         to = "deg" if signal.unit == "rad" else "rad"
         warn_outside(
             f"'{signal.name}' {sign} {number:.6g} stays in '{signal.unit}', as a number has no unit: to convert write "
-            f".to('{to}'), or say what it is in by .with_unit(...) first; this will be refused"
+            f".to('{to}'), or say what it is in by .with_unit(...) first; the next release will refuse it"
         )
 
 

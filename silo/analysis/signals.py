@@ -166,7 +166,7 @@ class Signal(Operators):
         """
         given = text("unit", unit, "signal.with_unit('rad/s'), or '-' for none")
         if wrong := units.doubt(given):
-            warn_outside(f"{wrong}; this will be refused")
+            warn_outside(f"{wrong}; the next release will refuse it")
         return replace(self, unit=given)
 
     # ---------------------------------------------------------------------------------------------------- statistics

@@ -23,7 +23,7 @@ from silo.helper.operators import Operators
 from silo.helper.requests import decode_ask, decode_do
 from silo.ipc.clocks import clock_s
 from silo.ipc.keys import Root
-from silo.ipc.messages import AnyReply, Do, GoesOn, Hello, Refused, RefusedWhy, Request, SlowAsk
+from silo.ipc.messages import AnyReply, Do, GoesOn, Hello, Refused, RefusedWhy, Request, SlowAsk, spoken
 
 MAX_WAITING = 64
 
@@ -186,7 +186,7 @@ class Control:
             return
         one.job = self._answers.number()
         if one.claim():
-            name = type(one.request).__name__.lower()
+            name = spoken(one.request)
             told = GoesOn(one.job, f"{name} goes on: it waits for {lane.value}; an event tells how it ends")
             self._reply(one.query, one.key, lambda: told)
 

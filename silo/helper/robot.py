@@ -6,7 +6,7 @@ import socket
 import threading
 from typing import Any
 
-from silo.ipc.messages import AnyReply, Done, GoesOn, Refused, RefusedWhy, Request, RobotRequest
+from silo.ipc.messages import AnyReply, Done, GoesOn, Refused, RefusedWhy, Request, RobotRequest, spoken
 from silo.link.channel import LinkChannel
 from silo.link.handover import RunOffer, taken_runs
 from silo.link.messages import LinkMessage, LinkReply, LinkRequest
@@ -64,7 +64,7 @@ class Robot:
                 return future.result()  # it came right now
         return GoesOn(
             number,
-            f"{type(request).__name__.lower()} goes on: the robot program has not answered for {timeout_s:.3g} s (it "
+            f"{spoken(request)} goes on: the robot program has not answered for {timeout_s:.3g} s (it "
             "has much to do, is stopped, or is busy in code that holds the interpreter); the status, and an event, "
             "tell how it ends",
         )
@@ -95,7 +95,7 @@ class Robot:
 
 def ending(request: Request[Any], reply: AnyReply) -> str:
     """Return how a request ended that its client could not wait for."""
-    what = f"the {type(request).__name__.lower()} that took long"
+    what = f"the {spoken(request)} that took long"
     if isinstance(reply, Refused):
         return f"{what} was refused: {reply.text}"
     more = f"; {reply.text}" if isinstance(reply, Done) and reply.text else ""

@@ -235,7 +235,7 @@ class Configuration(metaclass=HidesOtherNames):
         wrong = doubt(unit)
         if wrong and unit not in self._doubted:
             self._doubted.add(unit)
-            log.warning("element '%s': %s; this will be refused", name, wrong)
+            log.warning("element '%s': %s; it is taken as given, and the next release will refuse it", name, wrong)
         return unit
 
     def _tell_rate(self, name: str, asked: Settings, divider: int) -> None:

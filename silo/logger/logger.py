@@ -137,6 +137,8 @@ class Logger(Logged):
             return "collect() logs nothing any more, the logger is closed: make a new one"
         if not self._present.number:
             return "collect() logs nothing before the first start: call start()"
+        if not self._reason:
+            return "collect() logs nothing while start() prepares a new run"
         return f"collect() logs nothing while it stands still ({self._reason}): start() begins a new run"
 
     @property

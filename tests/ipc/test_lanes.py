@@ -19,6 +19,7 @@ from silo.ipc.keys import LOCAL_SENDER, Root
 from silo.ipc.messages import (
     AddMark,
     AnyReply,
+    ApplyEdits,
     DeleteRecording,
     Done,
     GoesOn,
@@ -27,7 +28,9 @@ from silo.ipc.messages import (
     RefusedWhy,
     ReleaseControl,
     Request,
+    Start,
     StopRecorder,
+    spoken,
 )
 from silo.ipc.session import close, open_client, open_server
 from tests.waiting import DEADLINE_S, wait_until
@@ -141,3 +144,8 @@ def test_more_than_may_wait_are_refused_at_once(helper, monkeypatch) -> None:
     assert "wait for the robot's disk already" in refused.text
     helper.answers.disk.set()
     assert [told(one) for one in waiting] == [Done("KeepView")] * 5
+
+
+def test_a_request_is_called_by_words() -> None:
+    assert spoken(ApplyEdits(revision=1, edits=[])) == "apply edits"
+    assert spoken(Start()) == "start"

@@ -60,7 +60,7 @@ def test_a_bare_m_is_told_once_with_both_meanings_where_it_was_taken(read, words
     assert read()
     (record,) = caplog.records
     assert words in record.getMessage()
-    assert "will be refused" in record.getMessage()
+    assert "the next release will refuse it" in record.getMessage()
 
 
 def test_a_large_m_is_a_million_and_nothing_is_told(caplog):

@@ -246,7 +246,7 @@ def test_a_unit_that_is_not_known_is_told_once_with_the_one_that_is_meant(new_lo
     assert len(told) == 2
     assert "/log/a" in told[0]
     assert "did you mean 'rad'?" in told[0]
-    assert "will be refused" in told[0]
+    assert "the next release will refuse it" in told[0]
     assert "/log/d" in told[1]
 
 

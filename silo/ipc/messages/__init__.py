@@ -26,6 +26,7 @@ from silo.ipc.messages.base import (
     RobotRequest as RobotRequest,
     SlowAsk as SlowAsk,
     leaves as leaves,
+    spoken as spoken,
     reply_type as reply_type,
 )
 from silo.ipc.messages.state import (

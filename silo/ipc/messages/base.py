@@ -1,6 +1,7 @@
 """What all requests and replies are: their bases, and the replies that any request may get."""
 
 import enum
+import re
 from typing import Any, ClassVar, Generic, TypeVar, get_args
 
 import msgspec
@@ -98,6 +99,11 @@ class Do(Request[ReplyT], Generic[ReplyT], frozen=True):
 
 class RobotRequest(Do[ReplyT], Generic[ReplyT], frozen=True):
     """Base of the requests that the helper process hands on to the robot process."""
+
+
+def spoken(request: Request[Any]) -> str:
+    """Return what a request is called where it is told of: `apply edits`."""
+    return re.sub(r"(?<!^)(?=[A-Z])", " ", type(request).__name__).lower()
 
 
 def leaves(base: type[msgspec.Struct]) -> tuple[type[Any], ...]:
