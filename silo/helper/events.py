@@ -16,7 +16,7 @@ from silo.helper.mirror import Mirror
 from silo.ipc.keys import Root
 from silo.ipc.published import Event, EventKind
 from silo.ipc.senders import came_by_network
-from silo.model import LoggedEvent, SavedFile
+from silo.model import LoggedEvent, SavedFile, Status
 
 MAX_BY = 120
 
@@ -69,7 +69,7 @@ class Events:
             text,
             begun_ns or time.time_ns(),
             newest if tick is None else tick,
-            stamp_ns or (status.last_tick_ns if tick in (None, newest) else self._mirror.stamp_of(tick or 0)),
+            stamp_ns or self._stamp_of(newest if tick is None else tick, run, status),
             plain(by) or self._mirror.now.robot.logger,
             run or self._mirror.run,
         )
@@ -102,6 +102,12 @@ class Events:
         """Whether it is told that the present run was started."""
         run = self._mirror.run
         return bool(run) and any(event.kind == EventKind.STARTED.value for event in self.log.of_run(run))
+
+    def _stamp_of(self, tick: int, run: str, status: Status) -> int:
+        """Return the time stamp of a tick of a run, 0 where only who tells of it may know it: the run is over."""
+        if run not in ("", self._mirror.run):
+            return 0
+        return status.last_tick_ns if tick == status.ticks - 1 else self._mirror.stamp_of(tick)
 
     def publish_mark(self, mark: LoggedEvent) -> None:
         """Log and publish a mark of the program; without a status, for there may be many at once."""

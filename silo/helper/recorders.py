@@ -317,7 +317,9 @@ class Recording:
         if report.finished:
             self._tell(f"recording '{recorder.order.name}': finished {report.finished}")
         if report.told:
-            self._tell(f"recording '{recorder.order.name}': {report.told}")
+            # a loss belongs to the run that lacks the ticks, which may be over
+            tick = report.told_tick if report.told_run else None
+            self._tell(f"recording '{recorder.order.name}': {report.told}", run=report.told_run, tick=tick)
 
     def _keep_spare(self, recorder: RecorderProcess) -> None:
         """Have a process ready for the case that a recorder is killed, once one records and has caught up."""
@@ -394,9 +396,9 @@ class Recording:
         """Leave what is under way for who comes after, and what is ending as long as it is not over."""
         store(self._kept, self._living())
 
-    def _tell(self, text: str, by: str = "") -> None:
+    def _tell(self, text: str, by: str = "", *, run: str = "", tick: int | None = None) -> None:
         log.info("%s", text)
-        self._events.publish(EventKind.RECORDING, text, by=by)
+        self._events.publish(EventKind.RECORDING, text, by=by, run=run, tick=tick)
 
     def _failed(self, text: str, by: str) -> None:
         log.warning("%s", text)

@@ -61,8 +61,9 @@ class Finish(msgspec.Struct, frozen=True, tag=True):
 class Report(msgspec.Struct, frozen=True):
     """How far a recorder is. Counts are of all its parts since the order; `size_bytes` is what stands on the disk.
 
-    `finished` is a part that was just finished, `told` what clients are to hear: losses, parts that were closed. `done`
-    is a run of which all stands in parts.
+    `finished` is a part that was just finished, `told` what clients are to hear: losses, parts that were closed;
+    `told_run` and `told_tick` say where a loss begins, of a run that may be over. `done` is a run that stands in parts
+    from end to end.
     """
 
     state: RecorderState
@@ -76,6 +77,8 @@ class Report(msgspec.Struct, frozen=True):
     finished: str = ""
     told: str = ""
     done: str = ""
+    told_run: str = ""
+    told_tick: int = -1
 
 
 Command = Follow | Conditions | Finish

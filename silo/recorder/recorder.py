@@ -41,7 +41,7 @@ from silo.recorder.orders import (
     extras_of,
 )
 from silo.recorder.resuming import Closing, fewer_rows, left_rows
-from silo.recorder.writing import Disk, ExtrasChange, Look, RunBegins, RunEnds, Settle, Writing
+from silo.recorder.writing import Disk, ExtrasChange, Look, News, RunBegins, RunEnds, Settle, Writing
 from silo.recorder.written import RunEntry
 
 FLUSH_S = 0.5  # a chunk at least as often: what a kill can take
@@ -215,7 +215,7 @@ class Recorder:
 
     def _report(self) -> Report:
         totals = self._writing.totals
-        told = self._news.pop(0) if self._news else totals.told.pop(0) if totals.told else ""
+        told = News(self._news.pop(0)) if self._news else totals.told.pop(0) if totals.told else News("")
         if len(totals.told) > 20:  # a disk that is too slow for ever: the sum is told
             del totals.told[:]
         return Report(
@@ -228,8 +228,10 @@ class Recorder:
             totals.samples,
             totals.lost,
             totals.finished.pop(0) if totals.finished else "",
-            told[:TEXT_BYTES],
+            told.text[:TEXT_BYTES],
             totals.done.pop(0) if totals.done else "",
+            told.run,
+            told.tick,
         )
 
     def _send(self, report: Report) -> None:

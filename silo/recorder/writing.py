@@ -94,6 +94,15 @@ Item = RunBegins | RunEnds | Drained | Look | ExtrasChange | Settle
 _OF_RECORDERS = ("recording", "recording failed")  # kinds of news for which alone no part is begun
 
 
+@dataclass(frozen=True)
+class News:
+    """What clients are to hear; `run` and `tick` say where it begins, where it is of a run that may be over."""
+
+    text: str
+    run: str = ""
+    tick: int = -1
+
+
 @dataclass
 class Totals:
     """What became of it all. Changed by the writing thread, read by the other one."""
@@ -107,7 +116,7 @@ class Totals:
     samples: int = 0
     lost: int = 0
     finished: list[str] = field(default_factory=list)
-    told: list[str] = field(default_factory=list)
+    told: list[News] = field(default_factory=list)
     done: list[str] = field(default_factory=list)  # runs
 
 
@@ -344,7 +353,7 @@ class Writing:
         text = f"{lost} samples were lost, of ticks {loss.begin * divider} to {(loss.end - 1) * divider}: {loss.why}"
         if loss.why == TOO_SLOW:
             text += "; record fewer elements, make buffers larger, or record to another disk"
-        self.totals.told.append(text)
+        self.totals.told.append(News(text, layout.schema.run, loss.begin * divider))
         self._count()
 
     def _lost_event(self, part: Part) -> LoggedEvent:
