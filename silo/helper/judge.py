@@ -442,6 +442,8 @@ class Judge:
         self._judge = judge = self._made(reader, extras, since)
         if since:
             judge.count_from(self._remembering().numbers(reader.schema.run))
+        else:
+            self._remembering().begin(reader.schema.run)
         self._tell_problems(judge)
         self._keep(judge)  # a successor that finds nothing judges all: then nothing was told
 

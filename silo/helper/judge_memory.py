@@ -48,6 +48,7 @@ class JudgeMemory:
         self._own: dict[str, Path] = {}
         self._damaged: set[str] = set()
         self._told: dict[str, list[tuple[int, Untold]]] = {}  # what the event log may not have in its file, by run
+        self._before: dict[str, set[tuple[str, str]]] = {}  # what was told of a run before it was begun with, or anew
         self._due_s = 0.0
         self._failing = False
         self._look_due_s = 0.0
@@ -123,8 +124,16 @@ class JudgeMemory:
             if not (unsure or self._writer.waiting(run)):
                 self._own.pop(run).unlink(missing_ok=True)
                 self._told.pop(run, None)
+                self._before.pop(run, None)
 
     # ------------------------------------------------------------------------------------------------- after us
+
+    def begin(self, run: str) -> None:
+        """Note what was told of a run that is judged from its begin: by one that came to its end, and was killed then.
+
+        That forgets its state first, and has its process end after that.
+        """
+        self._before[run] = {(event.kind, event.text) for event in self._events.log.of_run(run)}
 
     def is_due(self) -> bool:
         """Whether the state should be stored though nothing happened but rows."""
@@ -160,7 +169,8 @@ class JudgeMemory:
         """Publish what was found."""
         run = judge.reader.schema.run
         told = self._told.setdefault(run, [])
-        told += [(self._publish(one, run), one) for one in untold(found)]
+        before = self._before.get(run, ())
+        told += [(self._publish(one, run), one) for one in untold(found) if (one.kind, one.text) not in before]
 
     def tell_new(self, found: Step, judge: SegmentJudge) -> None:
         """Publish what was found in a run that is over, as far as nobody did before."""

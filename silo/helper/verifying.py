@@ -30,7 +30,10 @@ from silo.recording import Recording
 from silo.runtime import list_segments, read_own
 
 # what tells of a loss, once "0 lost" is taken out
-_LOSS = re.compile(r"lost|missing|not recorded|left out|could not|couldn't|gone|overwritten|deleted|blind|not saved")
+_LOSS = re.compile(
+    r"lost|missing|not recorded|left out|could not|couldn't|gone|overwritten|deleted|blind|not saved|"
+    r"not written"
+)
 _NO_LOSS = re.compile(r"\b0 (samples )?lost\b")
 _TELL_LOSS = frozenset(
     kind.value

@@ -17,6 +17,7 @@ from silo.ipc.client import Client
 from silo.ipc.conditions import TriggerWord
 from silo.ipc.published import EventKind
 from silo.logger import serving
+from silo.logger.helper_process import HelperProcess
 from silo.runtime import boot_id, pid_namespace, process_start
 from tests.waiting import answered, wait_until
 
@@ -275,6 +276,25 @@ def test_what_happened_before_a_logger_was_closed_without_its_helper_process_is_
     down.logger.close()
     assert [one.tick for one in happened(down, EventKind.TRIGGERED, run)] == [40, 70]
     assert len(happened(down, EventKind.CAPTURED, run)) == 2
+    assert [path for path in runtime.iterdir() if path.suffix in (".judge", ".held", ".segment")] == []
+
+
+def test_a_helper_process_that_is_killed_as_it_ends_has_nothing_told_twice(bench, client, monkeypatch, runtime):
+    bench.logger.trigger("high", "q_x > 50", pre="30ms", post="30ms")
+    bench.logger.start()
+    run = bench.logger.present_run.id
+    spiked(bench, 95, {40, 70})
+    real, codes = HelperProcess.wait, []
+
+    def wait(process: HelperProcess) -> int:
+        codes.append(real(process))
+        return codes[-1] if len(codes) > 1 else -signal.SIGKILL  # it was done, and had yet to end
+
+    monkeypatch.setattr(HelperProcess, "wait", wait)
+    bench.logger.close()
+    assert codes == [0, 0]
+    assert [one.tick for one in happened(bench, EventKind.TRIGGERED, run)] == [40, 70]
+    assert len(happened(bench, EventKind.CAPTURED, run)) == 2
     assert [path for path in runtime.iterdir() if path.suffix in (".judge", ".held", ".segment")] == []
 
 

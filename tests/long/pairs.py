@@ -5,7 +5,8 @@ recorder, standby, writer} are killed, the second up to 2 s after the first, all
 times between and around. A program that is not killed ends by `close()`. Then `silo ls` or `silo recover` comes, as a
 user would call it next, and `silo recover`. Counted are, against what the program itself wrote down:
 
-- untold: ticks that were collected and stand in no part of the recording, nor does anything say so.
+- untold: ticks that were collected and stand in no part of the recording, nor does anything say that of them: neither a
+  gap that `silo verify` says somebody told of, nor the ledger of the recorder of the run they are of, or of its end.
 - lost: those, and the ones that somebody told to be lost.
 - spikes: those without a capture, of which no event says why.
 - twice: captures of one spike, ticks in two parts, fires told again.
@@ -18,7 +19,6 @@ Each scenario is told by its number: `--seed S --only N` does one again. Exits w
 import argparse
 import contextlib
 import itertools
-import json
 import random
 import re
 import signal
@@ -32,6 +32,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import psutil
 from numpy.typing import NDArray
@@ -40,15 +41,15 @@ from processes import end_process, gone, show, signal_process, silo_command, wai
 
 import silo
 from silo.files.event_log import read_events
+from silo.helper.verifying import Verified
 from silo.model import LoggedEvent
+from silo.recorder.written import Written, read_written
 
 ROBOT = Path(__file__).with_name("pair_robot.py")
 MEMBERS = ("program", "helper", "recorder", "standby", "writer")
 PAIRS = tuple(itertools.permutations(MEMBERS, 2)) + tuple((one, one) for one in MEMBERS if one != "program")
 MOST_APART_S = 2.0
 PATIENCE_S = 60.0
-TOLD = re.compile(r"lost|missing|gap|not recorded|not saved|was left out|blind|damaged|could not|overwritten|can't be")
-NOTHING = re.compile(r"\b0 (samples )?lost")  # no word of any loss
 KEPT = re.compile(
     r"\.(pair|endless)_fileNumber|\.pair\.(events(\.1)?|captures)\.jsonl|\.endless\.recorder\.(json|lock)"
 )
@@ -141,8 +142,9 @@ def perform(scenario: Scenario) -> Outcome:
             done = silo_command(words, environment, folder / "logs")
             texts.append(done.stdout + done.stderr)
         _end_all(environment, outcome)
-        _count(outcome, np.array(page), folder, [*texts, said_path.read_text()])
-        _verify(outcome, folder, environment)
+        found = _verified(outcome, folder, environment)
+        _count(outcome, np.array(page), folder, [*texts, said_path.read_text()], found)
+        _hold_against(outcome, found)
         return outcome
 
 
@@ -234,12 +236,13 @@ def _end_all(environment: dict[str, str], outcome: Outcome) -> None:
 # ------------------------------------------------------------------------------------------------------- what is there
 
 
-def _count(outcome: Outcome, page: Page, folder: Path, texts: list[str]) -> None:
+def _count(outcome: Outcome, page: Page, folder: Path, texts: list[str], found: Verified | None) -> None:
     logs = folder / "logs"
     truth = {run: int(page[run]) for run in range(1, int(page[0]) + 1)}
     outcome.ticks = sum(truth.values())
     events = read_events(logs, "pair")
-    said = NOTHING.sub("", "\n".join([*texts, *(event.text for event in events)]))
+    said = "\n".join([*texts, *(event.text for event in events)])
+    written = read_written(logs / "recordings", "endless")
     recorded: Counter[tuple[int, int]] = Counter()
     for path in sorted(logs.glob("recordings/*.mcap*")):
         for run, ticks in _ticks_of(path, outcome):
@@ -249,8 +252,8 @@ def _count(outcome: Outcome, page: Page, folder: Path, texts: list[str]) -> None
         if missing:
             outcome.lost += len(missing)
             outcome.notes.append(f"run {run}: {len(missing)} of {count} ticks are in no part, {_spans(missing)}")
-            if not TOLD.search(said):
-                outcome.untold += len(missing)
+            told = _told_of(run, found, written)
+            outcome.untold += sum(not any(first <= tick <= last for first, last in told) for tick in missing)
     again = [key for key, times in recorded.items() if times > 1]
     if again:
         outcome.twice += len(again)
@@ -277,6 +280,16 @@ def _ticks_of(path: Path, outcome: Outcome) -> list[tuple[int, NDArray[np.int64]
         return []
     there = ~np.isnan(ticks)
     return [(int(run), ticks[there & (runs == run)].astype(np.int64)) for run in np.unique(runs[there])]
+
+
+def _told_of(number: int, found: Verified | None, written: Written | None) -> list[tuple[int, int]]:
+    """The ticks of a run, both ends included, of which somebody said that they are in no part."""
+    told: list[tuple[int, int]] = []
+    for entry in written.runs if written is not None else ():
+        if entry.number == number:
+            told += [(end, sys.maxsize) for end in [*entry.end.values(), 0][:1] if entry.gone]
+            told += [span for one in (found.told if found else ()) if one.run == entry.run for span in one.spans]
+    return told
 
 
 def _spans(ticks: list[int]) -> str:
@@ -321,14 +334,20 @@ def _count_spikes(outcome: Outcome, truth: dict[int, int], logs: Path, events: l
         outcome.notes.append("exists already: " + said[max(0, said.index("exists already") - 200) :][:260])
 
 
-def _verify(outcome: Outcome, folder: Path, environment: dict[str, str]) -> None:
-    """Hold `silo verify` against the counting."""
+def _verified(outcome: Outcome, folder: Path, environment: dict[str, str]) -> Verified | None:
+    """What `silo verify` finds."""
     done = silo_command(["verify", "--json", "."], environment, folder / "logs")
     if done.returncode not in (0, 1):
         outcome.notes.append(f"silo verify: {done.stderr[:300]}")
+        return None
+    return msgspec.json.decode(done.stdout, type=Verified)
+
+
+def _hold_against(outcome: Outcome, found: Verified | None) -> None:
+    """Hold `silo verify` against the counting."""
+    if found is None:
         return
-    found = json.loads(done.stdout)
-    wrong = [one["text"] for one in found["problems"]]
+    wrong = [one.text for one in found.problems]
     if wrong and not (outcome.untold or outcome.spikes or outcome.twice):
         outcome.verify = 1
         outcome.notes.append(f"silo verify alone: {wrong[:3]}")
