@@ -18,9 +18,9 @@ SCRIPT = "log_elements:\n  - name: /log/x\n    enabled: true\n    divider: 7\n  
 COLUMN_NS = 10_000_000
 
 
-def refusal(call, *arguments):
+def refusal(call, *arguments, **named):
     with pytest.raises(RefusedError) as error:
-        call(*arguments)
+        call(*arguments, **named)
     return error.value
 
 

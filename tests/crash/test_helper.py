@@ -282,4 +282,4 @@ def test_helper_stays_small(robot, watcher, until) -> None:
     watcher.client.wait_saved(watcher.client.save(), 30)
     text = Path(f"/proc/{robot.helper_pid}/status").read_text()
     (size,) = [int(line.split()[1]) for line in text.splitlines() if line.startswith("VmRSS")]
-    assert size < 60_000, f"{size} kB"
+    assert size < 64_000, f"{size} kB"  # of which 2.5 MB are rules at its socket, and a thread per lane

@@ -61,7 +61,7 @@ def elements(draw, name, ticks):
     dtype, text, labels = draw(st.sampled_from(TYPES)), "", None
     if sort == "kind":
         kind, layout = kind_given(draw(st.sampled_from(GIVEN)))
-        kind_name, shape, suffixes = kind.name, kind.shape, [suffix for suffix, _ in layout]
+        kind_name, shape, suffixes = kind.name, kind.shape, list(layout)
         types = [dtype] * len(suffixes)
     elif sort == "struct":
         fields = np.dtype([("a", "<f8"), ("b", dtype, (2,)), ("z", "<c8")])

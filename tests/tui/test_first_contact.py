@@ -237,7 +237,7 @@ async def test_the_span_that_a_start_drops_is_told_in_minutes(new_fake, opened):
     fake.stop()
     async with opened(fake, size=(100, 30)) as screen:
         await screen.press("S")
-        await screen.shows("over 17.7 min")
+        await screen.shows("of up to 17.7 min")
 
 
 async def test_a_logger_that_is_back_and_slow_to_answer_is_asked_once_until_it_has_answered(fake, opened):
