@@ -201,8 +201,8 @@ class Judge:
             self._keep(self._judge)
         return result
 
-    def _do_orders(self) -> None:
-        while self._orders:
+    def _do_orders(self, count: int) -> None:
+        for _ in range(count):
             order, future = self._orders.popleft()
             try:
                 future.set_result(order())
@@ -255,13 +255,14 @@ class Judge:
         while not self._ended:
             self._wake.wait(wait_s)
             self._wake.clear()
+            known = len(self._orders)  # of later ones the next step first takes in what was set before them
             wait_s = self._guarded()
-            self._do_orders()
+            self._do_orders(known)
         self._guarded()
         if self._hands_over:
             self._hand_over()
         self._end_run(self._why)
-        self._do_orders()
+        self._do_orders(len(self._orders))
 
     def _guarded(self) -> float:
         """Do a step, whatever the rows hold; returns how long to wait for the next one."""
