@@ -119,10 +119,10 @@ def _runs_of(program: Program, closing: contextlib.ExitStack) -> list[SegmentRea
 def _complete_one(kept: Kept, runs: Sequence[SegmentReader], tell: Tell) -> str:
     """Have a recorder go on, to the end of the last run; returns why it could not."""
     order = msgspec.structs.replace(kept.order, resume=True)
-    ids = [reader.schema.run for reader in runs]
-    runs = runs[ids.index(order.run) :] if order.run in ids else runs
+    wanted = kept.wanted([reader.schema.run for reader in runs])
+    runs = [reader for reader in runs if reader.schema.run in wanted]
     recorder = RecorderProcess(msgspec.structs.replace(kept, order=order))
-    recorder.runs = [reader.schema.run for reader in runs]
+    recorder.runs = [*wanted]
     for _ in range(MOST_LIVES):
         try:
             recorder.start(order)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -40,7 +41,7 @@ class Kept(msgspec.Struct, frozen=True):
     """What a helper process leaves for its successor of each recorder.
 
     `program` is whose runs it records, empty in older lists; of an order that is over, but not done, `ending` says why:
-    the runs that there are are recorded to their end, and none that come.
+    the runs that there are are recorded to their end, up to `last` where it is told, and none that come.
     """
 
     order: RecordOrder
@@ -48,6 +49,15 @@ class Kept(msgspec.Struct, frozen=True):
     since_ns: int
     program: Program = Program()
     ending: str = ""
+    last: str = ""
+
+    def wanted(self, runs: Sequence[str]) -> Sequence[str]:
+        """Return which of these runs, oldest first, it is to record: those from its order to its end."""
+        first, last = self.order.run, self.last
+        runs = runs[runs.index(first) :] if first in runs else runs
+        if not last:
+            return runs
+        return runs[: runs.index(last) + 1] if last in runs else ()  # memory goes oldest first
 
 
 class Spare:
@@ -98,6 +108,7 @@ class RecorderProcess:
         self._ending: Finish | None = None
         self.useless_lives = 0  # in a row, in which it did not come to record
         self.again_s = 0.0  # when it is started again, 0 while it lives
+        self.given_up = False  # it died each time it was to end: whoever comes after completes what it lacks
         self.reported = threading.Event()
         self.ended = threading.Event()
 
@@ -122,6 +133,11 @@ class RecorderProcess:
         self._is_told = False  # in this life that it is to end
         self.has_recorded = False  # likewise
         self._send(encode(msgspec.structs.replace(order, runs=tuple(self.runs))))
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether something comes of it, now or later."""
+        return not self.ended.is_set() or (self.given_up and bool(self.runs))
 
     @property
     def pid(self) -> int:
@@ -166,13 +182,13 @@ class RecorderProcess:
             finally:
                 os.close(file)
 
-    def finish(self, why: str, events: int, *, died: bool = False, for_good: bool = True) -> None:
+    def finish(self, why: str, events: int, *, died: bool = False, for_good: bool = True, last: str = "") -> None:
         """Have it finish what is there and end; `events` is the newest of the event log. One that dies is told anew.
 
-        Not `for_good`: another helper process goes on with it.
+        Not `for_good`: another helper process goes on with it. `last` is the run in which it ends, where others follow.
         """
         self._ending = Finish(why, events, died)
-        self.kept = msgspec.structs.replace(self.kept, ending=why if for_good else "")
+        self.kept = msgspec.structs.replace(self.kept, ending=why if for_good else "", last=last)
         self.finish_again()
 
     def finish_again(self) -> None:

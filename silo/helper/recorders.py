@@ -5,6 +5,7 @@ the runtime folder, so that the helper process after this one goes on with it, t
 """
 
 import contextlib
+import itertools
 import logging
 import os
 import secrets
@@ -78,7 +79,7 @@ class Recording:
     def needs(self, run: str) -> bool:
         """Whether a recorder is not done with a run. For the main thread."""
         with self._lock:
-            return any(run in one.runs for one in self._recorders.values() if not one.ended.is_set())
+            return any(run in one.runs for one in self._recorders.values() if one.goes_on)
 
     # ------------------------------------------------------------------------------------------------- by any thread
 
@@ -93,6 +94,7 @@ class Recording:
             name = self._free_name(request.name)
             if isinstance(name, Refused):
                 return name
+            self._give_up(name)
             order = msgspec.structs.replace(checked, name=name, order=secrets.token_hex(8), **self._present())
             try:
                 recorder = self._spawn(Kept(order, request.client, time.time_ns(), self._program))
@@ -140,8 +142,16 @@ class Recording:
         if asked in live:
             text = f"a recording '{asked}' is under way already: stop it first, or choose another name (--name)"
             return Refused(RefusedWhy.EXISTS, f"{text}; nothing is recorded")
-        numbered = (f"{logger}-{number}" for number in range(2, MOST_RECORDERS + 2))
-        return asked or next(name for name in (logger, *numbered) if name not in live)
+        numbered = (f"{logger}-{number}" for number in itertools.count(2))
+        taken = {name for name, one in self._recorders.items() if one.goes_on}
+        return asked or next(name for name in itertools.chain([logger], numbered) if name not in taken)
+
+    def _give_up(self, name: str) -> None:
+        """Let go of what was to be completed later of a recording: another one of that name has its ledger."""
+        left = self._recorders.get(name)
+        if left is not None and left.given_up and left.runs:
+            left.given_up = False
+            self._tell(f"recording '{name}': what was still in memory of it is lost: another one of that name begins")
 
     def _warning(self, request: StartRecorder) -> str:
         """Of which elements a recording comes to an end: no ring passes every sample of them."""
@@ -175,15 +185,14 @@ class Recording:
             # first: should all be killed now, whoever comes knows of it
             store(self._kept, [*self._living(), kept])
             recorder = RecorderProcess(kept)
-            runs, first = self._held.ids(), kept.order.run if kept.order.resume else self._mirror.run
-            if first in runs:  # those before it are none of its
-                recorder.known = set(runs[: runs.index(first)])
+            runs = self._held.ids()
+            recorder.known = set(runs) - set(kept.wanted(runs))
             self._assign(recorder)
             recorder.start(kept.order)
             self._recorders[kept.order.name] = recorder
             self._follow(recorder)
             if kept.ending:
-                recorder.finish(kept.ending, self._events.log.newest)
+                recorder.finish(kept.ending, self._events.log.newest, last=kept.last)
             self._store()
         self._poke()
         return recorder
@@ -191,18 +200,21 @@ class Recording:
     def end(self, request: StopRecorder, *, left_s: Callable[[float], float] = float) -> Done | Refused:
         """Have a recorder finish its part; waits for that a while, as `begin` does."""
         with self._lock:
-            name = request.name or (next(iter(self._recorders)) if len(self._recorders) == 1 else "")
+            live = [name for name, one in self._recorders.items() if not one.given_up] or list(self._recorders)
+            name = request.name or (live[0] if len(live) == 1 else "")
             recorder = self._recorders.get(name)
             if recorder is None:
                 names = ", ".join(f"'{one}'" for one in self._recorders)
                 text = f"there are {names}" if names else "nothing is being recorded"
                 what = f"no recording is called '{request.name[:80]}'" if request.name else "say which recording"
                 return Refused(RefusedWhy.NOT_FOUND, f"{what}: {text}; nothing was stopped")
+            if recorder.given_up:
+                return Done(f"recording '{name}' is over: {recorder.report.text}")
             why = f"stopped by {request.client}" if request.client else "stopped"
-            recorder.finish(why, self._events.log.newest)
+            recorder.finish(why, self._events.log.newest, last=self._mirror.run)
         over = recorder.ended.wait(left_s(END_S))
         with self._lock:
-            if over:
+            if over and not recorder.given_up:
                 self._recorders.pop(name, None)
             self._store()
         if not over:
@@ -342,7 +354,12 @@ class Recording:
         recorder.useless_lives = 0 if recorder.has_recorded else recorder.useless_lives + 1
         if recorder.ending and recorder.useless_lives >= MOST_ENDS:
             self._close_left(recorder)
-            self._over(recorder, f"its process died (exit code {code}) each time it was to end", failed=True)
+            recorder.given_up = True
+            text = f"its process died (exit code {code}) each time it was to end"
+            if recorder.runs:
+                text += "; what is in no file stays in memory, and the next start of this logger, or `silo recover`, "
+                text += "completes it"
+            self._over(recorder, text, failed=True)
             return
         recorder.report = msgspec.structs.replace(report, state=RecorderState.DIED)
         recorder.again_s = time.monotonic() + AGAIN_S[min(recorder.useless_lives, len(AGAIN_S) - 1)]
@@ -390,7 +407,7 @@ class Recording:
     def _living(self) -> list[Kept]:
         goes_on = self._stopping and not self._forgets  # with another process
         recorders = self._recorders.values()
-        return [one.kept for one in recorders if not one.ended.is_set() or (goes_on and not one.kept.ending)]
+        return [one.kept for one in recorders if one.goes_on or (goes_on and not one.kept.ending)]
 
     def _store(self) -> None:
         """Leave what is under way for who comes after, and what is ending as long as it is not over."""

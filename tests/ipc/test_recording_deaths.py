@@ -5,7 +5,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -123,6 +125,64 @@ def test_a_logger_that_is_closed_while_its_helper_process_is_down_is_recorded_to
     assert values_of(folder) == list(range(1, 501))
     assert list_held() == []
     assert not recorders_path("bot", bench.logger.options.id).exists()
+
+
+@contextlib.contextmanager
+def killed_each_time(helper_pid: int) -> Iterator[None]:
+    """No recorder of this helper process comes to anything."""
+    over = threading.Event()
+
+    def kill() -> None:
+        while not over.wait(0.01):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                kill_recorders(helper_pid)
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def test_what_a_recorder_lacks_that_dies_each_time_it_is_to_end_is_completed_later(
+    bench, client, monkeypatch, tmp_path, capsys
+) -> None:
+    folder = begin(bench, client)
+    bench.ticks(300)
+    freeze(client)
+    bench.ticks(200)
+    with killed_each_time(client.status().helper_pid):
+        client.stop_recorder()
+        ends = "each time it was to end"
+        (told,) = wait_until(lambda: [event.text for event in client.events() if ends in event.text])
+    assert "`silo recover`" in told
+    bench.logger.restart()  # nobody records this one
+    bench.ticks(100)
+    assert client.status().held_runs == 1
+    assert "is over" in client.stop_recorder()
+    bench.logger.close()
+    monkeypatch.chdir(tmp_path)
+    assert run(["recover"]) == 0
+    assert "500 samples, 0 lost" in capsys.readouterr().out
+    assert values_of(folder) == list(range(1, 501))
+    assert list_held() == []
+
+
+def test_what_a_recorder_lacks_that_was_given_up_is_told_when_its_name_goes_to_another_one(bench, client) -> None:
+    folder = begin(bench, client)
+    bench.ticks(300)
+    freeze(client)
+    bench.ticks(200)
+    with killed_each_time(client.status().helper_pid):
+        client.stop_recorder()
+        wait_until(lambda: any("each time it was to end" in event.text for event in client.events()))
+    client.record(["x"], to="walks", name="bot")
+    bench.ticks(50)
+    assert "50 samples, 0 lost" in client.stop_recorder()
+    assert values_of(folder)[-50:] == list(range(501, 551))
+    assert any("still in memory of it is lost" in event.text for event in client.events())
 
 
 def test_what_did_not_fit_is_a_gap_in_the_file_in_the_totals_and_in_the_events(bench, client, monkeypatch) -> None:

@@ -1,9 +1,11 @@
 """Pairs of deaths: `python tests/long/pairs.py [--scenarios 500] [--seed 1] [--only N] [--jobs 2]`.
 
 A robot program with a helper process, an endless recording, its standby, and a trigger; two of {program, helper,
-recorder, standby, writer} are killed, the second up to 2 s after the first, all pairs in turn, with restarts at random
-times between and around. A program that is not killed ends by `close()`. Then `silo ls` or `silo recover` comes, as a
-user would call it next, and `silo recover`. Counted are, against what the program itself wrote down:
+recorder, standby, writer, closer, command} are killed, the second up to 2 s after the first, all pairs in turn, with
+restarts at random times between and around. A program that is not killed ends by `close()`; the closer is who closes
+what is left then of a recorder that is killed each time it is to end, and is killed in its turn. Then `silo ls` or
+`silo recover` comes, as a user would call it next (the command: it is killed, too), and `silo recover`. Counted are,
+against what the program itself wrote down:
 
 - untold: ticks that were collected and stand in no part of the recording, nor does anything say that of them: neither a
   gap that `silo verify` says somebody told of, nor the ledger of the recorder of the run they are of, or of its end.
@@ -37,7 +39,7 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 from pair_robot import CLOSED, MOST_RUNS, is_spike
-from processes import end_process, gone, show, signal_process, silo_command, wait_until, workplace
+from processes import SILO, end_process, gone, show, signal_process, silo_command, wait_until, workplace
 
 import silo
 from silo.files.event_log import read_events
@@ -47,9 +49,16 @@ from silo.recorder.written import Written, read_written
 
 ROBOT = Path(__file__).with_name("pair_robot.py")
 MEMBERS = ("program", "helper", "recorder", "standby", "writer")
-PAIRS = tuple(itertools.permutations(MEMBERS, 2)) + tuple((one, one) for one in MEMBERS if one != "program")
+CLOSING = ("closer", "command")  # die when the program has ended: always second
+PAIRS = (
+    *itertools.permutations(MEMBERS, 2),
+    *((one, one) for one in MEMBERS if one != "program"),
+    *((one, closing) for closing in CLOSING for one in MEMBERS),
+    CLOSING,
+)
 MOST_APART_S = 2.0
 PATIENCE_S = 60.0
+COMMAND_S = 1.2  # a command is killed before that, mostly amid its work
 KEPT = re.compile(
     r"\.(pair|endless)_fileNumber|\.pair\.(events(\.1)?|captures)\.jsonl|\.endless\.recorder\.(json|lock)"
 )
@@ -130,7 +139,7 @@ def perform(scenario: Scenario) -> Outcome:
         known: dict[int, str] = {}
         outcome = Outcome(scenario)
         try:
-            _strike(scenario, robot, said_path, known)
+            _strike(scenario, robot, said_path, known, environment)
             if not wait_until(lambda: robot.poll() is not None, PATIENCE_S, 0.01):
                 outcome.notes.append("the program did not end")
         finally:
@@ -138,6 +147,8 @@ def perform(scenario: Scenario) -> Outcome:
             robot.wait()
         _settle(environment, outcome)
         texts = [said_path.read_text()]
+        if scenario.second == "command":
+            _begin_command(scenario, environment, folder / "logs")
         for words in ([scenario.command], ["recover"]):
             done = silo_command(words, environment, folder / "logs")
             texts.append(done.stdout + done.stderr)
@@ -153,7 +164,7 @@ def _processes(environment: dict[str, str]) -> list[psutil.Process]:
     found = []
     for process in psutil.process_iter():
         with contextlib.suppress(psutil.Error, OSError):
-            if process.environ().get("SILO_RUNTIME_DIR") == environment["SILO_RUNTIME_DIR"]:
+            if _is_of(process, environment):
                 found.append(process)
     return found
 
@@ -166,6 +177,8 @@ def _role(process: psutil.Process) -> str:
         if "silo.helper.writing" in words:
             return "writer"
         if "silo.recorder" in words:
+            if "--close" in words:
+                return "closer"
             names = [str(one.readlink()) for one in Path(f"/proc/{process.pid}/fd").iterdir() if one.is_symlink()]
             return "recorder" if any(name.endswith(".recorder.lock") for name in names) else "standby"
         if any(word.startswith("silo.helper") for word in words):
@@ -184,15 +197,26 @@ def _find(role: str, robot: "subprocess.Popen[str]", killed: set[int]) -> int | 
     return None
 
 
-def _strike(scenario: Scenario, robot: "subprocess.Popen[str]", said: Path, killed: dict[int, str]) -> None:
+def _strike(
+    scenario: Scenario,
+    robot: "subprocess.Popen[str]",
+    said: Path,
+    killed: dict[int, str],
+    environment: dict[str, str],
+) -> None:
     if not wait_until(lambda: "started" in said.read_text() or robot.poll() is not None, PATIENCE_S, 0.005):
         raise TimeoutError(f"{scenario.text}: the program did not start")
     begun_s = time.monotonic()
     ends = begun_s + scenario.seconds + 5
     for role, at_s in ((scenario.first, scenario.first_s), (scenario.second, scenario.first_s + scenario.apart_s)):
+        if role == "command":
+            return
+        if role == "closer":
+            _strike_closer(begun_s + scenario.seconds, robot, killed, environment)
+            continue
         time.sleep(max(0.0, begun_s + at_s - time.monotonic()))
         while time.monotonic() < ends and robot.poll() is None:
-            victim = _orphan(role, robot, set(killed))
+            victim = _orphan(role, robot, set(killed), environment)
             if victim is not None:
                 signal_process(victim, signal.SIGKILL)
                 killed[victim] = role
@@ -200,7 +224,35 @@ def _strike(scenario: Scenario, robot: "subprocess.Popen[str]", said: Path, kill
             time.sleep(0.002)
 
 
-def _orphan(role: str, robot: "subprocess.Popen[str]", killed: set[int]) -> int | None:
+def _strike_closer(
+    end_s: float, robot: "subprocess.Popen[str]", killed: dict[int, str], environment: dict[str, str]
+) -> None:
+    """Kill each recorder that is to end, until there is one who closes what they left, and that one."""
+    wait_until(lambda: robot.poll() is not None, end_s - time.monotonic(), 0.01)
+    # a helper process outlives its program for that
+    while (there := _processes(environment)) and time.monotonic() < end_s + PATIENCE_S:
+        for process in there:
+            role = _role(process)
+            if process.pid not in killed and role in ("recorder", "closer"):
+                signal_process(process.pid, signal.SIGKILL)
+                killed[process.pid] = role
+                if role == "closer":
+                    return
+        time.sleep(0.005)
+
+
+def _begin_command(scenario: Scenario, environment: dict[str, str], folder: Path) -> None:
+    """Have the user's next command die amid its work."""
+    command = subprocess.Popen(
+        [*SILO, scenario.command], cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        command.wait(COMMAND_S * scenario.apart_s / MOST_APART_S)
+    command.kill()
+    command.wait()
+
+
+def _orphan(role: str, robot: "subprocess.Popen[str]", killed: set[int], environment: dict[str, str]) -> int | None:
     found = _find(role, robot, killed)
     if found is not None or role in ("program", "helper"):
         return found
@@ -208,13 +260,12 @@ def _orphan(role: str, robot: "subprocess.Popen[str]", killed: set[int]) -> int 
     for process in psutil.process_iter():
         with contextlib.suppress(psutil.Error, OSError):
             if process.ppid() == 1 and process.pid not in killed and _role(process) == role:
-                return process.pid if _is_of(process, robot) else None
+                return process.pid if _is_of(process, environment) else None
     return None
 
 
-def _is_of(process: psutil.Process, robot: "subprocess.Popen[str]") -> bool:
-    own = psutil.Process(robot.pid).environ().get("SILO_RUNTIME_DIR")
-    return process.environ().get("SILO_RUNTIME_DIR") == own
+def _is_of(process: psutil.Process, environment: dict[str, str]) -> bool:
+    return process.environ().get("SILO_RUNTIME_DIR") == environment["SILO_RUNTIME_DIR"]
 
 
 def _settle(environment: dict[str, str], outcome: Outcome) -> None:

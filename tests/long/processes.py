@@ -21,6 +21,7 @@ from silo.ipc.client import Client
 
 HERE = Path(__file__).resolve().parent
 ROBOT = HERE / "robot.py"
+SILO = (sys.executable, "-c", "from silo.cli import main; main()")
 
 
 @contextmanager
@@ -49,9 +50,8 @@ def wait_until(get: Callable[[], object], timeout_s: float, pause_s: float = 0.0
 
 def silo_command(words: list[str], environment: dict[str, str], folder: Path) -> subprocess.CompletedProcess[str]:
     """Run `silo WORDS` as a user would, in a folder; at most two minutes."""
-    command = [sys.executable, "-c", "from silo.cli import main; main()", *words]
     return subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=False
+        [*SILO, *words], cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=False
     )
 
 
