@@ -285,6 +285,15 @@ def _removed_if_dead(path: Path) -> bool:
     return False
 
 
+def disk_room(place: Path | int) -> tuple[int, int]:
+    """Return how many bytes this user may still write where a path or an open file is, and the size of that disk.
+
+    Raises OSError.
+    """
+    found = os.statvfs(place)
+    return found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize
+
+
 def available_memory_bytes() -> int:
     """Return what the kernel says could be taken without swapping; very much where it doesn't say."""
     try:

@@ -11,8 +11,8 @@ import msgspec
 from silo.errors import SaveError
 from silo.files.atomic import claimed
 from silo.files.formats import kind_of
+from silo.files.manifest import CaptureEntry, CaptureList
 from silo.files.saving import size_of
-from silo.helper.capture_list import CaptureEntry, CaptureList
 from silo.helper.spool import Spool
 from silo.model import FileType, LoggedEvent, SavedFile
 from silo.recording import with_events

@@ -16,8 +16,8 @@ from silo.collecting.left_behind import claimed
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import append_events, newest_number, read_events
+from silo.files.manifest import CaptureList
 from silo.helper.capture_files import write_capture
-from silo.helper.capture_list import CaptureList
 from silo.helper.judge_memory import lost_news, untold
 from silo.helper.judge_state import JudgeState, Untold, all_states, begun_state, left_states, read_state, state_path
 from silo.helper.segment_judge import SegmentJudge

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from silo.errors import SaveError, SiloError
-from silo.helper.capture_list import CaptureList
+from silo.files.manifest import CaptureList
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.waiting_captures import WaitingCaptures

@@ -14,7 +14,7 @@ import msgspec
 
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
-from silo.helper.capture_list import CaptureList
+from silo.files.manifest import CaptureList
 from silo.helper.capture_writer import CaptureWriter
 from silo.helper.events import Events
 from silo.helper.judge_state import (

@@ -11,14 +11,16 @@ import struct
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import msgspec
 
+from silo.files.manifest import WRITTEN_ENDING, decode_written, own_status, written_path
+from silo.files.naming import logger_of
 from silo.files.summaries import Summary, opened_file, opened_folder
 from silo.ipc.fetching import mark_of
 from silo.ipc.messages import RecordingFile, SavedRecording
 from silo.model import FileType
-from silo.recorder.written import WRITTEN_ENDING, decode_written
 
 ENDING = ".mcap"
 MOST_FOLDERS = 1000
@@ -49,23 +51,25 @@ class Part:
         return mark_of([self.about])
 
 
-def parts_below(place: int) -> Iterator[Part]:
-    """Yield the finished parts in the folders right below an open one that recorders wrote into."""
+def parts_below(place: int, only: str = "") -> Iterator[Part]:
+    """Yield the finished parts in the folders right below an open one that recorders wrote into; `only`: of a name."""
     with os.scandir(place) as entries:
         names = [entry.name for _, entry in zip(range(100 * MOST_FOLDERS), entries, strict=False)
                  if entry.is_dir(follow_symlinks=False) and not entry.name.startswith(".")]  # fmt: skip
     for name in names[:MOST_FOLDERS]:
         with suppress(OSError), opened_folder(place, name) as folder:  # it vanished, or may not be read
-            yield from _parts_of(folder, name)
+            yield from _parts_of(folder, name, only)
 
 
 def part_named(place: int, name: str) -> Part | None:
     """Return the part of that plain name, None where there is none."""
-    return next((part for part in parts_below(place) if part.name == name), None)
+    return next(parts_below(place, name), None)
 
 
-def _parts_of(folder: int, name: str) -> Iterator[Part]:
-    for each in os.listdir(folder):
+def _parts_of(folder: int, name: str, only: str) -> Iterator[Part]:
+    # a part is called after its recorder: that one's list alone can name it
+    lists = [written_path(Path(), logger_of(only.removesuffix(ENDING))).name] if only else os.listdir(folder)
+    for each in lists:
         if not each.endswith(WRITTEN_ENDING):
             continue
         with suppress(OSError, msgspec.MsgspecError, UnicodeDecodeError), opened_file(folder, each) as file:
@@ -73,10 +77,10 @@ def _parts_of(folder: int, name: str) -> Iterator[Part]:
             for entry in written.parts:
                 if not entry.size_bytes or "/" in entry.name or not entry.name.endswith(ENDING):
                     continue
-                with suppress(OSError):
-                    about = os.stat(entry.name, dir_fd=folder, follow_symlinks=False)
-                    if about.st_ino == entry.inode and stat.S_ISREG(about.st_mode):
-                        yield Part(name, entry.name, written.recorder, about)
+                # one of thousands is asked for with every piece of it: the others are not looked at
+                about = own_status(entry, folder) if only in ("", entry.name) else None
+                if about is not None and stat.S_ISREG(about.st_mode):
+                    yield Part(name, entry.name, written.recorder, about)
 
 
 def part_summary(place: int, part: Part) -> Summary:

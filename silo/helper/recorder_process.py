@@ -15,6 +15,7 @@ import msgspec
 
 from silo.collecting.held import Program
 from silo.collecting.segment_reader import SegmentReader
+from silo.files.manifest import Sums, read_written
 from silo.model import NO_EXTRAS, Extras, RecorderState
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
@@ -27,7 +28,6 @@ from silo.recorder.orders import (
     encode,
     extras_file,
 )
-from silo.recorder.written import Sums, read_written
 
 # glibc answers each large block that is freed by keeping larger ones: within 3 minutes 54 MB became 68
 HEAP = {"MALLOC_ARENA_MAX": "2", "MALLOC_MMAP_THRESHOLD_": str(2**20), "MALLOC_TRIM_THRESHOLD_": str(2**20)}

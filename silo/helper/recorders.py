@@ -20,6 +20,7 @@ import msgspec
 
 from silo.collecting.held import child_of, recorders_path
 from silo.errors import SegmentError
+from silo.files.manifest import Sums
 from silo.files.naming import check_name
 from silo.helper.events import Events
 from silo.helper.held_runs import HeldRuns
@@ -31,7 +32,6 @@ from silo.ipc.published import EventKind
 from silo.model import BufferType, RecorderState
 from silo.patterns import matching
 from silo.recorder.orders import RecordOrder
-from silo.recorder.written import Sums
 from silo.runtime import RECORDERS_SUFFIX, runtime_dir
 
 MOST_RECORDERS = 8

@@ -21,9 +21,9 @@ from silo.collecting.spans import Span, doubled, merged, spans_text, without
 from silo.errors import LogNotFoundError, SegmentError, SiloError
 from silo.files.event_log import event_log_path, loggers_with_events, older_event_log, read_events
 from silo.files.formats import read_recording
+from silo.files.manifest import CaptureEntry, read_captures
 from silo.files.naming import find_logs
 from silo.files.part_scan import PartScan, scan_part
-from silo.helper.capture_list import CaptureEntry, read_captures
 from silo.ipc.published import EventKind
 from silo.model import DAMAGED, LoggedEvent
 from silo.recording import Recording

@@ -10,7 +10,6 @@ import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,32 +19,10 @@ from mcap.exceptions import McapError
 
 from silo.errors import FileFormatError, SaveError
 from silo.files.atomic import reason, sweep_parts
+from silo.files.manifest import ClosedPart
 from silo.files.mcap_write import McapFile, file_start
 from silo.files.part_facts import PART_ENDING, TOTALS_METADATA
 from silo.files.part_scan import PartScan, scan_part
-
-
-@dataclass(frozen=True)
-class ClosedPart:
-    """A part that was closed: where it stands now, empty if it held no sample and was removed."""
-
-    path: Path
-    size_bytes: int
-    samples: int
-    run: str
-    recorder: str
-    next_rows: dict[int, int]
-    inode: int = 0
-    rows: dict[int, int] = field(default_factory=dict)  # that it has, by ring
-
-    @property
-    def text(self) -> str:
-        """What was done, fit to show."""
-        if not self.size_bytes:
-            return f"{self.path.name}: its recorder was killed before its first sample; removed"
-        return (
-            f"{self.path}: closed, as its recorder was killed: {self.samples} samples, {self.size_bytes / 1e6:.1f} MB"
-        )
 
 
 def left_parts(folder: Path) -> list[Path]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from silo.collecting.rows import Rows
 from silo.files.bag import MAX_STAMP_NS, metadata_yaml, write_windows
 from silo.files.bag_groups import group_samples
+from silo.files.manifest import part_path
 from silo.files.mcap_write import McapFile, Write
 from silo.files.naming import log_path, next_run_number
 from silo.files.part_events import event_messages
@@ -21,7 +22,6 @@ from silo.files.part_facts import LOST_METADATA, PART_ATTACHMENT, TOTALS_METADAT
 from silo.model import LoggedEvent
 from silo.recorder.closing import sync_folder
 from silo.recorder.layout import Layout
-from silo.recorder.ledger import part_path
 from silo.recording import RecordedElement
 
 SYNC_S, SYNC_BYTES = 5.0, 64 << 20  # how often what was written is put on the disk: a power cut loses no more

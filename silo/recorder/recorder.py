@@ -23,12 +23,12 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
 from silo.files.event_log import newest_number
+from silo.files.manifest import Ledger, RunEntry
 from silo.files.part_facts import EVENTS_RING
 from silo.model import Extras, RecorderState
 from silo.recorder.draining import DROPPED, MOST_PERIOD_S, Drain, Drained
 from silo.recorder.happening import Happening
 from silo.recorder.layout import ending, layout_of
-from silo.recorder.ledger import Ledger
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
     TEXT_BYTES,
@@ -42,7 +42,6 @@ from silo.recorder.orders import (
 )
 from silo.recorder.resuming import Closing, fewer_rows, left_rows
 from silo.recorder.writing import Disk, ExtrasChange, Look, News, RunBegins, RunEnds, Settle, Writing
-from silo.recorder.written import RunEntry
 
 FLUSH_S = 0.5  # a chunk at least as often: what a kill can take
 FLUSH_BYTES = 4 << 20

@@ -15,10 +15,10 @@ import zstandard
 from mcap.exceptions import McapError
 
 from silo.errors import FileFormatError
+from silo.files.manifest import ClosedPart, Ledger, number_of
 from silo.files.part_facts import EVENTS_RING, PartFacts
 from silo.files.part_scan import rows_after
-from silo.recorder.closing import ClosedPart, claimed, close_parts
-from silo.recorder.ledger import Ledger, number_of
+from silo.recorder.closing import claimed, close_parts
 
 OTHERS_S = 10.0  # how long another process may take to close what a predecessor left
 

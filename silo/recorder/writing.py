@@ -10,7 +10,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -20,21 +20,23 @@ from silo.collecting.journal_folders import RECORDINGS, remember_folder
 from silo.collecting.rows import Rows
 from silo.errors import SiloError
 from silo.files.atomic import reason
+from silo.files.manifest import ClosedPart, Ledger, RunEntry
 from silo.files.mcap_write import Write
 from silo.files.part_facts import EVENTS_RING
 from silo.model import Extras, LoggedEvent, RecorderState
-from silo.recorder.closing import ClosedPart
+from silo.recorder.closing import finished_part
 from silo.recorder.draining import TOO_SLOW, Drained, Loss
 from silo.recorder.happening import Happening
 from silo.recorder.layout import Layout
-from silo.recorder.ledger import DiskRoom, Ledger, disk_room, left_free
 from silo.recorder.orders import RecordOrder
 from silo.recorder.part import Part, stamps_fit
-from silo.recorder.written import RunEntry
+from silo.runtime import disk_room
 
 QUEUE_BYTES = 64 << 20
 MOST_INDEX_BYTES = 16 << 20  # of a part, in memory: then the next one begins
 MOST_HOLE_ROWS = 100_000  # a part holds no larger ones, which whoever reads it would have to fill
+ROOM_SHARE = 0.02  # of a disk that is left free, or
+ROOM_BYTES = 1_000_000_000  # that many, whichever is less
 MESSAGE_BYTES = 80  # what a sample takes at most of the disk beside its value, for a look ahead
 BAD_STAMP = (
     "their time stamps are before 1970 or after 2038, and a file of ROS 2 counts seconds in 31 bits: see to the clock "
@@ -124,7 +126,7 @@ class Totals:
 class Disk:
     """The disk as the writer sees it; tests put a slow or a full one in its place."""
 
-    room: DiskRoom = disk_room
+    room: Callable[[Path], tuple[int, int]] = disk_room
     write: Write | None = None
 
 
@@ -223,7 +225,7 @@ class Writing:
             if self._happening is not None:
                 self._take_events(self._happening.read())
         elif isinstance(item, Settle):
-            self._ledger.settle(item.closed, self._part.final.name if self._part is not None else "")
+            self._ledger.settle(item.closed, finished_part, self._part.final.name if self._part is not None else "")
             self._count()
         else:
             self._write(item)
@@ -413,6 +415,11 @@ class Writing:
             text += f"; the last part can't be finished now ({reason(error)}): `silo recover {self._folder}` does it"
         self.totals.text = text
         self.totals.state = RecorderState.FAILED
+
+
+def left_free(size_bytes: int) -> int:
+    """Return how many bytes of a disk of this size are left to others."""
+    return int(min(ROOM_SHARE * size_bytes, ROOM_BYTES))
 
 
 def _entry(layout: Layout, begin: Mapping[int, int]) -> RunEntry:

@@ -11,6 +11,7 @@ from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
 from silo.files.event_log import event_log_path, read_events
 from silo.files.formats import read_recording
+from silo.files.manifest import captures_path, read_captures, read_written, written_path
 from silo.helper.judge_state import read_state
 from silo.recording import Recording
 from tests.golden.__main__ import FOLDER
@@ -78,6 +79,23 @@ def test_a_log_of_events_is_read(tmp_path) -> None:
 def test_the_state_of_a_judge_is_read() -> None:
     state = read_state(READ / "robot.judge")
     assert (state.until, [one.options.name for one in state.triggers]) == (50, ["high"])
+
+
+def test_a_list_of_captures_is_read(tmp_path) -> None:
+    shutil.copy(READ / "captures.jsonl", captures_path(tmp_path, "robot"))
+    found = {
+        (one.trigger, one.number): [file.name[-5:] for file in one.files] for one in read_captures(tmp_path, "robot")
+    }
+    assert found == {("high", 1): [".silo", "1.csv"], ("high", 2): [".silo", "2.csv"], ("low", 1): []}
+
+
+@pytest.mark.parametrize("name", ["recorder.json", "recorder_without_runs.json"])
+def test_a_list_of_parts_is_read(tmp_path, name) -> None:
+    shutil.copy(READ / name, written_path(tmp_path, "robot"))
+    written = read_written(tmp_path, "robot")
+    assert (written.run, written.next_rows, written.parts[0].size_bytes) == ("run1", {0: 50, 1: 25}, 100)
+    runs = [(one.run, one.lost(), one.done) for one in written.runs]
+    assert runs == ([("run1", 15, True), ("run2", 0, False)] if "without" not in name else [])
 
 
 @pytest.mark.parametrize("name", ["run.silo", "run.csv"])

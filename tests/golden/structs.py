@@ -17,9 +17,9 @@ from msgspec import inspect
 from silo.collecting.journal import Commit, Head
 from silo.files.bag_facts import RecordingFacts
 from silo.files.csv_facts import CsvFacts
+from silo.files.manifest import CaptureEntry, Written
 from silo.files.part_facts import PartFacts
 from silo.files.silo_format import ElementFacts, LogFacts
-from silo.helper.capture_list import CaptureEntry
 from silo.helper.judge_state import JudgeState, array_of, array_parts
 from silo.helper.recorder_process import Kept
 from silo.helper.writing import WriteOrder, WriteReport
@@ -30,7 +30,6 @@ from silo.ipc.sampled import StreamFrame
 from silo.link.handover import RunOffer
 from silo.link.messages import LinkMessage
 from silo.model import LoggedEvent
-from silo.recorder.ledger import Written
 from silo.recorder.orders import Command, RecordOrder, Report
 
 DEPTH = 6  # of samples: `Extras` within `Extras` would have no end

@@ -13,9 +13,9 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError
 from silo.files import naming
 from silo.files.atomic import claimed, sweep_parts
+from silo.files.manifest import CaptureList
 from silo.helper import writing
 from silo.helper.capture_files import write_capture
-from silo.helper.capture_list import CaptureList
 from silo.helper.capture_recovery import recover_captures
 from silo.helper.judge_state import KeptCapture, state_path, store_state
 from silo.helper.segment_judge import SegmentJudge

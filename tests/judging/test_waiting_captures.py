@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from silo.helper.capture_list import CaptureEntry, CaptureFile, CaptureList
+from silo.files.manifest import CaptureEntry, CaptureFile, CaptureList
 from silo.helper.waiting_captures import MOST_WAITING, WaitingCaptures
 from silo.judging.triggers import Capture
 from silo.model import TriggerOptions

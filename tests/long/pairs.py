@@ -43,9 +43,9 @@ from processes import SILO, end_process, gone, show, signal_process, silo_comman
 
 import silo
 from silo.files.event_log import read_events
+from silo.files.manifest import Written, read_written
 from silo.helper.verifying import Verified
 from silo.model import LoggedEvent
-from silo.recorder.written import Written, read_written
 
 ROBOT = Path(__file__).with_name("pair_robot.py")
 MEMBERS = ("program", "helper", "recorder", "standby", "writer")

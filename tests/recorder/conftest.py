@@ -14,12 +14,12 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
 from silo.collecting.segment_reader import SegmentReader
+from silo.files.manifest import Ledger
 from silo.logger.logger import Logger
 from silo.model import RecorderState
 from silo.recorder.draining import Drain
 from silo.recorder.happening import Happening
 from silo.recorder.layout import layout_of
-from silo.recorder.ledger import Ledger
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
     Finish,

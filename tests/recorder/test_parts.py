@@ -17,13 +17,13 @@ from silo.errors import ElementError, SaveError
 from silo.files.atomic import write_all
 from silo.files.bag import write_bag
 from silo.files.bag_read import read_bag
+from silo.files.manifest import Ledger
 from silo.files.part_scan import part_records, rows_after, scan_part
 from silo.model import RecorderState
-from silo.recorder.closing import close_part, close_parts, left_parts
-from silo.recorder.ledger import Ledger, left_free
+from silo.recorder.closing import close_part, close_parts, finished_part, left_parts
 from silo.recorder.orders import RecordOrder
 from silo.recorder.resuming import left_rows
-from silo.recorder.writing import QUEUE_BYTES, Disk
+from silo.recorder.writing import QUEUE_BYTES, Disk, left_free
 
 
 def order(folder: Path, **options: object) -> RecordOrder:
@@ -373,7 +373,7 @@ def test_who_goes_on_begins_behind_a_part_whose_end_was_never_noted(robot, tmp_p
     (tmp_path / "rec" / ".bot.recorder.json").write_bytes(noted)  # killed between the name of the part and its note
     ledger = Ledger(tmp_path / "rec", "bot", 0.0)
     run_id, rows = left_rows(ledger)
-    ledger.settle([])
+    ledger.settle([], finished_part)
     ledger.close()
     assert set(rows.values()) == {30, 150, 0}  # of both rings and the event log
     assert run_id == robot.log.present_run.id
@@ -390,7 +390,7 @@ def test_a_part_that_was_never_noted_counts_for_the_budget_once_it_is_closed(rob
     direct.finish()
     closed, _ = close_parts(tmp_path / "rec")
     ledger = Ledger(tmp_path / "rec", "bot", 0.0)
-    ledger.settle(closed)
+    ledger.settle(closed, finished_part)
     ledger.close()
     assert ledger.size_bytes == sum(path.stat().st_size for path in parts(tmp_path))
     assert len(parts(tmp_path)) == 2

@@ -7,8 +7,8 @@ import pytest
 
 from silo.errors import SaveError
 from silo.files.event_log import append_events, event_log_path, newest_number, older_event_log, read_events
+from silo.files.manifest import Ledger, read_captures, written_path
 from silo.files.naming import next_run_number
-from silo.helper.capture_list import read_captures
 from silo.runtime import open_own, read_own
 
 
@@ -52,6 +52,16 @@ def test_a_planted_list_of_captures_is_not_read_through(folder, victim) -> None:
     (folder / ".x.captures.jsonl").symlink_to(victim)
     with pytest.raises(OSError, match="link, which silo doesn't follow"):
         read_captures(folder, "x")
+
+
+def test_a_planted_list_of_parts_is_not_read_through_and_a_pipe_holds_up_no_recorder(folder, victim) -> None:
+    victim.write_text('{"recorder": "x", "parts": [{"name": "precious", "inode": 1, "size_bytes": 5}]}')
+    written_path(folder, "x").symlink_to(victim)
+    with pytest.raises(SaveError, match="link, which silo doesn't follow"):
+        Ledger(folder, "x", 0.0)
+    os.mkfifo(written_path(folder, "y"))
+    with pytest.raises(SaveError, match="it is no file"):
+        Ledger(folder, "y", 0.0)
 
 
 def test_a_planted_pipe_holds_up_nobody(folder) -> None:
