@@ -71,7 +71,7 @@ def carry_out(verb: str, found: "Sequence[Found]", job: "Job", *, as_json: bool 
     if as_json:
         show_json(sorted(shown, key=lambda one: str(one["logger"])))
     discovery = discovered()
-    tell_unreachable(discovery)
+    tell_unreachable(discovery.unreachable)
     if failed:
         raise SiloError(
             f"{verb}: {len(found) - len(failed)} of {many(len(found), 'logger')} did, {', '.join(failed)} not"

@@ -1,7 +1,7 @@
 """What the commands share: which logger is meant, completion of names, tables of plain text."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -151,13 +151,13 @@ def find_logger(name: str | None) -> "Found":
     except SeveralError as error:
         raise click.UsageError(str(error)) from None
     if "/" not in (name or ""):  # it might be there, too
-        tell_unreachable(discovery)
+        tell_unreachable(discovery.unreachable)
     return found
 
 
-def tell_unreachable(discovery: "Discovery") -> None:
+def tell_unreachable(unreachable: Mapping[str, str]) -> None:
     """Say which remotes don't answer, and why."""
-    for remote, why in discovery.unreachable.items():
+    for remote, why in unreachable.items():
         click.echo(f"remote '{remote}': {why} (`silo remote doctor {remote}`)", err=True)
 
 

@@ -44,19 +44,19 @@ def follow_fleet(pattern: str, *, as_json: bool) -> None:
 
 def meant(found: "FleetNow", pattern: str) -> "list[Member]":
     """Return the loggers that a pattern means, the worst first."""
-    chosen = [one for one in found.members if one.found.is_meant_by(pattern) or one.found.matches(pattern)]
-    return sorted(chosen, key=lambda one: one.stands)
+    return sorted(found.meant(pattern), key=lambda one: one.stands)
 
 
 def addresses(found: "FleetNow") -> "dict[str, str]":
     """Return by its key how to name each logger: host and name, or what tells it from one of the same."""
     from silo.ipc.found import told_apart
 
-    apart = told_apart([one.found for one in found.members])
-    plain = [f"{one.found.host}/{one.found.name}" if one.found.host else one.found.name for one in found.members]
+    members = found.meant("")
+    apart = told_apart([one.found for one in members])
+    plain = [f"{one.found.host}/{one.found.name}" if one.found.host else one.found.name for one in members]
     return {
         one.key: short if plain.count(short) == 1 else word
-        for one, short, word in zip(found.members, plain, apart, strict=True)
+        for one, short, word in zip(members, plain, apart, strict=True)
     }
 
 

@@ -10,7 +10,6 @@ import click
 from silo.cli.common import (
     complete_logger,
     configuration,
-    discovered,
     json_option,
     logged_for,
     many,
@@ -26,8 +25,8 @@ from silo.ipc.remotes import LOCAL
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from silo.ipc.discovery import Answer
     from silo.ipc.found import Found
+    from silo.ipc.member import Member
 
 
 MOST_NAMED = 3  # loggers that stopped for the same reason
@@ -58,18 +57,13 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
 
         follow_fleet(pattern, as_json=as_json)
         return
-    from silo.ipc.discovery import Answer, down_text, not_found_text, survey
+    from silo.ipc.discovery import Discovery, by_name, not_found_text
+    from silo.ipc.fleet import surveyed
 
     if configuration() in ("", LOCAL):
         _sweep()
-    discovery = discovered()
-    chosen = discovery.matching(pattern)
-    answers = survey(chosen)
-    answers += [
-        Answer(found, None, down_text(found), "helper down")
-        for found in discovery.down
-        if found.is_meant_by(pattern) or found.matches(pattern)
-    ]
+    seen = surveyed(configuration(), pattern)
+    answers = sorted(seen.meant(pattern), key=lambda one: (one.down, by_name(one.found)))
     if configuration() in ("", LOCAL):
         _sweep_parts(_log_folders(answers))
     if as_json:
@@ -77,24 +71,24 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
         return
     if not answers:
         _tell_orphans(answers)
-        raise ConnectionLostError(not_found_text(pattern, discovery))
-    answers.sort(key=_is_stalled, reverse=True)  # a program that is frozen wants to be looked at first
+        raise ConnectionLostError(not_found_text(pattern, Discovery.of(seen)))
+    answers.sort(key=lambda one: one.stalled, reverse=True)  # a program that is frozen wants to be looked at first
     _show_table(answers)
-    tell_unreachable(discovery)
-    for answer in answers:
-        if answer.error:
-            click.echo("\n".join(map(printable, f"{answer.found.label}: {answer.error}".splitlines())), err=True)
+    tell_unreachable(seen.unreachable)
+    for one in answers:
+        if one.problem:
+            click.echo("\n".join(map(printable, f"{one.found.label}: {one.problem}".splitlines())), err=True)
     for line in _reasons(answers):
         click.echo(printable(line), err=True)
-    for folder in discovery.forbidden:
+    for folder in seen.near.forbidden:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
     _tell_orphans(answers)
-    if all(answer.state in ("no answer", "other silo") for answer in answers):
+    if all(one.status is None and not one.down for one in answers):
         raise ConnectionLostError("none of them can be asked, see above")
 
 
-def _reasons(answers: "list[Answer]") -> list[str]:
+def _reasons(answers: "list[Member]") -> list[str]:
     """Why loggers don't run: a line each of those that died, one for all that were stopped for the same reason."""
     names: dict[str, list[str]] = {}
     for answer in answers:
@@ -110,7 +104,7 @@ def _several(labels: list[str]) -> str:
     return f"{', '.join(labels[:MOST_NAMED])}{more}"
 
 
-def _show_table(answers: "list[Answer]") -> None:
+def _show_table(answers: "list[Member]") -> None:
     header = ("LOGGER", "HOST", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
     rows = [header, *map(_ls_row, answers)]
     durable = [answer.status.durable_ticks if answer.status else -1 for answer in answers]
@@ -136,7 +130,7 @@ def _show_table(answers: "list[Answer]") -> None:
     show_rows(rows, right=right)
 
 
-def _free(answers: "list[Answer]") -> list[str]:
+def _free(answers: "list[Member]") -> list[str]:
     """How much room is left where each saves."""
     from silo.ipc.member import size
 
@@ -144,18 +138,18 @@ def _free(answers: "list[Answer]") -> list[str]:
     return [size(one.disk_free_bytes) if one is not None and one.disk_bytes else "" for one in known]
 
 
-def _alarms(answers: "list[Answer]") -> list[str]:
+def _alarms(answers: "list[Member]") -> list[str]:
     known = [answer.status for answer in answers]
     return [f"{one.alarm} {one.alarms}" if one is not None and one.alarms else "" for one in known]
 
 
-def _denied(answers: "list[Answer]") -> list[str]:
+def _denied(answers: "list[Member]") -> list[str]:
     """How many logins and changes were denied lately; `silo events` tells whose."""
     known = [answer.status for answer in answers]
     return [str(one.denied) if one is not None and one.denied else "" for one in known]
 
 
-def _people(answers: "list[Answer]") -> list[str]:
+def _people(answers: "list[Member]") -> list[str]:
     """Who is connected to each, without the programs that they use."""
     known = [answer.status.clients if answer.status is not None else [] for answer in answers]
     return [" ".join(dict.fromkeys(one.who.split(" ", 1)[0] for one in people)) for people in known]
@@ -169,7 +163,7 @@ def _addresses(found: "Sequence[Found]") -> list[str]:
     return [word if names.count(name) > 1 else "" for word, name in zip(told_apart(found), names, strict=True)]
 
 
-def _facts(answers: "list[Answer]") -> list[dict[str, object]]:
+def _facts(answers: "list[Member]") -> list[dict[str, object]]:
     """What is told to machines of each: its status, or why there is none, and the word that means it and no other."""
     import msgspec
 
@@ -177,7 +171,7 @@ def _facts(answers: "list[Answer]") -> list[dict[str, object]]:
 
     facts = []
     for answer, address in zip(answers, told_apart(answer.found for answer in answers), strict=True):
-        unknown = {"logger": answer.found.label, "state": answer.state, "error": answer.error}
+        unknown = {"logger": answer.found.label, "state": answer.word, "error": answer.problem}
         facts.append({"address": address, **(msgspec.to_builtins(answer.status) if answer.status else unknown)})
     return facts
 
@@ -198,7 +192,7 @@ def _sweep() -> None:
         sweep_segments()
 
 
-def _log_folders(answers: "list[Answer]") -> list[str]:
+def _log_folders(answers: "list[Member]") -> list[str]:
     """Where loggers save, or kept journals, as far as it is known; and this folder."""
     from silo.collecting.journal_folders import remembered_folders
 
@@ -215,7 +209,7 @@ def _sweep_parts(folders: Iterable[str]) -> None:
             sweep_parts(folder)
 
 
-def _tell_orphans(answers: "list[Answer]") -> None:
+def _tell_orphans(answers: "list[Member]") -> None:
     """What programs left behind that nobody would find without being told."""
     from silo.runtime import orphaned_segments
 
@@ -242,28 +236,20 @@ def _tell_journals(folder: str) -> None:
         )
 
 
-def _is_stalled(answer: "Answer") -> bool:
-    """Whether it runs but doesn't tick."""
-    from silo.pace import is_stalled
-
-    return answer.status is not None and is_stalled(answer.status.idle_s, answer.status.frequency_hz)
-
-
-def _ls_row(answer: "Answer") -> tuple[str, ...]:
-    from silo.ipc.member import NO_TICK
+def _ls_row(one: "Member") -> tuple[str, ...]:
     from silo.pace import whole_duration
 
-    found, status = answer.found, answer.status
+    found, status = one.found, one.status
     if status is None:
-        down = show_duration(time.time() - found.since) if answer.state == "helper down" else "-"
+        down = show_duration(time.time() - found.since) if one.down else "-"
         who = found.label if found.pid else found.name
-        return (who, found.host or "-", answer.state, down, *["-"] * 4, str(found.pid or "-"), found.user or "-")
+        return (who, found.host or "-", one.word, down, *["-"] * 4, str(found.pid or "-"), found.user or "-")
     return (
         found.name,
         found.host or status.host,
-        f"{NO_TICK} {whole_duration(status.idle_s)}" if _is_stalled(answer) else status.state.value,
+        f"{one.word} {whole_duration(status.idle_s)}" if one.stalled else one.word,
         logged_for(status),
-        "0" if _is_stalled(answer) else f"{status.measured_hz:.4g}" if status.measured_hz else "-",
+        "0" if one.stalled else f"{status.measured_hz:.4g}" if status.measured_hz else "-",
         str(status.ticks),
         str(status.lost),
         f"{status.enabled}/{status.elements}",

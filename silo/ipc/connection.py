@@ -24,11 +24,12 @@ from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
 from silo.ipc.asking import Pending
 from silo.ipc.clocks import TheirClock
-from silo.ipc.discovery import namesakes, seen_now
+from silo.ipc.discovery import namesakes
 from silo.ipc.exchange import exchange, root_at
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign
 from silo.ipc.found import Found
 from silo.ipc.messages import AnyReply, Do, Hello, HelloReply, Request
+from silo.ipc.near import seen_now
 from silo.ipc.published import Event
 from silo.ipc.session import owner_is_gone
 from silo.ipc.sessions import Borrowed, borrow, give_back, undeclare

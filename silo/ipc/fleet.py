@@ -2,6 +2,7 @@
 
 One session per configuration, whatever the number of robots behind it (`silo.ipc.fleet_way`); one to the socket of each
 logger of this computer. Each way has a thread, so that one that is silent holds up no other; `Fleet.now` never waits.
+Who looks once, as `silo ls` does and every command that is given a name, has the same with another plan.
 """
 
 import logging
@@ -10,11 +11,14 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from silo.ipc.discovery import Near, near_loggers
-from silo.ipc.fleet_way import Change, Way
+from silo.errors import SiloError
+from silo.ipc.fleet_way import FOLLOWING, Change, Plan, Way
 from silo.ipc.found import Found
-from silo.ipc.member import Member
+from silo.ipc.member import HELPER_DOWN, Member
+from silo.ipc.messages import Hello
+from silo.ipc.near import Near, down_text, near_loggers
 from silo.ipc.remotes import LOCAL, remotes
+from silo.version import VERSION
 
 SCAN_S = 1.0  # how often is looked for sockets and remotes
 
@@ -31,25 +35,55 @@ class FleetNow:
     unreachable: dict[str, str] = field(default_factory=dict)
     ready: bool = False  # every way has been tried
 
+    def meant(self, pattern: str) -> list[Member]:
+        """Return those that a glob, a name or an address means, also those that nobody can reach now."""
+        down = (Member(found, problem=down_text(found), mute=HELPER_DOWN) for found in self.near.down)
+        return [one for one in (*self.members, *down) if is_meant(one.found, pattern)]
+
+
+def is_meant(found: Found, pattern: str) -> bool:
+    """Return whether a glob, a name or an address means a logger; an empty one all."""
+    return found.is_meant_by(pattern) or found.matches(pattern)
+
+
+def looked(config: str, plan: Plan) -> FleetNow:
+    """Look around once: it takes as long as the slowest way, of which each step has its limit.
+
+    Raises ConnectionLostError where `config` can't be reached.
+    """
+    with Fleet(config, plan) as fleet:
+        return fleet.whole()
+
+
+def surveyed(config: str = "", pattern: str = "", answer_s: float = 1.0) -> FleetNow:
+    """Look around once, and ask each that a pattern means for all that there is to say of it, all at the same time.
+
+    Raises ConnectionLostError where `config` can't be reached.
+    """
+    return looked(config, Plan(Hello(version=VERSION), lambda found: is_meant(found, pattern), answer_s=answer_s))
+
 
 class Fleet:
-    """Follows all loggers that a user can reach, until it is closed. A context manager."""
+    """Knows all loggers that a user can reach, and follows them until it is closed. A context manager."""
 
-    def __init__(self, config: str = "") -> None:
+    def __init__(self, config: str = "", plan: Plan = FOLLOWING) -> None:
         """`config` is a remote or a configuration, to look there alone; `local` for this computer alone."""
-        self._config = config
+        self._config, self._plan = config, plan
         self._changed = threading.Condition()
         self._now = FleetNow()
         self._ways: dict[str, Way] = {}
         self._tried: set[str] = set()
         self._members: dict[str, Member] = {}
-        self._unreachable: dict[str, str] = {}
+        self._failed: dict[str, SiloError] = {}  # by way, why it isn't there
         self._near = Near()
         self._stop = threading.Event()
         self._again = threading.Event()
         self.attentive = True
-        self._thread = threading.Thread(target=self._scan, name="silo-fleet")
-        self._thread.start()
+        self._thread = threading.Thread(target=self._scan, name="silo-fleet") if plan.follow else None
+        if self._thread is not None:
+            self._thread.start()
+        else:
+            self._look()
 
     def now(self) -> FleetNow:
         """Return what is known."""
@@ -70,6 +104,14 @@ class Fleet:
             self._changed.wait_for(lambda: self._now.ready or self._stop.is_set(), timeout_s)
             self._changed.wait_for(lambda: all(one.told for one in self._now.members), answers_s)
             return self._now
+
+    def whole(self) -> FleetNow:
+        """Return what was found, of who looks once. Raises ConnectionLostError where the only way isn't there."""
+        for way in self._ways.values():
+            way.thread.join()
+        if self._config in self._failed:
+            raise self._failed[self._config]
+        return self._now
 
     def attend(self, *, attentive: bool) -> None:
         """Have summaries come, or only who comes and goes while nobody looks: over a thin link each byte counts."""
@@ -96,7 +138,9 @@ class Fleet:
         self._again.set()
         with self._changed:
             self._changed.notify_all()
-        self._thread.join()
+        if self._thread is not None:
+            self._thread.join()
+        self._end_ways()
 
     def __enter__(self) -> "Fleet":
         return self
@@ -117,6 +161,9 @@ class Fleet:
                 log.exception("can't look for loggers")
             self._again.wait(SCAN_S)
         self._stop.set()
+        self._end_ways()
+
+    def _end_ways(self) -> None:
         for way in self._ways.values():
             way.end()
         for way in self._ways.values():
@@ -127,7 +174,8 @@ class Fleet:
         near = Near()
         if self._config in ("", LOCAL):
             near = near_loggers()
-            wanted |= {found.socket: found for found in near.loggers}
+            asked = self._plan.whom if self._plan.question is not None else lambda _: False
+            wanted |= {found.socket: found for found in near.loggers if asked(found)}
         if self._config == "":
             wanted |= dict.fromkeys(remotes())
         elif self._config != LOCAL:
@@ -139,32 +187,32 @@ class Fleet:
                 del self._ways[name]
         for name, found in wanted.items():
             if name not in self._ways:
-                self._ways[name] = Way(name, found, self)
+                self._ways[name] = Way(name, found, self, self._plan, patient=name != self._config)
         now_s = time.monotonic()
         with self._changed:
             self._near = near
+            sockets = {found.socket for found in near.loggers}
             for found in near.loggers:  # those that don't answer are seen all the same
                 known = self._members.get(found.socket)
                 if known is None or (known.found.dead, known.found.host) != (found.dead, found.host):
                     self._put(replace(known, found=found) if known is not None else Member(found, since_s=now_s))
             for key, one in list(self._members.items()):
-                if one.found.socket and one.here and key not in wanted:
+                if one.found.socket and one.here and key not in sockets:
                     self._members[key] = replace(one, here=False, since_s=now_s)
-            gone = {name for name in self._unreachable if name not in wanted}
-            self._unreachable = {name: why for name, why in self._unreachable.items() if name not in gone}
+            self._failed = {name: error for name, error in self._failed.items() if name in wanted}
             self._tried |= {""}
             self._tell()
 
     # ------------------------------------------------------------------------------------------- what the ways report
 
-    def reached(self, name: str, why: str) -> None:
+    def reached(self, name: str, error: SiloError | None) -> None:
         """Note that a way was tried, and why it isn't there."""
         with self._changed:
             self._tried.add(name)
-            if why:
-                self._unreachable[name] = why
+            if error is not None:
+                self._failed[name] = error
             else:
-                self._unreachable.pop(name, None)
+                self._failed.pop(name, None)
             self._tell()
 
     def change(self, changes: "Iterable[tuple[str, Change]]") -> None:
@@ -194,7 +242,7 @@ class Fleet:
         ready = self._tried >= {"", *self._ways} and bool(self._tried)
         told = replace(
             self._now, members=tuple(members), near=self._near, ready=ready,
-            unreachable=dict(sorted(self._unreachable.items())),
+            unreachable={name: str(error) for name, error in sorted(self._failed.items())},
         )  # fmt: skip
         if told != self._now:
             self._now = replace(told, number=self._now.number + 1)

@@ -1,27 +1,31 @@
 """A way of a fleet: one session, and the loggers behind it, in a thread.
 
-A subscription to their liveliness tokens, one to their summaries, and one question to each that has just come: nobody
-is asked again and again, and what is told at first costs one round trip whatever their number.
+Who looks once asks who is there, and each of them one question. Who follows has a subscription to their liveliness
+tokens, one to their summaries, and one question to each that has just come: nobody is asked again and again, and what
+is told at first costs one round trip whatever their number.
 """
 
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import msgspec
 import zenoh
 
-from silo.errors import SiloError
+from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
+from silo.ipc.asking import POLL_S as ANSWERED_S
 from silo.ipc.asking import Asking
-from silo.ipc.discovery import nobody_there, those_there
+from silo.ipc.configuration import find_file, from_file, user_of
 from silo.ipc.exchange import checked_reply, client_name, decode_reply, root_at
 from silo.ipc.foreign import NOT_UNDERSTOOD
 from silo.ipc.found import Found
-from silo.ipc.member import Member
-from silo.ipc.messages import GetSummary
+from silo.ipc.member import NO_ANSWER, OTHER_SILO, Member
+from silo.ipc.messages import Ask, GetSummary, HelloReply, SummaryReply
+from silo.ipc.probing import REACH_S, Layer, LayerError
 from silo.ipc.published import Summary
 from silo.ipc.sessions import Borrowed, borrowed, undeclare
 
@@ -29,10 +33,13 @@ POLL_S = 0.1
 IDLE_S = 0.5  # while nobody looks
 LOOK_S = 1.0  # how often is looked whether the link is there
 RETRY_S = 1.0
-REACH_S = 2.0  # it looks for a way again and again, and is to end soon
 PATIENCE = 5  # who looks again and again spends a sixth of the time on a remote that is silent
+LONGEST_PAUSE_S = 50.0
 ANSWER_S = 2.0
 SETTLED_S = 0.5  # in which a subscription tells of those that are there
+NOBODY_S = (
+    0.3  # in which it is looked again where nobody is: beside a subscription that begins Zenoh says so of everybody
+)
 AGAIN_S = 5.0  # until who gave no answer is asked once more
 MOST = 4096  # that may come within a look
 
@@ -40,12 +47,41 @@ Change = Callable[[Member | None], Member | None]
 _decoder = msgspec.msgpack.Decoder(Summary)
 
 
+@dataclass(frozen=True)
+class Plan:
+    """What a fleet looks for: once, or following; `question` is asked of each whom `whom` means, None asks nobody.
+
+    Sessions to remotes stay open until `holding` is closed, where there is one, for what is to be asked next.
+    """
+
+    question: Ask[Any] | None  # GetSummary, or Hello for all that there is to say
+    whom: Callable[[Found], bool] = lambda _: True
+    follow: bool = False
+    answer_s: float = ANSWER_S
+    reach_s: float = REACH_S
+    holding: ExitStack | None = None
+
+
+FOLLOWING = Plan(GetSummary(), follow=True, reach_s=2.0)  # it looks for a way again and again, and is to end soon
+
+
+@dataclass(frozen=True)
+class _Failure:
+    """Why a remote was not reached, and until when nobody tries it again without being told to."""
+
+    error: SiloError
+    until_s: float = 0.0
+
+
+_failed: dict[str, _Failure] = {}  # by configuration, of all fleets of this process
+
+
 class Told(Protocol):
     """Who gathers what the ways report. `attentive`: somebody looks at summaries."""
 
     attentive: bool
 
-    def reached(self, name: str, why: str) -> None:
+    def reached(self, name: str, error: SiloError | None) -> None:
         """Note that a way was tried, and why it isn't there."""
 
     def change(self, changes: Iterable[tuple[str, Change]]) -> None:
@@ -55,13 +91,15 @@ class Told(Protocol):
 class Way:
     """A thread with one session: to the logger `found` of this computer, or to the configuration `name`."""
 
-    def __init__(self, name: str, found: Found | None, told: Told) -> None:
-        self._name, self._found, self._told = name, found, told
+    def __init__(self, name: str, found: Found | None, told: Told, plan: Plan, *, patient: bool = True) -> None:
+        """Who is `patient` leaves a remote alone for a while that didn't answer."""
+        self._name, self._found, self._told, self._plan, self._patient = name, found, told, plan, patient
+        self._question = plan.question and msgspec.structs.replace(plan.question, client=client_name())
         self._stop = threading.Event()
         self.again = threading.Event()
         self._here: dict[str, keys.Root] = {}  # by the key of its member, who has a token now
         self._silent: dict[str, float] = {}  # by key, when one that gave no answer is asked again
-        self._who = client_name()
+        self._reached = False
         self.thread = threading.Thread(target=self._run, name="silo-fleet way")
         self.thread.start()
 
@@ -72,36 +110,71 @@ class Way:
 
     def _run(self) -> None:
         main = threading.main_thread()
+        known = _failed.get(self._name)
+        if not self._plan.follow and self._patient and known is not None and time.monotonic() < known.until_s:
+            self._told.reached(self._name, known.error)
+            return
         while not self._stop.is_set():
-            begun_s, took_s = time.monotonic(), 0.0
+            begun_s, self._reached = time.monotonic(), False
             try:
-                socket, config = (self._found.socket, "") if self._found else ("", self._name)
-                with borrowed(socket, config, REACH_S) as mine:
-                    self._follow(mine, main)
+                self._visit(main)
+                _failed.pop(self._name, None)
             except SiloError as error:
-                took_s = time.monotonic() - begun_s
-                self._fail(str(error))
+                self._fail(error, time.monotonic() - begun_s)
             except zenoh.ZError as error:
-                self._fail(f"the session ended: {error}")
+                self._fail(ConnectionLostError(f"the session ended: {error}"), 0.0)
+            if not self._plan.follow:
+                return
             self._lose(list(self._here))
             if self._stop.is_set() or not main.is_alive():
                 return
-            self.again.wait(max(RETRY_S, PATIENCE * min(took_s, 10.0)))
+            failure = _failed.get(self._name)
+            self.again.wait(max(RETRY_S, failure.until_s - time.monotonic() if failure is not None else 0.0))
             self.again.clear()
 
-    def _fail(self, why: str) -> None:
+    def _fail(self, error: SiloError, took_s: float) -> None:
         if self._found is None:
-            self._told.reached(self._name, why)
+            pause_s = 0.0 if self._reached else min(PATIENCE * took_s, LONGEST_PAUSE_S)
+            _failed[self._name] = _Failure(error, time.monotonic() + pause_s)
+            self._told.reached(self._name, error)
             return
         found = self._found
-        self._told.change([(found.socket, lambda known: replace(known or Member(found), problem=why))])
-        self._told.reached(self._name, "")
+        self._told.change([(found.socket, lambda known: _failing(error)(known or Member(found)))])
+        self._told.reached(self._name, None)
 
-    # ------------------------------------------------------------------------------------------------- one session
+    def _visit(self, main: threading.Thread) -> None:
+        """Have a session, and use it. Raises SiloError, ZError."""
+        socket, config = (self._found.socket, "") if self._found else ("", self._name)
+        with ExitStack() as here:
+            holding = self._plan.holding if self._plan.holding is not None and config else here
+            mine = holding.enter_context(borrowed(socket, config, self._plan.reach_s))
+            self._reached = True
+            if self._plan.follow:
+                self._follow(mine, main)
+            else:
+                self._look(mine)
+
+    # ------------------------------------------------------------------------------------------------------- a look
+
+    def _look(self, mine: Borrowed) -> None:
+        """Say who is there, and what they answer. Raises SiloError, ZError."""
+        if self._found is not None:
+            there = [root_at(mine, self._found, self._plan.answer_s)]
+        else:
+            there = who_is_there(mine, keys.ANY_ALIVE, self._plan.answer_s)
+        asking: Asking[str] = Asking(mine, self._plan.answer_s)
+        self._come(there, asking)
+        while asking.count:
+            self._take_answers(asking)
+            time.sleep(ANSWERED_S)
+        self._told.reached(self._name, self._problem(mine.session))
+
+    # ---------------------------------------------------------------------------------------------------- following
 
     def _follow(self, mine: Borrowed, main: threading.Thread) -> None:
         """Follow who comes, who goes and what they say, until the way is given up. Raises SiloError, ZError."""
-        session, root = mine.session, root_at(mine, self._found, ANSWER_S) if self._found is not None else None
+        answer_s = self._plan.answer_s
+        session, root = mine.session, root_at(mine, self._found, answer_s) if self._found is not None else None
         alive = root.key("alive") if root is not None else keys.ANY_ALIVE
         summary = root.key("summary") if root is not None else keys.ANY_SUMMARY
         declared: list[Any] = []
@@ -110,12 +183,12 @@ class Way:
             with mine.looking:
                 # Those that are there already have an end, which a subscription has not. Until Zenoh has come to terms
                 # with a subscription it tells who asks that nobody is there: 29 of 40 sessions, for up to 0.2 s.
-                there = those_there(mine, alive, ANSWER_S)
+                there = _those_there(mine, alive, answer_s)
                 tokens = session.liveliness().declare_subscriber(alive, zenoh.handlers.RingChannel(MOST), history=True)
                 declared.append(tokens)
                 news = _history(tokens, there, SETTLED_S + mine.slack_s)
-                _settle(mine, alive, len(there))
-            asking: Asking[str] = Asking(mine, ANSWER_S)
+                _settle(mine, alive, len(there), answer_s)
+            asking: Asking[str] = Asking(mine, answer_s)
             looked_s = 0.0
             while not self._stop.is_set() and main.is_alive():
                 if self._told.attentive and summaries is None:
@@ -126,8 +199,7 @@ class Way:
                 elif not self._told.attentive and summaries is not None:
                     undeclare(summaries)
                     summaries = None
-                for found in there:
-                    self._come(found, asking)
+                self._come(there, asking)
                 while (sample := tokens.try_recv()) is not None:
                     news.append(sample)
                 self._take_tokens(news, asking)
@@ -146,13 +218,14 @@ class Way:
         finally:
             undeclare(*declared, summaries)
 
-    def _problem(self, session: zenoh.Session) -> str:
-        """Why nobody is seen here; empty where somebody is."""
+    def _problem(self, session: zenoh.Session) -> SiloError | None:
+        """Why nobody is seen here; None where somebody is."""
         if self._found is not None or self._here:
-            return ""
+            return None
         if not session.info.routers_zid() and not session.info.peers_zid():
-            return f"{self._name}: the link is cut, or what it leads to has ended; connecting again by itself"
-        return nobody_there(self._name, session)
+            text = f"{self._name}: the link is cut, or what it leads to has ended; connecting again by itself"
+            return ConnectionLostError(text)
+        return LayerError(Layer.ROLE, _nobody_there(self._name, session))
 
     def _take_tokens(self, news: list[zenoh.Sample], asking: Asking[str]) -> None:
         gone = []
@@ -161,7 +234,7 @@ class Way:
             if root is None:
                 continue
             if sample.kind == zenoh.SampleKind.PUT:
-                self._come(root, asking)
+                self._come([root], asking)
             else:
                 gone.append(self._key(root))
         self._lose(gone)
@@ -169,24 +242,23 @@ class Way:
     def _key(self, root: keys.Root) -> str:
         return self._found.socket if self._found is not None else str(root)
 
-    def _come(self, root: keys.Root, asking: Asking[str]) -> None:
-        key = self._key(root)
-        if key in self._here:
-            return
-        self._here[key] = root
-        now_s = time.monotonic()
+    def _found_at(self, root: keys.Root) -> Found:
         if self._found is not None:
-            found = replace(self._found, host=root.host, id=root.id)
-        else:
-            found = Found(root.logger, 0, "", "", self._name, root.host, id=root.id)
+            return replace(self._found, host=root.host, id=root.id)
+        return Found.behind(self._name, root)
 
-        def come(known: Member | None) -> Member:
-            before = known or Member(found)
-            return replace(before, found=found, here=True, problem="", seen_s=now_s, since_s=now_s)
-
-        self._told.change([(key, come)])
+    def _come(self, roots: Iterable[keys.Root], asking: Asking[str]) -> None:
+        now_s, changes = time.monotonic(), []
+        for root in roots:
+            key = self._key(root)
+            if key not in self._here:
+                self._here[key] = root
+                changes.append((key, _coming(self._found_at(root), now_s)))
+        if changes:
+            self._told.change(changes)
         if self._told.attentive:
-            self._ask(key, asking)
+            for key, _ in changes:
+                self._ask(key, asking)
 
     def _lose(self, gone: list[str]) -> None:
         now_s = time.monotonic()
@@ -214,7 +286,9 @@ class Way:
     # ------------------------------------------------------------------------------------------------- the questions
 
     def _ask(self, key: str, asking: Asking[str]) -> None:
-        asking.add(key, self._here[key], GetSummary(client=self._who))
+        root = self._here[key]
+        if self._question is not None and self._plan.whom(self._found_at(root)):
+            asking.add(key, root, self._question)
 
     def _ask_again(self, asking: Asking[str], now_s: float) -> None:
         for key in [key for key, due_s in self._silent.items() if now_s >= due_s]:
@@ -225,21 +299,61 @@ class Way:
         changes: list[tuple[str, Change]] = []
         for key, payload in asking.poll():
             root = self._here.get(key)
-            if root is None:
+            if root is None or self._question is None:
                 continue  # gone meanwhile
+            who = f"logger '{self._found.name if self._found is not None else root.address}'"
             try:
-                changes.append((key, _saying(_summary(payload, root.address))))
+                if payload is None:
+                    raise ConnectionLostError(f"{who} {self._silence}")
+                changes.append((key, _answering(checked_reply(self._question, decode_reply(payload, who)))))
             except SiloError as error:
                 self._silent[key] = time.monotonic() + AGAIN_S
-                changes.append((key, _failing(str(error))))
+                changes.append((key, _failing(error)))
         if changes:
             self._told.change(changes)
 
+    @property
+    def _silence(self) -> str:
+        """What it means that no answer came."""
+        if self._found is not None:
+            answer_s = self._plan.answer_s
+            return f"did not answer within {answer_s:g} s: its helper process is frozen or overloaded; try again"
+        return "gave no answer: its helper process is frozen, overloaded or gone, or no role lets this user ask"
 
-def _settle(mine: Borrowed, alive: str, count: int) -> None:
+
+# ------------------------------------------------------------------------------------------------------- who is there
+
+
+def who_is_there(mine: Borrowed, alive: str, timeout_s: float) -> list[keys.Root]:
+    """Return whose tokens are there, sorted; where nobody is, it is looked again for a moment."""
+    with mine.looking:
+        roots = _those_there(mine, alive, timeout_s)
+        until_s = time.monotonic() + NOBODY_S + mine.slack_s
+        while not roots and time.monotonic() < until_s:
+            time.sleep(NOBODY_S / 10)
+            roots = _those_there(mine, alive, timeout_s)
+    return roots
+
+
+def _those_there(mine: Borrowed, alive: str, timeout_s: float) -> list[keys.Root]:
+    replies = mine.session.liveliness().get(alive, timeout=timeout_s + mine.slack_s)
+    seen = {keys.robot_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
+    return sorted(root for root in seen if root is not None)
+
+
+def _nobody_there(config: str, session: zenoh.Session) -> str:
+    """What it means that a session by a configuration sees no logger."""
+    user = user_of(from_file(find_file(config)))
+    who = f"user '{user}' is let in" if user else "we are let in without a user name"
+    nobody = "no robot is connected to this router now, or " if session.info.routers_zid() else ""
+    rules = f"{nobody}the rules (access_control) on the other side give it no role"
+    return f"{config}: {who}, but sees no logger: {rules}"
+
+
+def _settle(mine: Borrowed, alive: str, count: int, timeout_s: float) -> None:
     """Wait until who asks is told of so many again; one that went meanwhile is waited for no longer than that takes."""
     until_s = time.monotonic() + SETTLED_S + mine.slack_s
-    while len(those_there(mine, alive, ANSWER_S)) < count and time.monotonic() < until_s:
+    while len(_those_there(mine, alive, timeout_s)) < count and time.monotonic() < until_s:
         time.sleep(POLL_S / 10)
 
 
@@ -256,18 +370,29 @@ def _history(tokens: Any, there: list[keys.Root], timeout_s: float) -> list[zeno
     return news
 
 
+# ------------------------------------------------------------------------------------------------- what becomes known
+
+
+def _coming(found: Found, now_s: float) -> Change:
+    def come(known: Member | None) -> Member:
+        before = known or Member(found)
+        return replace(before, found=found, here=True, problem="", seen_s=now_s, since_s=now_s)
+
+    return come
+
+
+def _answering(reply: HelloReply | SummaryReply) -> Change:
+    if isinstance(reply, SummaryReply):
+        return _saying(reply.summary)
+    status, summary = reply.status, _saying(Summary.of(reply.status))
+    return lambda known: (told := summary(known)) and replace(told, status=status)
+
+
 def _saying(found: Summary) -> Change:
     now_s = time.monotonic()
     return lambda known: known and replace(known, summary=found, problem="", seen_s=now_s, told_s=now_s)
 
 
-def _failing(why: str) -> Change:
-    return lambda known: known and replace(known, problem=why)
-
-
-def _summary(payload: bytes | None, who: str) -> Summary:
-    """Return what an answer says. Raises ConnectionLostError for none, RefusedError and the like."""
-    if payload is None:
-        raise SiloError(f"{who} gives no answer: its helper process is frozen or overloaded, or no role lets us ask it")
-    question = GetSummary()
-    return checked_reply(question, decode_reply(payload, who)).summary
+def _failing(error: SiloError) -> Change:
+    mute = OTHER_SILO if isinstance(error, VersionError) else NO_ANSWER
+    return lambda known: known and replace(known, problem=str(error), mute=mute)

@@ -29,6 +29,11 @@ class Found:
     id: str = ""  # drawn by the logger; empty where it isn't known yet
     copy: int = 0  # tells loggers of one name in one process apart
 
+    @classmethod
+    def behind(cls, config: str, root: Root) -> "Found":
+        """Return a logger that a configuration reaches."""
+        return cls(root.logger, 0, "", "", config, root.host, id=root.id)
+
     @property
     def label(self) -> str:
         """What means this logger among those of its host: `anymal.4711`; of another host, its whole address."""

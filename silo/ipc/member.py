@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 from silo.ipc.found import Found
 from silo.ipc.published import Summary
-from silo.model import State
+from silo.model import State, Status
 from silo.pace import is_stalled
 
 SLOW_SHARE = 0.95  # of the nominal rate, as in surveys (which need NumPy)
 FULL_SHARE = 0.95  # of a disk
 RED = ("HH", "LL")
-NO_TICK = "no tick"
+NO_TICK, NO_ANSWER, OTHER_SILO, HELPER_DOWN = "no tick", "no answer", "other silo", "helper down"
 
 
 class Stands(enum.IntEnum):
@@ -37,7 +37,8 @@ class Stands(enum.IntEnum):
 class Member:
     """A logger of the fleet. `here`: its helper process lives, and so does the link to it.
 
-    `summary` is the newest, from before it was lost as well; None where it gave none, and `problem` says why.
+    `summary` is the newest, from before it was lost as well; None where it gave none, and `problem` says why, `mute` in
+    a word. `status` is there where it was asked for all that there is to say.
     `seen_s` is when it gave its last sign of life, `since_s` since when it is here or not, `told_s` of when its summary
     is (all of `time.monotonic`).
     """
@@ -49,11 +50,13 @@ class Member:
     seen_s: float = 0.0
     since_s: float = 0.0
     told_s: float = 0.0
+    status: Status | None = None
+    mute: str = NO_ANSWER
 
     @property
     def key(self) -> str:
         """What tells it from all others."""
-        return self.found.socket or str(self.found.root)
+        return self.found.socket or str(self.found.root or self.found.label)
 
     @property
     def state(self) -> State | None:
@@ -76,6 +79,11 @@ class Member:
         return self.summary is not None and self.summary.closed
 
     @property
+    def down(self) -> bool:
+        """Whether it logs, and has no helper process by which it could be reached."""
+        return self.mute == HELPER_DOWN
+
+    @property
     def lost(self) -> bool:
         """Whether it went without a word: killed, or the link is cut."""
         return not self.here and not self.closed and not self.dead
@@ -88,7 +96,7 @@ class Member:
         if self.dead or self.closed:
             return "dead" if self.dead else "closed"
         if self.summary is None:
-            return "no answer" if self.problem else "..."
+            return self.mute if self.problem else "..."
         return NO_TICK if self.stalled else self.summary.state.value
 
     @property

@@ -84,9 +84,9 @@ class ClientFinder:
 
         The first time it waits until all ways were tried: one that comes at once needn't be the only one.
         """
-        from silo.ipc.discovery import down_text
         from silo.ipc.exchange import client_name
         from silo.ipc.fleet import Fleet
+        from silo.ipc.near import down_text
 
         self._own_name = client_name()
         if self._fleet is None:

@@ -23,8 +23,7 @@ import psutil
 from terminal import Link, Terminal, cpu_s, shows
 
 from silo.ipc.client import Client
-from silo.ipc.discovery import discover, survey
-from silo.ipc.fleet import Fleet
+from silo.ipc.fleet import Fleet, surveyed
 from silo.ipc.member import Member
 from silo.model import State
 
@@ -59,7 +58,7 @@ class Site:
         """Wait until all have come, and end the helper processes of the demos with this."""
         with Fleet(self.desk) as fleet:
             waited(lambda: sum(one.summary is not None for one in fleet.now().members) == self.count)
-        for answer in survey(discover(config=self.desk).loggers):
+        for answer in surveyed(self.desk).members:
             if answer.status is not None and answer.found.name.startswith("demo"):
                 self._holding.callback(_end, answer.status.helper_pid)
 
@@ -110,8 +109,7 @@ def ls_times(site: Site) -> tuple[list[float], list[float], list[float]]:
         used.append(after.children_user + after.children_system - before.children_user - before.children_system)
         assert len(done.stdout.splitlines()) == site.count + 1, done.stdout.decode()
         begun_s = time.monotonic()
-        with ExitStack() as holding:
-            answers = survey(discover(config=site.desk, holding=holding).loggers)
+        answers = surveyed(site.desk).members
         asked.append(time.monotonic() - begun_s)
         assert all(answer.status for answer in answers)
     return whole, used, asked

@@ -14,7 +14,8 @@ import pytest
 import silo
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError
 from silo.ipc.client import Client
-from silo.ipc.discovery import discover, survey
+from silo.ipc.discovery import discover
+from silo.ipc.fleet import surveyed
 from silo.ipc.messages import RefusedWhy
 from silo.ipc.published import Event, EventKind
 from silo.model import FileType, State
@@ -143,7 +144,7 @@ def test_program_that_is_started_again_is_found_by_its_old_clients(robot, robots
 def test_dead_logger_makes_way_for_its_successor_in_the_list(robot, robots, watcher, until) -> None:
     robot.kill()
     until(lambda: watcher.heard(EventKind.CRASHED))
-    (dead,) = survey(discover().loggers)
+    (dead,) = surveyed().members
     assert dead.status.state is State.DEAD
     again = robots("bot")
     assert [found.pid for found in discover().loggers] == [again.pid]

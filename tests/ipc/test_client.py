@@ -14,10 +14,11 @@ import pytest
 
 import silo
 from silo.errors import ConnectionLostError
-from silo.ipc import discovery
+from silo.ipc.asking import Asking
 from silo.ipc.client import Client
 from silo.ipc.connection import Connection
-from silo.ipc.discovery import discover, survey
+from silo.ipc.discovery import discover
+from silo.ipc.fleet import surveyed
 from silo.ipc.published import EventKind
 from tests.waiting import DEADLINE_S
 
@@ -62,7 +63,7 @@ def test_two_loggers_of_a_name_must_be_told_apart(bench, robots) -> None:
 
 def test_all_loggers_are_found_with_their_status(bench, robots) -> None:
     robot = robots("other")
-    answers = survey(discover().loggers)
+    answers = surveyed().members
     assert [(answer.found.name, answer.status.pid) for answer in answers] == [
         ("bot", os.getpid()),
         ("other", robot.pid),
@@ -73,22 +74,22 @@ def test_survey_asks_all_loggers_at_the_same_time(bench, robots, monkeypatch) ->
     for number in range(3):
         robots(f"robot{number}")
     all_are_asked = threading.Barrier(4)
-    ask_once = discovery.ask_once
+    ask = Asking.add
 
-    def ask(*words: object) -> object:
+    def add(*words: object) -> None:
         all_are_asked.wait(DEADLINE_S)
-        return ask_once(*words)
+        ask(*words)
 
-    monkeypatch.setattr(discovery, "ask_once", ask)
-    answers = survey(discover().loggers)
+    monkeypatch.setattr(Asking, "add", add)
+    answers = surveyed().members
     assert [answer.found.name for answer in answers if answer.status] == ["bot", "robot0", "robot1", "robot2"]
 
 
 def test_asking_needs_neither_numpy_nor_click_nor_textual(bench) -> None:
     code = (
         "import sys; from silo.ipc.client import Client\n"
-        "from silo.ipc.discovery import discover, survey\n"
-        "survey(discover().loggers)\n"
+        "from silo.ipc.fleet import surveyed\n"
+        "surveyed()\n"
         "with Client.connect('bot') as client: client.table()\n"
         "print({'numpy', 'click', 'textual', 'yaml', 'plotext', 'mcap'} & set(sys.modules))"
     )
@@ -182,6 +183,7 @@ def test_table_of_ten_thousand_elements_arrives(runtime, tmp_path) -> None:
 # Python may lie where only root can read: all is imported, then the rights are dropped
 PERSON = """
 import os, sys, encodings.idna
+from silo.ipc.asking import Asking
 from silo.ipc.client import Client
 from silo.ipc.connection import Connection
 from silo.errors import SiloError

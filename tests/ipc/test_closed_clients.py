@@ -9,8 +9,8 @@ from silo.cli.main import run
 from silo.errors import ConnectionLostError
 from silo.ipc.client import Client
 from silo.ipc.conditions import LimitStatus, LimitWord
-from silo.ipc.discovery import Answer
 from silo.ipc.found import Found
+from silo.ipc.member import Member
 from silo.ipc.messages import Alarms
 from silo.model import State, Status
 from tests.ipc.test_follow import FINE
@@ -39,13 +39,13 @@ def test_blind_limits_end_otherwise_than_a_logger_that_is_not_there(runtime_fold
     assert run(["alarms", "nosuch"]) == codes.EXIT_NO_LOGGER != codes.EXIT_BLIND
 
 
-def stopped(name: str, reason: str, state: State = State.STOPPED) -> Answer:
+def stopped(name: str, reason: str, state: State = State.STOPPED) -> Member:
     status = Status(
         logger=name, host="robot", user="lab", pid=1, helper_pid=2, state=state, revision=1, frequency_hz=400.0,
         measured_hz=0.0, ticks=5, started_ns=FINE.started_ns, last_tick_ns=0, lost=0, elements=1, enabled=1, entries=1,
         max_time_s=0.0, prefix="/log", folder="/logs", script="robot.yaml", reason=reason,
     )  # fmt: skip
-    return Answer(Found(name, 1, f"/run/{name}.sock", "lab"), status)
+    return Member(Found(name, 1, f"/run/{name}.sock", "lab"), status=status)
 
 
 def test_robots_that_were_stopped_for_the_same_reason_share_a_line_and_each_dead_one_has_its_own() -> None:

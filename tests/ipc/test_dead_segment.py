@@ -23,11 +23,10 @@ HEALTHY = 12
 # on the desk: who is seen with an answer, again and again, until all of the dead host are told to be lost
 LOOKING = """
 import sys, json
-from silo.ipc.discovery import discover, survey
-from silo.ipc.fleet import Fleet
+from silo.ipc.fleet import Fleet, surveyed
 
 def seen():
-    return [one.found.host for one in survey(discover(8.0, config).loggers, 8.0) if one.status is not None]
+    return [one.found.host for one in surveyed(config, answer_s=8.0).members if one.status is not None]
 
 config, dead = sys.argv[1], int(sys.argv[2])
 with Fleet(config) as fleet:

@@ -252,7 +252,7 @@ def test_one_that_answers_nothing_holds_up_no_other_and_says_so(site) -> None:
                 lambda: next((one for one in fleet.now().members if one.problem and one.summary is None), None)
             )
             assert silent.found.host == "robot7"
-            assert "gives no answer" in silent.problem
+            assert "gave no answer" in silent.problem
             assert open_configurations() == {site.desk: 1}
 
 

@@ -6,10 +6,9 @@ import signal
 import msgspec
 import pytest
 
-from silo.cli.ls import _is_stalled, _ls_row
+from silo.cli.ls import _ls_row
 from silo.helper.summary import differs
 from silo.ipc.client import Client
-from silo.ipc.discovery import Answer
 from silo.ipc.found import Found
 from silo.ipc.member import Member, Stands
 from silo.ipc.published import Summary
@@ -78,8 +77,8 @@ def test_a_frozen_program_is_told_so_and_its_rate_is_no_nominal_one(robots) -> N
     try:
         with Client.connect("bot") as client:
             status = wait_until(lambda: (now := client.status()).idle_s > 3 and now)
-            answer = Answer(client.found, status)
-            assert _is_stalled(answer)
+            answer = Member(client.found, Summary.of(status), status=status)
+            assert answer.stalled
             assert _ls_row(answer)[2].startswith("no tick ")
             assert _ls_row(answer)[4] == "0"
     finally:

@@ -14,8 +14,8 @@ from silo.errors import ConnectionLostError, RefusedError, VersionError
 from silo.helper.answers import HANDLERS
 from silo.helper.requests import decode_ask, decode_do
 from silo.ipc.client import Client
-from silo.ipc.discovery import discover, survey
 from silo.ipc.exchange import checked_reply, decode_reply, encoded
+from silo.ipc.fleet import surveyed
 from silo.ipc.messages import Done, GetStatus, Hello, Refused, RefusedWhy, Request, Start, Unsaved, leaves
 from silo.ipc.published import Event, EventKind, ViewFrame
 from silo.ipc.session import close, open_client
@@ -176,8 +176,8 @@ def test_a_client_is_told_once_at_the_connection_that_the_robot_is_of_another_si
 
 @pytest.mark.slow
 def test_silo_ls_lists_a_logger_of_another_silo_as_such(other, capsys) -> None:
-    (answer,) = survey(discover().loggers)
-    assert (answer.status, answer.state) == (None, "other silo")
+    (answer,) = surveyed().members
+    assert (answer.status, answer.word) == (None, "other silo")
     assert run(["ls"]) == EXIT_NO_LOGGER  # there is nobody that can be asked
     shown = capsys.readouterr()
     assert "other silo" in shown.out

@@ -1,0 +1,100 @@
+"""The loggers of this computer: what a scan of the folders says, about a millisecond, and nobody is asked."""
+
+import re
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from silo.ipc import keys
+from silo.ipc.folders import ForbiddenFolder, forbidden_folders, usable_folders
+from silo.ipc.found import Found
+from silo.ipc.session import SOCKET_SUFFIX, dead_mark, key_file, owner_is_gone
+from silo.runtime import DOWN_SUFFIX, down_marks, user_name
+
+_SOCKET = re.compile(r"(?P<name>.+)\.(?P<pid>[0-9]+)(?:-(?P<copy>[0-9]+))?\.sock")
+_DOWN = re.compile(rf"(?P<name>.+)\.(?P<pid>[0-9]+){re.escape(DOWN_SUFFIX)}")
+
+
+@dataclass(frozen=True)
+class Near:
+    """The loggers of this computer, the folders that are closed to us, and those that nobody can reach now."""
+
+    loggers: tuple[Found, ...] = ()
+    forbidden: tuple[ForbiddenFolder, ...] = ()
+    down: tuple[Found, ...] = ()
+
+
+def near_loggers() -> Near:
+    """Return what is seen of this computer by a scan of its folders.
+
+    A logger whose robot program died is left out once the program was started again.
+    """
+    all_found = [found for folder in usable_folders() for found in _scan(folder)]
+    loggers = [found for found in all_found if not (found.dead and _has_successor(found, all_found))]
+    reached = {(found.name, found.pid) for found in loggers}
+    down = (found for found in _down() if (found.name, found.pid) not in reached)
+    return Near(tuple(loggers), tuple(forbidden_folders()), tuple(down))
+
+
+def _down() -> list[Found]:
+    """Loggers of this user whose helper process died, and whose program can't start another."""
+    loggers = []
+    for path in down_marks():
+        match = _DOWN.fullmatch(path.name)
+        try:
+            found = path.lstat()
+        except FileNotFoundError:
+            continue  # it is there again
+        if match is not None:
+            owner = user_name(found.st_uid)
+            loggers.append(Found(match["name"], int(match["pid"]), "", owner, since=found.st_mtime))
+    return loggers
+
+
+def down_text(found: Found) -> str:
+    """Return what it means that a logger is down."""
+    return (
+        f"logger '{found.name}' (process {found.pid}): its helper process is down since "
+        f"{max(0.0, time.time() - found.since):.0f} s and nobody can reach it; logging goes on, and the program starts "
+        "another by itself again and again: its output says why that fails"
+    )
+
+
+def _has_successor(gone: Found, others: list[Found]) -> bool:
+    """Return whether a logger of this name was started after this one died."""
+    same = [found for found in others if not found.dead and (found.name, found.user) == (gone.name, gone.user)]
+    return any(found.since >= gone.since for found in same)
+
+
+def _scan(folder: Path) -> list[Found]:
+    loggers = []
+    for path in folder.glob(f"*{SOCKET_SUFFIX}"):
+        match = _SOCKET.fullmatch(path.name)
+        if match is None or owner_is_gone(path):
+            continue
+        mark = dead_mark(path)
+        dead = mark.exists()
+        try:
+            owner = user_name(path.lstat().st_uid)
+            since = (mark if dead else path).lstat().st_mtime
+        except FileNotFoundError:
+            continue
+        root = _root_of_socket(path)
+        host, drawn = (root.host, root.id) if root is not None else ("", "")
+        name, pid, copy = match["name"], int(match["pid"]), int(match["copy"] or 0)
+        loggers.append(Found(name, pid, str(path), owner, "", host, dead, since, drawn, copy))
+    return loggers
+
+
+def seen_now(found: Found) -> Found:
+    """Return a logger of this computer with the keys that it has now: it draws others when it is served again."""
+    root = _root_of_socket(Path(found.socket))
+    return replace(found, host=root.host, id=root.id) if root is not None else replace(found, host="", id="")
+
+
+def _root_of_socket(path: Path) -> keys.Root | None:
+    """Return what stands beside a socket; None where an older silo made it, or its owner is ending."""
+    try:
+        return keys.root_of(key_file(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
