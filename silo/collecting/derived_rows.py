@@ -9,40 +9,33 @@ reads as much of the past as the expression looks back, so that a value doesn't 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.rows import Rows, Words, moved, words_of
+from silo.collecting.row_picker import STAMPS, RowPicker
+from silo.collecting.rows import Rows, Words
 from silo.collecting.schema import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.judging.binding import OFF, Bound, Catalogue, Known
 from silo.judging.derived import Lookback, bound_derived, info_of, lookback
 from silo.judging.evaluation import Evaluator, SourceRows
 from silo.model import BufferType, Derived, ElementInfo
-from silo.values import as_floats
 
 BATCH_TICKS = 16_384  # what is computed at once stays in the cache
 MOST_KEPT = 4  # readings of one signal that may be gone on with: newest values, a plot, a stream
 
-_STAMPS: Words = np.arange(STAMP_WORDS)
-
 
 @dataclass(frozen=True)
 class DerivedSignal:
-    """How one derived signal is computed from rings: `words` are by ring what is read of its rows.
-
-    `columns` are where its values stand among these words, by ring and (element, entry).
-    """
+    """How one derived signal is computed from rings: by ring, what is picked out of its rows, by (element, entry)."""
 
     ring: int
     divider: int
     bound: Bound
     dividers: dict[int, int]
-    words: dict[int, Words]
-    columns: dict[int, dict[tuple[int, int], EntrySchema]]
+    pickers: dict[int, RowPicker[tuple[int, int]]]
     lookback: Lookback
 
 
@@ -75,7 +68,7 @@ def derived_plan(schema: SegmentSchema, table: Sequence[ElementInfo], derived: S
         columns: dict[int, dict[tuple[int, int], EntrySchema]] = {}
         for column in bound.columns:
             if column.source != OFF:
-                entry = _entries(schema.elements[column.element], column.source)[column.entry]
+                entry = schema.elements[column.element].entries_in(column.source)[column.entry]
                 columns.setdefault(column.source, {})[column.element, column.entry] = entry
         options = msgspec.structs.replace(
             info.options, buffer_type=ring.buffer_type, buffer_size=max(1, ring.capacity)
@@ -83,17 +76,10 @@ def derived_plan(schema: SegmentSchema, table: Sequence[ElementInfo], derived: S
         entries = tuple(EntrySchema(each, 8 * (STAMP_WORDS + at)) for at, each in enumerate(info.entries))
         rings.append(ring)
         elements.append(ElementSchema(msgspec.structs.replace(info, options=options), ring.ring, entries))
-        words = {
-            source: np.array(sorted({*_STAMPS.tolist(), *(word for one in some.values() for word in words_of(one))}))
-            for source, some in columns.items()
-        }
-        placed = {
-            source: {key: moved(entry, words[source]) for key, entry in some.items()}
-            for source, some in columns.items()
-        }
+        pickers = {source: RowPicker(some) for source, some in columns.items()}
         signals[ring.ring] = DerivedSignal(
-            ring.ring, ring.divider, bound, dict(bound.sources), words, placed, lookback(bound)
-        )  # fmt: skip
+            ring.ring, ring.divider, bound, dict(bound.sources), pickers, lookback(bound)
+        )
     extras = msgspec.structs.replace(schema.extras, derived=tuple(derived))
     made = msgspec.structs.replace(schema, rings=tuple(rings), elements=tuple(elements), extras=extras)
     return DerivedPlan(made, signals)
@@ -104,10 +90,6 @@ def _source_ring(element: ElementSchema, schema: SegmentSchema) -> int:
     if element.live_ring >= 0 and schema.rings[element.ring].buffer_type is not BufferType.GROWING:
         return element.live_ring
     return element.ring
-
-
-def _entries(element: ElementSchema, ring: int) -> tuple[EntrySchema, ...]:
-    return element.entries if ring == element.ring else element.live_entries
 
 
 def _ring(number: int, bound: Bound, schema: SegmentSchema) -> RingSchema:
@@ -191,7 +173,7 @@ class DerivedReader(SegmentReader):
     def _oldest(self, signal: DerivedSignal) -> int:
         """The first row for which every ring still has what holds there."""
         ticks = max(
-            super(DerivedReader, self).rows(ring, 0, 1, _STAMPS).first * divider
+            super(DerivedReader, self).rows(ring, 0, 1, STAMPS).first * divider
             for ring, divider in signal.dividers.items()
         )  # fmt: skip
         return -(-ticks // signal.divider)
@@ -200,7 +182,7 @@ class DerivedReader(SegmentReader):
         """Rows with tick and time stamp alone."""
         of = next((ring for ring, divider in signal.dividers.items() if divider == signal.divider), TIME_RING)
         step = 1 if of != TIME_RING else signal.divider
-        rows = super().rows(of, begin * step, (end - begin) * step, _STAMPS).part(begin * step, end * step)
+        rows = super().rows(of, begin * step, (end - begin) * step, STAMPS).part(begin * step, end * step)
         late = -rows.first % step
         return Rows(self.schema.rings[signal.ring], (rows.first + late) // step, rows.words[late::step])
 
@@ -262,11 +244,9 @@ class DerivedReader(SegmentReader):
         found = {}
         for ring, divider in signal.dividers.items():
             first, last = -(-begin // divider), -(-end // divider)
-            rows = super().rows(ring, first, last - first, signal.words[ring]).part(first, last)
-            columns: dict[tuple[int, int], Any] = {
-                key: as_floats(rows.column(entry)) for key, entry in signal.columns[ring].items()
-            }
-            found[ring] = SourceRows(rows.ticks, rows.time_ns, columns)
+            picker = signal.pickers[ring]
+            rows = super().rows(ring, first, last - first, picker.words).part(first, last)
+            found[ring] = SourceRows(rows.ticks, rows.time_ns, picker.floats(rows))
         return found
 
 

@@ -1,7 +1,8 @@
 """Rows of rings, and what a reader of them offers: of a segment in shared memory, or of a journal on the disk."""
 
+import functools
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,50 @@ from silo.model import LoggedEvent
 from silo.recording import Failures
 
 Words = NDArray[np.intp]  # places in a row, ascending
+
+
+class Placed(NamedTuple):
+    """Where one scalar stands in a row: its type with the byte order in which it is there, and bytes from the begin."""
+
+    stored: np.dtype[Any]
+    offset: int
+
+
+@functools.lru_cache(1024)
+def stored_type(dtype: str, *, swapped: bool) -> np.dtype[Any]:
+    """Return a type with the byte order that it has in rows: little-endian, or `swapped`."""
+    found: np.dtype[Any] = np.dtype(dtype).newbyteorder(">" if swapped else "<")
+    return found
+
+
+class HasPlace(Protocol):
+    """An entry of a segment, or of rows that travel."""
+
+    @property
+    def dtype(self) -> str:
+        """Its type, whatever the order of its bytes."""
+
+    @property
+    def offset(self) -> int:
+        """Bytes from the begin of its row."""
+
+    @property
+    def swapped(self) -> bool:
+        """Whether it is big-endian there."""
+
+
+def placed(entry: HasPlace) -> Placed:
+    """Return where an entry stands."""
+    return Placed(stored_type(entry.dtype, swapped=entry.swapped), entry.offset)
+
+
+def strided(words: NDArray[Any], entry: Placed) -> NDArray[Any]:
+    """Shape `(n,)`: an entry as it is stored in rows of shape `(n, words of a row)`, which lie without a gap."""
+    if not len(words) or not entry.stored.itemsize:
+        return np.zeros(len(words), entry.stored)
+    shape, strides = (len(words),), (8 * words.shape[1],)
+    found: NDArray[Any] = np.ndarray(shape, entry.stored, words.data, entry.offset, strides)
+    return found
 
 
 @dataclass(frozen=True)
@@ -36,31 +81,18 @@ class Rows:
         return self.words[:, 1].view(np.int64)
 
     def column(self, entry: EntrySchema) -> NDArray[Any]:
-        """Shape `(n,)`: one entry, as a strided view in the entry's own type."""
-        dtype = np.dtype(entry.entry.dtype)
-        if dtype.itemsize == 0 or not len(self.words):
-            return np.zeros(len(self.words), dtype)
-        stored = dtype.newbyteorder(">") if entry.swapped else dtype
-        shape, strides = (len(self.words),), (8 * self.words.shape[1],)
-        column: NDArray[Any] = np.ndarray(shape, stored, self.words.data, entry.byte_offset, strides)
-        return column.astype(dtype) if entry.swapped else column
+        """Shape `(n,)`: one entry in its own type, a strided view where that is the one of this machine."""
+        return self.at(placed(entry))
+
+    def at(self, entry: Placed) -> NDArray[Any]:
+        """Shape `(n,)`: the same of one that was placed before."""
+        found = strided(self.words, entry)
+        return found if found.dtype.isnative else found.astype(found.dtype.newbyteorder("="))
 
     def part(self, begin: int, end: int) -> "Rows":
         """The rows with index `begin <= index < end`, without a copy."""
         low, high = max(begin - self.first, 0), max(end - self.first, 0)
         return Rows(self.ring, self.first + min(low, len(self)), self.words[low:high])
-
-
-def words_of(entry: EntrySchema) -> range:
-    """Return the places of the words that hold an entry in a row."""
-    size = max(1, np.dtype(entry.entry.dtype).itemsize)
-    return range(entry.byte_offset // 8, (entry.byte_offset + size - 1) // 8 + 1)
-
-
-def moved(entry: EntrySchema, words: Words) -> EntrySchema:
-    """Return where an entry stands when only these words of a row are there."""
-    place = int(np.searchsorted(words, entry.byte_offset // 8))
-    return EntrySchema(entry.entry, 8 * place + entry.byte_offset % 8, entry.swapped)
 
 
 class RowSource(Protocol):

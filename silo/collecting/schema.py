@@ -86,6 +86,16 @@ class EntrySchema(msgspec.Struct, frozen=True):
     byte_offset: int
     swapped: bool = False
 
+    @property
+    def dtype(self) -> str:
+        """Its type, whatever the order of its bytes."""
+        return self.entry.dtype
+
+    @property
+    def offset(self) -> int:
+        """The same as `byte_offset`, as of rows that travel."""
+        return self.byte_offset
+
 
 class RingSchema(msgspec.Struct, frozen=True):
     """One ring. For GROWING, `capacity` is rows per chunk and `offset` is unused.
@@ -123,7 +133,11 @@ class ElementSchema(msgspec.Struct, frozen=True):
     @property
     def watch_entries(self) -> tuple[EntrySchema, ...]:
         """Where its entries stand in the rows of that ring."""
-        return self.live_entries if self.live_ring >= 0 else self.entries
+        return self.entries_in(self.watch_ring)
+
+    def entries_in(self, ring: int) -> tuple[EntrySchema, ...]:
+        """Where its entries stand in the rows of one of its rings."""
+        return self.entries if ring == self.ring else self.live_entries
 
 
 class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from silo.collecting.plan import Element
-from silo.collecting.rows import moved, words_of
+from silo.collecting.row_picker import RowPicker
 from silo.collecting.schema import ElementSchema
 from silo.collecting.segment import Segment
 from silo.collecting.segment_reader import SegmentReader
@@ -143,13 +143,12 @@ def _same(reader: SegmentReader, one: ElementSchema) -> str:
 def _is_constant(reader: SegmentReader, one: ElementSchema) -> bool:
     """Whether an element has several samples, all the same. Looks at some of them first: most do change."""
     head = reader.head(one.ring)
-    words = np.unique([place for entry in one.entries for place in words_of(entry)])
-    entries = [moved(entry, words) for entry in one.entries]
+    picker = RowPicker(dict(enumerate(one.entries)))
     if head < 2:
         return False
     for since, limit in ((head - 2, 2), (head // 2, 1), (0, 1), (0, None)):
-        rows = reader.rows(one.ring, since, limit, words)
-        bits = [np.ascontiguousarray(rows.column(entry)).view(np.uint8).reshape(len(rows), -1) for entry in entries]
+        rows = reader.rows(one.ring, since, limit, picker.words)
+        bits = [np.ascontiguousarray(some).view(np.uint8).reshape(len(rows), -1) for _, some in picker.columns(rows)]
         if since == head - 2:
             newest = [one[-1:] for one in bits]
         if not all((one == last).all() for one, last in zip(bits, newest, strict=True)):

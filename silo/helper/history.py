@@ -1,13 +1,11 @@
 """History: past samples of some entries in columns, straight from the buffers in shared memory."""
 
-import numpy as np
-
-from silo.collecting.rows import moved, words_of
+from silo.collecting.row_picker import RowPicker
 from silo.collecting.schema import TIME_RING, ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.columns import MAX_COLUMNS, ColumnGrid, Hole, bins_of
 from silo.helper.mirror import LoggerSnapshot
-from silo.helper.picking import STAMPS, RingSource, first_row
+from silo.helper.picking import RingSource, first_row
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.views import MIN_COLUMN_NS
 from silo.ipc.messages import By, Columns, GetHistory, Refused, RefusedWhy
@@ -46,7 +44,7 @@ def history(
     until_ns = pinned.span_ns()[1] if pinned else reader.last_time_ns if reader else 0
     grid = ColumnGrid(len(request.names), request.start_ns // request.column_ns, _count(request))
     schemas = {element.info.name: element for element in source.schema.elements} if source else {}
-    wanted: dict[int, list[tuple[int, EntrySchema]]] = {}
+    wanted: dict[int, dict[int, EntrySchema]] = {}
     logged: list[tuple[int, ElementSchema]] = []
     for signal, name in enumerate(request.names):
         found = now.entry_places.get(name)
@@ -76,37 +74,36 @@ def history(
     )
 
 
-def _want(wanted: dict[int, list[tuple[int, EntrySchema]]], element: ElementSchema, signal: int, number: int) -> None:
+def _want(wanted: dict[int, dict[int, EntrySchema]], element: ElementSchema, signal: int, number: int) -> None:
     """The element's own buffer and, where that isn't the one in which all samples pass, that one too."""
-    wanted.setdefault(element.ring, []).append((signal, element.entries[number]))
+    wanted.setdefault(element.ring, {})[signal] = element.entries[number]
     if element.live_ring >= 0 and element.live_ring != element.ring:
-        wanted.setdefault(element.live_ring, []).append((signal, element.live_entries[number]))
+        wanted.setdefault(element.live_ring, {})[signal] = element.live_entries[number]
 
 
 def _fill(
     grid: ColumnGrid,
     reader: RingSource,
     ring: int,
-    signals: list[tuple[int, EntrySchema]],
+    signals: dict[int, EntrySchema],
     request: GetHistory,
     pinned: PinnedRows | None = None,
 ) -> None:
-    words = np.array(sorted({*STAMPS.tolist(), *(word for _, entry in signals for word in words_of(entry))}), np.intp)
-    if pinned is not None and not pinned.holds(ring, words.tolist()):
+    picker = RowPicker(signals)
+    if pinned is not None and not pinned.holds(ring, picker.words):
         return
-    signals = [(signal, moved(entry, words)) for signal, entry in signals]
-    block = max(1, BLOCK_BYTES // (8 * len(words)))
+    block = max(1, BLOCK_BYTES // (8 * len(picker.words)))
     head = reader.head(ring)
     row = first_row(reader, ring, By.TIME, request.start_ns)
     while row < head:
         # fewer than `block` rows, or none, come too where the oldest were overwritten meanwhile: the newer follow
-        rows = reader.rows(ring, row, block, words)
+        rows = reader.rows(ring, row, block, picker.words)
         row = max(row + 1, rows.first + len(rows))
         if not len(rows):
             continue
         bins = bins_of(rows.time_ns, request.column_ns)
-        for signal, entry in signals:
-            grid.add(signal, bins, rows.column(entry))
+        for signal, values in picker.columns(rows):
+            grid.add(signal, bins, values)
         if int(rows.time_ns[-1]) >= request.end_ns:
             return
 

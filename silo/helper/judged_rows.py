@@ -3,12 +3,12 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from silo.collecting.schema import ElementSchema
+from silo.collecting.row_picker import RowPicker
+from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.judging.binding import OFF, Bound, Catalogue, Column, Known
 from silo.judging.evaluation import SourceRows
 from silo.model import BufferType, Derived, ElementInfo
-from silo.values import as_floats
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class JudgedRows:
             *(_Off(info) for info in table if info.name not in logged),
         ]
         self.catalogue = Catalogue([self._known(one) for one in self._elements], schema.prefix, schema.extras.derived)
-        self._wanted: dict[int, set[tuple[int, int]]] = {}
+        self._wanted: dict[int, RowPicker[tuple[int, int]]] = {}  # by ring, (element, entry)
         self._cursors: dict[int, int] = {}
         self._silent: set[int] = set()
 
@@ -64,10 +64,14 @@ class JudgedRows:
 
     def want(self, columns: Iterable[Column], since: int) -> None:
         """Read these and no others from now on: what was not read before from tick `since` on."""
-        self._wanted = {}
+        wanted: dict[int, dict[tuple[int, int], EntrySchema]] = {}
         for column in columns:
             if column.source != OFF:
-                self._wanted.setdefault(column.source, set()).add((column.element, column.entry))
+                element = self._elements[column.element]
+                assert isinstance(element, ElementSchema)  # one that is off has no source
+                entry = element.entries_in(column.source)[column.entry]
+                wanted.setdefault(column.source, {})[column.element, column.entry] = entry
+        self._wanted = {ring: RowPicker(entries) for ring, entries in wanted.items()}
         self._cursors = {
             ring: self._cursors.get(ring, -(-since // self._reader.schema.rings[ring].divider)) for ring in self._wanted
         }
@@ -116,20 +120,14 @@ class JudgedRows:
         return f"'{name}' {kept} (buffer={buffer}), and its buffer is full"
 
     def _read(self, ring: int, until: int) -> tuple[SourceRows, int]:
-        cursor, lost = self._cursors[ring], 0
+        cursor, lost, picker = self._cursors[ring], 0, self._wanted[ring]
         divider = self._reader.schema.rings[ring].divider
-        rows = self._reader.rows(ring, cursor, max(-(-until // divider) - cursor, 0))
+        rows = self._reader.rows(ring, cursor, max(-(-until // divider) - cursor, 0), picker.words)
         if rows.first > cursor:
             lost = (rows.first - cursor) * divider
-            rows = self._reader.rows(ring, rows.first, max(-(-until // divider) - rows.first, 0))
+            rows = self._reader.rows(ring, rows.first, max(-(-until // divider) - rows.first, 0), picker.words)
         self._cursors[ring] = rows.first + len(rows)
-        columns = {}
-        for element, entry in self._wanted[ring]:
-            schema = self._elements[element]
-            assert isinstance(schema, ElementSchema)
-            entries = schema.entries if ring == schema.ring else schema.live_entries
-            columns[element, entry] = as_floats(rows.column(entries[entry]))
-        return SourceRows(rows.ticks, rows.time_ns, columns), lost
+        return SourceRows(rows.ticks, rows.time_ns, picker.floats(rows)), lost
 
     def infos_of(self, names: Collection[str]) -> list[ElementInfo]:
         """Return what is known of these elements."""

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.rows import Rows, Words
+from silo.collecting.row_picker import STAMPS
+from silo.collecting.rows import Rows, Words, placed
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.helper.mirror import LoggerSnapshot
@@ -26,7 +27,6 @@ from silo.ipc.messages import (
     SpanFacts,
     SpanMeasured,
 )
-from silo.ipc.sampled import SampledEntry
 from silo.judging.between import HELD_PERIODS, Between, Measuring
 from silo.judging.moments import Finder, Looking
 
@@ -56,10 +56,9 @@ class HeldRows:
 
     def rows(self, ring: int, since: int, limit: int | None = None, words: Words | None = None) -> Rows:
         """Return rows from `since` on, a stretch without a gap, of each the words at these places."""
-        wanted = [] if words is None else words.tolist()
         following = None
         for pin in self._pins:
-            if not pin.holds(ring, wanted) or pin.head(ring) <= since:
+            if not pin.holds(ring, STAMPS if words is None else words) or pin.head(ring) <= since:
                 continue
             first = pin.first(ring)
             if first <= since:
@@ -202,10 +201,10 @@ def _blocks(
 ) -> Iterator[tuple[str, NDArray[np.int64], NDArray[np.generic]]]:
     """Return the samples of each name, block by block, oldest first; what is overwritten meanwhile is left out."""
     for number, group in enumerate(found.groups):
-        entries = [(one.name, one.entries[0]) for one in found.names if one.group == number]
+        entries = [(one.name, placed(one.entries[0])) for one in found.names if one.group == number]
         for rows in _rows(source, group, start_ns, end_ns):
             for name, entry in entries:
-                yield name, rows.time_ns, _column(rows, entry)
+                yield name, rows.time_ns, rows.at(entry)
 
 
 def _rows(source: RingSource, group: Group, start_ns: int, end_ns: int) -> Iterator[Rows]:
@@ -219,13 +218,3 @@ def _rows(source: RingSource, group: Group, start_ns: int, end_ns: int) -> Itera
         row = rows.first + len(rows)
         if len(rows):
             yield rows
-
-
-def _column(rows: Rows, entry: SampledEntry) -> NDArray[np.generic]:
-    dtype = np.dtype(entry.dtype)
-    if not dtype.itemsize:
-        return np.zeros(len(rows), dtype)
-    stored = dtype.newbyteorder(">" if entry.swapped else "<")
-    strides = (8 * rows.words.shape[1],)
-    column: NDArray[np.generic] = np.ndarray((len(rows),), stored, rows.words.data, entry.offset, strides)
-    return column.astype(dtype)

@@ -1,26 +1,15 @@
-"""The newest value of many entries at once: one row per ring, picked apart by prepared byte positions."""
+"""The newest value of many entries at once: one row per ring."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.collecting.keeping import most_kept
+from silo.collecting.row_picker import RowPicker
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.values import Floats, newest_values
-
-
-@dataclass(frozen=True)
-class _Pick:
-    """Entries of one type in one row: `positions` of their bytes, shape `(k, itemsize)`, and where they go."""
-
-    dtype: np.dtype[Any]
-    swapped: bool
-    positions: NDArray[np.intp]
-    places: NDArray[np.intp]
 
 
 class NewestValues:
@@ -30,13 +19,14 @@ class NewestValues:
         """`counts` is the number of entries of each element, which take their places one after the other."""
         self._reader = reader
         self._size = sum(counts)
-        wanted: dict[int, list[tuple[int, EntrySchema]]] = {}
+        wanted: dict[int, dict[int, EntrySchema]] = {}
         place = 0
         for element, count in zip(elements, counts, strict=True):
             if element is not None and len(element.watch_entries) == count:
-                wanted.setdefault(element.watch_ring, []).extend(enumerate(element.watch_entries, place))
+                wanted.setdefault(element.watch_ring, {}).update(enumerate(element.watch_entries, place))
             place += count
-        self._picks = {ring: _picks(entries) for ring, entries in wanted.items()}
+        self._pickers = {ring: RowPicker(entries) for ring, entries in wanted.items()}
+        self._places = {ring: np.array(list(entries), np.intp) for ring, entries in wanted.items()}
         known = [element for element in elements if element is not None]
         self._elements = len(elements)
         self._names = [element.info.name if element is not None else "" for element in elements]
@@ -50,19 +40,12 @@ class NewestValues:
         """Return the newest value of every entry, NaN where there is none, and by place what only a text can tell."""
         newest = np.full(self._size, np.nan)
         texts: dict[int, str] = {}
-        for ring, picks in self._picks.items():
-            row = self._reader.rows(ring, self._reader.head(ring) - 1)
-            if not len(row):
-                continue
-            data = row.words[-1].view(np.uint8)
-            for pick in picks:
-                if not pick.dtype.itemsize:
-                    continue
-                column = data[pick.positions].reshape(-1).view(pick.dtype)
-                if pick.swapped:
-                    column = column.byteswap()
-                newest[pick.places], words = newest_values(column)
-                texts.update((int(pick.places[at]), word) for at, word in words.items())
+        for ring, picker in self._pickers.items():
+            row = self._reader.rows(ring, self._reader.head(ring) - 1, words=picker.words)
+            for at, values in picker.blocks(row.words[-1:]) if len(row) else ():
+                places = self._places[ring][at]
+                newest[places], words = newest_values(values[0])
+                texts.update((int(places[index]), word) for index, word in words.items())
         return newest, texts
 
     def held(self) -> NDArray[np.int64]:
@@ -83,15 +66,3 @@ class NewestValues:
         """At how many ticks elements could not be read, by their places in the list; only those that ever failed."""
         counts = self._reader.failure_counts()
         return {at: counts[name] for at, name in enumerate(self._names) if name in counts} if counts else {}
-
-
-def _picks(entries: list[tuple[int, EntrySchema]]) -> list[_Pick]:
-    by_type: dict[tuple[str, bool], list[tuple[int, int]]] = {}
-    for place, entry in entries:
-        by_type.setdefault((entry.entry.dtype, entry.swapped), []).append((place, entry.byte_offset))
-    picks = []
-    for (name, swapped), found in by_type.items():
-        dtype = np.dtype(name)
-        places, offsets = np.array(found, np.intp).T
-        picks.append(_Pick(dtype, swapped, offsets[:, None] + np.arange(dtype.itemsize), places))
-    return picks

@@ -1,19 +1,20 @@
 """Which words of which rings hold the samples of some names, and the rows between two moments. Pure rules."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from silo.collecting.rows import Rows, Words, moved, words_of
-from silo.collecting.schema import STAMP_WORDS, ElementSchema, EntrySchema, SegmentSchema
+from silo.collecting.row_picker import STAMPS, moved, words_with
+from silo.collecting.rows import Rows, Words, stored_type
+from silo.collecting.schema import ElementSchema, EntrySchema, SegmentSchema
 from silo.helper.mirror import LoggerSnapshot
 from silo.ipc.messages import By
 from silo.ipc.sampled import SampledEntry, SampledName
 from silo.model import BufferType
 
-STAMPS: Words = np.arange(STAMP_WORDS)
 _STAMP_OF = {By.TICK: 0, By.TIME: 1}
 
 
@@ -59,12 +60,6 @@ class Picked:
         return sum(group.row_bytes for group in self.groups)
 
 
-@dataclass
-class _Wanted:
-    words: set[int] = field(default_factory=lambda: set(STAMPS.tolist()))
-    names: list[tuple[str, ElementSchema, tuple[EntrySchema, ...], bool]] = field(default_factory=list)
-
-
 def unknown_name(names: Sequence[str], now: LoggerSnapshot) -> str | None:
     """Return the first name that is neither an element nor an entry, None if there is none."""
     return next((name for name in names if now.element(name) is None and name not in now.entry_places), None)
@@ -74,14 +69,14 @@ def pick(
     names: Sequence[str],
     now: LoggerSnapshot,
     schema: SegmentSchema | None,
-    held: Callable[[int, Sequence[int]], bool] | None = None,
+    held: Callable[[int, Words], bool] | None = None,
 ) -> Picked:
     """Return what elements or entries of these names need; they must be known. A name that is both is the element.
 
     `held` tells whether there are these words of a ring, where there aren't all.
     """
     schemas = {element.info.name: element for element in schema.elements} if schema else {}
-    wanted: dict[tuple[int, int], _Wanted] = {}
+    wanted: dict[tuple[int, int], list[tuple[str, ElementSchema, tuple[EntrySchema, ...], bool]]] = {}
     missing: dict[str, str] = {}
     for name in dict.fromkeys(names):
         whole = now.element(name) is not None
@@ -94,25 +89,28 @@ def pick(
             (ring, after, entries if whole else entries[number : number + 1])
             for ring, after, entries in _rings_of(element, schema)
         ]
-        words = [[word for entry in entries for word in words_of(entry)] for _, _, entries in parts]
-        if held is not None and not all(held(ring, some) for (ring, _, _), some in zip(parts, words, strict=True)):
+        if held is not None and not all(held(ring, words_with(*_places(entries))) for ring, _, entries in parts):
             missing[name] = "it is not in this pin"
             continue
-        for (ring, after, entries), some in zip(parts, words, strict=True):
-            group = wanted.setdefault((ring, after), _Wanted())
-            group.words.update(some)
-            group.names.append((name, element, entries, whole))
+        for ring, after, entries in parts:
+            wanted.setdefault((ring, after), []).append((name, element, entries, whole))
     groups: list[Group] = []
     found: list[SampledName] = []
-    for (ring, after), group in wanted.items():
-        places = np.array(sorted(group.words), np.intp)
-        for name, element, entries, whole in group.names:
-            placed = [moved(entry, places) for entry in entries]
+    for (ring, after), some in wanted.items():
+        types, before = _places([entry for _, _, entries, _ in some for entry in entries])
+        words = words_with(types, before)
+        offsets = iter(moved(before, words).tolist())
+        for name, element, entries, whole in some:
             shape = tuple(element.info.shape) if whole else ()
-            sent = [SampledEntry(one.entry.suffix, one.entry.dtype, one.byte_offset, one.swapped) for one in placed]
+            sent = [SampledEntry(each.entry.suffix, each.dtype, next(offsets), each.swapped) for each in entries]
             found.append(SampledName(name, len(groups), element.info.options.divider, shape, sent))
-        groups.append(Group(ring, after, places))
+        groups.append(Group(ring, after, words))
     return Picked(tuple(groups), found, missing)
+
+
+def _places(entries: Sequence[EntrySchema]) -> tuple[list[np.dtype[Any]], NDArray[np.intp]]:
+    types = [stored_type(entry.dtype, swapped=entry.swapped) for entry in entries]
+    return types, np.array([entry.byte_offset for entry in entries], np.intp)
 
 
 def _why_missing(name: str, now: LoggerSnapshot, schema: SegmentSchema | None) -> str:

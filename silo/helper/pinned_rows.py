@@ -1,6 +1,6 @@
 """Rows that were copied from a segment, to be read as the segment is. They never change."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -28,7 +28,7 @@ class PinnedRows:
             (int(some.max()) for some in stamps), default=0
         )
 
-    def holds(self, ring: int, words: Sequence[int]) -> bool:
+    def holds(self, ring: int, words: Words) -> bool:
         """Return whether these words of this ring are held."""
         held = self._held.get(ring)
         return held is not None and bool(np.isin(words, held[0]).all())

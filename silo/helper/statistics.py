@@ -11,12 +11,12 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.rows import Rows
+from silo.collecting.row_picker import RowPicker
+from silo.collecting.rows import Rows, Words
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.columns import Floats
@@ -38,16 +38,6 @@ STAMPS = 512  # of which the jitter is reckoned
 BLOCK_BYTES = 4 * 2**20
 
 
-@dataclass(frozen=True)
-class _Group:
-    """Entries of one type in a row: which items of that size they are, and their columns."""
-
-    dtype: np.dtype[Any]
-    swapped: bool
-    items: NDArray[np.intp]
-    columns: NDArray[np.intp]
-
-
 class _Columns:
     """Makes of the rows of a ring a matrix of float64: a column per entry, then one per vector: its norm."""
 
@@ -55,9 +45,9 @@ class _Columns:
         """`elements` are numbers of elements with their entries in this ring."""
         self.entries: list[tuple[int, int]] = []  # (element, entry) of the first columns
         self.norms: list[int] = []  # elements of the columns after these
-        by_type: dict[tuple[str, bool], list[tuple[int, int]]] = {}
         self.starts: list[int] = []  # among the vectors, where the entries of each begin
         self.vectors: list[int] = []  # columns of their entries
+        wanted: dict[tuple[int, int], EntrySchema] = {}
         for number, entries in elements:
             usable = [entry for entry in entries if np.dtype(entry.entry.dtype).kind in "biuf"]
             if len(entries) > 1 and len(usable) == len(entries):
@@ -66,38 +56,28 @@ class _Columns:
                 self.vectors += range(len(self.entries), len(self.entries) + len(entries))
             for place, entry in enumerate(entries):
                 if entry in usable:
-                    by_type.setdefault((entry.entry.dtype, entry.swapped), []).append(
-                        (len(self.entries), entry.byte_offset)
-                    )
+                    wanted[number, place] = entry
                     self.entries.append((number, place))
-        self._groups = [_group(name, swapped, found) for (name, swapped), found in by_type.items()]
+        self._picker = RowPicker(wanted)
 
     def __len__(self) -> int:
         return len(self.entries) + len(self.norms)
 
+    @property
+    def words(self) -> Words:
+        """The words of rows that are read."""
+        return self._picker.words
+
     def of(self, rows: Rows) -> Floats:
         """Return shape `(len(rows), len(self))`."""
         found = np.empty((len(rows), len(self)))
-        data = np.ascontiguousarray(rows.words).view(np.uint8)
-        for group in self._groups:
-            items = data.view(f"u{group.dtype.itemsize}") if group.items.ndim == 1 else data
-            picked = np.ascontiguousarray(items[:, group.items.reshape(-1)]).view(group.dtype)
-            if group.swapped:
-                picked = picked.byteswap()
-            found[:, group.columns] = picked
+        for columns, values in self._picker.blocks(rows.words):
+            found[:, columns] = values
         if self.norms:
             with np.errstate(over="ignore", invalid="ignore"):
                 squares = np.square(found[:, self.vectors])
                 found[:, len(self.entries) :] = np.sqrt(np.add.reduceat(squares, self.starts, axis=1))
         return found
-
-
-def _group(name: str, swapped: bool, found: list[tuple[int, int]]) -> _Group:
-    dtype = np.dtype(name)
-    columns, offsets = np.array(found, np.intp).T
-    if dtype.itemsize in {1, 2, 4, 8} and not (offsets % dtype.itemsize).any():
-        return _Group(dtype, swapped, offsets // dtype.itemsize, columns)
-    return _Group(dtype, swapped, offsets[:, None] + np.arange(dtype.itemsize), columns)
 
 
 class Sums:
@@ -215,7 +195,7 @@ class Tally:
 
     def _look_back(self, ring: _Ring) -> None:
         """Count changes of the oldest rows that are held: what froze before anybody asked has changed there."""
-        rows = self.reader.rows(ring.number, 0, self._block(ring))
+        rows = self.reader.rows(ring.number, 0, self._block(ring), ring.columns.words)
         if len(rows) > 1:
             block = ring.columns.of(rows)
             self._count(ring.slots, block[1:] != block[:-1])
@@ -238,7 +218,7 @@ class Tally:
             head = self.reader.head(ring.number)
             block = self._block(ring)
             while ring.cursor < head:
-                rows = self.reader.rows(ring.number, ring.cursor, block)
+                rows = self.reader.rows(ring.number, ring.cursor, block, ring.columns.words)
                 if not len(rows):
                     self.skipped += head - ring.cursor
                     ring.cursor = head

@@ -7,15 +7,12 @@ since start, uint64: a gap between batches is a loss, a smaller number a new sta
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 from math import prod
-from typing import Any
 
-import numpy as np
 import zenoh
-from numpy.typing import NDArray
 
-from silo.collecting.rows import Rows
+from silo.collecting.row_picker import Packer
+from silo.collecting.rows import stored_type
 from silo.collecting.schema import ElementSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.ipc.keys import Root, escape
@@ -32,8 +29,10 @@ def encoding_of(element: ElementSchema) -> str:
     if len(types) == 1:
         shape = element.info.shape if prod(element.info.shape) == len(entries) else (len(entries),)
         dims = ",".join(str(size) for size in shape)
-        return f"silo/samples;dtype={_little(types.pop()).str};shape={dims}"
-    fields = ",".join(f"{_field(entry.entry.suffix)}:{_little(entry.entry.dtype).str}" for entry in entries)
+        return f"silo/samples;dtype={stored_type(types.pop(), swapped=False).str};shape={dims}"
+    fields = ",".join(
+        f"{_field(entry.entry.suffix)}:{stored_type(entry.entry.dtype, swapped=False).str}" for entry in entries
+    )
     return f"silo/samples;fields={fields}"
 
 
@@ -41,34 +40,11 @@ def _field(suffix: str) -> str:
     return escape(suffix).replace(",", "%2C").replace(":", "%3A").replace(";", "%3B")
 
 
-def _little(name: str) -> np.dtype[Any]:
-    dtype: np.dtype[Any] = np.dtype(name).newbyteorder("<")
-    return dtype
-
-
-def values_of(rows: Rows, element: ElementSchema) -> bytes:
-    """Return the values of an element in some rows, packed and little-endian."""
-    entries = element.live_entries
-    types = [_little(entry.entry.dtype) for entry in entries]
-    if len(entries) == 1:
-        return rows.column(entries[0]).astype(types[0], copy=False).tobytes()
-    if len(set(types)) == 1 and not any(entry.swapped for entry in entries):
-        steps = {after.byte_offset - before.byte_offset for before, after in pairwise(entries)}
-        if len(steps) == 1:
-            # evenly spaced in the row, as arrays are: one strided copy
-            shape, strides = (len(rows), len(entries)), (8 * rows.words.shape[1], steps.pop())
-            block: NDArray[Any] = np.ndarray(shape, types[0], rows.words.data, entries[0].byte_offset, strides)
-            return block.tobytes()
-    packed = np.empty(len(rows), np.dtype([(str(place), kind) for place, kind in enumerate(types)]))
-    for place, entry in enumerate(entries):
-        packed[str(place)] = rows.column(entry)
-    return packed.tobytes()
-
-
 @dataclass
 class _Topic:
     element: ElementSchema
     publisher: zenoh.Publisher
+    packer: Packer
     active: bool = False
 
 
@@ -133,7 +109,7 @@ class Topics:
                 encoding=encoding_of(element),
                 congestion_control=zenoh.CongestionControl.DROP,
             )
-            self._topics.append(_Topic(element, publisher))
+            self._topics.append(_Topic(element, publisher, Packer(element.live_entries)))
 
     def _check(self, reader: SegmentReader) -> None:
         """See who has subscribers; a ring begins with what comes from now on, unless it was read before a restart."""
@@ -157,7 +133,7 @@ class Topics:
         stamps = rows.time_ns.tobytes()
         first = rows.first.to_bytes(8, "little")
         for topic in topics:
-            topic.publisher.put(stamps + values_of(rows, topic.element), attachment=first)
+            topic.publisher.put(stamps + topic.packer.of(rows.words).tobytes(), attachment=first)
         return len(rows) == most
 
 

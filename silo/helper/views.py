@@ -4,13 +4,14 @@
 large as the screen that asked for it.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 import zenoh
 
 from silo.collecting.losses import lost_samples
+from silo.collecting.row_picker import RowPicker
 from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
@@ -99,8 +100,8 @@ class _Plots:
     """The plots of a view that stand in one ring."""
 
     cursor: int
+    picker: RowPicker[int]
     begun: bool = False
-    signals: list[tuple[int, EntrySchema]] = field(default_factory=list)
 
 
 class View:
@@ -135,14 +136,15 @@ class View:
         self._sizes = _other_sizes(self.request.values, now, schemas)
         self._newest = NewestValues(reader, [schemas.get(name) for name in self.request.values], layout.counts)
         self._liveness = Liveness(reader, [schemas.get(name) for name in self.request.values], self.period_s)
+        begins: dict[int, int] = {}
+        wanted: dict[int, dict[int, EntrySchema]] = {}
         for signal, (name, number) in enumerate(layout.plots):
             element = schemas.get(name)
             if element is None or number >= len(element.watch_entries):
                 continue
-            ring = element.watch_ring
-            if ring not in self._plots:
-                self._plots[ring] = _Plots(_backlog_start(reader, element))
-            self._plots[ring].signals.append((signal, element.watch_entries[number]))
+            begins.setdefault(element.watch_ring, _backlog_start(reader, element))
+            wanted.setdefault(element.watch_ring, {})[signal] = element.watch_entries[number]
+        self._plots = {ring: _Plots(begins[ring], RowPicker(entries)) for ring, entries in wanted.items()}
         return layout
 
     def frame(
@@ -209,8 +211,8 @@ class View:
         grid = ColumnGrid(len(self.request.plots), first, last - first + 1)
         for plots, rows in news:
             bins = bins_of(rows.time_ns, column_ns)
-            for signal, entry in plots.signals:
-                grid.add(signal, bins, rows.column(entry))
+            for signal, values in plots.picker.columns(rows):
+                grid.add(signal, bins, values)
         return grid
 
     def _new_rows(self, ring: int, plots: _Plots) -> Rows:
@@ -218,7 +220,7 @@ class View:
         assert reader is not None  # there are no plots without a reader
         most = max(1, MAX_FRAME_BYTES // (8 * reader.schema.rings[ring].row_words))
         # a view that fell behind goes on with the newest: what it shows is now
-        rows = reader.rows(ring, max(plots.cursor, reader.head(ring) - most))
+        rows = reader.rows(ring, max(plots.cursor, reader.head(ring) - most), words=plots.picker.words)
         skipped = rows.first > (plots.cursor if plots.begun else 0)
         if skipped and len(rows):
             self._since_ns = max(self._since_ns, int(rows.time_ns[0]))

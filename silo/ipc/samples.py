@@ -5,8 +5,6 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from math import prod
 from typing import Any
 
 import msgspec
@@ -15,11 +13,12 @@ import zenoh
 from numpy.typing import NDArray
 
 from silo.calls import told_class
+from silo.collecting.row_picker import Packer, shaped
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign, understood
 from silo.ipc.keys import Root
 from silo.ipc.messages import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
-from silo.ipc.sampled import SampledEntry, SampledName, SampledRows, StreamFrame
+from silo.ipc.sampled import SampledName, SampledRows, StreamFrame
 from silo.ipc.sessions import undeclare
 
 STAMP_BYTES = 16
@@ -67,46 +66,10 @@ def _samples_of(name: SampledName, rows: SampledRows, missed: int) -> Samples:
     ends = [entry.offset + np.dtype(entry.dtype).itemsize for entry in name.entries]
     if rows.count and (words * 8 * rows.count != len(rows.data) or max([STAMP_BYTES, *ends]) > 8 * words):
         raise ConnectionLostError(f"the helper process sends rows of {name.name} that make no sense")
-    stamps = np.frombuffer(rows.data, "<i8").reshape(rows.count, words) if rows.count else np.zeros((0, 2), np.int64)
-    return Samples(stamps[:, 0].copy(), stamps[:, 1].copy(), _values(name, rows, 8 * words), name.divider, missed)
-
-
-def _values(name: SampledName, rows: SampledRows, row_bytes: int) -> NDArray[Any]:
-    entries, count = name.entries, rows.count
-    types = {entry.dtype for entry in entries}
-    if len(types) != 1:
-        named = [(entry.suffix or f"f{at}", _stored(entry)) for at, entry in enumerate(entries)]
-        packed = np.empty(count, named)
-        for field, entry in zip(packed.dtype.names or (), entries, strict=True):
-            packed[field] = _column(entry, rows, row_bytes)
-        return packed
-    shape = name.shape if prod(name.shape) == len(entries) else (() if len(entries) == 1 else (len(entries),))
-    if len(entries) == 1:
-        return _column(entries[0], rows, row_bytes).astype(_stored(entries[0])).reshape(count, *shape)
-    steps = {after.offset - before.offset for before, after in pairwise(entries)}
-    if count and len(steps) == 1 and len({entry.swapped for entry in entries}) == 1:
-        # evenly spaced in the row, as arrays are: one strided copy
-        first, strides = entries[0], (row_bytes, steps.pop())
-        stored = _stored(first, swapped=first.swapped)
-        block: NDArray[Any] = np.ndarray((count, len(entries)), stored, rows.data, first.offset, strides)
-        return block.astype(_stored(first)).reshape(count, *shape)
-    columns = np.empty((count, len(entries)), _stored(entries[0]))
-    for at, entry in enumerate(entries):
-        columns[:, at] = _column(entry, rows, row_bytes)
-    return columns.reshape(count, *shape)
-
-
-def _stored(entry: SampledEntry, *, swapped: bool = False) -> "np.dtype[Any]":
-    dtype: np.dtype[Any] = np.dtype(entry.dtype).newbyteorder(">" if swapped else "<")
-    return dtype
-
-
-def _column(entry: SampledEntry, rows: SampledRows, row_bytes: int) -> NDArray[Any]:
-    stored = _stored(entry, swapped=entry.swapped)
-    if not rows.count or not stored.itemsize:
-        return np.zeros(rows.count, stored)
-    column: NDArray[Any] = np.ndarray((rows.count,), stored, rows.data, entry.offset, (row_bytes,))
-    return column
+    found = np.frombuffer(rows.data, "<i8").reshape(rows.count, words) if rows.count else np.zeros((0, 2), np.int64)
+    fields = [entry.suffix or f"f{at}" for at, entry in enumerate(name.entries)]
+    values = shaped(Packer(name.entries, fields).of(found), name.shape)
+    return Samples(found[:, 0].copy(), found[:, 1].copy(), values, name.divider, missed)
 
 
 def joined(parts: Sequence[Samples]) -> Samples:

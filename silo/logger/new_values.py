@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from silo.calls import no_attribute
 from silo.collecting.keeping import kept_rows
+from silo.collecting.row_picker import Packer, shaped
 from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema
 from silo.collecting.segment_reader import SegmentReader
@@ -78,19 +79,5 @@ class NewValuesReader:
 
 def sample_values(element: ElementSchema, rows: Rows) -> NDArray[Any]:
     """Return the samples in rows, shape `(n, *shape)`, or a structured array of shape `(n,)` where types differ."""
-    columns = [rows.column(entry) for entry in element.entries]
-    types = {column.dtype for column in columns}
-    if len(types) == 1:
-        stacked = np.stack(columns, axis=1) if columns else np.empty((len(rows), 0))
-        shape = element.info.shape
-        if int(np.prod(shape)) == len(columns):
-            return stacked.reshape(len(rows), *shape)
-        return stacked
-    fields = [
-        (entry.entry.suffix.removeprefix("_"), column.dtype)
-        for entry, column in zip(element.entries, columns, strict=True)
-    ]
-    out = np.empty(len(rows), fields)
-    for (field, _), column in zip(fields, columns, strict=True):
-        out[field] = column
-    return out
+    packer = Packer(element.entries, [entry.entry.suffix.removeprefix("_") for entry in element.entries])
+    return shaped(packer.of(rows.words), element.info.shape)
