@@ -8,9 +8,9 @@ Nothing here knows a logger, a process or a screen.
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from silo.files.saving import PartlySavedError, write
+    from silo.files.saving import LogOfRun, PartlySavedError, write, write_run
 
-__all__ = ["PartlySavedError", "write"]
+__all__ = ["LogOfRun", "PartlySavedError", "write", "write_run"]
 
 
 def __getattr__(name: str) -> object:

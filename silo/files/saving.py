@@ -9,13 +9,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import NamedTuple
 
 from silo.errors import SaveError
 from silo.files.atomic import reason
+from silo.files.event_log import with_happened
 from silo.files.formats import SAVED, SAVED_NAMES, file_type
 from silo.files.naming import custom_path, log_path, next_run_number
-from silo.model import FileType, SavedFile
-from silo.recording import Progress, Recording
+from silo.model import Extras, FileType, LoggedEvent, SavedFile
+from silo.recording import Progress, Recording, with_events
 
 
 class PartlySavedError(SaveError):
@@ -24,6 +26,13 @@ class PartlySavedError(SaveError):
     def __init__(self, message: str, saved: Sequence[SavedFile]) -> None:
         super().__init__(message)
         self.saved = tuple(saved)
+
+
+class LogOfRun(NamedTuple):
+    """Where stands what happened in a run: the folder of its logger's event log, and the run's id."""
+
+    folder: str | os.PathLike[str]
+    run: str
 
 
 def write(
@@ -68,6 +77,32 @@ def write(
         rest = f"; saved: {', '.join(file.path for file in saved)}" if saved else ""
         raise PartlySavedError(f"{'; '.join(failed)}; the log is still in memory{rest}", saved)
     return saved
+
+
+def write_run(
+    recording: Recording,
+    folder: str | os.PathLike[str],
+    logger: str,
+    types: Iterable[FileType | str] = (FileType.SILO,),
+    name: str | None = None,
+    progress: Progress | None = None,
+    why: str = "",
+    *,
+    events: Iterable[LoggedEvent] | LogOfRun,
+    extras: Extras | None = None,
+    damage: Sequence[str] = (),
+) -> list[SavedFile]:
+    """Save what a run holds as `write` does, with what there is to say of it beside its samples. Raises SaveError.
+
+    `events` are what happened in it, or where that stands; `extras` its derived signals, limits and triggers as they
+    are now, None: as they were when it began; `damage` tells what of it is damaged, or lost.
+    """
+    recording = replace(recording, extras=extras or recording.extras, warnings=(*damage, *recording.warnings))
+    if isinstance(events, LogOfRun):
+        recording = with_happened(recording, events.folder, events.run)
+    else:
+        recording = with_events(recording, events)
+    return write(recording, folder, logger, types, name, progress, why)
 
 
 def size_of(path: Path) -> int:

@@ -1,6 +1,5 @@
 """Writing one capture to its files: by the helper process that cut it, or by who recovers what it left."""
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -15,7 +14,6 @@ from silo.files.manifest import CaptureEntry, CaptureList
 from silo.files.saving import size_of
 from silo.helper.spool import Spool
 from silo.model import FileType, LoggedEvent, SavedFile
-from silo.recording import with_events
 
 PATIENCE_S = 60.0  # how long is waited for another process that writes the same capture
 
@@ -67,7 +65,7 @@ def _there(folder: str, entry: CaptureEntry) -> list[SavedFile]:
 
 def _written(spool: Spool, folder: str, name: str, happened: Sequence[LoggedEvent], claim: int) -> list[SavedFile]:
     """The files of a capture; those that a predecessor wrote already are left as they are."""
-    from silo.files import write
+    from silo.files import write_run
     from silo.files.formats import SAVED
     from silo.files.naming import custom_path
     from silo.helper.writing import WriteOrder, write_apart
@@ -81,11 +79,11 @@ def _written(spool: Spool, folder: str, name: str, happened: Sequence[LoggedEven
     options, logger = spool.options, spool.schema.logger
     if FileType.SILO not in there:
         first, last = spool.capture.first, spool.capture.last
-        recording = with_events(spool.recording(), [event for event in happened if first <= event.tick <= last])
+        recording, own = spool.recording(), [event for event in happened if first <= event.tick <= last]
         # derived signals and limits by which it fired, whatever they are by now
         extras = msgspec.structs.replace(spool.extras, capture=recording.extras.capture)
-        recording = dataclasses.replace(recording, extras=extras)
-        files += write(recording, folder, logger, [FileType.SILO], name, why=f"trigger {options.name}")
+        why = f"trigger {options.name}"
+        files += write_run(recording, folder, logger, name=name, why=why, events=own, extras=extras)
     others: list[FileType] = [kind for kind in wanted if kind is not FileType.SILO and kind not in there]
     if others:
         # what CSV and bags need would leave this process with twice its memory

@@ -1,6 +1,5 @@
 """What a program that died left, read whole and saved to files."""
 
-import dataclasses
 import os
 from collections.abc import Callable, Sequence
 
@@ -8,9 +7,7 @@ from silo.collecting.damage import damage
 from silo.collecting.holdings import Holdings, recording_holdings
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
-from silo.files.event_log import with_happened
 from silo.model import Extras, FileType, LoggedEvent, SavedFile
-from silo.recording import with_events
 
 DIED = "program died"  # why its log was saved
 RECOVERED = "program died, recovered later"
@@ -30,20 +27,19 @@ def save_reader(
     `events` are what happened in its run; None: what the event log in the logger's folder says. `extras` are its
     derived signals, limits and triggers as they were last; None: as they were when the run began.
     """
-    from silo.files import write
+    from silo.files import LogOfRun, write_run
 
     recording = reader.snapshot()
     held = recording_holdings(recording)
     if not held.samples:
         return [], held
-    recording = dataclasses.replace(recording, warnings=(*missing(reader), *recording.warnings))
-    if events is None:
-        recording = with_happened(recording, reader.schema.folder, reader.schema.run)
-    else:
-        recording = with_events(recording, events)
-    if extras is not None:
-        recording = dataclasses.replace(recording, extras=extras)
-    return write(recording, folder, reader.schema.logger, types, progress=progress, why=why), held
+    schema = reader.schema
+    happened = LogOfRun(schema.folder, schema.run) if events is None else events
+    files = write_run(
+        recording, folder, schema.logger, types, progress=progress, why=why, events=happened, extras=extras,
+        damage=missing(reader),
+    )  # fmt: skip
+    return files, held
 
 
 def missing(reader: SegmentReader | JournalReader) -> tuple[str, ...]:

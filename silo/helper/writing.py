@@ -6,7 +6,6 @@ deletes it, and is nice to the control loop, unless that waits for it: beside tw
 3.6 s then, that takes 0.7 s.
 """
 
-import dataclasses
 import os
 import subprocess
 import sys
@@ -18,10 +17,9 @@ import msgspec
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SiloError
-from silo.files import PartlySavedError, write
+from silo.files import PartlySavedError, write, write_run
 from silo.helper.left_log import missing
 from silo.model import Extras, FileType, LoggedEvent, SavedFile
-from silo.recording import with_events
 
 NICER = 5
 
@@ -72,11 +70,10 @@ def _write(reader: SegmentReader | JournalReader, order: WriteOrder, progress: C
     try:
         recording = reader.snapshot()
         damaged = missing(reader) if order.of_dead else ()
-        recording = dataclasses.replace(recording, warnings=(*damaged, *recording.warnings))
-        recording = with_events(recording, order.events)
-        if order.extras is not None:
-            recording = dataclasses.replace(recording, extras=order.extras)
-        files = write(recording, order.folder, order.logger, order.types, order.name or None, progress, order.why)
+        files = write_run(
+            recording, order.folder, order.logger, order.types, order.name or None, progress, order.why,
+            events=order.events, extras=order.extras, damage=damaged,
+        )  # fmt: skip
     except SiloError as error:
         saved = list(error.saved) if isinstance(error, PartlySavedError) else []
         return WriteReport(1.0, True, 0, saved, str(error))

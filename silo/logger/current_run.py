@@ -14,7 +14,7 @@ from silo.collecting.holdings import segment_holdings
 from silo.collecting.losses import lost_samples
 from silo.collecting.run import Run
 from silo.errors import NoRoomError, StateError, UnsavedError
-from silo.logger.unclosed import write_run
+from silo.logger.unclosed import save_run
 from silo.model import Extras, LoggerOptions, Storage
 
 log = logging.getLogger("silo")
@@ -176,7 +176,7 @@ class CurrentRun:
         """Save in this process: the link thread, which an answer of the helper comes by, may wait for the caller."""
         assert self.run is not None
         run, ticks = self.run, self.run.segment.ticks
-        paths = ", ".join(file.path for file in write_run(run, options, "saved before the next start", extras))
+        paths = ", ".join(file.path for file in save_run(run, options, "saved before the next start", extras))
         self.mark_saved(run, ticks)
         self.saved_before = f"the last run was saved before it is cleared: {paths}"
         log.warning("%s: %s", options.name, self.saved_before)

@@ -224,11 +224,17 @@ class Logged(Conditions):
         self.look_for_unheld()
         saved = self._saved_by_helper(chosen, name, str(where.resolve()) if folder else "")
         if saved is None:
-            from silo.files import write
-            from silo.files.event_log import with_happened
+            from silo.files import LogOfRun, write_run
 
-            recording = with_happened(self.snapshot(), self.options.folder, run.id)
-            saved = write(recording, where, self.options.name, chosen, name or None, why="saved by the robot program")
+            saved = write_run(
+                self.snapshot(),
+                where,
+                self.options.name,
+                chosen,
+                name or None,
+                why="saved by the robot program",
+                events=LogOfRun(self.options.folder, run.id),
+            )
         with self._lock:
             self._present.mark_saved(run, ticks)
         return SavedFiles(saved)

@@ -1,7 +1,6 @@
 """What is done for a logger that ends without `close()`, and what is said of it on the console."""
 
 import atexit
-import dataclasses
 import os
 import sys
 import weakref
@@ -12,7 +11,7 @@ from silo.collecting.holdings import segment_holdings
 from silo.collecting.journal import list_journals, remove_journal
 from silo.collecting.run import Run
 from silo.errors import SiloError
-from silo.model import Extras, FileType, LoggerOptions, SavedFile, Storage
+from silo.model import Extras, LoggerOptions, SavedFile, Storage
 
 
 class Ending(Protocol):
@@ -64,24 +63,22 @@ def _forked() -> None:
 os.register_at_fork(after_in_child=_forked)
 
 
-def write_run(run: Run, options: LoggerOptions, why: str, extras: Extras) -> list[SavedFile]:
+def save_run(run: Run, options: LoggerOptions, why: str, extras: Extras) -> list[SavedFile]:
     """Save a run as `.silo` in this process, with what the event log says of it. Raises SaveError.
 
     `extras` are derived signals, limits and triggers as they are now, not as they were when it began.
     """
-    from silo.files import write
-    from silo.files.event_log import with_happened
+    from silo.files import LogOfRun, write_run
 
-    recording = dataclasses.replace(run.reader.snapshot(), extras=extras)
-    recording = with_happened(recording, options.folder, run.reader.schema.run)
-    return write(recording, options.folder, options.name, [FileType.SILO], why=why)
+    told = LogOfRun(options.folder, run.id)
+    return write_run(run.reader.snapshot(), options.folder, options.name, why=why, events=told, extras=extras)
 
 
 def save_at_end(run: Run, options: LoggerOptions, extras: Extras) -> bool:
     """Save a run as `.silo`, and say where; False, and said where it stays, if that failed."""
     try:
         held = segment_holdings(run.reader).text
-        saved = write_run(run, options, "program ended without saving", extras)
+        saved = save_run(run, options, "program ended without saving", extras)
     except SiloError as failure:
         say_where_it_is(run, options, f": {failure}")
         return False
