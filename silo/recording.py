@@ -272,22 +272,19 @@ def failures_at(failures: Failures, ticks: NDArray[np.int64], step: int) -> Fail
     return Failures(failures.count + len(ticks), tuple(shown))
 
 
-def with_gaps(values: NDArray[Any], missing: NDArray[np.bool_]) -> NDArray[Any]:
-    """Values, shape `(m,)`, with NaN or NaT where they are missing; what has none of them keeps its last value.
+def masked(values: NDArray[Any], missing: NDArray[np.bool_]) -> NDArray[Any]:
+    """Values of which some are missing: NaN or NaT where the type has it, an empty text, else a masked array.
 
-    Before the first value that one stands.
+    Takes the array over.
     """
     if not missing.any():
         return values
-    there = np.flatnonzero(~missing)
-    if values.dtype.kind in "fcmM" or not len(there):
-        made = values.copy()
-        if values.dtype.kind in "fcmM":
-            made[missing] = np.nan if values.dtype.kind in "fc" else np.array("NaT", values.dtype)
-        return np.asarray(made)
-    before = np.searchsorted(there, np.arange(len(values)), side="right") - 1
-    held: NDArray[Any] = np.asarray(values)[there[np.maximum(before, 0)]]
-    return held
+    kind = values.dtype.kind
+    if kind in "fcmM":
+        values[missing] = np.array("NaT", values.dtype) if kind in "mM" else np.nan
+    elif kind in "SU":
+        values[missing] = ""
+    return values if kind in "fcmMSU" else np.ma.masked_array(values, missing)
 
 
 def read_whole(recording: Recording) -> None:
@@ -295,30 +292,6 @@ def read_whole(recording: Recording) -> None:
     for element in recording.elements:
         for entry in element.entries:
             _ = entry.values
-
-
-def unmasked(recording: Recording) -> Recording:
-    """The recording without masks, which no file has: what is missing is a failure, and keeps its last value."""
-    lazy = any(isinstance(entry, LazyEntry) for element in recording.elements for entry in element.entries)
-    if not lazy:
-        return recording
-    zero = recording.offset - len(recording.time_ns)
-    return replace(recording, elements=[_unmasked(element, zero) for element in recording.elements])
-
-
-def _unmasked(element: RecordedElement, zero: int) -> RecordedElement:
-    values = [entry.values for entry in element.entries]
-    if not any(isinstance(column, np.ma.MaskedArray) for column in values):
-        return element
-    missing = np.logical_or.reduce([np.ma.getmaskarray(column) for column in values])
-    entries = tuple(
-        RecordedEntry(entry.name, entry.entry, with_gaps(np.ma.getdata(column), np.ma.getmaskarray(column)))
-        for entry, column in zip(element.entries, values, strict=True)
-    )
-    ticks = np.flatnonzero(missing)  # of elements with stamps of their own, samples
-    if element.own_ns is None:
-        ticks = zero + element.first + ticks * element.divider
-    return plain_element(element, entries=entries, failures=failures_at(element.failures, ticks, element.divider))
 
 
 MOST_EVENTS = 10_000  # of a recording: the newest

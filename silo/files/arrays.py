@@ -6,7 +6,7 @@ An element's samples stand together with their time stamps, so that nobody has t
 import io
 import re
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from silo.errors import SaveError
 from silo.files.extras import need, whole_file
+from silo.files.missing import filled, in_doubles, is_masked
+from silo.files.silo_format import FilledEntry
 from silo.files.texts import presentable
-from silo.recording import Progress, RecordedElement, Recording, stamps_of
+from silo.recording import Progress, RecordedElement, RecordedEntry, Recording, stamps_of
 
 # MATLAB cuts longer names
 _MATLAB_NAME = 63
@@ -28,7 +30,8 @@ def write_npz(recording: Recording, path: Path, progress: Progress | None = None
     """Write one array per entry under the entry's name without the leading `/`, and `time_ns` (int64).
 
     An element that has not exactly one sample per tick has its own `<element>.time_ns`. What arrays can't say (units,
-    labels, dividers) stands in `silo.json`, a 0-d string. Raises `SaveError`.
+    labels, dividers) stands in `silo.json`, a 0-d string. Where whole numbers are missing, `<entry>.missing` (bool)
+    says which, and a number that no sample is stands there. Raises `SaveError`.
     """
     recording = presentable(recording)
     unique = _unique(lambda name: name.lstrip("/").replace("\0", "_") or "unnamed")
@@ -37,8 +40,10 @@ def write_npz(recording: Recording, path: Path, progress: Progress | None = None
         _add(archive, unique("time_ns"), recording.time_ns)
         _add(archive, unique("silo.json"), np.array(_facts(recording)))
         for done, element in enumerate(recording.elements, start=1):
-            for entry in element.entries:
-                _add(archive, unique(entry.name), entry.values)
+            for entry, written in zip(element.entries, filled(element).entries, strict=True):
+                _add(archive, unique(entry.name), written.values)
+                if is_masked(entry.values):
+                    _add(archive, unique(f"{entry.name}.missing"), np.ma.getmaskarray(entry.values))
             if element.count != len(recording.time_ns):
                 _add(archive, unique(f"{element.name}.time_ns"), _times(recording, element))
             _tell(progress, done / total)
@@ -56,6 +61,8 @@ def write_mat(recording: Recording, path: Path, progress: Progress | None = None
     `first`, `lost`, `failed`, `failed_ticks` (first and last tick since start of each stretch that could not be read,
     in rows) and `data` (samples x entries; a struct of columns where types differ), and a struct `silo` of the log with
     all stamps: those of an element in ns are `silo.time_ns(first : divider : first + divider * (numel(time) - 1))`.
+    Where whole numbers are missing, `data` is double with NaN; where doubles don't hold the others, `missing` is the
+    number that stands there, and no sample.
 
     Variables are the elements' names with what MATLAB forbids as `_`. Raises `SaveError` for more than 2 GB per
     element, which the format can't hold, and `SiloError` without scipy.
@@ -88,7 +95,8 @@ def write_mat(recording: Recording, path: Path, progress: Progress | None = None
 
 def _matlab_struct(recording: Recording, element: RecordedElement, start: int) -> dict[str, Any]:
     times = _times(recording, element)
-    columns = [_matlab_values(entry.values) for entry in element.entries]
+    written = in_doubles(element).entries
+    columns = [_matlab_values(entry.values) for entry in written]
     size = sum(column.nbytes for column in columns)
     if size > _MATLAB_BYTES:
         raise SaveError(f"{element.name}: {size} bytes are more than the 2 GB that a .mat file can hold; write .h5")
@@ -116,11 +124,21 @@ def _matlab_struct(recording: Recording, element: RecordedElement, start: int) -
         "time": _seconds(times, start),
         "data": data,
     }
+    fills = _fills(written)
+    if fills:
+        struct["missing"] = np.array(fills, np.uint64 if fills[0] > np.iinfo(np.int64).max else np.int64)
     labels = element.entries[0].entry.labels if element.entries else None
     if labels:
         struct["label_values"] = np.array(sorted(labels), dtype=np.int64)
         struct["label_names"] = np.array([labels[number] for number in sorted(labels)], dtype=object)
     return struct
+
+
+def _fills(entries: Sequence[RecordedEntry]) -> list[int]:
+    """The numbers that stand where values are missing, of each entry that has one."""
+    told = [entry.missing.fill for entry in entries if isinstance(entry, FilledEntry)]
+    found = [fill for fill in told if fill is not None]
+    return found[:1] if len(set(found)) == 1 else found
 
 
 def _matlab_values(values: NDArray[Any]) -> NDArray[Any]:
@@ -142,7 +160,8 @@ def write_hdf5(recording: Recording, path: Path, progress: Progress | None = Non
     """Write one group per element, at the element's name: `values` and `time_ns`, and attributes (unit, kind ...).
 
     `values` has shape (samples,) + the element's shape; an element of several types has one dataset per entry. Equal
-    time stamps are stored once. Needs as much memory as the file is long. Raises `SaveError`, and `SiloError` without
+    time stamps are stored once. Where whole numbers are missing stands the attribute `_FillValue` of the dataset, as in
+    netCDF. Needs as much memory as the file is long. Raises `SaveError`, and `SiloError` without
     h5py.
     """
     recording = presentable(recording)
@@ -212,16 +231,22 @@ def _fill_group(h5py: Any, group: Any, element: RecordedElement) -> None:
     labels = element.entries[0].entry.labels if element.entries else None
     if labels:
         group.attrs["labels"] = msgspec.json.encode(labels).decode()
-    columns = [_hdf5_values(entry.values) for entry in element.entries]
+    written = filled(element).entries
+    columns = [_hdf5_values(entry.values) for entry in written]
     if columns and len({column.dtype for column in columns}) == 1:
         values = columns[0] if len(columns) == 1 else np.column_stack(columns)
         if len(columns) > 1 and np.prod(element.shape) == len(columns):
             values = values.reshape(element.count, *element.shape)
-        group.create_dataset(_free(group, "values"), data=values)
+        _tell_fill(group.create_dataset(_free(group, "values"), data=values), written)
         return
-    for entry, column in zip(element.entries, columns, strict=True):
+    for entry, column in zip(written, columns, strict=True):
         name = entry.entry.suffix.strip("_").replace("/", "_").replace("\0", "_") or "values"
-        group.create_dataset(_free(group, name), data=column)
+        _tell_fill(group.create_dataset(_free(group, name), data=column), [entry])
+
+
+def _tell_fill(dataset: Any, entries: Sequence[RecordedEntry]) -> None:
+    for fill in _fills(entries):
+        dataset.attrs.create("_FillValue", fill, dtype=dataset.dtype)
 
 
 def _free(group: Any, name: str) -> str:

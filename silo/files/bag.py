@@ -32,10 +32,11 @@ from silo.files.bag_facts import (
     pack_facts,
     pack_times,
 )
-from silo.files.bag_groups import MessageGroup, group_channels
+from silo.files.bag_groups import MessageGroup, absent_of, group_channels
 from silo.files.mcap_write import McapFile
+from silo.files.missing import filled
 from silo.files.ros_types import Channel, MessageType, channels_of, is_text
-from silo.files.silo_format import markers_of
+from silo.files.silo_format import FilledEntry, markers_of
 from silo.files.texts import presentable
 from silo.recording import Progress, RecordedElement, RecordedEntry, Recording
 
@@ -56,6 +57,7 @@ def write_bag(recording: Recording, path: str | os.PathLike[str], progress: Prog
     final name. An existing folder is an error, a file is replaced.
     """
     recording = _utf8(presentable(recording))
+    recording = replace(recording, elements=[filled(element) for element in recording.elements])
     final = Path(path)
     _check_times(recording)
     channels = channels_of(recording.elements)
@@ -128,7 +130,11 @@ def _write_mcap(
 ) -> str:
     """Write the whole file; return rosbag2's metadata as YAML."""
     groups: list[MessageGroup | EventGroup] = [*group_channels(recording, channels)]
-    counts = {number: recording.elements[channel.element].count for number, channel in enumerate(channels, start=1)}
+    counts = {
+        number: element.count - len(absent_of(element, channel))
+        for number, channel in enumerate(channels, start=1)
+        for element in [recording.elements[channel.element]]
+    }
     topics = [(channel.topic, channel.type) for channel in channels]
     if len(events := EventGroup(recording, len(channels) + 1)):
         groups.append(events)
@@ -207,11 +213,8 @@ def _chunk_bounds(ends: NDArray[np.int64]) -> list[int]:
 def _span(recording: Recording, groups: "Sequence[MessageGroup | EventGroup]") -> tuple[int, int]:
     """First and last log time in ns; (0, 0) without messages."""
     due = np.zeros(len(recording.time_ns), dtype=bool)
-    for first, divider, count in {(group.first, group.divider, group.count) for group in groups}:
-        due[first : first + count * divider : divider] = True
     for group in groups:
-        if isinstance(group, EventGroup):
-            group.due(due)
+        group.due(due)
     stamps = recording.time_ns[due]
     return (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
 
@@ -275,7 +278,9 @@ def _summary(recording: Recording) -> dict[str, str]:
 def recording_facts(recording: Recording, channels: Sequence[Channel]) -> RecordingFacts:
     """What a recording is beyond its messages."""
     where: dict[tuple[int, int], tuple[int, int, str, int]] = {}
+    absent: dict[int, int] = {}
     for number, channel in enumerate(channels, start=1):
+        absent[number] = len(absent_of(recording.elements[channel.element], channel))
         for part in channel.parts:
             where[channel.element, part.entry] = (number, part.offset, part.wire, part.count)
     elements = tuple(
@@ -289,7 +294,14 @@ def recording_facts(recording: Recording, channels: Sequence[Channel]) -> Record
             first=element.first,
             count=element.count,
             entries=tuple(
-                EntryFacts(entry.name, entry.entry, _logged(entry), *where[index, i])
+                EntryFacts(
+                    entry.name,
+                    entry.entry,
+                    _logged(entry),
+                    *where[index, i],
+                    missing=entry.missing if isinstance(entry, FilledEntry) else None,
+                    absent=absent[where[index, i][0]],
+                )
                 for i, entry in enumerate(element.entries)
             ),
             description=element.description,

@@ -17,23 +17,28 @@ from silo.files.mcap_write import MESSAGE_OPCODE
 from silo.files.ros_types import STRING
 from silo.files.silo_format import dtype_from
 from silo.files.wide import from_wire
+from silo.recording import masked
 
+_SEQUENCE = RECORD.size + 2  # in a message record
 _OVERLAP = 3  # a message begins with opcode, length and channel, 11 bytes: the words from 0 and from here have them all
 
 
 class Values:
     """Grows the values of one element while chunks are read."""
 
-    def __init__(self, facts: ElementFacts, messages: int) -> None:
+    def __init__(self, facts: ElementFacts, messages: int, ticks: int = 0) -> None:
         self.facts = facts
         # a damaged count must not reserve memory that the file can't fill
-        self.reserve(min(facts.count, messages))
+        absent = any(entry.absent for entry in facts.entries)
+        self.reserve(min(facts.count, ticks if absent else messages))
 
     def reserve(self, room: int) -> None:
         """Begin anew, with room for so many samples."""
         self.arrays = [np.zeros(room, dtype=entry_dtype(entry)) for entry in self.facts.entries]
         self.filled = [0] * len(self.facts.entries)
         self.missing = np.zeros(room, bool)
+        # of entries with absent messages: which samples have none
+        self.absent = {at: np.ones(room, bool) for at, entry in enumerate(self.facts.entries) if entry.absent}
 
     def add(self, index: int, values: NDArray[Any]) -> None:
         """Append values of one entry."""
@@ -41,21 +46,47 @@ class Values:
         self.arrays[index][start : start + len(values)] = values
         self.filled[index] = start + len(values)
 
+    def put(self, index: int, samples: NDArray[np.int64], values: NDArray[Any]) -> None:
+        """Take values of an entry with absent messages. Raises IndexError for samples that the element has not."""
+        self.arrays[index][samples] = values
+        self.absent[index][samples] = False
+        self.filled[index] += len(samples)
+
     def skip(self, index: int, count: int) -> None:
         """Append so many samples of an entry that can't be read."""
         start = self.filled[index]
+        if index in self.absent:
+            self.filled[index] = start + count
+            return
         self.filled[index] = min(start + count, len(self.missing))
         self.missing[start : start + count] = True
 
     def fill_up(self) -> None:
         """Append what is missing at the end."""
         for index, filled in enumerate(self.filled):
-            self.skip(index, len(self.missing) - filled)
+            if index not in self.absent:
+                self.skip(index, len(self.missing) - filled)
 
     @property
     def whole(self) -> int:
-        """Samples that all entries have."""
-        return min(self.filled, default=0)
+        """Samples that all entries have, or that are known to be missing."""
+        room = len(self.missing)
+        return min((room if at in self.absent else filled for at, filled in enumerate(self.filled)), default=0)
+
+    @property
+    def short(self) -> int:
+        """Samples that the table announces and that did not come."""
+        entries = zip(self.facts.entries, self.filled, strict=True)
+        return max((self.facts.count - entry.absent - filled for entry, filled in entries), default=0)
+
+    def column(self, index: int) -> NDArray[Any]:
+        """The samples of an entry that are whole; those that are missing are NaN, NaT, empty or masked."""
+        values, missing = self.arrays[index][: self.whole], self.missing[: self.whole]
+        told = self.facts.entries[index].missing
+        values = values if told is None else told.masked(values)
+        if index in self.absent:
+            missing = missing | self.absent[index][: self.whole]
+        return masked(np.ma.getdata(values), missing | np.ma.getmaskarray(values)) if told or missing.any() else values
 
 
 class ChannelReader:
@@ -77,9 +108,9 @@ class ChannelReader:
         formats: list[Any] = [e.wire if e.wire_count == 1 else (e.wire, (e.wire_count,)) for e in entries]
         return np.dtype(
             {
-                "names": [*(str(k) for k in range(len(entries))), "head", "channel"],
-                "formats": [*formats, "<u8", "<u8"],
-                "offsets": [*(RECORD_HEAD + entry.offset for entry in entries), 0, _OVERLAP],
+                "names": [*(str(k) for k in range(len(entries))), "head", "channel", "sequence"],
+                "formats": [*formats, "<u8", "<u8", "<u4"],
+                "offsets": [*(RECORD_HEAD + entry.offset for entry in entries), 0, _OVERLAP, _SEQUENCE],
                 "itemsize": self._size,
             }
         )
@@ -119,8 +150,18 @@ class ChannelReader:
         head, channel = self._expected
         if not ((rows["head"] == head) & (rows["channel"] == channel)).all():
             return False
+        if self._targets[0][0].absent:
+            return self._put(rows)
         for name, dtype, values, index in self._columns:
             values.add(index, from_wire(rows[name], dtype))
+        return True
+
+    def _put(self, rows: NDArray[np.void]) -> bool:
+        samples = rows["sequence"].astype(np.int64)
+        if int(samples.max()) >= len(self._targets[0][1].missing):
+            return False
+        for name, dtype, values, index in self._columns:
+            values.put(index, samples, from_wire(rows[name], dtype))
         return True
 
     @cached_property

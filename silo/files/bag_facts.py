@@ -10,6 +10,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from silo.files.mcap_chunks import MOST_RATIO, MOST_ROOM
+from silo.files.silo_format import Missing
 from silo.model import NO_EXTRAS, BufferType, Entry, Extras, LoggedEvent
 from silo.recording import NO_FAILURES, Failures
 
@@ -22,7 +23,8 @@ _MAX_BYTES = 2**31
 class EntryFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     """One entry and where it stands: channel, bytes from the message's start, NumPy type there and how many of it.
 
-    `dtype` is the NumPy type of the recorded values.
+    `dtype` is the NumPy type of the values there, `missing` says which of them are none. Of a channel with `absent`
+    messages less than samples, the sequence number of a message is that of its sample.
     """
 
     name: str
@@ -32,6 +34,8 @@ class EntryFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     offset: int
     wire: str
     wire_count: int = 1
+    missing: Missing | None = None
+    absent: int = 0
 
 
 class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from silo.files.mcap_write import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
 from silo.files.ros_types import ENCAPSULATION, STRING, Channel, Part
+from silo.files.silo_format import FilledEntry
 from silo.files.wide import to_wire
 from silo.recording import RecordedElement, Recording
 
@@ -26,7 +27,10 @@ _SECOND = 1_000_000_000
 
 @dataclass(frozen=True)
 class _Key:
-    """What the channels of a group have in common. `text_size`: the longest string."""
+    """What the channels of a group have in common.
+
+    `text_size`: the longest string. `absent`: samples without a message, as bytes of int64.
+    """
 
     wires: tuple[tuple[int, str, int], ...]
     size: int
@@ -35,6 +39,16 @@ class _Key:
     divider: int
     first: int
     count: int
+    absent: bytes = b""
+
+
+def absent_of(element: RecordedElement, channel: Channel) -> NDArray[np.int64]:
+    """The samples of which a channel has no message: all that would be in it is missing."""
+    entries = [element.entries[part.entry] for part in channel.parts]
+    told = [(one, one.missing.fill) for one in entries if isinstance(one, FilledEntry)]
+    if len(told) < len(entries) or any(fill is None for _, fill in told):
+        return np.empty(0, np.int64)
+    return np.flatnonzero(np.logical_and.reduce([one.values == fill for one, fill in told]))
 
 
 def group_channels(recording: Recording, channels: Sequence[Channel]) -> list["MessageGroup"]:
@@ -53,7 +67,8 @@ def group_samples(
             continue
         text_size = element.entries[channel.parts[0].entry].values.dtype.itemsize if channel.is_string else 0
         wires = tuple((part.offset, part.wire, part.count) for part in channel.parts)
-        key = _Key(wires, channel.size, channel.fixed, text_size, element.divider, element.first, element.count)
+        absent = absent_of(element, channel).tobytes()
+        key = _Key(wires, channel.size, channel.fixed, text_size, element.divider, element.first, element.count, absent)
         numbers.setdefault(key, []).append(number)
     groups = []
     for key, members in numbers.items():
@@ -94,7 +109,10 @@ class MessageGroup:
         self._positions = np.zeros((0, len(channels)), dtype=np.int64)
         self._begin = 0
         self._times: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-        self._ticks = slice(0, 0)
+        self._ticks: slice | NDArray[np.int64] = slice(0, 0)
+        self._there: NDArray[np.int64] | None = None  # the samples that have messages, None for all
+        if key.absent:
+            self._there = np.delete(np.arange(key.count), np.frombuffer(key.absent, np.int64))
 
     @property
     def tick_bytes(self) -> int:
@@ -120,30 +138,42 @@ class MessageGroup:
         stop = min(self.count, max(start, -(-(begin + len(times) - self.first) // self.divider)))
         offset = self.first + start * self.divider - begin
         self._ticks = slice(offset, offset + (stop - start) * self.divider, self.divider)
-        records = self._records = self._scratch[: stop - start]
-        if start == stop:
+        samples = np.arange(start, stop)
+        which: slice | NDArray[np.int64] = slice(start, stop)
+        if self._there is not None:
+            which = samples = self._there[slice(*np.searchsorted(self._there, (start, stop)).tolist())]
+            self._ticks = self.first + samples * self.divider - begin
+        records = self._records = self._scratch[: len(samples)]
+        if not len(samples):
             return
         stamps = self._times = times[self._ticks].astype(np.int64)
-        records["sequence"] = (np.arange(start, stop, dtype=np.uint64) + self._numbered_from).astype("<u4")[:, None]
+        records["sequence"] = (samples.astype(np.uint64) + np.uint64(self._numbered_from)).astype("<u4")[:, None]
         records["log_time"] = records["publish_time"] = stamps[:, None]
         records["sec"] = (stamps // _SECOND)[:, None]
         records["nanosec"] = (stamps % _SECOND)[:, None]
         if self._is_string:
-            self._fill_strings(start, stop)
+            self._fill_strings(which)
             return
         for k, part in enumerate(self._parts):
             column = records[f"value{k}"]
             for channel, values in enumerate(self._values):
-                column[:, channel] = to_wire(values[k][start:stop], part.wire, part.count)
+                column[:, channel] = to_wire(values[k][which], part.wire, part.count)
 
-    def _fill_strings(self, start: int, stop: int) -> None:
+    def _fill_strings(self, which: slice | NDArray[np.int64]) -> None:
         records, text = self._records, self._records["value0"]
         for channel, (values,) in enumerate(self._values):
-            text[:, channel] = values[start:stop]
+            text[:, channel] = values[which]
         characters = np.strings.str_len(text) if hasattr(np, "strings") else np.char.str_len(text)
         records["text_length"] = characters + 1
         self._lengths = characters.astype(np.int64) + (self._dtype.itemsize - self._text_size)
         records["length"] = self._lengths - _NOT_COUNTED
+
+    def due(self, ticks: NDArray[np.bool_]) -> None:
+        """Mark the ticks of the recording at which there are messages."""
+        if self._there is None:
+            ticks[self.first : self.first + self.count * self.divider : self.divider] = True
+        else:
+            ticks[self.first + self._there * self.divider] = True
 
     def add_sizes(self, sizes: NDArray[np.int64]) -> None:
         """Add the bytes of this group's records to the ticks of the window."""
@@ -176,9 +206,12 @@ class MessageGroup:
         """Message index records of the window's ticks `start` to `stop`; `shift` turns a place into an offset."""
         if not len(self._records):
             return None
-        offset = self._ticks.start
-        low = max(0, -(-(start - offset) // self.divider))
-        high = min(len(self._records), max(low, -(-(stop - offset) // self.divider)))
+        if isinstance(self._ticks, slice):
+            offset = self._ticks.start
+            low = max(0, -(-(start - offset) // self.divider))
+            high = min(len(self._records), max(low, -(-(stop - offset) // self.divider)))
+        else:
+            low, high = np.searchsorted(self._ticks, (start, stop)).tolist()
         if low >= high:
             return None
         dtype = index_dtype(high - low)

@@ -28,7 +28,7 @@ from silo.files.bag_channels import Values, channel_readers
 from silo.files.bag_facts import RecordingFacts
 from silo.files.mcap_chunks import INDEX_ENTRY, unpack_chunk
 from silo.files.mcap_write import MAGIC
-from silo.recording import RecordedElement, RecordedEntry, Recording, failures_at, with_gaps
+from silo.recording import RecordedElement, RecordedEntry, Recording, failures_at
 
 ALONE = 3  # so many elements are read one by one; each costs about as much as unpacking all chunks
 _HEAD = struct.Struct("<BQ")  # of a record: opcode, length
@@ -151,7 +151,7 @@ class BagElements(Sequence[RecordedElement]):
 
     def __init__(self, file: Path, data: memoryview, facts: RecordingFacts, index: Index, ticks: int) -> None:
         self._file = file
-        self._zero = facts.offset - ticks
+        self._zero, self._ticks = facts.offset - ticks, ticks
         self._data = data
         self._facts = facts
         self._index = index
@@ -198,7 +198,7 @@ class BagElements(Sequence[RecordedElement]):
     def _read(self, places: list[int]) -> list[RecordedElement]:
         # a damaged count must not reserve memory that the file can't fill
         most = len(self._data) // INDEX_ENTRY.itemsize
-        elements = [Values(self._facts.elements[place], most) for place in places]
+        elements = [Values(self._facts.elements[place], most, self._ticks) for place in places]
         readers = channel_readers(self._facts, elements)
         wanted = np.array(sorted(readers), np.uint16)
         for place, _, offsets in self._index.chunks:
@@ -213,9 +213,8 @@ class BagElements(Sequence[RecordedElement]):
                 elif not readers[channel].add(chunk, entries["offset"]):
                     self._tell(f"an index at byte {at:,} is damaged: {len(entries):,} samples can't be found by it")
         for values in elements:
-            if values.facts.entries and values.whole < values.facts.count:
-                missing = values.facts.count - values.whole
-                self._tell(f"'{values.facts.name}' has {missing:,} samples less than its table says")
+            if values.facts.entries and values.short > 0:
+                self._tell(f"'{values.facts.name}' has {values.short:,} samples less than its table says")
                 values.fill_up()
         return [recorded(values, self._zero) for values in elements]
 
@@ -242,7 +241,7 @@ class BagElements(Sequence[RecordedElement]):
         self.warnings.add(f"{what}: {GAPS}")
 
 
-GAPS = "NaN, or the last value, stands there instead"
+GAPS = "NaN stands there, and nothing (masked) where a type has no NaN"
 
 
 def recorded(values: Values, zero: int) -> RecordedElement:
@@ -259,8 +258,7 @@ def recorded(values: Values, zero: int) -> RecordedElement:
         buffer_type=facts.buffer_type,
         first=facts.first,
         entries=tuple(
-            RecordedEntry(entry.name, entry.entry, with_gaps(array[: values.whole], missing))
-            for entry, array in zip(facts.entries, values.arrays, strict=True)
+            RecordedEntry(entry.name, entry.entry, values.column(index)) for index, entry in enumerate(facts.entries)
         ),
         description=facts.description,
         lost=facts.lost,

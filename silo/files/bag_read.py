@@ -144,7 +144,9 @@ def _read_by_index(file: Path, data: memoryview, index: Index | None) -> Recordi
         raise _LostFactsError(told_damage(error)) from error
     counts = index.counts
     if facts.version != FACTS_VERSION or any(
-        counts.get(entry.channel, 0) != element.count for element in facts.elements for entry in element.entries
+        counts.get(entry.channel, 0) != element.count - entry.absent
+        for element in facts.elements
+        for entry in element.entries
     ):
         return None
     elements = BagElements(file, data, facts, index, len(times))
@@ -197,13 +199,15 @@ def _read(data: memoryview) -> Recording:  # noqa: PLR0912  # a branch per recor
                 facts = content
                 if facts.version != FACTS_VERSION:
                     raise ValueError(f"layout version {facts.version} is newer than this silo reads ({FACTS_VERSION})")
-                # a message takes at least an index entry
-                elements = [Values(element, len(data) // INDEX_ENTRY.itemsize) for element in facts.elements]
-                readers = channel_readers(facts, elements)
             elif name == PART_ATTACHMENT:
                 return read_part(data, content)
             elif name == TIME_ATTACHMENT:
                 times = content
+            if facts is not None and times is not None and not elements:
+                # a message takes at least an index entry
+                most = len(data) // INDEX_ENTRY.itemsize
+                elements = [Values(element, most, len(times)) for element in facts.elements]
+                readers = channel_readers(facts, elements)
         elif opcode == Opcode.CHUNK:
             # in bags of silo, facts come first
             known, chunk = facts is not None, None
@@ -234,8 +238,8 @@ def _read(data: memoryview) -> Recording:  # noqa: PLR0912  # a branch per recor
 
 
 def _warnings(facts: RecordingFacts, elements: list[Values], complete: bool) -> tuple[str, ...]:
-    missing = sum(values.facts.count - values.whole for values in elements if values.facts.entries)
-    if missing:
+    missing = sum(values.short for values in elements if values.facts.entries)
+    if missing > 0:
         return (*facts.warnings, f"the file is cut off: {missing} samples are missing at the end")
     if not complete:
         cut = "the file is cut off: its index is missing, which other readers need; all samples are there"

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from silo.files import silo_format as form
 from silo.files.csv_fast import Filled
 from silo.model import Entry, LoggedEvent
-from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.recording import RecordedElement, RecordedEntry, Recording, masked
 
 SIDECAR = ".json"
 VERSION = 1
 _LARGEST = 256 << 20
 _QUOTE = b'"'
+_MASKED = "biuV"  # what has no NaN: an empty cell is a value that is missing
 
 
 Column = NDArray[np.bytes_] | Filled  # texts of all cells, or the numbers of the filled ones
@@ -102,7 +103,7 @@ def restored(facts: CsvFacts, names: Sequence[str], columns: Sequence[Column], t
         logger=facts.log.logger,
         time_ns=time_ns,
         offset=facts.offset,
-        elements=tuple(_element(one, cells) for one in facts.elements),
+        elements=tuple(_element(one, cells, len(time_ns)) for one in facts.elements),
         prefix=facts.log.prefix,
         frequency_hz=facts.log.frequency_hz,
         started_ns=facts.log.started_ns,
@@ -128,15 +129,22 @@ def _element_facts(element: RecordedElement) -> CsvElement:
     return CsvElement(**given, divider=element.divider, count=element.count)
 
 
-def _element(facts: CsvElement, columns: Any) -> RecordedElement:
+def _element(facts: CsvElement, columns: Any, ticks: int) -> RecordedElement:
     first = facts.first or 0
     entries = []
     for entry in facts.entries:
         cells: Column = next(columns)
         places = cells.places if isinstance(cells, Filled) else np.flatnonzero(np.char.str_len(cells))
-        if facts.divider < 1 or len(places) != facts.count or not _in_step(places, first, facts.divider):
-            raise NotThisTableError(f"'{entry.name}' has its samples at other ticks")
         values = _values(cells.values if isinstance(cells, Filled) else cells[places], entry)
+        samples = _in_step(places, facts, ticks)
+        if samples is None or (len(samples) < facts.count and values.dtype.kind not in _MASKED):
+            raise NotThisTableError(f"'{entry.name}' has its samples at other ticks")
+        if len(samples) < facts.count:
+            missing = np.ones(facts.count, bool)
+            missing[samples] = False
+            there, values = values, np.zeros(facts.count, values.dtype)
+            values[samples] = there
+            values = masked(values, missing)
         entries.append(RecordedEntry(entry.name or "", Entry(entry.suffix, entry.dtype, entry.labels), values))
     return RecordedElement(
         name=facts.name,
@@ -154,8 +162,15 @@ def _element(facts: CsvElement, columns: Any) -> RecordedElement:
     )
 
 
-def _in_step(places: NDArray[np.intp], first: int, divider: int) -> bool:
-    return not len(places) or (int(places[0]) == first and bool((np.diff(places) == divider).all()))
+def _in_step(places: NDArray[np.intp], facts: CsvElement, ticks: int) -> NDArray[np.intp] | None:
+    """Which samples of an element stand in these rows; None where one of them is none."""
+    first, divider = facts.first or 0, facts.divider
+    last = first + (facts.count - 1) * divider
+    if divider < 1 or facts.count < len(places) or first < 0 or (facts.count and last >= ticks):
+        return None
+    samples = (places - first) // divider
+    inside = (samples >= 0) & (samples < facts.count) & (samples * divider + first == places)
+    return samples if inside.all() else None
 
 
 def _values(cells: NDArray[Any], entry: form.EntryFacts) -> NDArray[Any]:

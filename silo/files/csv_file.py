@@ -1,8 +1,9 @@
 """A recording -> CSV: one column per entry (what pandas, PlotJuggler and spreadsheets open), or one row per entry.
 
 Numbers in full precision, strings always quoted (so that `"12"` stays a string), an empty cell for a tick without
-sample. The column layout of a large log is written by polars where that is installed (5 times as fast; the values are
-the same, some exponents look different). Reading is in `silo.files.csv_reader`.
+sample, and where a whole number is missing. The column layout of a large log is written by polars where that is
+installed (5 times as fast; the values are the same, some exponents look different). Reading is in
+`silo.files.csv_reader`.
 """
 
 import io
@@ -18,6 +19,7 @@ from silo.errors import SaveError
 from silo.files.atomic import atomic_file, write_all
 from silo.files.csv_facts import pack, sidecar_of
 from silo.files.csv_reader import TIME_NS, read_csv
+from silo.files.missing import is_masked
 from silo.recording import Progress, RecordedElement, Recording
 
 __all__ = ["Layout", "read_csv", "write_csv"]
@@ -34,7 +36,7 @@ class _Cells(NamedTuple):
     """The samples of an entry that belong to a range of ticks; `places` are their rows within the range."""
 
     values: NDArray[Any]
-    places: slice
+    places: slice | NDArray[np.int64]
     rows: int
 
     @property
@@ -115,7 +117,11 @@ def _cells(element: RecordedElement, values: NDArray[Any], start: int, stop: int
     begin = min(element.count, max(0, -((first - start) // divider)))
     end = min(element.count, max(begin, -((first - stop) // divider)))
     place = first + begin * divider - start
-    return _Cells(_plain(values[begin:end]), slice(place, place + (end - begin) * divider, divider), stop - start)
+    samples = values[begin:end]
+    if is_masked(samples):
+        there = np.flatnonzero(~np.ma.getmaskarray(samples))
+        return _Cells(_plain(np.ma.getdata(samples)[there]), place + there * divider, stop - start)
+    return _Cells(_plain(samples), slice(place, place + (end - begin) * divider, divider), stop - start)
 
 
 def _plain(values: NDArray[Any]) -> NDArray[Any]:
@@ -148,20 +154,23 @@ def _polars_lines(time_ns: NDArray[np.int64], cells: Sequence[_Cells]) -> bytes:
     scale = polars.lit("0.000000001").cast(polars.Decimal(38, 9))
     time = polars.select(polars.Series(time_ns).cast(polars.Decimal(38, 0)) * scale).to_series()
     columns = [time.alias("time")]
-    spread: dict[tuple[int, int, int], Any] = {}
+    spread: dict[tuple[int, int, int] | None, Any] = {}
     for number, cell in enumerate(cells):
         native = cell.values.astype(cell.values.dtype.newbyteorder("="), copy=False)
         series = polars.Series(str(number), native, strict=False)
         if native.dtype.kind == "U":
             series = series.cast(polars.String)
         if not cell.complete:
-            key = (cell.places.start, cell.places.step, len(cell.values))
-            if key not in spread:
+            key = (cell.places.start, cell.places.step, len(cell.values)) if isinstance(cell.places, slice) else None
+            indices = spread.get(key)
+            if indices is None:
                 places = np.full(cell.rows, -1, np.int64)
                 places[cell.places] = np.arange(len(cell.values))
                 indices = polars.Series(places)
-                spread[key] = indices.set(indices < 0, None)
-            series = series.gather(spread[key])
+                indices = indices.set(indices < 0, None)
+                if key is not None:
+                    spread[key] = indices
+            series = series.gather(indices)
         columns.append(series)
     columns.append(polars.Series(TIME_NS, time_ns))
     text = io.BytesIO()
@@ -174,14 +183,21 @@ def _plain_lines(time_ns: NDArray[np.int64], cells: Sequence[_Cells]) -> bytes:
     columns = [_time_texts(time_ns)]
     for cell in cells:
         texts = _texts(cell.values)
-        if not cell.complete:
-            column = [""] * cell.rows
-            column[cell.places] = texts
-            texts = column
-        columns.append(texts)
+        columns.append(texts if cell.complete else _spread(texts, cell))
     columns.append(list(map(str, time_ns.tolist())))
     lines = map(",".join, zip(*columns, strict=True))
     return ("\n".join(lines) + "\n").encode("utf-8", "backslashreplace")
+
+
+def _spread(texts: list[str], cell: _Cells) -> list[str]:
+    """The texts in their rows, the others empty."""
+    column = [""] * cell.rows
+    if isinstance(cell.places, slice):
+        column[cell.places] = texts
+    else:
+        for place, text in zip(cell.places.tolist(), texts, strict=True):
+            column[place] = text
+    return column
 
 
 def _time_texts(time_ns: NDArray[np.int64]) -> list[str]:
@@ -223,9 +239,7 @@ def _rows(recording: Recording, elements: Sequence[RecordedElement]) -> Iterator
         for entry in element.entries:
             number += 1
             cells = _cells(element, entry.values, 0, stamps)
-            column = [""] * stamps
-            column[cells.places] = _texts(cells.values)
-            yield number / total, _row(entry.name, column)
+            yield number / total, _row(entry.name, _spread(_texts(cells.values), cells))
     yield 1.0, b""
 
 

@@ -22,7 +22,7 @@ from silo.files.csv_fast import Filled, Numbers, read_numbers
 from silo.files.silo_format import decode_text, first_stamp
 from silo.kinds import regroup
 from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.recording import RecordedElement, RecordedEntry, Recording, masked
 
 TIME_NS = "time_ns"  # the last column: the first one in whole nanoseconds
 _ROUNDED_NS = 1000  # by which seconds that went through a double may be off
@@ -316,10 +316,10 @@ def _stepping(places: NDArray[np.intp], values: NDArray[Any], rows: int) -> _Sam
     divider = int(steps[0]) if len(steps) else 1
     if (steps == divider).all():
         return _Samples(values, int(places[0]), divider)
-    # gaps without a pattern, as other tools leave them for NaN
-    dense = np.full(rows, np.nan) if values.dtype.kind in "iuf" else np.zeros(rows, values.dtype)
-    dense[places] = values
-    return _Samples(dense, 0, 1)
+    # gaps without a pattern, as other tools leave them for NaN, and silo for whole numbers that are missing
+    dense, missing = np.zeros(rows, values.dtype), np.ones(rows, bool)
+    dense[places], missing[places] = values, False
+    return _Samples(masked(dense, missing), 0, 1)
 
 
 def _recording(

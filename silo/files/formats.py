@@ -80,7 +80,7 @@ class Format(msgspec.Struct, frozen=True):
         function = _function(self.writer)
 
         def write(recording: "Recording", path: Path, progress: "Progress | None") -> None:
-            from silo.recording import has_own_stamps, read_whole, unmasked
+            from silo.recording import has_own_stamps, read_whole
 
             if not self.own_times and has_own_stamps(recording):
                 raise SaveError(
@@ -93,7 +93,6 @@ class Format(msgspec.Struct, frozen=True):
                 from silo.files.derived import with_derived
 
                 recording = with_derived(recording)
-            recording = unmasked(recording)
             function(recording, path, progress=progress)
 
         return write

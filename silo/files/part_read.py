@@ -1,8 +1,8 @@
 """Reading a part of an endless recording into a `Recording`: finished, open, or cut short.
 
-Its samples are numbered by row. Where rows are missing, as the recorder could not keep up, NaN, NaT or the last value
-stands in their place, counted as failures with their ticks; time stamps of ticks at which nothing that was recorded
-fell due lie evenly between those of their neighbours.
+Its samples are numbered by row. Where rows are missing, as the recorder could not keep up, NaN or NaT stands in their
+place, or nothing (masked) where a type has none, counted as failures with their ticks; time stamps of ticks at which
+nothing that was recorded fell due lie evenly between those of their neighbours.
 """
 
 import struct
@@ -14,14 +14,14 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from silo.files.bag_channels import Values, channel_readers
-from silo.files.bag_index import DAMAGE, told_damage
+from silo.files.bag_index import DAMAGE, GAPS, told_damage
 from silo.files.mcap_chunks import INDEX_ENTRY, unpack_chunk
 from silo.files.mcap_write import MAGIC
 from silo.files.part_events import events_of
 from silo.files.part_facts import EVENTS_RING, PartFacts, RingFacts
 from silo.files.part_scan import first_row, part_records, ring_of
 from silo.model import UNHELD, BufferType, LoggedEvent
-from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, with_gaps
+from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, masked
 
 _MOST_SPANS = 15
 
@@ -134,7 +134,7 @@ def _recording(
         shown = ", ".join(f"{low}-{high}" for low, high in spans[:5]) + (", ..." if len(spans) > 5 else "")
         warnings.append(
             f"{lost} samples {'are damaged, or ' if damaged else ''}were lost as the recorder could not keep up "
-            f"(ticks {shown}): NaN, or the last value, stands there instead"
+            f"(ticks {shown}): {GAPS}"
         )
     return Recording(
         logger=about.logger,
@@ -189,9 +189,9 @@ def _element(values: Values, ring: _Joined, first: int) -> RecordedElement:
 
 
 def _with_holes(values: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
-    """One value per row from the first to the last; those that are missing are NaN or NaT, else the one before."""
+    """One value per row from the first to the last; those that are missing are NaN or NaT, else masked."""
     places = rows[: len(values)] - rows[0]
     room = int(places[-1]) + 1
     spread, missing = np.zeros(room, values.dtype), np.ones(room, bool)
     spread[places], missing[places] = values, False
-    return with_gaps(spread, missing)
+    return masked(spread, missing)

@@ -8,6 +8,7 @@ the readers of the original skip such lines. Pure functions and data: no file is
 
 import re
 import zlib
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from silo.kinds import SCALAR
 from silo.model import MARKER, NO_EXTRAS, BufferType, Extras, LoggedEvent
-from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording
+from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, masked
 
 BANNER = (
     b"#  ---------------------------------------------------------- #\n"
@@ -70,6 +71,32 @@ class TableRow(msgspec.Struct, frozen=True):
         return self.item_bytes * self.count
 
 
+class Missing(msgspec.Struct, frozen=True, omit_defaults=True):
+    """How a column of numbers tells which are missing, of a type that has no NaN.
+
+    `dtype` is the type as logged, `fill` what stands in their place, None for NaN (`silo.files.missing`).
+    """
+
+    dtype: str
+    fill: int | None = None
+
+    def masked(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the values as they were logged; those of a damaged file that can't be it as they are."""
+        dtype = dtype_from(self.dtype)
+        if dtype is None or dtype.kind not in "biu" or values.dtype.kind not in "biuf":
+            return values
+        missing = np.isnan(values) if self.fill is None else np.asarray(values == self.fill)
+        with np.errstate(invalid="ignore"):
+            return masked(np.where(missing, 0, values).astype(dtype), missing)
+
+
+@dataclass(frozen=True)
+class FilledEntry(RecordedEntry):
+    """An entry that had a mask: `missing` says what stands now where values are missing."""
+
+    missing: Missing
+
+
 class EntryFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     """What the table can't say of an entry; `name` only where the table's line could not hold it unchanged.
 
@@ -81,6 +108,7 @@ class EntryFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     labels: dict[int, str] | None = None
     name: str | None = None
     dashes: dict[int, int] | None = None
+    missing: Missing | None = None
 
 
 class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -225,12 +253,15 @@ def element_facts(element: RecordedElement, first: int | None) -> ElementFacts:
     entries = tuple(
         EntryFacts(
             suffix=plain_text(entry.entry.suffix),
-            dtype=_dtype_text(entry.entry.dtype, entry.values.dtype),
+            # of numbers some of which are missing the type in the file, so that older readers take NaN for what it is
+            dtype=entry.values.dtype.str if missing else _dtype_text(entry.entry.dtype, entry.values.dtype),
             labels=entry.entry.labels and {key: plain_text(label) for key, label in entry.entry.labels.items()},
             name=plain_text(entry.name) if _is_named_otherwise(element, entry) else None,
             dashes=_dashes(entry.values),
+            missing=missing,
         )
         for entry in element.entries
+        for missing in [entry.missing if isinstance(entry, FilledEntry) else None]
     )
     return ElementFacts(
         name=plain_text(element.name),

@@ -36,6 +36,7 @@ class _Column(NamedTuple):
     whole: int
     skip: int = 0
     dashes: dict[int, int] | None = None  # of texts that end in some
+    missing: form.Missing | None = None
 
 
 @dataclass(frozen=True)
@@ -208,7 +209,7 @@ def _by_facts(
 ) -> list[RecordedElement]:
     entries = [
         (
-            column._replace(dashes=entry.dashes),
+            column._replace(dashes=entry.dashes, missing=entry.missing),
             Entry(entry.suffix, entry.dtype, entry.labels),
             entry.name or facts.name + entry.suffix,
         )
@@ -337,4 +338,5 @@ def _entry(data: memoryview, header: Header, column: _Column, entry: Entry, name
     start = column.offset + column.skip * stored.itemsize
     made = entry if shown == entry.dtype else Entry(entry.suffix, shown, entry.labels)
     dashes = column.dashes if stored.kind == "S" else None
-    return file_entry(name, made, data, start, column.whole, stored, logged, dashes, column.skip)
+    place = (data, start, column.whole, stored, logged)
+    return file_entry(name, made, *place, dashes, column.skip, column.missing)

@@ -32,6 +32,9 @@ class FileEntry(RecordedEntry):
             values = _as_logged(values, logged)
         for at, number in fields.get("dashes", {}).items():
             values[at] += b"-" * min(number, stored.itemsize)
+        missing: form.Missing | None = fields.get("missing")
+        if missing is not None:
+            values = missing.masked(values)
         fields["values"] = values
         return values
 
@@ -56,15 +59,20 @@ def file_entry(
     logged: Type,
     dashes: Mapping[int, int] | None = None,
     skipped: int = 0,
+    missing: form.Missing | None = None,
 ) -> RecordedEntry:
     """An entry of so many values that begin at this byte of the file, `skipped` behind the first of its column.
 
     dashes: at the end of which texts, counted from the first of the column, so many dashes are no padding.
+    missing: how the column tells which of its values are missing, and what it was.
     """
     made = FileEntry.__new__(FileEntry)
     fields: dict[str, Any] = {"name": name, "entry": entry, "place": (data, offset, count, stored, logged)}
     if dashes:
         fields["dashes"] = {at - skipped: number for at, number in dashes.items() if 0 <= at - skipped < count}
+    if missing is not None:
+        fields["missing"] = missing
+        fields["entry"] = Entry(entry.suffix, missing.dtype, entry.labels)
     object.__setattr__(made, "__dict__", fields)
     return made
 

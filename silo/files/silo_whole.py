@@ -120,7 +120,8 @@ class FileElements(Sequence[RecordedElement]):
             entry = Entry(facts.suffix, entry.dtype, facts.labels)
         name = table.names[row] if facts.name is None else facts.name
         dashes = facts.dashes if stored.kind == "S" else None
-        return file_entry(name, entry, self._data, table.offsets[row], kind.samples, stored, logged, dashes)
+        place = (self._data, table.offsets[row], kind.samples, stored, logged)
+        return file_entry(name, entry, *place, dashes, missing=facts.missing)
 
 
 @lru_cache(maxsize=1024)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from silo.errors import SaveError
 from silo.files import silo_format as form
 from silo.files.atomic import atomic_file, write_all
+from silo.files.missing import in_doubles
 from silo.files.wide import to_wire
 from silo.recording import Progress, RecordedEntry, Recording
 
@@ -42,7 +43,7 @@ def write_silo(recording: Recording, path: str | os.PathLike[str], progress: Pro
     `progress` is called with the fraction written, from 0 to 1. Elements without a sample are left out, as the format
     wants it. Raises `SaveError` when the system refuses, and for values that no file can hold (Python objects).
     """
-    elements = [element for element in recording.elements if element.count]
+    elements = [in_doubles(element) for element in recording.elements if element.count]
     stamps = len(recording.time_ns)
     sources: list[tuple[form.TableRow, Callable[[int, int, NDArray[np.uint8]], None]]] = []
     facts: list[bytes] = [form.facts_line(form.LOG_FACTS, form.log_facts(recording))]

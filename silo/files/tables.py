@@ -1,4 +1,5 @@
-"""A recording -> Parquet: one row per tick, one column per entry, null where an element has no sample at a tick.
+"""A recording -> Parquet: one row per tick, one column per entry, null where an element has no sample at a tick, and
+where a whole number is missing.
 
 Types are kept (long double becomes float64); units, kinds, labels and dividers stand in the
 metadata of the columns. Written in row groups, so that memory stays bounded.
@@ -80,15 +81,15 @@ def _cells(arrow: Any, kind: Any, element: RecordedElement, values: NDArray[Any]
     start, stop = window
     low = min(len(values), max(0, -(-(start - element.first) // element.divider)))
     high = min(len(values), max(low, -(-(stop - element.first) // element.divider)))
-    samples = _plain(values[low:high])
+    samples, gone = _plain(np.ma.getdata(values[low:high])), np.ma.getmaskarray(values[low:high])
     bytes_first = arrow.binary() if samples.dtype.kind == "S" else kind
     if high - low == stop - start:
-        return arrow.array(samples, type=bytes_first).cast(kind)
+        return arrow.array(samples, type=bytes_first, mask=gone if gone.any() else None).cast(kind)
     places = element.first + np.arange(low, high) * element.divider - start
     cells = np.zeros(stop - start, dtype=samples.dtype)
     missing = np.ones(stop - start, dtype=bool)
     cells[places] = samples
-    missing[places] = False
+    missing[places] = gone
     return arrow.array(cells, type=bytes_first, mask=missing).cast(kind)
 
 

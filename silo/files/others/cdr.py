@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from silo.files.others.message_types import MOST_VALUES, Message, Node, Number, Path, Repeated, Stamp, Text
 from silo.files.others.topics import Bad, Equal
+from silo.recording import masked
 
 Bytes = NDArray[np.uint8]
 
 
-__all__ = ["MOST_VALUES", "Columns", "Layout", "Place", "any_whole", "columns_of", "layout_of", "lengths_of", "without"]
+__all__ = ["MOST_VALUES", "Columns", "Layout", "Place", "any_whole", "columns_of", "layout_of", "lengths_of"]
 
 _MOST_PARTS = 20_000  # texts and lists of one message: of each, one step of Python is taken
 _MOST_TEXT_BYTES = 64 << 20  # of a column; each message has room for the longest
@@ -146,25 +147,41 @@ def _inside(row: bytes, at: int) -> int:
 # ------------------------------------------------------------------------------------------------------------- columns
 
 
+class Longer(NamedTuple):
+    """In how many messages an array has more values than its signal, the most of them, and the first such message."""
+
+    messages: int
+    most: int
+    first: int
+
+    def and_so(self, other: "Longer") -> "Longer":
+        """Return both together."""
+        return Longer(self.messages + other.messages, max(self.most, other.most), min(self.first, other.first))
+
+    def __str__(self) -> str:
+        times = f"{self.messages:,} messages" if self.messages > 1 else "1 message"
+        return f"up to {self.most:,} values in {times}, first in number {self.first:,}"
+
+
 class Columns(NamedTuple):
     """What is wanted of all messages of a topic, how many they are, and what is found out on the way.
 
     `paths` says how many values an array has, 0 for all else, `dtypes` NumPy types (`S` for texts). `longer` gets the
-    paths of arrays that have more in some messages, `cut` those of texts that are too long for a column, `bad` the
+    arrays that have more in some messages, `cut` those of texts that are too long for a column, `bad` the
     messages that can't be read.
     """
 
     paths: Mapping[Path, int]
     dtypes: Mapping[Path, str]
     total: int
-    longer: set[Path]
+    longer: dict[Path, "Longer"]
     cut: set[Path]
     bad: Bad
 
     @classmethod
     def wanted(cls, paths: Mapping[Path, int], dtypes: Mapping[Path, str], total: int, bad: Bad) -> "Columns":
         """Return columns of which nothing is found out yet."""
-        return cls(paths, dtypes, total, set(), set(), bad)
+        return cls(paths, dtypes, total, {}, set(), bad)
 
 
 def columns_of(message: Message, wanted: Columns, groups: Iterable[Equal]) -> dict[Path, NDArray[Any]]:
@@ -178,7 +195,8 @@ def columns_of(message: Message, wanted: Columns, groups: Iterable[Equal]) -> di
     for which, layout, rows in _alike(message, groups, wanted.bad):
         for path, count in wanted.paths.items():
             if layout.places[path].values > count:
-                wanted.longer.add(path)
+                met = Longer(len(which), layout.places[path].values, int(which.min()))
+                wanted.longer[path] = met.and_so(wanted.longer.get(path, met._replace(messages=0)))
             values = _values(layout, rows, path, count)
             if values is None:
                 continue
@@ -258,13 +276,4 @@ def _joined(parts: Sequence[tuple[NDArray[np.int64], NDArray[Any]]], wanted: Col
     for which, values in parts:
         place = (which, slice(values.shape[1])) if count else which
         made[place], missing[place] = values, False
-    return without(made, missing)
-
-
-def without(values: NDArray[Any], missing: NDArray[np.bool_]) -> NDArray[Any]:
-    """Values of which some are missing: NaN or NaT where the type has it, an empty text, else a masked array."""
-    if not missing.any():
-        return values
-    if values.dtype.kind in "fmM":
-        values[missing] = np.nan if values.dtype.kind == "f" else np.array("NaT", values.dtype)
-    return values if values.dtype.kind in "fmMS" else np.ma.masked_array(values, missing)
+    return masked(made, missing)

@@ -13,9 +13,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.files.others.cdr import without
 from silo.files.others.message_types import MOST_VALUES, Path, Wanted
 from silo.files.others.topics import Bad, Equal
+from silo.recording import masked
 
 _MOST_SIGNALS = 10_000  # of a topic: keys that are numbers themselves would be as many as messages
 _MOST_DEPTH = 50
@@ -161,7 +161,7 @@ def _column(values: list[Any], one: Wanted) -> NDArray[Any]:
             place = (at, slice(len(value))) if one.count else at
             made[place] = value if dtype.kind != "f" else list(map(_float, value)) if one.count else _float(value)
             missing[place] = False
-    return without(made, missing)
+    return masked(made, missing)
 
 
 def _float(value: float) -> float:

@@ -5,7 +5,7 @@ all elements of the topic. `stamped_by_header` gives the same by the stamps in t
 """
 
 import mmap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -451,14 +451,15 @@ class TopicReader:
                 every = cdr.columns_of(self._message, wanted, self._messages(bad))
                 found = {path: every[path] for path in paths}
                 if wanted.longer and not self._joints:
-                    self._tell("arrays that are longer in some messages are cut to their usual length", wanted.longer)
+                    longer = {path: f" ({more})" for path, more in wanted.longer.items()}
+                    self._tell("arrays that are longer in some messages are cut to their usual length", longer)
                 if wanted.cut:
-                    self._tell("texts that are very long in some messages are cut", wanted.cut)
+                    self._tell("texts that are very long in some messages are cut", dict.fromkeys(wanted.cut, ""))
         self._tell_bad(bad, total)
         return self._by_joint(found) if self._joints else found
 
-    def _tell(self, what: str, paths: Iterable[Path]) -> None:
-        self._told.add(f"{what}: {_some([f'{self.name}/' + '/'.join(path) for path in sorted(paths)])}")
+    def _tell(self, what: str, paths: Mapping[Path, str]) -> None:
+        self._told.add(f"{what}: {_some([f'{self.name}/' + '/'.join(path) + paths[path] for path in sorted(paths)])}")
 
     def _tell_bad(self, bad: Bad, total: int) -> None:
         """Say of messages that can't be read which they are, when they were logged, and why."""
