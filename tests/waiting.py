@@ -1,7 +1,10 @@
 """How tests wait: for what has to come, never for the clock."""
 
+import os
+import signal
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
 
 from silo.errors import ConnectionLostError
@@ -29,3 +32,20 @@ def answered(ask: Callable[[], Result]) -> Result | None:
         return ask()
     except ConnectionLostError:
         return None
+
+
+def freeze(pid: int) -> None:
+    """Stop a process, and wait until each of its threads stands still.
+
+    The signal goes to one of them, which stops the others when it gets a processor: on a busy computer a thread that
+    has one goes on for 20 ms and more, in which a helper process judges hundreds of ticks.
+    """
+    os.kill(pid, signal.SIGSTOP)
+    wait_until(lambda: all(_state(task) in "TtZX" for task in Path(f"/proc/{pid}/task").iterdir()))
+
+
+def _state(task: Path) -> str:
+    try:
+        return (task / "stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return "X"

@@ -1,19 +1,25 @@
 """Reading rows out of the rings of one run, each from where it was left, until none is to come. Never waits.
 
-What was overwritten before it was read is counted, as rows of its ring.
+What was overwritten before it was read is taken from the buffers that are saved, where these still have it; else it is
+counted, as rows of its ring.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from silo.collecting.rows import Rows
-from silo.collecting.schema import ORDERED_STORES
+from silo.collecting.schema import ORDERED_STORES, STAMP_WORDS
 from silo.collecting.segment_reader import SegmentReader
 from silo.model import BufferType
 from silo.recorder.layout import Layout
 
 MOST_PERIOD_S, LEAST_PERIOD_S = 0.25, 0.005
 TOO_SLOW = "the disk took the rows too slowly, and the ring was overwritten before they were read"
+AWAY = "no recorder read them in time, as it was down or got no processor time, and the ring was overwritten"
 DROPPED = "nobody had recorded them when the program began other runs, and their memory was needed"
 
 
@@ -24,7 +30,7 @@ class Loss:
     ring: int
     begin: int
     end: int
-    why: str = TOO_SLOW
+    why: str = AWAY
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,7 @@ class Drained:
     rows: list[Rows] = field(default_factory=list)
     losses: list[Loss] = field(default_factory=list)
     complete: bool = True  # nothing was left behind for want of room: all rings are at the same tick
+    again: bool = False  # what follows is to be read at once: it is overwritten next
 
     @property
     def size_bytes(self) -> int:
@@ -52,6 +59,7 @@ class Drain:
         now = {ring: -(-ticks // rings[ring].divider) for ring in layout.rings}
         self.cursors = now if begin is None else {ring: begin.get(ring, 0) for ring in layout.rings}
         self.begun_with = dict(self.cursors)
+        self.is_held_up = False  # by the disk: there was no room for rows since the last read
 
     @property
     def period_s(self) -> float:
@@ -69,7 +77,7 @@ class Drain:
             self.reader.alive()  # of a writer that was killed, the newest row counts too
         ticks = self.reader.ticks
         found = Drained()
-        complete = True
+        complete, again = True, False
         for ring in self.layout.rings:
             schema = self.layout.schema.rings[ring]
             # a full buffer and the memory limit end a ring before the ticks end
@@ -80,13 +88,45 @@ class Drain:
                 continue
             rows = self.reader.rows(ring, cursor, min(due - cursor, most))
             if rows.first > cursor:
-                why = DROPPED if self.reader.dropped else TOO_SLOW
-                found.losses.append(Loss(ring, cursor, rows.first, why))
+                saved = self._saved_rows(ring, cursor, min(rows.first, cursor + most))
+                if saved is None:
+                    found.losses.append(Loss(ring, cursor, rows.first, self._why_lost()))
+                else:
+                    rows, again = saved, True
             if len(rows):
                 found.rows.append(rows)
             self.cursors[ring] = rows.first + len(rows)
             complete = complete and self.cursors[ring] >= due
-        return Drained(found.rows, found.losses, complete)
+        self.is_held_up = False
+        return Drained(found.rows, found.losses, complete, again)
+
+    def _saved_rows(self, ring: int, begin: int, end: int) -> Rows | None:
+        """Rows of a ring for live values, put together of those of the buffers that its elements have, from the start.
+
+        None where not all of them have the first row: rows of a ring are there for all that is recorded of it.
+        """
+        elements = [element for element in self.layout.elements if element.live_ring == ring]
+        sources = {element.ring: self.reader.rows(element.ring, begin, end - begin) for element in elements}
+        count = min((len(rows) if rows.first == begin else 0 for rows in sources.values()), default=0)
+        if not count:
+            return None
+        schema = self.layout.schema.rings[ring]
+        words = np.zeros((count, schema.row_words), np.uint64)
+        for element in elements:
+            rows = sources[element.ring]
+            words[:, :STAMP_WORDS] = rows.words[:count, :STAMP_WORDS]
+            for own, live in zip(element.entries, element.live_entries, strict=True):
+                dtype = np.dtype(own.entry.dtype)
+                if dtype.itemsize:
+                    stored = dtype.newbyteorder(">") if live.swapped else dtype
+                    column: NDArray[Any] = np.ndarray(
+                        (count,), stored, words.data, live.byte_offset, (words.strides[0],)
+                    )
+                    column[:] = rows.column(own)[:count]
+        return Rows(schema, begin, words)
+
+    def _why_lost(self) -> str:
+        return DROPPED if self.reader.dropped else TOO_SLOW if self.is_held_up else AWAY
 
     def is_over(self) -> bool:
         """Whether no row will come any more."""

@@ -270,6 +270,7 @@ class Recorder:
         """Read what there is room for; the rest stays in the rings."""
         room = self._writing.room_bytes - self._pending.size_bytes
         if room <= 0:
+            drain.is_held_up = True
             self._pending = Drained(self._pending.rows, self._pending.losses, complete=False)
             return
         found = drain.read(min(room, FLUSH_BYTES * 2))
@@ -278,6 +279,8 @@ class Recorder:
         self._pending = Drained(
             [*self._pending.rows, *found.rows], [*self._pending.losses, *found.losses], found.complete
         )
+        if found.again:
+            self._read_some(drain)
 
     def _flush(self) -> None:
         self._flushed_s = time.monotonic()

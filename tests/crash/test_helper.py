@@ -19,7 +19,7 @@ from silo.ipc.fleet import surveyed
 from silo.ipc.messages import RefusedWhy
 from silo.ipc.published import Event, EventKind
 from silo.model import FileType, State
-from tests.waiting import wait_until
+from tests.waiting import freeze, wait_until
 
 
 @pytest.fixture
@@ -71,9 +71,9 @@ def test_killed_helper_is_replaced_and_everything_goes_on(robot, watcher, until)
 
 
 def test_loss_of_the_helper_is_noticed_sooner_than_its_silence(robot, watcher, until) -> None:
-    os.kill(robot.pid, signal.SIGSTOP)  # so that it starts no other
+    freeze(robot.pid)  # so that it starts no other
     began = time.monotonic()
-    os.kill(robot.helper_pid, signal.SIGSTOP)
+    freeze(robot.helper_pid)
     until(lambda: watcher.links[-1:] == [False])
     silence_s = time.monotonic() - began
     os.kill(robot.helper_pid, signal.SIGCONT)
@@ -87,7 +87,7 @@ def test_loss_of_the_helper_is_noticed_sooner_than_its_silence(robot, watcher, u
 
 
 def test_frozen_helper_is_told_and_comes_back(robot, watcher, until) -> None:
-    os.kill(robot.helper_pid, signal.SIGSTOP)
+    freeze(robot.helper_pid)
     until(lambda: "T (stopped)" in Path(f"/proc/{robot.helper_pid}/status").read_text())  # it may answer until then
     with pytest.raises(ConnectionLostError):
         watcher.client.status()
@@ -162,7 +162,7 @@ def test_program_killed_together_with_its_helper_is_recovered_by_hand(robot, tmp
 
     with Client.connect("bot") as client:
         until(lambda: client.status().ticks > 100)
-    os.kill(robot.helper_pid, signal.SIGSTOP)
+    freeze(robot.helper_pid)
     robot.kill()
     os.kill(robot.helper_pid, signal.SIGKILL)
     (stale,) = find_stale()
@@ -191,7 +191,7 @@ def test_damaged_segment_is_named_and_kept(runtime) -> None:
 
 
 def test_frozen_robot_program_holds_up_no_status(robot, watcher) -> None:
-    os.kill(robot.pid, signal.SIGSTOP)
+    freeze(robot.pid)
     refused = []
 
     def stop() -> None:
@@ -234,7 +234,7 @@ def stranger(robot):
 
 
 def test_frozen_client_costs_the_others_nothing(robot, stranger, watcher, until) -> None:
-    os.kill(stranger.pid, signal.SIGSTOP)
+    freeze(stranger.pid)
     for _ in range(30):
         until(watcher.sees)
         watcher.client.status()

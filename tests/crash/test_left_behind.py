@@ -28,6 +28,7 @@ from silo.ipc.client import Client
 from silo.ipc.published import EventKind
 from silo.ipc.session import owner_is_gone, sweep
 from silo.runtime import open_unfinished, sweep_unfinished
+from tests.waiting import freeze
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -320,7 +321,7 @@ def test_a_socket_in_use_is_not_swept_even_without_its_lock(runtime):
 
 def test_ls_sweeps_the_sockets_of_helpers_that_were_killed(robots, runtime, until):
     robot = robots("bot")
-    os.kill(robot.helper_pid, signal.SIGSTOP)
+    freeze(robot.helper_pid)
     robot.kill()
     os.kill(robot.helper_pid, signal.SIGKILL)
     (path,) = runtime.glob("*.sock")

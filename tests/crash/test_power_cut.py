@@ -29,6 +29,7 @@ from silo.ipc.published import EventKind
 from silo.runtime import process_start
 from tests.crash.durable_robot import OPTIONS
 from tests.power_cuts import check
+from tests.waiting import freeze
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = Path(__file__).with_name("durable_robot.py")
@@ -67,7 +68,7 @@ class Durable:
         """The helper first, and held: it would save what the robot logged. Nobody starts another."""
         with Client.connect(self.name) as client:
             helper = client.status().helper_pid
-        os.kill(helper, signal.SIGSTOP)
+        freeze(helper)
         self.kill()
         os.kill(helper, signal.SIGKILL)
         # a killed process holds its locks a moment longer
@@ -274,7 +275,7 @@ def test_the_journal_of_a_living_logger_is_never_touched(robot, tmp_path, until,
 @pytest.mark.parametrize("deleted", [False, True])
 def test_a_logger_whose_helper_died_is_alive(robot, tmp_path, until, capsys, deleted):
     grown(robot, until)
-    os.kill(robot.process.pid, signal.SIGSTOP)  # starts no other helper
+    freeze(robot.process.pid)  # starts no other helper
     os.kill(robot.helper_pid, signal.SIGKILL)
     (journal,) = journals(tmp_path)
     until(lambda: not is_written(journal))

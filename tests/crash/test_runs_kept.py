@@ -22,6 +22,7 @@ from silo.ipc.client import Client
 from silo.ipc.published import EventKind
 from silo.link.handover import offer_run
 from silo.runtime import list_held
+from tests.waiting import freeze
 
 PROGRAM = """
 import os, signal, sys
@@ -386,7 +387,7 @@ def recorded_by_a_frozen_process(log, size: int) -> list[int]:
     tasks = Path(f"/proc/{serving.helper_pid}/task").iterdir()
     children = {int(pid) for task in tasks for pid in (task / "children").read_text().split()}
     for pid in children:
-        os.kill(pid, signal.SIGSTOP)
+        freeze(pid)
     return sorted(children)
 
 

@@ -2,7 +2,6 @@
 
 import os
 import re
-import signal
 from pathlib import Path
 
 import psutil
@@ -18,7 +17,7 @@ from silo.ipc.client import Client
 from silo.ipc.published import EventKind
 from silo.model import FileType, TriggerOptions
 from silo.runtime import list_segments
-from tests.waiting import wait_until
+from tests.waiting import freeze, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -106,7 +105,7 @@ def held(robots, runtime) -> tuple[str, Path]:
         client.set_trigger(TriggerOptions("fall", "x % 100 == 50", pre_s=0.05, post_s=0.05))
         wait_until(lambda: client.triggers().triggers and client.triggers().triggers[0].fires)
         first = client.triggers().run
-        os.kill(robot.helper_pid, signal.SIGSTOP)  # frozen: it judges no more
+        freeze(robot.helper_pid)  # frozen: it judges no more
         wait_until(lambda: len(list_segments()) == 1)
     path = runtime / list_segments()[0].with_suffix(".held").name
     for pid in (robot.pid, robot.helper_pid):

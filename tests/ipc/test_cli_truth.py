@@ -12,6 +12,7 @@ from silo.cli.main import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, run
 from silo.errors import ElementError
 from silo.ipc.client import Client
 from silo.model import State
+from tests.waiting import freeze
 
 pytestmark = pytest.mark.slow
 
@@ -55,7 +56,7 @@ def test_of_a_logger_that_died_with_its_helper_info_says_what_it_left(robots, ca
     robot = robots("bot")
     with Client.connect("bot") as client:
         until(lambda: client.status().ticks > 10)
-        os.kill(robot.helper_pid, signal.SIGSTOP)
+        freeze(robot.helper_pid)
         robot.kill()
     os.kill(robot.helper_pid, signal.SIGKILL)
     until(lambda: run(["info", "bot"]) == EXIT_NO_LOGGER and "it held" in (said := capsys.readouterr().err) and said)

@@ -1,7 +1,6 @@
 """A segment that somebody cuts short while it is mapped: the helper process says so, and lives."""
 
 import os
-import signal
 
 import pytest
 
@@ -12,6 +11,7 @@ from silo.ipc.published import EventKind
 from silo.model import FileType, State
 from silo.runtime import list_segments
 from tests.ipc.conftest import Heard
+from tests.waiting import freeze
 
 pytestmark = pytest.mark.slow
 
@@ -26,7 +26,7 @@ def test_the_helper_process_survives_a_segment_that_is_cut_short(left_bytes, rob
         until(lambda: client.status().ticks > 10)
         with client.view(["/log/x"], ["/log/x"], rate_hz=20) as view:
             until(view.frame)
-            os.kill(robot.pid, signal.SIGSTOP)  # the program itself would end by SIGBUS: nothing holds that off
+            freeze(robot.pid)  # the program itself would end by SIGBUS: nothing holds that off
             (segment,) = list_segments()
             os.truncate(segment, left_bytes)
             for _ in range(5):

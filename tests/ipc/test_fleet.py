@@ -26,7 +26,7 @@ from silo.ipc.session import close, open_router
 from silo.ipc.sessions import open_configurations
 from silo.model import State
 from tests.stand_ins.simulated_robots import SimulatedRobot, SimulatedRobots
-from tests.waiting import answered, wait_until
+from tests.waiting import answered, freeze, wait_until
 
 HOST = socket.gethostname()
 RUNNING = Summary(state=State.RUNNING, measured_hz=400.0, disk_free_bytes=50, disk_bytes=1000)
@@ -219,7 +219,7 @@ def test_a_robot_that_falls_silent_is_lost_after_its_lease_and_is_here_again_whe
     _, helper = runner
     with Fleet(site.desk) as fleet:
         before = waited(fleet, "runner", lambda one: one.state is State.RUNNING)
-        os.kill(helper, signal.SIGSTOP)
+        freeze(helper)
         try:
             one = waited(fleet, "runner", lambda one: one.lost)
             assert one.since_s > before.since_s

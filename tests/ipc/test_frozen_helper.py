@@ -15,7 +15,7 @@ from silo.logger import patience
 from silo.logger.patience import DEAF_ROUNDS, FROZEN_ROUNDS, Patience
 from silo.model import State
 from tests.stand_ins.ticking import collect
-from tests.waiting import wait_until
+from tests.waiting import freeze, wait_until
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def served(runtime, tmp_path):
 
 @contextlib.contextmanager
 def frozen(pid):
-    os.kill(pid, signal.SIGSTOP)
+    freeze(pid)
     try:
         yield
     finally:

@@ -18,7 +18,7 @@ from silo.logger import helper_process, serving
 from silo.logger.down import DownMark
 from silo.runtime import down_mark, down_marks, sweep_unfinished
 from tests.fuzz.test_wire import Bench as Parts
-from tests.waiting import wait_until
+from tests.waiting import freeze, wait_until
 
 
 def no_process(_: object) -> None:
@@ -123,7 +123,7 @@ def test_a_name_means_the_living_logger_and_not_a_dead_one_of_that_name() -> Non
 
 def test_a_program_that_was_killed_and_started_again_is_opened_whatever_its_old_helper_does(robots) -> None:
     first = robots("bot")
-    os.kill(first.helper_pid, signal.SIGSTOP)  # as slow as one that has gigabytes to save
+    freeze(first.helper_pid)  # as slow as one that has gigabytes to save
     first.kill()
     again = robots("bot")
     os.kill(first.helper_pid, signal.SIGCONT)

@@ -19,7 +19,7 @@ from silo.ipc.published import EventKind
 from silo.logger import serving
 from silo.logger.helper_process import HelperProcess
 from silo.runtime import boot_id, pid_namespace, process_start
-from tests.waiting import answered, wait_until
+from tests.waiting import answered, freeze, wait_until
 
 
 def kill_helper(bench):
@@ -123,7 +123,7 @@ def test_of_a_capture_under_way_that_the_rings_hold_no_more_there_is_a_file_that
     bench.ticks(60)
     heard.wait(EventKind.TRIGGERED)
     kill = bench.serving.helper_pid
-    os.kill(kill, signal.SIGSTOP)
+    freeze(kill)
     bench.ticks(1200)
     os.kill(kill, signal.SIGCONT)
     kill_helper(bench)
@@ -140,7 +140,7 @@ def test_rows_that_the_rings_hold_no_more_are_told_to_be_blindness(bench, client
     spiked(bench, 50, {10})
     heard.wait(EventKind.TRIGGERED)
     pid = bench.serving.helper_pid
-    os.kill(pid, signal.SIGSTOP)
+    freeze(pid)
     spiked(bench, 2500, {100, 2500})
     os.kill(pid, signal.SIGKILL)
     wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
@@ -157,7 +157,7 @@ def test_a_damaged_state_is_told_and_nothing_fires_anew(bench, client, heard):
     bench.ticks(50)
     heard.wait(EventKind.CAPTURED)
     pid = bench.serving.helper_pid
-    os.kill(pid, signal.SIGSTOP)
+    freeze(pid)
     path = state_path("bot", client.status and bench.logger.present_run.id)
     path.write_bytes(path.read_bytes()[:-5])
     os.kill(pid, signal.SIGKILL)
@@ -197,7 +197,7 @@ def test_a_capture_of_a_run_that_a_new_one_followed_is_written_by_the_next(bench
     bench.ticks(60)
     heard.wait(EventKind.TRIGGERED)
     pid = bench.serving.helper_pid
-    os.kill(pid, signal.SIGSTOP)
+    freeze(pid)
     bench.logger.restart(unsaved="clear")
     bench.x[...] = 0
     bench.ticks(10)
@@ -214,7 +214,7 @@ def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, clien
     bench.ticks(60)
     heard.wait(EventKind.TRIGGERED)
     run, pid = bench.logger.present_run.id, bench.serving.helper_pid
-    os.kill(pid, signal.SIGSTOP)
+    freeze(pid)
     bench.logger.restart(unsaved="clear")
     (held,) = runtime.glob("*.held")
     held.unlink()  # by somebody who makes room, say

@@ -14,7 +14,7 @@ from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.messages import AddMark, Marked, Refused, RefusedWhy
 from silo.ipc.published import EventKind
 from silo.model import FileType, TriggerOptions
-from tests.waiting import wait_until
+from tests.waiting import freeze, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -42,7 +42,7 @@ def test_a_mark_and_a_save_wait_for_nobodys_recorder(bench, client, heard) -> No
     bench.ticks(20)
     client.record()
     pid = wait_until(lambda: client.recorders()[0].pid)
-    os.kill(pid, signal.SIGSTOP)
+    freeze(pid)
     stopped = threading.Event()
 
     def stop() -> None:
@@ -77,7 +77,7 @@ def test_of_changes_for_a_stopped_robot_program_those_that_are_said_to_go_on_are
 
     names = ["a", "b", "c", "d"]
     ready = threading.Barrier(len(names))
-    os.kill(robot.pid, signal.SIGSTOP)
+    freeze(robot.pid)
     try:
         threads = [threading.Thread(target=set_trigger, args=(name,)) for name in names]
         for thread in threads:
@@ -97,7 +97,7 @@ def test_of_changes_for_a_stopped_robot_program_those_that_are_said_to_go_on_are
 def test_what_reached_a_frozen_helper_process_is_not_done_when_it_goes_on(robots) -> None:
     robot = robots("bot")
     with Client.connect("bot") as client:
-        os.kill(robot.helper_pid, signal.SIGSTOP)
+        freeze(robot.helper_pid)
         try:
             in_vain = AddMark(text="in vain")
             # the link is given up after two seconds, and with it what was sent

@@ -14,7 +14,7 @@ from silo.ipc.member import Member, Stands
 from silo.ipc.published import Summary
 from silo.model import State
 from silo.pace import idle_words, is_stalled
-from tests.waiting import wait_until
+from tests.waiting import freeze, wait_until
 
 RUNS = Summary(state=State.RUNNING, frequency_hz=5.0)
 FOUND = Found("walker", 7, "/run/walker.sock", "lab", host="robot3")
@@ -73,7 +73,7 @@ def test_the_time_since_the_last_tick_is_told_until_the_next_one(bench, client) 
 @pytest.mark.slow
 def test_a_frozen_program_is_told_so_and_its_rate_is_no_nominal_one(robots) -> None:
     robot = robots("bot")
-    os.kill(robot.pid, signal.SIGSTOP)
+    freeze(robot.pid)
     try:
         with Client.connect("bot") as client:
             status = wait_until(lambda: (now := client.status()).idle_s > 3 and now)

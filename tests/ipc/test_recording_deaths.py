@@ -23,7 +23,7 @@ from silo.helper.recorder_process import stored
 from silo.ipc.client import Client
 from silo.model import RecorderState
 from silo.runtime import list_held, list_segments, runtime_dir
-from tests.waiting import answered, wait_until
+from tests.waiting import answered, freeze, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -43,10 +43,10 @@ def begin(bench, client: Client) -> Path:
     return folder
 
 
-def freeze(client: Client) -> None:
+def freeze_recorders(client: Client) -> None:
     """From now on nothing is recorded."""
     for one in recorders_of(client.status().helper_pid):
-        one.suspend()
+        freeze(one.pid)
 
 
 def kill_recorders(pid: int) -> None:
@@ -67,7 +67,7 @@ def values_of(folder: Path) -> list[int]:
 def test_runs_that_follow_one_another_after_the_recorder_died_are_recorded_whole(bench, client) -> None:
     folder = begin(bench, client)
     bench.ticks(300)
-    freeze(client)
+    freeze_recorders(client)
     for ticks in (200, 100, 50):
         bench.ticks(ticks)
         bench.logger.restart()
@@ -83,10 +83,10 @@ def test_runs_that_follow_one_another_after_the_recorder_died_are_recorded_whole
 def test_runs_that_no_helper_process_saw_are_recorded_whole_and_told(bench, client) -> None:
     folder = begin(bench, client)
     bench.ticks(300)
-    freeze(client)
+    freeze_recorders(client)
     pid = client.status().helper_pid
     recorders = recorders_of(pid)
-    os.kill(pid, signal.SIGSTOP)  # it takes nothing in any more
+    freeze(pid)  # it takes nothing in any more
     bench.ticks(40)
     for _ in range(2):
         bench.logger.restart()
@@ -106,7 +106,7 @@ def test_runs_that_no_helper_process_saw_are_recorded_whole_and_told(bench, clie
 def test_what_is_recorded_when_it_is_ended_while_its_recorder_is_replaced_is_all(bench, client) -> None:
     folder = begin(bench, client)
     bench.ticks(400)
-    freeze(client)
+    freeze_recorders(client)
     bench.ticks(600)
     kill_recorders(client.status().helper_pid)
     assert "1000 samples, 0 lost" in bench.logger.stop_recording()
@@ -116,7 +116,7 @@ def test_what_is_recorded_when_it_is_ended_while_its_recorder_is_replaced_is_all
 def test_a_logger_that_is_closed_while_its_helper_process_is_down_is_recorded_to_its_end(bench, client) -> None:
     folder = begin(bench, client)
     bench.ticks(400)
-    freeze(client)
+    freeze_recorders(client)
     bench.ticks(100)
     pid = client.status().helper_pid
     kill_recorders(pid)
@@ -151,7 +151,7 @@ def test_what_a_recorder_lacks_that_dies_each_time_it_is_to_end_is_completed_lat
 ) -> None:
     folder = begin(bench, client)
     bench.ticks(300)
-    freeze(client)
+    freeze_recorders(client)
     bench.ticks(200)
     with killed_each_time(client.status().helper_pid):
         client.stop_recorder()
@@ -160,7 +160,7 @@ def test_what_a_recorder_lacks_that_dies_each_time_it_is_to_end_is_completed_lat
     assert "`silo recover`" in told
     bench.logger.restart()  # nobody records this one
     bench.ticks(100)
-    assert client.status().held_runs == 1
+    wait_until(lambda: client.status().held_runs == 1)
     assert "is over" in client.stop_recorder()
     bench.logger.close()
     monkeypatch.chdir(tmp_path)
@@ -173,7 +173,7 @@ def test_what_a_recorder_lacks_that_dies_each_time_it_is_to_end_is_completed_lat
 def test_what_a_recorder_lacks_that_was_given_up_is_told_when_its_name_goes_to_another_one(bench, client) -> None:
     folder = begin(bench, client)
     bench.ticks(300)
-    freeze(client)
+    freeze_recorders(client)
     bench.ticks(200)
     with killed_each_time(client.status().helper_pid):
         client.stop_recorder()
@@ -188,7 +188,7 @@ def test_what_a_recorder_lacks_that_was_given_up_is_told_when_its_name_goes_to_a
 def test_what_did_not_fit_is_a_gap_in_the_file_in_the_totals_and_in_the_events(bench, client, monkeypatch) -> None:
     folder = begin(bench, client)
     bench.ticks(300)
-    freeze(client)
+    freeze_recorders(client)
     bench.ticks(200)
     monkeypatch.setattr("silo.collecting.held.HELD_RUNS", 1)
     for _ in range(3):
@@ -196,7 +196,7 @@ def test_what_did_not_fit_is_a_gap_in_the_file_in_the_totals_and_in_the_events(b
         bench.ticks(100)
     pid = client.status().helper_pid
     recorders = recorders_of(pid)
-    os.kill(pid, signal.SIGSTOP)
+    freeze(pid)
     bench.logger.restart()  # the second one that is held and too many
     for one in recorders:
         one.kill()
@@ -220,8 +220,8 @@ def test_an_order_that_was_kept_by_an_older_helper_process_goes_on(bench, client
     bench.ticks(100)
     path = recorders_path("bot", bench.logger.options.id)
     pid = client.status().helper_pid
-    freeze(client)
-    os.kill(pid, signal.SIGSTOP)
+    freeze_recorders(client)
+    freeze(pid)
     # as an older silo leaves it: by pid, with what it knew
     (kept,) = stored(path)
     order = {
@@ -292,7 +292,7 @@ def test_what_is_recorded_of_a_program_that_died_after_helper_and_recorder_is_co
     robot, folder = began(robots)
     program, helper, *recorders = all_of(robot)
     for pid in [*recorders, helper]:
-        os.kill(pid, signal.SIGSTOP)
+        freeze(pid)
     ticks_s = time.monotonic()
     wait_until(lambda: time.monotonic() > ticks_s + 0.3)  # the program goes on by itself
     for pid in [*recorders, program, helper]:
@@ -315,7 +315,7 @@ def test_the_next_start_of_the_program_completes_its_recordings(robots, tmp_path
     robot, folder = began(robots)
     program, helper, *recorders = all_of(robot)
     for pid in [*recorders, helper]:
-        os.kill(pid, signal.SIGSTOP)
+        freeze(pid)
     for pid in [*recorders, program, helper]:
         os.kill(pid, signal.SIGKILL)
     robot.process.wait()

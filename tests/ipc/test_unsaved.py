@@ -19,7 +19,7 @@ from silo.ipc.messages import ApplyEdits, OpenView, RefusedWhy, Stop
 from silo.ipc.published import EventKind
 from silo.ipc.session import MAX_MESSAGE_BYTES, close, open_client
 from silo.model import Edit, ElementOptions, State
-from tests.waiting import DEADLINE_S, wait_until
+from tests.waiting import DEADLINE_S, freeze, wait_until
 
 
 def with_unsaved(bench, client: Client, ticks: int = 20) -> None:
@@ -184,7 +184,7 @@ def test_a_large_request_waits_for_a_helper_process_that_gets_no_processor_for_a
     helper_pid = client.status().helper_pid
     session = open_client(Path(bench.serving.socket_path))
     try:
-        os.kill(helper_pid, signal.SIGSTOP)
+        freeze(helper_pid)
         threading.Timer(0.6, os.kill, (helper_pid, signal.SIGCONT)).start()
         replies = list(
             session.get(f"silo/*/bot/{ApplyEdits.key}", payload=b"\xc1" * ApplyEdits.max_bytes, timeout=DEADLINE_S)

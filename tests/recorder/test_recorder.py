@@ -223,3 +223,53 @@ def test_a_ledger_that_a_kill_left_half_written_is_removed(tmp_path) -> None:
     left.touch()
     assert close_parts(tmp_path) == ([], [])
     assert not left.exists()
+
+
+def test_what_the_ring_for_live_values_has_no_more_is_taken_from_the_buffer_that_is_saved(
+    recorders, tmp_path, truth
+) -> None:
+    robot = truth.robot(tmp_path)
+    robot.log.update()
+    kinds = {"x": "fixed", "q": "growing", "word": "fixed"}
+    for name, kind in kinds.items():
+        robot.log.set(name, buffer_type=kind, buffer_size=3000, action="both")
+    robot.start()
+    recorder = begin(robot, recorders, tmp_path)
+    robot.ticks(100)
+    wait_until(lambda: held(tmp_path) > 5_000)
+    recorder.kill()
+    robot.ticks(2900)
+    rings = {one.info.name: one.live_ring for one in robot.log.present_run.reader.schema.elements}
+    sizes = {name: robot.log.present_run.reader.schema.rings[ring].capacity for name, ring in rings.items() if ring > 0}
+    assert 0 < max(sizes.values()) <= 2000  # of which nothing would be overwritten if they were larger
+    again = recorders(order(tmp_path, resume=True))
+    again.follow(robot.log)
+    again.wait_recording()
+    report = again.finish()
+    robot.log.close()
+    spans = [truth.span(read_bag(path)) for path in parts(tmp_path)]
+    assert [spans[0][1], spans[1][1]] == [spans[1][0], 3000]
+    assert report.lost == 0
+    for path in parts(tmp_path):
+        truth.by_others(path)
+
+
+def test_what_no_buffer_has_any_more_is_told_as_lost_for_want_of_a_recorder(recorders, tmp_path, truth) -> None:
+    robot = truth.robot(tmp_path)
+    robot.log.update()
+    robot.log.set("x", buffer_type="fixed", buffer_size=500, action="both")
+    robot.start()
+    recorder = begin(robot, recorders, tmp_path, patterns=("x",))
+    robot.ticks(100)
+    wait_until(lambda: held(tmp_path) > 1_000)
+    recorder.kill()
+    robot.ticks(3900)
+    again = recorders(order(tmp_path, resume=True, patterns=("x",)))
+    again.follow(robot.log)
+    again.wait_recording()
+    report = again.finish()
+    robot.log.close()
+    told = [one.told for one in again.reports if "were lost" in one.told]
+    (element,) = read_bag(parts(tmp_path)[-1]).elements
+    assert element.lost == report.lost > 0
+    assert [f"of ticks 500 to {499 + report.lost}: no recorder read them in time" in one for one in told] == [True]
