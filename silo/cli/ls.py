@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from silo.ipc.member import Member
 
 
+MOST_LOST = 20  # lines of those that are gone
 MOST_NAMED = 3  # loggers that stopped for the same reason
 
 
@@ -63,18 +64,22 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
     if configuration() in ("", LOCAL):
         _sweep()
     seen = surveyed(configuration(), pattern)
-    answers = sorted(seen.meant(pattern), key=lambda one: (one.down, by_name(one.found)))
+    meant = sorted(seen.meant(pattern), key=lambda one: (one.lost, one.down, by_name(one.found)))
+    answers, lost = [one for one in meant if not one.lost], [one for one in meant if one.lost]
     if configuration() in ("", LOCAL):
         _sweep_parts(_log_folders(answers))
     if as_json:
-        show_json(_facts(answers))
+        show_json(_facts(meant))
         return
     if not answers:
+        _tell_lost(lost)
         _tell_orphans(answers)
-        raise ConnectionLostError(not_found_text(pattern, Discovery.of(seen)))
+        why = seen.unreachable.get(configuration()) or not_found_text(pattern, Discovery.of(seen))
+        raise ConnectionLostError(why)
     answers.sort(key=lambda one: one.stalled, reverse=True)  # a program that is frozen wants to be looked at first
     _show_table(answers)
     tell_unreachable(seen.unreachable)
+    _tell_lost(lost)
     for one in answers:
         if one.problem:
             click.echo("\n".join(map(printable, f"{one.found.label}: {one.problem}".splitlines())), err=True)
@@ -86,6 +91,16 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
     _tell_orphans(answers)
     if all(one.status is None and not one.down for one in answers):
         raise ConnectionLostError("none of them can be asked, see above")
+
+
+def _tell_lost(lost: "list[Member]") -> None:
+    """Who was there and isn't any more, without having been closed while somebody looked."""
+    from silo.ipc.member import lost_lines
+
+    lines = lost_lines(lost, time.monotonic(), time.time_ns())
+    more = [f"and {many(len(lines) - MOST_LOST, 'host')} more"] if len(lines) > MOST_LOST else []
+    for line in [*lines[:MOST_LOST], *more]:
+        click.echo(printable(line), err=True)
 
 
 def _reasons(answers: "list[Member]") -> list[str]:

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from silo.errors import SiloError
+from silo.ipc.fleet_memory import remember
 from silo.ipc.fleet_way import FOLLOWING, Change, Plan, Way
 from silo.ipc.found import Found
 from silo.ipc.member import HELPER_DOWN, Member
@@ -21,6 +22,7 @@ from silo.ipc.remotes import LOCAL, remotes
 from silo.version import VERSION
 
 SCAN_S = 1.0  # how often is looked for sockets and remotes
+REMEMBER_S = 60.0  # how often it is noted who is there, beside who comes and goes
 
 log = logging.getLogger("silo.client")
 
@@ -76,6 +78,8 @@ class Fleet:
         self._members: dict[str, Member] = {}
         self._failed: dict[str, SiloError] = {}  # by way, why it isn't there
         self._near = Near()
+        self._noted: frozenset[tuple[str, bool, bool]] = frozenset()
+        self._noted_s = 0.0
         self._stop = threading.Event()
         self._again = threading.Event()
         self.attentive = True
@@ -109,8 +113,9 @@ class Fleet:
         """Return what was found, of who looks once. Raises ConnectionLostError where the only way isn't there."""
         for way in self._ways.values():
             way.thread.join()
-        if self._config in self._failed:
+        if self._config in self._failed and not self._now.members:
             raise self._failed[self._config]
+        self._remember()
         return self._now
 
     def attend(self, *, attentive: bool) -> None:
@@ -159,9 +164,24 @@ class Fleet:
                 self._look()
             except OSError:
                 log.exception("can't look for loggers")
+            self._remember()
             self._again.wait(SCAN_S)
+        self._remember()
         self._stop.set()
         self._end_ways()
+
+    def _remember(self) -> None:
+        """Note whom we see, for who looks later, where that is something new."""
+        if self._plan.question is None:
+            return
+        with self._changed:
+            far = [one for one in self._now.members if one.found.config]
+            configs = [name for name, way in self._ways.items() if way.far and name in self._tried]
+        told = frozenset((one.key, one.here, one.closed or one.dead) for one in far)
+        now_s = time.monotonic()
+        if configs and (told != self._noted or now_s >= self._noted_s + REMEMBER_S):
+            self._noted, self._noted_s = told, now_s
+            remember(configs, far)
 
     def _end_ways(self) -> None:
         for way in self._ways.values():
@@ -180,14 +200,7 @@ class Fleet:
             wanted |= dict.fromkeys(remotes())
         elif self._config != LOCAL:
             wanted[self._config] = None
-        for name, way in list(self._ways.items()):
-            if name not in wanted:
-                way.end()
-            if not way.thread.is_alive():
-                del self._ways[name]
-        for name, found in wanted.items():
-            if name not in self._ways:
-                self._ways[name] = Way(name, found, self, self._plan, patient=name != self._config)
+        self._have_ways(wanted)
         now_s = time.monotonic()
         with self._changed:
             self._near = near
@@ -203,12 +216,26 @@ class Fleet:
             self._tried |= {""}
             self._tell()
 
+    def _have_ways(self, wanted: dict[str, Found | None]) -> None:
+        for name, way in list(self._ways.items()):
+            if name not in wanted:
+                way.end()
+            if not way.thread.is_alive():
+                del self._ways[name]
+        for name, found in wanted.items():
+            if name not in self._ways:
+                self._ways[name] = Way(name, found, self, self._plan, patient=name != self._config)
+
     # ------------------------------------------------------------------------------------------- what the ways report
 
-    def reached(self, name: str, error: SiloError | None) -> None:
-        """Note that a way was tried, and why it isn't there."""
+    def reached(self, name: str, error: SiloError | None, missed: Iterable[Member] = ()) -> None:
+        """Note that a way was tried, why it isn't there, and who was behind it before."""
         with self._changed:
             self._tried.add(name)
+            here = [one.found for one in self._members.values() if one.here]
+            for one in missed:
+                if one.key not in self._members and not any(_follows(found, one.found) for found in here):
+                    self._members[one.key] = one
             if error is not None:
                 self._failed[name] = error
             else:

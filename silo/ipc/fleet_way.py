@@ -21,6 +21,7 @@ from silo.ipc.asking import POLL_S as ANSWERED_S
 from silo.ipc.asking import Asking
 from silo.ipc.configuration import find_file, from_file, user_of
 from silo.ipc.exchange import checked_reply, client_name, decode_reply, root_at
+from silo.ipc.fleet_memory import remembered
 from silo.ipc.foreign import NOT_UNDERSTOOD
 from silo.ipc.found import Found
 from silo.ipc.member import NO_ANSWER, OTHER_SILO, Member
@@ -81,8 +82,8 @@ class Told(Protocol):
 
     attentive: bool
 
-    def reached(self, name: str, error: SiloError | None) -> None:
-        """Note that a way was tried, and why it isn't there."""
+    def reached(self, name: str, error: SiloError | None, missed: Iterable[Member] = ()) -> None:
+        """Note that a way was tried, why it isn't there, and who was behind it before."""
 
     def change(self, changes: Iterable[tuple[str, Change]]) -> None:
         """Replace what is known of loggers, by their keys."""
@@ -99,9 +100,14 @@ class Way:
         self.again = threading.Event()
         self._here: dict[str, keys.Root] = {}  # by the key of its member, who has a token now
         self._silent: dict[str, float] = {}  # by key, when one that gave no answer is asked again
-        self._reached = False
+        self._reached, self._first = False, True
         self.thread = threading.Thread(target=self._run, name="silo-fleet way")
         self.thread.start()
+
+    @property
+    def far(self) -> bool:
+        """Whether it leads to a configuration, and not to a logger of this computer."""
+        return self._found is None
 
     def end(self) -> None:
         """Have the thread end."""
@@ -112,7 +118,7 @@ class Way:
         main = threading.main_thread()
         known = _failed.get(self._name)
         if not self._plan.follow and self._patient and known is not None and time.monotonic() < known.until_s:
-            self._told.reached(self._name, known.error)
+            self._reach(known.error)
             return
         while not self._stop.is_set():
             begun_s, self._reached = time.monotonic(), False
@@ -132,15 +138,21 @@ class Way:
             self.again.wait(max(RETRY_S, failure.until_s - time.monotonic() if failure is not None else 0.0))
             self.again.clear()
 
+    def _reach(self, error: SiloError | None) -> None:
+        """Say that the way was tried; the first time, after who is there, also who was behind it before."""
+        first, self._first = self._first, False
+        missed = remembered(self._name) if first and self.far and self._question is not None else []
+        self._told.reached(self._name, error, missed)
+
     def _fail(self, error: SiloError, took_s: float) -> None:
         if self._found is None:
             pause_s = 0.0 if self._reached else min(PATIENCE * took_s, LONGEST_PAUSE_S)
             _failed[self._name] = _Failure(error, time.monotonic() + pause_s)
-            self._told.reached(self._name, error)
+            self._reach(error)
             return
         found = self._found
         self._told.change([(found.socket, lambda known: _failing(error)(known or Member(found)))])
-        self._told.reached(self._name, None)
+        self._reach(None)
 
     def _visit(self, main: threading.Thread) -> None:
         """Have a session, and use it. Raises SiloError, ZError."""
@@ -167,7 +179,7 @@ class Way:
         while asking.count:
             self._take_answers(asking)
             time.sleep(ANSWERED_S)
-        self._told.reached(self._name, self._problem(mine.session))
+        self._reach(self._problem(mine.session))
 
     # ---------------------------------------------------------------------------------------------------- following
 
@@ -210,7 +222,7 @@ class Way:
                 now_s = time.monotonic()
                 if now_s - looked_s >= LOOK_S:
                     looked_s = now_s
-                    self._told.reached(self._name, self._problem(session))
+                    self._reach(self._problem(session))
                     self._ask_again(asking, now_s)
                 idle_s = POLL_S if self._told.attentive else IDLE_S
                 self.again.wait(idle_s if not asking.count else POLL_S / 10)
@@ -376,7 +388,7 @@ def _history(tokens: Any, there: list[keys.Root], timeout_s: float) -> list[zeno
 def _coming(found: Found, now_s: float) -> Change:
     def come(known: Member | None) -> Member:
         before = known or Member(found)
-        return replace(before, found=found, here=True, problem="", seen_s=now_s, since_s=now_s)
+        return replace(before, found=found, here=True, problem="", seen_s=now_s, since_s=now_s, unwatched=False)
 
     return come
 

@@ -38,7 +38,8 @@ class Member:
     """A logger of the fleet. `here`: its helper process lives, and so does the link to it.
 
     `summary` is the newest, from before it was lost as well; None where it gave none, and `problem` says why, `mute` in
-    a word. `status` is there where it was asked for all that there is to say.
+    a word. `status` is there where it was asked for all that there is to say. `unwatched`: it went while nobody looked,
+    perhaps because it was closed; then nothing is known of it but when it was seen last, which `since_s` says.
     `seen_s` is when it gave its last sign of life, `since_s` since when it is here or not, `told_s` of when its summary
     is (all of `time.monotonic`).
     """
@@ -52,6 +53,7 @@ class Member:
     told_s: float = 0.0
     status: Status | None = None
     mute: str = NO_ANSWER
+    unwatched: bool = False
 
     @property
     def key(self) -> str:
@@ -182,21 +184,44 @@ class Segment:
 
     host: str
     count: int
-    since_s: float  # when the first one did, of `time.monotonic`
+    since_s: float  # when the first one did, or was seen last, of `time.monotonic`
+    unwatched: bool = False  # nobody looked when they went
 
     def words(self, now_s: float, now_ns: int) -> str:
         """Return `robot4: 30 loggers unreachable since 14:26:36`."""
-        since = time.localtime(now_ns / 1e9 - (now_s - self.since_s))
-        return f"{self.host}: {self.count} loggers unreachable since {time.strftime('%H:%M:%S', since)}"
+        return f"{self.host}: {self.count} loggers {gone_words(self.since_s, now_s, now_ns, unwatched=self.unwatched)}"
+
+
+def gone_words(since_s: float, now_s: float, now_ns: int, *, unwatched: bool) -> str:
+    """Return `unreachable since 14:26:36`, or that of one that went while nobody looked."""
+    since = time.strftime("%H:%M:%S", time.localtime(now_ns / 1e9 - (now_s - since_s)))
+    return f"closed or unreachable, last seen {since}" if unwatched else f"unreachable since {since}"
 
 
 def segments(members: Iterable[Member]) -> list[Segment]:
     """Return the hosts of which several loggers fell silent, with how many, by name."""
-    since_s: dict[str, list[float]] = {}
+    silent: dict[str, list[Member]] = {}
     for one in members:
         if one.lost and one.found.host:
-            since_s.setdefault(one.found.host, []).append(one.since_s)
-    return [Segment(host, len(all_s), min(all_s)) for host, all_s in sorted(since_s.items()) if len(all_s) > 1]
+            silent.setdefault(one.found.host, []).append(one)
+    return [
+        Segment(host, len(they), min(one.since_s for one in they), all(one.unwatched for one in they))
+        for host, they in sorted(silent.items())
+        if len(they) > 1
+    ]
+
+
+def lost_lines(members: Iterable[Member], now_s: float, now_ns: int) -> list[str]:
+    """Return a line for each host of which several loggers fell silent, and for each other one that did."""
+    lost = [one for one in members if one.lost]
+    down = segments(lost)
+    hosts = {one.host for one in down}
+    single = [
+        f"{one.found.addresses[-1]}: {gone_words(one.since_s, now_s, now_ns, unwatched=one.unwatched)}"
+        for one in lost
+        if one.found.host not in hosts
+    ]
+    return [*(one.words(now_s, now_ns) for one in down), *single]
 
 
 def size(size_bytes: float) -> str:
