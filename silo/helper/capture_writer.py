@@ -27,6 +27,7 @@ class CaptureWriter:
         self._mirror, self._events = mirror, events
         self._waiting = WaitingCaptures()
         self._listed: CaptureList | None = None
+        self.left: set[str] = set()  # runs with captures that wait for who comes after this process
         self._files: dict[tuple[str, str], tuple[str, ...]] = {}  # of the newest capture of a trigger of a run
         self._thread = threading.Thread(target=self._write_all, name="captures")
 
@@ -35,11 +36,12 @@ class CaptureWriter:
         self._thread.start()
 
     def stop(self, within_s: float = math.inf) -> None:
-        """Write what waits and end; what is not begun within that time is told, and left out. May be called twice."""
+        """Write what waits and end; what is not begun within that time is told, and left to others. Twice is fine."""
         self._waiting.stop(within_s)
         self._thread.join()
-        for text in self._waiting.drop_all():
-            self._events.publish(EventKind.SAVE_FAILED, text)
+        texts, runs = self._waiting.drop_all()
+        self.left |= runs
+        self._tell_left_out(texts)
 
     def add(self, spool: "Spool") -> None:
         """Have a capture written."""
@@ -73,9 +75,12 @@ class CaptureWriter:
     def _write_all(self) -> None:
         while (spool := self._waiting.next()) is not None:
             self._guarded(spool)
-            for text in self._waiting.done():
-                self._events.publish(EventKind.SAVE_FAILED, text)
+            self._tell_left_out(self._waiting.done())
             del spool  # while the thread waits, nothing must hold the memory of a segment that is gone
+
+    def _tell_left_out(self, texts: Sequence[tuple[str, str]]) -> None:
+        for run, text in texts:
+            self._events.publish(EventKind.SAVE_FAILED, text, run=run)
 
     def _guarded(self, spool: "Spool") -> None:
         try:

@@ -88,8 +88,8 @@ class Judge:
     def stop(self, why: str, *, hand_over: bool = False, within_s: float = math.inf) -> None:
         """Judge what is left, close the captures under way with the reason, write their files, end the threads.
 
-        Captures that are not begun within `within_s` are told and left out. With `hand_over` a successor goes on with
-        those that it finds whole in the rings. May be called twice.
+        Captures that are not begun within `within_s` are told, and left to who comes after. With `hand_over` a
+        successor goes on with those that it finds whole in the rings. May be called twice.
         """
         if not self._ended:
             self._why, self._hands_over = why, hand_over
@@ -99,7 +99,7 @@ class Judge:
         self._thread.join()
         self._writer.stop(within_s)
         if self._memory is not None and not self._hands_over:
-            self._memory.forget_all()
+            self._memory.forget_all(self._writer.left)
 
     def take_run(self) -> None:
         """Judge the run that the mirror has just taken over, however soon the next one replaces it."""
@@ -134,7 +134,7 @@ class Judge:
         """Whether the rows of a run are still to be judged, or a capture of it is not written yet."""
         judge = self._judge
         is_judged = judge is not None and judge.reader.schema.run == run
-        return is_judged or run in self._due or bool(self._writer.waiting(run))
+        return is_judged or run in self._due or run in self._writer.left or bool(self._writer.waiting(run))
 
     # --------------------------------------------------------------------------------- for threads that answer clients
 

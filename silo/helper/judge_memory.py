@@ -7,7 +7,7 @@ this process or by the next. Belongs to the judge thread.
 import contextlib
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from pathlib import Path
 
 import msgspec
@@ -181,11 +181,14 @@ class JudgeMemory:
         tick = None if one.tick < 0 else one.tick
         return self._events.publish(EventKind(one.kind), one.text, tick=tick, stamp_ns=one.stamp_ns, run=run).number
 
-    def forget_all(self) -> None:
-        """Remove the files of this judge: there will be no successor. What nobody came to judge stays for recovery."""
+    def forget_all(self, unwritten: Set[str]) -> None:
+        """Remove the files of this judge: there will be no successor.
+
+        What nobody came to judge, and runs with captures that are `unwritten`, stay for recovery.
+        """
         self._look_due_s = 0.0
-        self.forget_others(lambda _: False)
-        for run in [run for run in self._own if run not in self._left]:
+        self.forget_others(unwritten.__contains__)
+        for run in [run for run in self._own if run not in self._left and run not in unwritten]:
             with contextlib.suppress(OSError):
                 self._own.pop(run).unlink(missing_ok=True)
 

@@ -60,17 +60,17 @@ class WaitingCaptures:
                 self._turns[key] = waiting  # behind the others
             return self._under_way
 
-    def done(self) -> list[str]:
-        """Take in that the capture is written; returns in words what was left out until some time ago."""
+    def done(self) -> list[tuple[str, str]]:
+        """Take in that the capture is written; returns by run, in words, what was left out until some time ago."""
         with self._changed:
             self._under_way = None
             told_s = time.monotonic() - TOLD_S
             return [self._left_out(key) for key, since_s in list(self._since_s.items()) if since_s <= told_s]
 
-    def _left_out(self, key: tuple[str, str]) -> str:
+    def _left_out(self, key: tuple[str, str]) -> tuple[str, str]:
         first, last, count = self._dropped.pop(key)
         del self._since_s[key]
-        return (
+        return key[0], (
             f"{_captures(first, last, count)} of '{key[1]}' not written: it fired faster than they could be; give it a "
             "holdoff"
         )
@@ -81,18 +81,18 @@ class WaitingCaptures:
             self._stop_s = time.monotonic() + within_s
             self._changed.notify()
 
-    def drop_all(self) -> list[str]:
-        """Forget what waits; returns in words what was not written."""
+    def drop_all(self) -> tuple[list[tuple[str, str]], set[str]]:
+        """Forget what waits; returns by run, in words, what was not written, and of which runs somebody still can."""
         with self._changed:
             texts = [self._left_out(key) for key in list(self._dropped)]
-            for (_, trigger), waiting in self._turns.items():
+            for (run, trigger), waiting in self._turns.items():
                 first, last = waiting[0].capture.number, waiting[-1].capture.number
-                texts.append(
-                    f"{_captures(first, last, len(waiting))} of '{trigger}' not written: the disk was too slow for "
-                    "them when the logger was closed"
-                )
+                what = f"{_captures(first, last, len(waiting))} of '{trigger}' not written yet"
+                why = "the disk was too slow for them when the logger was closed"
+                texts.append((run, f"{what}: {why}; its next start does that, or `silo recover`"))
+            runs = {run for run, _ in self._turns}
             self._turns.clear()
-            return texts
+            return texts, runs
 
     def all(self) -> "list[Spool]":
         """Return those that are not written yet, oldest of each trigger first."""

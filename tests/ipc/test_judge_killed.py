@@ -2,13 +2,17 @@
 
 import os
 import signal
+import threading
+import time
 from pathlib import Path
 
 import msgspec
 import numpy as np
+import psutil
 import pytest
 
 import silo
+from silo.cli.main import run as silo_run
 from silo.collecting.held import Program
 from silo.errors import ConnectionLostError, LogWarning
 from silo.files.event_log import read_events
@@ -18,7 +22,7 @@ from silo.ipc.conditions import TriggerWord
 from silo.ipc.published import EventKind
 from silo.logger import serving
 from silo.logger.helper_process import HelperProcess
-from silo.runtime import boot_id, pid_namespace, process_start
+from silo.runtime import boot_id, list_held, pid_namespace, process_start
 from tests.waiting import answered, freeze, wait_until
 
 
@@ -324,3 +328,28 @@ def test_a_state_of_a_program_in_another_container_is_nobody_s_to_take_or_remove
     wait_until(lambda: (now := answered(client.triggers)) and now.tick >= 60)
     assert not happened(bench, EventKind.BLIND)
     assert read_state(state_path("bot", "theirs")) == other
+
+
+@pytest.mark.slow
+def test_captures_that_are_not_written_when_the_logger_is_closed_are_written_by_recover(
+    bench, client, tmp_path, monkeypatch, runtime
+):
+    bench.logger.trigger("spike", "q_x > 50", save=("csv",))
+    bench.logger.start()
+    helper = psutil.Process(client.status().helper_pid)
+    spiked(bench, 50, {10})
+    (writer,) = wait_until(lambda: [one for one in helper.children() if "silo.helper.writing" in one.cmdline()])
+    freeze(writer.pid)
+    spiked(bench, 100, {60, 70, 80, 100})
+    closing = threading.Thread(target=bench.logger.close)
+    begun_s = time.monotonic()
+    closing.start()
+    # longer than it waits at a close, and less than until the program ends it; nothing is lost whenever this comes
+    wait_until(lambda: time.monotonic() > begun_s + 11 or not closing.is_alive())
+    writer.resume()
+    closing.join()
+    monkeypatch.chdir(tmp_path)
+    assert silo_run(["recover", "logs"]) == 0
+    assert len(list((tmp_path / "logs").glob("*_spike_*.csv"))) == 5
+    assert not list(runtime.glob("*.judge"))
+    assert list_held() == []

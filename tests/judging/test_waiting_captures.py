@@ -58,9 +58,9 @@ def test_of_a_trigger_no_more_wait_than_it_keeps_and_those_left_out_are_counted(
     assert firsts.index(True) == 20
     assert firsts.count(True) == 1
     assert taken(waiting) == [("noise", number) for number in range(481, 501)]
-    assert waiting.drop_all() == [
-        "480 captures, numbers 1 to 480, of 'noise' not written: it fired faster than they could be; give it a holdoff"
-    ]
+    what = "480 captures, numbers 1 to 480, of 'noise' not written"
+    text = f"{what}: it fired faster than they could be; give it a holdoff"
+    assert waiting.drop_all() == ([("a run", text)], set())
 
 
 def test_a_trigger_that_keeps_all_has_a_bound_too(waiting):
@@ -69,14 +69,16 @@ def test_a_trigger_that_keeps_all_has_a_bound_too(waiting):
     assert [one.number for one in waiting.all()] == list(range(2, MOST_WAITING + 2))
 
 
-def test_at_the_end_of_its_time_what_was_not_begun_is_told(waiting):
+def test_at_the_end_of_its_time_what_was_not_begun_is_told_and_left_to_others(waiting):
     for number in (1, 2, 3):
         waiting.add(Captured(REAL, number))
     waiting.stop(0.0)
     assert waiting.next() is None
-    assert waiting.drop_all() == [
-        "3 captures, numbers 1 to 3, of 'real' not written: the disk was too slow for them when the logger was closed"
-    ]
+    text = (
+        "3 captures, numbers 1 to 3, of 'real' not written yet: the disk was too slow for them when the logger was "
+        "closed; its next start does that, or `silo recover`"
+    )
+    assert waiting.drop_all() == ([("a run", text)], {"a run"})
     assert waiting.all() == []
 
 
