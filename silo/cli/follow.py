@@ -19,7 +19,7 @@ PERIOD_S = 1.0  # of a terminal: times go on
 STEADY_SHARE = 0.05  # a rate that differs by less is no change
 HEADER = ("LOGGER", "STATE", "FOR", "HZ", "LOST", "FREE", "!", "SEEN", "WHO")
 RIGHT = (2, 3, 4, 5)
-Known = tuple[float, tuple[object, ...]]  # the rate of a logger, and all else
+Known = tuple[float, int, tuple[object, ...]]  # the rate of a logger, what was denied lately, and all else
 UP, CLEAR_LINE, CLEAR_BELOW = "\x1b[{}A", "\x1b[K", "\x1b[J"
 
 
@@ -87,7 +87,7 @@ def screen_lines(found: "FleetNow", chosen: "Sequence[Member]", room: int, now_s
 
     notes = [f"remote '{name}': {why}".replace("\n", " ") for name, why in found.unreachable.items()]
     down = segments(chosen)
-    notes = [*(one.words(now_s, now_ns) for one in down), *notes]
+    notes = [*(one.words(now_s, now_ns) for one in down), *(one.words for one in found.routers), *notes]
     counts = [f"{sum(one.word == word for one in chosen)} {word}" for word in dict.fromkeys(o.word for o in chosen)]
     total = f"{many(len(chosen), 'logger')}{': ' if counts else ''}{', '.join(counts)}; Ctrl-C ends"
     hosts = {one.host for one in down}
@@ -118,6 +118,7 @@ def _cells(one: "Member", name: str, now_s: float, now_ns: int) -> tuple[str, ..
     seen = "now" if one.here else f"{show_duration(unseen_s)} ago"
     alarms = f" {told.alarms}" if one.sign and one.sign == told.alarm else ""
     idle = [idle_words(one.idle_s(now_s))] if one.stalled else []
+    idle += [f"DENIED {told.denied}"] if told.denied else []
     what = " ".join([*idle, *one.people]) if one.here and not one.dead else _after(one)
     return (
         name, one.word, show_duration(run_s) if run_s is not None else "-",
@@ -141,6 +142,7 @@ def _tell_changes(fleet: "Fleet", pattern: str, *, as_json: bool) -> None:
     """Print what changes, one line for each logger that does."""
     known: dict[str, Known] = {}
     told: dict[str, str] = {}
+    refused: dict[str, int] = {}
     number = -1
     while True:
         found = fleet.wait(number, 3600.0)
@@ -149,6 +151,10 @@ def _tell_changes(fleet: "Fleet", pattern: str, *, as_json: bool) -> None:
             if told.get(name) != why and not as_json:
                 click.echo(f"{time.strftime('%H:%M:%S')}  remote '{name}': {why}")
         told = dict(found.unreachable)
+        for router in found.routers:
+            if router.denied > refused.get(router.host, 0) and not as_json:
+                click.echo(printable(f"{time.strftime('%H:%M:%S')}  {router.words}"))
+        refused = {router.host: router.denied for router in found.routers}
         chosen = meant(found, pattern)
         news = list(changed(found, chosen, known))
         if as_json:
@@ -183,10 +189,11 @@ def changed(found: "FleetNow", chosen: "Sequence[Member]", known: "dict[str, Kno
         hz = told.measured_hz if told is not None and one.running else 0.0
         if before is not None and abs(hz - before[0]) <= STEADY_SHARE * hz:
             hz = before[0]
+        denied = told.denied if told is not None else 0
         facts = (told.lost, told.alarm, told.alarms, told.recorders, told.saved, told.reason) if told else ()
-        now = (hz, (one.word, one.problem, *facts, *one.people))
-        if now != before:
-            known[one.key] = now
+        known[one.key] = now = (hz, denied, (one.word, one.problem, *facts, *one.people))
+        # what was denied an hour ago is no longer counted, which is no news
+        if before is None or (now[0], now[2]) != (before[0], before[2]) or denied > before[1]:
             yield names[one.key], one
 
 
@@ -205,6 +212,7 @@ def sentence(one: "Member") -> str:
     parts += [f"{size(told.disk_free_bytes)} free"] if told.disk_bytes else []
     parts += [f"{told.alarm} {told.alarms}"] if told.alarms else []
     parts += [f"REC {told.recorders}"] if told.recorders else []
+    parts += [f"DENIED {told.denied}"] if told.denied else []
     parts += [" ".join(one.people)] if one.people else []
     parts += [told.reason] if told.reason and not one.running else []
     return "  ".join(parts).replace("\n", " ")

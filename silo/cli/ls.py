@@ -25,6 +25,7 @@ from silo.ipc.remotes import LOCAL
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from silo.ipc.fleet import FleetNow
     from silo.ipc.found import Found
     from silo.ipc.member import Member
 
@@ -72,14 +73,14 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
         show_json(_facts(meant))
         return
     if not answers:
-        _tell_lost(lost)
+        _tell_gone(seen, lost)
         _tell_orphans(answers)
         why = seen.unreachable.get(configuration()) or not_found_text(pattern, Discovery.of(seen))
         raise ConnectionLostError(why)
     answers.sort(key=lambda one: one.stalled, reverse=True)  # a program that is frozen wants to be looked at first
     _show_table(answers)
     tell_unreachable(seen.unreachable)
-    _tell_lost(lost)
+    _tell_gone(seen, lost)
     for one in answers:
         if one.problem:
             click.echo("\n".join(map(printable, f"{one.found.label}: {one.problem}".splitlines())), err=True)
@@ -93,13 +94,13 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
         raise ConnectionLostError("none of them can be asked, see above")
 
 
-def _tell_lost(lost: "list[Member]") -> None:
-    """Who was there and isn't any more, without having been closed while somebody looked."""
+def _tell_gone(seen: "FleetNow", lost: "list[Member]") -> None:
+    """What routers refused, and who was there and isn't any more, without having been closed while somebody looked."""
     from silo.ipc.member import lost_lines
 
     lines = lost_lines(lost, time.monotonic(), time.time_ns())
     more = [f"and {many(len(lines) - MOST_LOST, 'host')} more"] if len(lines) > MOST_LOST else []
-    for line in [*lines[:MOST_LOST], *more]:
+    for line in [*(router.words for router in seen.routers), *lines[:MOST_LOST], *more]:
         click.echo(printable(line), err=True)
 
 

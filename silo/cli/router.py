@@ -32,6 +32,7 @@ def router(config: Path) -> None:
     from silo.ipc.admission import direction_words, hold_directions, router_admission
     from silo.ipc.configuration import from_file
     from silo.ipc.logins import asks_for_passwords, watch_logins
+    from silo.ipc.routers import RouterFeed
     from silo.ipc.session import close, open_router
 
     denials = Denials()
@@ -40,6 +41,7 @@ def router(config: Path) -> None:
     session, endpoints = open_router(str(config))
     settings = from_file(str(config))
     admission, old = router_admission(settings, endpoints, str(config)), hold_directions(settings)
+    feed = RouterFeed(session, lambda: denials.told)
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
@@ -53,6 +55,7 @@ def router(config: Path) -> None:
     try:
         while not ended.wait(WATCH_S):
             denials.watch()
+            feed.send()
     finally:
         close(session)
     click.echo("router ended; robots go on logging")

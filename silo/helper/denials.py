@@ -36,6 +36,7 @@ class Denials:
         self._lock = threading.Lock()
         self._kinds: dict[tuple[str, str], _Kind] = {}
         self._minutes: dict[int, int] = {}
+        self._last = ""
 
     @property
     def count(self) -> int:
@@ -44,11 +45,18 @@ class Denials:
             self._forget()
             return sum(self._minutes.values())
 
+    @property
+    def told(self) -> tuple[int, str]:
+        """How many there were within the last hour, and the last of them in words."""
+        count = self.count
+        return count, self._last if count else ""
+
     def note(self, what: str, who: str) -> None:
         """Take one in; the first of its kind is told at once."""
         with self._lock:
             now_s = self._now()
             self._forget()
+            self._last = f"{what}, by {who}"
             minute = int(now_s // _MINUTE_S)
             self._minutes[minute] = self._minutes.get(minute, 0) + 1
             key = (what, who)

@@ -8,17 +8,19 @@ Who looks once, as `silo ls` does and every command that is given a name, has th
 import logging
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from silo.errors import SiloError
 from silo.ipc.fleet_memory import remember
 from silo.ipc.fleet_way import FOLLOWING, Change, Plan, Way
 from silo.ipc.found import Found
+from silo.ipc.keys import Root
 from silo.ipc.member import HELPER_DOWN, Member
 from silo.ipc.messages import Hello
 from silo.ipc.near import Near, down_text, near_loggers
 from silo.ipc.remotes import LOCAL, remotes
+from silo.ipc.routers import RouterTold
 from silo.version import VERSION
 
 SCAN_S = 1.0  # how often is looked for sockets and remotes
@@ -36,6 +38,7 @@ class FleetNow:
     near: Near = field(default_factory=Near)
     unreachable: dict[str, str] = field(default_factory=dict)
     ready: bool = False  # every way has been tried
+    routers: tuple[RouterTold, ...] = ()  # that refused logins within the last hour
 
     def meant(self, pattern: str) -> list[Member]:
         """Return those that a glob, a name or an address means, also those that nobody can reach now."""
@@ -78,6 +81,7 @@ class Fleet:
         self._members: dict[str, Member] = {}
         self._failed: dict[str, SiloError] = {}  # by way, why it isn't there
         self._near = Near()
+        self._routers: dict[Root, RouterTold | None] = {}
         self._noted: frozenset[tuple[str, bool, bool]] = frozenset()
         self._noted_s = 0.0
         self._stop = threading.Event()
@@ -113,7 +117,7 @@ class Fleet:
         """Return what was found, of who looks once. Raises ConnectionLostError where the only way isn't there."""
         for way in self._ways.values():
             way.thread.join()
-        if self._config in self._failed and not self._now.members:
+        if self._config in self._failed and not (self._now.members or self._now.routers):
             raise self._failed[self._config]
         self._remember()
         return self._now
@@ -251,6 +255,12 @@ class Fleet:
                     self._put(made)
             self._tell()
 
+    def refused(self, routers: Mapping[Root, RouterTold | None]) -> None:
+        """Note what routers refused; None of one that isn't reached."""
+        with self._changed:
+            self._routers |= routers
+            self._tell()
+
     def _put(self, one: Member) -> None:
         self._members[one.key] = one
         if one.here:  # one that is gone and came back under another key is this one
@@ -269,6 +279,7 @@ class Fleet:
         ready = self._tried >= {"", *self._ways} and bool(self._tried)
         told = replace(
             self._now, members=tuple(members), near=self._near, ready=ready,
+            routers=tuple(one for _, one in sorted(self._routers.items()) if one is not None and one.denied),
             unreachable={name: str(error) for name, error in sorted(self._failed.items())},
         )  # fmt: skip
         if told != self._now:

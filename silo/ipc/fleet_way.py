@@ -7,7 +7,7 @@ is told at first costs one round trip whatever their number.
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -28,6 +28,7 @@ from silo.ipc.member import NO_ANSWER, OTHER_SILO, Member
 from silo.ipc.messages import Ask, GetSummary, HelloReply, SummaryReply
 from silo.ipc.probing import REACH_S, Layer, LayerError
 from silo.ipc.published import Summary
+from silo.ipc.routers import AskedRouters, RouterTold, told_of
 from silo.ipc.sessions import Borrowed, borrowed, undeclare
 
 POLL_S = 0.1
@@ -88,6 +89,9 @@ class Told(Protocol):
     def change(self, changes: Iterable[tuple[str, Change]]) -> None:
         """Replace what is known of loggers, by their keys."""
 
+    def refused(self, routers: Mapping[keys.Root, RouterTold | None]) -> None:
+        """Note what routers refused; None of one that isn't reached."""
+
 
 class Way:
     """A thread with one session: to the logger `found` of this computer, or to the configuration `name`."""
@@ -99,6 +103,7 @@ class Way:
         self._stop = threading.Event()
         self.again = threading.Event()
         self._here: dict[str, keys.Root] = {}  # by the key of its member, who has a token now
+        self._routers: set[keys.Root] = set()  # that told what they refused
         self._silent: dict[str, float] = {}  # by key, when one that gave no answer is asked again
         self._reached, self._first = False, True
         self.thread = threading.Thread(target=self._run, name="silo-fleet way")
@@ -132,6 +137,7 @@ class Way:
             if not self._plan.follow:
                 return
             self._lose(list(self._here))
+            self._told.refused(dict.fromkeys(self._routers))
             if self._stop.is_set() or not main.is_alive():
                 return
             failure = _failed.get(self._name)
@@ -175,9 +181,11 @@ class Way:
         else:
             there = who_is_there(mine, keys.ANY_ALIVE, self._plan.answer_s)
         asking: Asking[str] = Asking(mine, self._plan.answer_s)
+        routers = self._ask_routers(mine)
         self._come(there, asking)
-        while asking.count:
+        while asking.count or (routers is not None and not routers.done):
             self._take_answers(asking)
+            self._take_routers(routers)
             time.sleep(ANSWERED_S)
         self._reach(self._problem(mine.session))
 
@@ -201,6 +209,7 @@ class Way:
                 news = _history(tokens, there, SETTLED_S + mine.slack_s)
                 _settle(mine, alive, len(there), answer_s)
             asking: Asking[str] = Asking(mine, answer_s)
+            routers = self._ask_routers(mine)
             looked_s = 0.0
             while not self._stop.is_set() and main.is_alive():
                 if self._told.attentive and summaries is None:
@@ -219,6 +228,7 @@ class Way:
                 if summaries is not None:
                     self._take_summaries(summaries)
                 self._take_answers(asking)
+                self._take_routers(routers)
                 now_s = time.monotonic()
                 if now_s - looked_s >= LOOK_S:
                     looked_s = now_s
@@ -284,14 +294,18 @@ class Way:
 
     def _take_summaries(self, summaries: Any) -> None:
         newest: dict[str, Summary] = {}
+        routers: dict[keys.Root, RouterTold] = {}
         while (sample := summaries.try_recv()) is not None:
             try:
                 found = _decoder.decode(sample.payload.to_bytes())
             except NOT_UNDERSTOOD:
                 continue  # of a silo that says it otherwise: its row says what was asked for
             root = keys.robot_of(str(sample.key_expr))
-            if root is not None:
+            if root is not None and (told := told_of(root, found)) is not None:
+                routers[root] = told
+            elif root is not None:
                 newest[self._key(root)] = found
+        self._note_routers(routers)
         if newest:
             self._told.change([(key, _saying(found)) for key, found in newest.items()])
 
@@ -301,6 +315,18 @@ class Way:
         root = self._here[key]
         if self._question is not None and self._plan.whom(self._found_at(root)):
             asking.add(key, root, self._question)
+
+    def _ask_routers(self, mine: Borrowed) -> AskedRouters | None:
+        return AskedRouters(mine, self._plan.answer_s) if self.far and self._question is not None else None
+
+    def _take_routers(self, routers: AskedRouters | None) -> None:
+        if routers is not None:
+            self._note_routers(routers.poll())
+
+    def _note_routers(self, found: Mapping[keys.Root, RouterTold]) -> None:
+        if found:
+            self._routers |= found.keys()
+            self._told.refused(found)
 
     def _ask_again(self, asking: Asking[str], now_s: float) -> None:
         for key in [key for key, due_s in self._silent.items() if now_s >= due_s]:

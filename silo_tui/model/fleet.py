@@ -93,8 +93,9 @@ def row(one: Line, names: int, width: int, now_s: float, now_ns: int) -> str:
         text.count(told.lost), disk, sign, "now" if member.here else ago(member.unseen_s(now_s)), width,
     )  # fmt: skip
     recorded = [f"REC {told.recorders}"] if told.recorders else []
+    denied = [f"DENIED {told.denied}"] if told.denied else []
     idle = [idle_words(member.idle_s(now_s))] if member.stalled else []
-    return begin + tail + " ".join([*idle, *recorded, *member.people])
+    return begin + tail + " ".join([*idle, *denied, *recorded, *member.people])
 
 
 def cut_middle(name: str, width: int) -> str:
@@ -128,6 +129,8 @@ def details(one: Line) -> str:
             parts.append(f"silent since {text.clock(time.time_ns() - int(1e9 * member.unseen_s(time.monotonic())))}")
         if told.disk_bytes:
             parts.append(f"{size(told.disk_free_bytes)} of {size(told.disk_bytes)} free")
+        if told.denied:
+            parts.append(f"{text.count(told.denied)} denied within the last hour: its events tell who")
         if told.reason and told.state is not State.RUNNING:
             parts.append(told.reason)
         elif not told.saved and told.ticks:

@@ -109,6 +109,7 @@ class ClientFinder:
             for folder in there.near.forbidden
         ] + [down_text(each) for each in there.near.down]
         advice += [f"remote '{remote}': {why}" for remote, why in there.unreachable.items()]
+        advice += [router.words for router in there.routers]
         return Found(tuple(loggers), tuple(advice))
 
     def rest(self) -> None:

@@ -76,6 +76,19 @@ def test_a_line_is_printed_for_what_changes_and_not_for_what_wavers() -> None:
     assert told(member("rob1", lost=1, here=False)) == ["rob1/anymal"]
 
 
+def test_what_was_denied_is_told_when_it_is_more_and_not_when_an_hour_has_passed() -> None:
+    known: dict = {}
+
+    def told(denied: int) -> bool:
+        one = member("rob1", denied=denied)
+        return any(changed(fleet(one), [one], known))
+
+    assert [told(denied) for denied in (0, 3, 3, 1, 2)] == [True, True, False, False, True]
+    denied = fleet(member("rob1", denied=3))
+    assert "DENIED 3" in sentence(denied.members[0])
+    assert "DENIED 3" in screen_lines(denied, meant(denied, ""), 20, NOW_S, NOW_NS)[1]
+
+
 def test_a_change_in_words() -> None:
     assert sentence(member("rob1", lost=2, alarm="H", alarms=1)) == "running  400 Hz  lost 2  40 GB free  H 1  ann@desk"
     assert sentence(member("rob1", here=False)).startswith("silent, was running")

@@ -1,5 +1,6 @@
 """A router by the files of `silo remote init`: robots connect to it with a password of theirs, desks with a role."""
 
+import contextlib
 import json
 import re
 import shutil
@@ -16,6 +17,8 @@ import pytest
 
 import silo
 from silo.cli.authority import Made, make_network
+from silo.cli.follow import screen_lines
+from silo.cli.main import run
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.client import Client
 from silo.ipc.discovery import discover
@@ -25,6 +28,7 @@ from silo.ipc.messages import Hello
 from silo.ipc.session import close, open_router
 from silo.ipc.sessions import borrowed
 from silo.version import VERSION
+from silo_tui.sessions.finder import ClientFinder
 from tests.ipc.test_roles import free_port
 from tests.waiting import wait_until
 
@@ -114,20 +118,59 @@ def test_a_change_that_the_router_keeps_from_the_robot_is_told_there_by_a_proven
     assert told[-1].who.startswith("bob (proven) from ")
 
 
-def test_a_router_tells_of_wrong_passwords_where_it_runs(tmp_path) -> None:
-    made = make_network(tmp_path / "lab", ["localhost"], free_port(), {"alice": "operator"}, "127.0.0.1")
+@pytest.fixture
+def refusing(tmp_path, monkeypatch) -> Iterator[tuple["subprocess.Popen[str]", Made, str]]:
+    """A router of its own, its files, and that of somebody who guesses a password."""
+    users = {"alice": "operator", "bob": "viewer"}
+    made = make_network(tmp_path / "lab", ["localhost"], free_port(), users, "127.0.0.1")
     alice = made.clients["alice"]
     wrong = alice.with_name("wrong.json5")
     wrong.write_text(re.sub(r'"password": "[^"]*"', '"password": "guess"', alice.read_text()))
     program = "import sys; from silo.cli.main import run; sys.exit(run(sys.argv[1:]))"
     command = [sys.executable, "-c", program, "router", "--config", str(made.server / "server.json5")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as router:
+    with (
+        tempfile.TemporaryDirectory(dir="/dev/shm") as runtime,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as router,
+    ):
+        monkeypatch.setenv("SILO_RUNTIME_DIR", runtime)
         assert "router on tls/" in router.stdout.readline()
-        with pytest.raises(ConnectionLostError, match="password is refused"):
-            discover(config=str(wrong))
-        assert router.stderr.readline() == "login refused: wrong user or password, by somebody at 127.0.0.1\n"
+        yield router, made, str(wrong)
         router.terminate()
         assert "router ended" in router.stdout.read()
+
+
+def guess(wrong: str) -> None:
+    with pytest.raises(ConnectionLostError, match="password is refused"):
+        discover(config=wrong)
+
+
+def test_a_router_tells_of_wrong_passwords_where_it_runs(refusing) -> None:
+    router, _, wrong = refusing
+    guess(wrong)
+    assert router.stderr.readline() == "login refused: wrong user or password, by somebody at 127.0.0.1\n"
+
+
+REFUSED = "refused within the last hour, the last: login refused: wrong user or password, by somebody at 127.0.0.1"
+
+
+def test_everybody_who_looks_at_its_robots_is_told_what_a_router_refused(refusing, capsys) -> None:
+    _, made, wrong = refusing
+    viewer = str(made.clients["bob"])
+    with Fleet(viewer) as fleet:
+        wait_until(lambda: fleet.now().ready)
+        assert fleet.now().routers == ()
+        for count in (1, 2):
+            guess(wrong)
+            wait_until(lambda count=count: [one for one in fleet.now().routers if one.denied == count])
+        (router,) = fleet.now().routers
+        assert router.words == f"router {socket.gethostname()}: 2 logins {REFUSED}"
+        assert router.words in screen_lines(fleet.now(), [], 20, 0.0, 0)
+    with Fleet(viewer) as fleet:  # who comes later hears of it at once
+        assert wait_until(lambda: fleet.now().routers) == (router,)
+    run(["--config", viewer, "ls"])
+    assert router.words in capsys.readouterr().err
+    with contextlib.closing(ClientFinder(viewer)) as finder:
+        wait_until(lambda: router.words in finder.find().advice)
 
 
 def test_the_status_says_who_of_the_network_is_there(site) -> None:

@@ -67,6 +67,12 @@ def test_a_line_says_state_time_rate_losses_disk_alarms_and_who_is_there() -> No
     assert "84% 40 GB" in shown(member(), width=160)
 
 
+def test_what_was_denied_stands_in_the_line_and_below() -> None:
+    assert "DENIED 3" in shown(member(denied=3), width=160)
+    assert "3 denied within the last hour" in fleet.details(line(member(denied=3)))
+    assert "enied" not in fleet.details(line(member()))
+
+
 def test_one_that_is_gone_says_since_when_and_keeps_what_was_known() -> None:
     words = shown(member(here=False, since_s=NOW_S - 14)).split()
     assert words == ["rob3/anymal", "○", "SILENT", "was", "●", "400.0", "0", "84%", "~~", "14", "s"]
