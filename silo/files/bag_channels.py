@@ -4,6 +4,7 @@ Facts say where in which message each value stands, the message index where in i
 """
 
 import struct
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -19,7 +20,8 @@ from silo.files.silo_format import dtype_from
 from silo.files.wide import from_wire
 from silo.recording import masked
 
-_SEQUENCE = RECORD.size + 2  # in a message record
+_SEQUENCE_AT = RECORD.size + 2  # in a message record
+_SEQUENCE = np.dtype("<u4")
 _OVERLAP = 3  # a message begins with opcode, length and channel, 11 bytes: the words from 0 and from here have them all
 
 
@@ -108,9 +110,10 @@ class ChannelReader:
         formats: list[Any] = [e.wire if e.wire_count == 1 else (e.wire, (e.wire_count,)) for e in entries]
         return np.dtype(
             {
-                "names": [*(str(k) for k in range(len(entries))), "head", "channel", "sequence"],
-                "formats": [*formats, "<u8", "<u8", "<u4"],
-                "offsets": [*(RECORD_HEAD + entry.offset for entry in entries), 0, _OVERLAP, _SEQUENCE],
+                # what is named is copied: the head of a record would take as long as its value
+                "names": [str(k) for k in range(len(entries))],
+                "formats": formats,
+                "offsets": [RECORD_HEAD + entry.offset for entry in entries],
                 "itemsize": self._size,
             }
         )
@@ -119,15 +122,15 @@ class ChannelReader:
     def _columns(self) -> list[tuple[str, np.dtype[Any], Values, int]]:
         return [(str(k), entry_dtype(entry), values, index) for k, (entry, values, index) in enumerate(self._targets)]
 
-    def add(self, chunk: bytes, offsets: NDArray[np.uint64]) -> bool:
+    def add(self, chunk: bytes, offsets: NDArray[np.uint64], known: bool = False) -> bool:
         """Take the values of the messages at these places in a chunk; return whether they are of this channel.
 
-        Where an index that has no checksum points elsewhere, the messages are looked for among the records of the
-        chunk, which has one. As many that can't be found are skipped.
+        `known`: they are, `are_right` has looked. Where an index that has no checksum points elsewhere, the messages
+        are looked for among the records of the chunk, which has one. As many that can't be found are skipped.
         """
         if len(offsets) == 0:
             return True
-        if self._take(chunk, offsets.astype(np.int64)):
+        if self._take(chunk, offsets.astype(np.int64), known):
             return True
         found = walked(chunk, len(chunk))[0].get(self._channel)
         if found is not None and len(found) == len(offsets) and self._take(chunk, found["offset"].astype(np.int64)):
@@ -140,38 +143,46 @@ class ChannelReader:
         for _, values, index in self._targets:
             values.skip(index, count)
 
-    def _take(self, chunk: bytes, places: NDArray[np.int64]) -> bool:
+    def _take(self, chunk: bytes, places: NDArray[np.int64], known: bool = False) -> bool:
         """Take the values of messages; nothing, where something else stands there."""
-        if int(places.max()) + max(self._size, RECORD_HEAD) > len(chunk) or int(places.min()) < 0:
-            return False
-        if self._targets[0][0].wire == STRING:
+        if self.is_text:
             return self._take_strings(chunk, places)
-        rows = _overlapping(chunk, self._layout)[places]
-        head, channel = self._expected
-        if not ((rows["head"] == head) & (rows["channel"] == channel)).all():
+        if not (known or are_right(chunk, [(self, places)])):
             return False
+        rows = _overlapping(chunk, self._layout)[places]
         if self._targets[0][0].absent:
-            return self._put(rows)
+            return self._put(rows, _overlapping(chunk, _SEQUENCE)[places + _SEQUENCE_AT].astype(np.int64))
         for name, dtype, values, index in self._columns:
             values.add(index, from_wire(rows[name], dtype))
         return True
 
-    def _put(self, rows: NDArray[np.void]) -> bool:
-        samples = rows["sequence"].astype(np.int64)
+    def _put(self, rows: NDArray[np.void], samples: NDArray[np.int64]) -> bool:
         if int(samples.max()) >= len(self._targets[0][1].missing):
             return False
         for name, dtype, values, index in self._columns:
             values.put(index, samples, from_wire(rows[name], dtype))
         return True
 
+    @property
+    def is_text(self) -> bool:
+        """Whether messages differ in length."""
+        return self._targets[0][0].wire == STRING
+
+    @property
+    def size(self) -> int:
+        """Bytes of a message."""
+        return self._size
+
     @cached_property
-    def _expected(self) -> tuple[int, int]:
+    def expected(self) -> tuple[int, int]:
         """What stands where a message of this channel begins: opcode, length and channel, as two overlapping words."""
         start = RECORD.pack(MESSAGE_OPCODE, self._size - RECORD.size) + struct.pack("<H", self._channel)
         return struct.unpack_from("<Q", start)[0], struct.unpack_from("<Q", start, _OVERLAP)[0]
 
     def _take_strings(self, chunk: bytes, places: NDArray[np.int64]) -> bool:
         entry, values, index = self._targets[0]
+        if int(places.max()) + max(self._size, RECORD_HEAD) > len(chunk) or int(places.min()) < 0:
+            return False
         start = places + RECORD_HEAD + entry.offset + 4
         channels = _overlapping(chunk, np.dtype("<u2"))[places + RECORD.size]
         if int(start.max()) > len(chunk) or (channels != self._channel).any():
@@ -185,6 +196,24 @@ class ChannelReader:
             texts = [text.decode() for text in texts]
         values.add(index, np.array(texts, dtype=dtype))
         return True
+
+
+def are_right(chunk: bytes, wanted: Sequence[tuple[ChannelReader, NDArray[Any]]]) -> bool:
+    """Whether messages of all these channels begin at these places of a chunk, and end in it; texts are left out.
+
+    An index has no checksum. Of all channels at once: looked at one by one, heads take as long as the values.
+    """
+    numbers = [(reader, offsets) for reader, offsets in wanted if not reader.is_text]
+    if not numbers or len(chunk) < RECORD_HEAD:
+        return not numbers
+    places = np.concatenate([offsets for _, offsets in numbers]).astype(np.int64)
+    which = np.repeat(np.arange(len(numbers)), [len(offsets) for _, offsets in numbers])
+    room = len(chunk) - np.array([reader.size for reader, _ in numbers])
+    if (places < 0).any() or (places > room[which]).any():
+        return False
+    head, channel = np.array([reader.expected for reader, _ in numbers], np.uint64).T
+    words = _overlapping(chunk, np.dtype("<u8"))
+    return bool((words[places] == head[which]).all() and (words[places + _OVERLAP] == channel[which]).all())
 
 
 def _overlapping(chunk: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:

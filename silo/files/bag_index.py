@@ -24,7 +24,7 @@ from mcap.records import AttachmentIndex, Statistics
 from numpy.typing import NDArray
 
 from silo.errors import FileFormatError, LogWarning
-from silo.files.bag_channels import Values, channel_readers
+from silo.files.bag_channels import Values, are_right, channel_readers
 from silo.files.bag_facts import RecordingFacts
 from silo.files.mcap_chunks import INDEX_ENTRY, unpack_chunk
 from silo.files.mcap_write import MAGIC
@@ -206,11 +206,13 @@ class BagElements(Sequence[RecordedElement]):
             if not len(here):
                 continue
             chunk = self._chunk(place)
-            for channel, at in zip(here["channel"].tolist(), here["offset"].tolist(), strict=True):
-                entries = self._entries(channel, at)
+            listed = list(zip(here["channel"].tolist(), here["offset"].tolist(), strict=True))
+            found = [(readers[channel], self._entries(channel, at)["offset"]) for channel, at in listed]
+            known = chunk is not None and are_right(chunk, found)
+            for (_, at), (reader, entries) in zip(listed, found, strict=True):
                 if chunk is None:
-                    readers[channel].skip(len(entries))
-                elif not readers[channel].add(chunk, entries["offset"]):
+                    reader.skip(len(entries))
+                elif not reader.add(chunk, entries, known):
                     self._tell(f"an index at byte {at:,} is damaged: {len(entries):,} samples can't be found by it")
         for values in elements:
             if values.facts.entries and values.short > 0:

@@ -5,7 +5,7 @@ import pytest
 
 import silo
 from silo.errors import FileFormatError
-from silo.files import bag_index
+from silo.files import bag_channels, bag_index
 from silo.files.bag import write_bag
 from silo.files.bag_index import ALONE, BagElements
 from silo.files.bag_read import open_bag, read_bag
@@ -233,3 +233,17 @@ def test_a_changed_byte_of_the_summary_or_between_is_never_a_crash(path, recordi
             assert [(one.name, one.count) for one in open_bag(path).elements] == wanted
         except FileFormatError as error:
             assert "x.mcap" in str(error)
+
+
+def test_the_heads_of_all_messages_of_a_chunk_are_looked_at_at_once(path, monkeypatch):
+    looks = []
+
+    def counted(chunk, wanted):
+        looks.append(len(wanted))
+        return right(chunk, wanted)
+
+    right = bag_channels.are_right
+    monkeypatch.setattr(bag_index, "are_right", counted)
+    monkeypatch.setattr(bag_channels, "are_right", counted)
+    list(open_bag(path).elements)
+    assert len(looks) == len(bag_index.read_index(memoryview(path.read_bytes())).chunks)

@@ -7,7 +7,7 @@ all elements of the topic. `stamped_by_header` gives the same by the stamps in t
 import mmap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path as FilePath
 from typing import Any, Protocol
 
@@ -253,7 +253,7 @@ def _reader(name: str, alike: _Alike, told: Told) -> "TopicReader":
     parts = [topic for _, topic in alike.parts]
     if message is None:
         bad: Bad = []
-        wanted, left, odd = json_text.signals_of(_every(parts, bad), bad)
+        wanted, left, odd = json_text.signals_of(partial(_every, parts), bad)
         if bad and not wanted:
             raise DamagedTopicError(f"{len(bad):,} messages, of which none can be read: {bad[0][1]}")
         for text in odd:
