@@ -7,6 +7,8 @@ would miss each other, and it is deleted at the last logout while the robot prog
 import contextlib
 import errno
 import fcntl
+import functools
+import io
 import os
 import pwd
 import stat
@@ -236,16 +238,32 @@ def is_at(descriptor: int, path: Path) -> bool:
 SWEEP_GRACE_S = 5.0
 
 
-def open_unfinished(path: Path) -> int:
-    """The descriptor of an empty file of our own, marked as being written: no sweep takes it. Raises OSError."""
+def unopened() -> io.FileIO:
+    """Make the owner of a descriptor before there is one: wherever Ctrl-C comes, somebody has it who can close it."""
+    return io.FileIO.__new__(io.FileIO)
+
+
+def open_into(file: io.FileIO, path: str | os.PathLike[str], flags: int, mode: int = 0o600) -> io.FileIO:
+    """Open `path` for its owner; not a folder. Raises OSError.
+
+    By C code alone: Ctrl-C is taken between instructions of Python, where a bare number would belong to nobody.
+    """
+    kind = "rb" if flags & os.O_ACCMODE == os.O_RDONLY else "rb+"
+    adopt = functools.partial(io.FileIO.__init__, file)
+    next(map(adopt, map(os.open, (path,), (flags | os.O_CLOEXEC,), (mode,)), (kind,)))
+    return file
+
+
+def open_unfinished(path: Path, file: io.FileIO) -> io.FileIO:
+    """Open an empty file of our own, marked as being written: no sweep takes it. Raises OSError."""
     until_s = time.monotonic() + SWEEP_GRACE_S
     while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+        open_into(file, path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW)
         # a sweep may have come between the two calls
-        if lock_as_writer(descriptor) and is_at(descriptor, path):
-            os.ftruncate(descriptor, 0)
-            return descriptor
-        os.close(descriptor)
+        if lock_as_writer(file.fileno()) and is_at(file.fileno(), path):
+            file.truncate()
+            return file
+        file.close()
         if time.monotonic() > until_s:
             raise FileExistsError(errno.EEXIST, "another process is making one of the same name", str(path))
         time.sleep(0.001)  # a sweep holds the mark for a moment; on a busy machine it may be put aside meanwhile

@@ -100,10 +100,11 @@ def hold(path: Path) -> Path:
         announce_segment(held)  # first: what is found by two names is found
     try:
         path.rename(held)
-    except FileNotFoundError:  # somebody deleted it
-        if linked:
-            withdraw_segment(held)
-        raise
+    except FileNotFoundError:
+        if not held.exists():  # somebody deleted it; else it was interrupted between the two names
+            if linked:
+                withdraw_segment(held)
+            raise
     if linked:
         withdraw_segment(path)
     return held

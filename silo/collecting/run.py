@@ -1,6 +1,7 @@
 """One run of a logger: from `start()` to the next one. Plan, segment and generated `collect()` belong together."""
 
 import dataclasses
+import functools
 import itertools
 import logging
 import os
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from silo.collecting.clocks import looked_at
 from silo.collecting.generate import Collect, generate
 from silo.collecting.held import held_name
-from silo.collecting.marks import no_mark
+from silo.collecting.marks import Mark, no_mark
 from silo.collecting.pieces import words_at
 from silo.collecting.plan import Element, Plan, make_plan
 from silo.collecting.reasons import StopReason
@@ -42,7 +43,7 @@ _numbers = itertools.count()
 
 
 class Run:
-    """A segment that is being written, or that was."""
+    """A segment that is being written, or that was. It owns nothing until `begin`, and nothing after `drop`."""
 
     def __init__(
         self,
@@ -55,7 +56,7 @@ class Run:
         before: "Run | None" = None,
         number: int = 0,
     ) -> None:
-        """Lay out, allocate and touch the buffers. Raises SegmentError where there is no room for them.
+        """Lay out the buffers. Raises SegmentError where there can be none.
 
         before: the logger's last run, whose layout is taken where the table is the same; number: of this one.
         """
@@ -66,8 +67,9 @@ class Run:
         self._watched: Watched = before._watched if before and unchanged else Watched.of(elements)
         path = self._path(options)
         self._announced = options.storage is Storage.FILE
-        if self._announced:
-            announce_segment(path)
+        self.number = number
+        self.saved_ticks = 0  # how many of its ticks stand in files
+        self._reader: SegmentReader | None = None
         self.segment = Segment(
             path,
             self._schema(options, plan, extras, number),
@@ -76,35 +78,31 @@ class Run:
             in_memory=options.storage is not Storage.FILE,
             elements_json=plan.elements_json,
         )
-        if self._announced:
-            announce_segment(self.segment.path)
-        try:
-            self._begin(clock, options, on_stop, after_end)
-        except BaseException:  # Ctrl-C as well: nobody else knows of the segment yet
-            self.segment.unlink()
-            if self._announced:
-                withdraw_segment(self.segment.path)
-            raise
-
-    def _begin(
-        self,
-        clock: Callable[[], int],
-        options: LoggerOptions,
-        on_stop: Callable[[StopReason], None],
-        after_end: Collect,
-    ) -> None:
-        generated = generate(
-            self.plan,
-            self.segment,
-            looked_at(clock, options.name, options.frequency_hz),
-            on_stop,
-            after_end,
+        self._unheld = Unheld(self._watched, self.segment)
+        self._generate = functools.partial(
+            generate,
+            clock=looked_at(clock, options.name, options.frequency_hz),
+            on_stop=on_stop,
+            after_end=after_end,
             serialized=options.threads is Threads.SERIALIZED,
         )
+        self.collect: Collect = _nothing
+        self._retire: Callable[[], None] = _nothing
+        self.mark: Mark = no_mark
+
+    def begin(self) -> None:
+        """Allocate and touch the buffers, and make `collect`. Raises SegmentError where there is no room for them.
+
+        After an error or an interrupt, `drop` lets go of whatever there is until then.
+        """
+        if self._announced:
+            announce_segment(self.segment.path)
+        self.segment.make()
+        if self._announced:
+            announce_segment(self.segment.path)
+        generated = self._generate(self.plan, self.segment)
         self.collect, self._retire = generated.collect, generated.retire
         self.mark = self.segment.mark
-        self._reader: SegmentReader | None = None
-        self._unheld = Unheld(self._watched, self.segment)
         self._unheld.tell_at_start()
 
     @staticmethod
@@ -158,11 +156,8 @@ class Run:
     def reader(self) -> SegmentReader:
         """A reader of this run's segment, opened at first use. Not for the control loop."""
         if self._reader is None:
-            descriptor = self.segment.open_read_only()
-            try:
-                self._reader = SegmentReader(self.segment.path, descriptor)
-            finally:
-                os.close(descriptor)
+            with self.segment.open_read_only() as file:
+                self._reader = SegmentReader(self.segment.path, file.fileno())
         return self._reader
 
     def left_behind(self, pause: Callable[[], None]) -> list[int]:
@@ -188,7 +183,8 @@ class Run:
     def drop(self, *, held: bool = False) -> Path | None:
         """Delete the segment, which readers that have it mapped keep, and let go of the program's variables.
 
-        `held`: it stays under another name, which is returned, for those who still have to read it.
+        `held`: it stays under another name, which is returned, for those who still have to read it. May be called
+        again, where it was interrupted.
         """
         self._retire()
         self.collect = self._retire = _nothing

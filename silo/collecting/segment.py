@@ -10,6 +10,7 @@ import os
 import resource
 import threading
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
 
 import msgspec
@@ -36,7 +37,14 @@ from silo.collecting.schema import (
 )
 from silo.errors import NoRoomError, SegmentError
 from silo.model import BufferType
-from silo.runtime import available_memory_bytes, open_unfinished, orphaned_segments
+from silo.runtime import (
+    available_memory_bytes,
+    is_at,
+    open_into,
+    open_unfinished,
+    orphaned_segments,
+    unopened,
+)
 
 CHUNK_BYTES = 1 << 20
 SPARE_CHUNKS = 4096  # words of the directory for time stamps past the memory limit: 268 million ticks
@@ -56,7 +64,11 @@ def chunk_bytes_for(row_words: int) -> int:
 
 
 class Segment:
-    """A segment file, mapped for writing. One writer."""
+    """A segment file, mapped for writing. One writer.
+
+    It owns nothing until `make`, and nothing after `unlink`. An interrupt may come anywhere: whoever has this object
+    can let go of all that it owns at that moment, by `unlink`.
+    """
 
     def __init__(
         self,
@@ -68,13 +80,19 @@ class Segment:
         in_memory: bool = True,
         elements_json: bytes = b"",
     ) -> None:
-        """Make the file under a temporary name, allocate and touch every page, then give it its name.
+        """Lay the file out.
 
         `first_rows` tells for each GROWING ring how many rows to have ready. `in_memory`: the file takes memory, no
-        disk. `elements_json`: the elements of the schema, if they were encoded before. Raises SegmentError if there is
-        no room.
+        disk. `elements_json`: the elements of the schema, if they were encoded before.
         """
         self.path = path
+        self._temporary = path.with_name(f".{path.name}.new")
+        self._file = unopened()
+        self._kept: Path | None = None  # its name after `unlink`
+        self.words = memoryview(b"").cast("l")
+        self.mark: Mark = no_mark
+        self._first_rows = first_rows
+        self._first: dict[int, list[Chunk]] = {}
         self._in_memory = in_memory
         self._limit_bytes = memory_limit_bytes
         self._limit_chunks = max(1, memory_limit_bytes // schema.chunk_bytes)
@@ -99,28 +117,30 @@ class Segment:
         self._ended = False
         self._counted: tuple[int, int] | None = None  # ticks and lost rows of a deleted segment
         self._failed: dict[str, int] | None = None  # and its failures
-        temporary = path.with_name(f".{path.name}.new")
-        try:
-            self._fd = open_unfinished(temporary)
-        except OSError as error:
-            raise SegmentError(f"{path.parent}: can't make a segment there ({error.strerror})") from error
-        try:
-            self._fill(_encoded(self.schema, elements_json))
-            self._first = {ring: self._append_rows(ring, first_rows.get(ring, 1)) for ring in self._growing}
-            temporary.rename(path)
-        except OSError as error:
-            temporary.unlink(missing_ok=True)
-            os.close(self._fd)
-            raise SegmentError(f"{path}: can't make the buffers ({error.strerror})") from error
-        except BaseException:
-            temporary.unlink(missing_ok=True)
-            os.close(self._fd)
-            raise
+        self._body = _encoded(self.schema, elements_json)
         self._thread = threading.Thread(target=self._prepare_chunks, name="silo-chunks", daemon=True)
+
+    def make(self) -> None:
+        """Make the file under a temporary name, allocate and touch every page, then give it its name.
+
+        Raises SegmentError where there is no room. `unlink` it then, as after an interrupt.
+        """
+        try:
+            open_unfinished(self._temporary, self._file)
+        except OSError as error:
+            raise SegmentError(f"{self.path.parent}: can't make a segment there ({error.strerror})") from error
+        try:
+            self._fill(self._file.fileno(), self._body)
+            self._body = b""
+            for ring in self._growing:
+                self._first[ring] = self._append_rows(ring, self._first_rows.get(ring, 1))
+            self._temporary.rename(self.path)
+        except OSError as error:
+            raise SegmentError(f"{self.path}: can't make the buffers ({error.strerror})") from error
         if self._growing:
             self._thread.start()
 
-    def _fill(self, body: bytes) -> None:
+    def _fill(self, descriptor: int, body: bytes) -> None:
         if self.path.exists():  # pids come again, in containers at every start: no unsaved recording is replaced
             raise SegmentError(f"{self.path}: there is a recording of that name already; start again")
         if self._in_memory and self._chunk_data > (available := available_memory_bytes()):
@@ -131,13 +151,13 @@ class Segment:
                 self._chunk_data,
                 available,
             )
-        self._allocate(0, self._chunk_data)
-        mapped = mmap.mmap(self._fd, self._chunk_data)
+        self._allocate(descriptor, 0, self._chunk_data)
+        mapped = mmap.mmap(descriptor, self._chunk_data)
         # a strided NumPy store touches every page without the GIL: no page fault is left for the control loop
         np.frombuffer(mapped, np.uint8)[::PAGE] = 0
         self.words = memoryview(mapped).cast("l")
         marks = memoryview(mapped)[8 * self.schema.marks :][:MARKS_BYTES]
-        self.mark: Mark = marker(marks, self.words, self.ring_control(TIME_RING))
+        self.mark = marker(marks, self.words, self.ring_control(TIME_RING))
         mapped[PAGE : PAGE + len(body)] = body
         header = {
             Header.VERSION: LAYOUT_VERSION,
@@ -158,9 +178,9 @@ class Segment:
             return  # deleted by another thread while a tick was under way
         self.words[self._control // 8 + word] = value
 
-    def _allocate(self, offset: int, size_bytes: int) -> None:
+    def _allocate(self, descriptor: int, offset: int, size_bytes: int) -> None:
         try:
-            os.posix_fallocate(self._fd, offset, size_bytes)
+            os.posix_fallocate(descriptor, offset, size_bytes)
         except OSError as error:
             if error.errno == errno.EFBIG:
                 limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
@@ -186,16 +206,18 @@ class Segment:
     @property
     def named(self) -> bool:
         """Whether the file still has its name: somebody may have deleted it from the folder of the buffers."""
-        return self._fd >= 0 and os.fstat(self._fd).st_nlink > 0
+        return not self._file.closed and os.fstat(self._file.fileno()).st_nlink > 0
 
     @property
     def size_bytes(self) -> int:
         """The size of the file, whether it has a name or not; 0 once it is let go of."""
-        return os.fstat(self._fd).st_size if self._fd >= 0 else 0
+        return 0 if self._file.closed else os.fstat(self._file.fileno()).st_size
 
-    def open_read_only(self) -> int:
-        """Open the file once more, for reading, also where its name is gone; the caller closes the descriptor."""
-        return os.open(f"/proc/self/fd/{self._fd}", os.O_RDONLY | os.O_CLOEXEC)
+    def open_read_only(self) -> FileIO:
+        """Open the file once more, for reading, also where its name is gone; the caller closes it."""
+        if self._file.closed:
+            raise SegmentError(f"{self.path}: its memory was let go of")
+        return open_into(unopened(), f"/proc/self/fd/{self._file.fileno()}", os.O_RDONLY)
 
     @property
     def ticks(self) -> int:
@@ -219,7 +241,7 @@ class Segment:
 
     def note_unheld(self, place: int, tick: int) -> None:
         """Remember that nobody but silo held the array of the element at this place of the schema, seen at a tick."""
-        if not self._counted and self._fd >= 0:
+        if not self._counted and not self._file.closed:
             self.words[self.schema.unheld + place] = tick + 1
 
     def stop(self, reason: StopReason) -> None:
@@ -299,8 +321,8 @@ class Segment:
             raise SegmentError(f"{self.path}: the directory of {self._directory_words} chunks is full")
         size_bytes = self.schema.chunk_bytes
         offset = self._chunk_data + self._chunks * size_bytes
-        self._allocate(offset, size_bytes)
-        mapped = mmap.mmap(self._fd, size_bytes, offset=offset)
+        self._allocate(self._file.fileno(), offset, size_bytes)
+        mapped = mmap.mmap(self._file.fileno(), size_bytes, offset=offset)
         # MAP_POPULATE keeps the GIL for 0.4 ms here; a NumPy store of more than 500 items drops it while it faults
         np.frombuffer(mapped, np.uint8)[:: PAGE // 2] = 0
         self.words[self._directory // 8 + self._chunks] = ring + 1
@@ -315,27 +337,31 @@ class Segment:
     def unlink(self, *, held: bool = False) -> Path | None:
         """Delete the file and let go of its memory, which readers keep; `ticks` and `lost` stay what they are.
 
-        `held`: it gets another name instead, which is returned: somebody still has to read it.
+        `held`: it gets another name instead, which is returned: somebody still has to read it. May be called again: it
+        goes on where it was interrupted.
         """
         self._end_chunks()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()  # it holds the chunk that it made last
-        self._failed = self.failures
-        self._counted = self.ticks, self.lost_rows
-        kept = None
-        with contextlib.suppress(OSError):
-            kept = hold(self.path) if held else None
-        if kept is None:
-            self.path.unlink(missing_ok=True)
+        if len(self.words):
+            self._failed = self.failures
+            self._counted = self.ticks, self.lost_rows
+        else:  # it was never made
+            self._failed, self._counted = self._failed or {}, self._counted or (0, 0)
+        if not self._file.closed:
+            if held and self._kept is None:
+                with contextlib.suppress(OSError):
+                    self._kept = hold(self.path)
+            for path in [self._temporary, self.path] if self._kept is None else []:
+                if is_at(self._file.fileno(), path):
+                    path.unlink(missing_ok=True)
         with self._allocating:
-            if self._fd >= 0:
-                os.close(self._fd)
-                self._fd = -1
             self.words = memoryview(b"").cast("l")
             self.mark = no_mark
             self._next.clear()
             self._first.clear()
-        return kept
+            self._file.close()
+        return self._kept
 
 
 def _held_by_dead() -> str:

@@ -3,6 +3,7 @@
 No locks and no retries: rows are copied, then the head is read again and what was overwritten meanwhile is cut.
 """
 
+import errno
 import functools
 import hashlib
 import mmap
@@ -41,7 +42,7 @@ from silo.collecting.snapshot import snapshot
 from silo.errors import SegmentError
 from silo.model import BufferType, LoggedEvent
 from silo.recording import NO_FAILURES, Failures, Recording
-from silo.runtime import boot_id, has_writer, pid_namespace, process_start
+from silo.runtime import boot_id, has_writer, open_into, pid_namespace, process_start, unopened
 
 # the writer may be filling the row after the head, whose slot holds an old row; elsewhere than on x86 one row further
 UNSAFE_ROWS = 1 if ORDERED_STORES else 2
@@ -84,14 +85,11 @@ class SegmentReader:
         try:
             # a pipe of that name must not hold anybody up
             name = self.path if descriptor is None else f"/proc/self/fd/{descriptor}"
-            opened = os.open(name, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+            if Path(name).is_dir():
+                raise SegmentError(f"{path}: is not a silo segment ({os.strerror(errno.EISDIR)})")
+            self._file = open_into(unopened(), name, os.O_RDONLY | os.O_NONBLOCK)
         except (OSError, ValueError) as error:
             raise SegmentError(f"{path}: can't open the segment ({getattr(error, 'strerror', error)})") from error
-        try:
-            self._file = os.fdopen(opened, "rb")
-        except OSError as error:
-            os.close(opened)
-            raise SegmentError(f"{path}: is not a silo segment ({error.strerror})") from error
         try:
             self._remap()
             self.schema = self._read_schema()

@@ -22,30 +22,19 @@ log = logging.getLogger("silo")
 FREEING_S = 3.0  # how long other processes may take to unmap what was deleted
 
 
-def _patiently(make: Callable[[], Run]) -> Run:
-    """Make a run as soon as there is room: memory is free when the last process has let go of it."""
-    until_s = time.monotonic() + FREEING_S
-    while (made := _made(make)) is None and time.monotonic() < until_s:
-        time.sleep(0.02)  # the end of another process's mapping can only be polled
-    return made or make()
-
-
-def _made(make: Callable[[], Run]) -> Run | None:
-    try:
-        return make()
-    except NoRoomError:
-        return None
-
-
 class CurrentRun:
-    """Holds the present run, or the last one; nothing before the first start."""
+    """Holds the present run, or the last one; nothing before the first start.
+
+    Whatever owns a file is in `_own` from before it is made until it is let go of: wherever an interrupt comes, the
+    next start and `drop` find it.
+    """
 
     def __init__(self) -> None:
         self.run: Run | None = None
         self.number = 0
-        self.runs = 0  # that began
+        self._own: list[Run] = []
+        self._begun = 0  # runs before the present one
         self._held: list[Path] = []  # runs before this one that somebody still has to read
-        self.saved_ticks = 0
         self.saved_before = ""  # where the run before this one was saved, if that was done at the start of this one
         self._lost_at_end = 0
 
@@ -69,17 +58,40 @@ class CurrentRun:
         Raises SegmentError, SaveError: the present run stays.
         """
         in_memory = options.storage is not Storage.FILE
+        self._let_go_of_others(wanted)  # that an interrupt left
         try:
-            made = make()
+            made = self._begin(make)
         except NoRoomError as error:
             made = self._made_room(error, make, options, extras, let_go, wanted)
-        old, self.run, self.saved_ticks = self.run, made, 0
-        self.runs += 1
+        self._begun, self.run = self.runs, made
         hand_over()
-        if old is not None:
-            self._let_go(old, held=wanted(old))
+        self._let_go_of_others(wanted)
         self._trim(in_memory=in_memory, room_bytes=made.segment.size_bytes)
         return made
+
+    @property
+    def runs(self) -> int:
+        """How many runs began."""
+        return max(self._begun, self.run.number if self.run is not None else 0)
+
+    def _begin(self, make: Callable[[], Run]) -> Run:
+        made = make()
+        self._own.append(made)
+        try:
+            made.begin()
+        except BaseException:
+            self._let_go(made)
+            raise
+        return made
+
+    def _patiently(self, make: Callable[[], Run]) -> Run:
+        """Begin a run as soon as there is room: memory is free when the last process has let go of it."""
+        until_s = time.monotonic() + FREEING_S
+        while time.monotonic() < until_s:
+            with contextlib.suppress(NoRoomError):
+                return self._begin(make)
+            time.sleep(0.02)  # the end of another process's mapping can only be polled
+        return self._begin(make)
 
     def _made_room(
         self,
@@ -100,22 +112,28 @@ class CurrentRun:
             self._trim(in_memory=in_memory, room_bytes=error.needed_bytes)
             if self.run is None or error.needed_bytes <= error.free_bytes + held_bytes:
                 with contextlib.suppress(NoRoomError):  # else whoever reads them takes longer to let go of them
-                    return _patiently(make)
+                    return self._patiently(make)
         if self.run is None:
             raise error
         if self.has_unsaved:
             self._save(options, extras)
         let_go(False)
-        self._lost_at_end = self.lost
-        run, self.run = self.run, None
-        self._let_go(run, held=wanted(run))
+        self._lost_at_end, self._begun = self.lost, self.runs
+        self.run = None
+        self._let_go_of_others(wanted)
         self._trim(in_memory=in_memory, room_bytes=error.needed_bytes)
-        return _patiently(make)
+        return self._patiently(make)
 
-    def _let_go(self, run: Run, *, held: bool) -> None:
+    def _let_go_of_others(self, wanted: Callable[[Run], bool]) -> None:
+        for run in [run for run in self._own if run is not self.run]:
+            self._let_go(run, held=wanted(run))
+
+    def _let_go(self, run: Run, *, held: bool = False) -> None:
         path = run.drop(held=held)
-        if path is not None:
+        if path is not None and path not in self._held:
             self._held.append(path)
+        if run in self._own:
+            self._own.remove(run)
 
     def _trim(self, *, in_memory: bool, room_bytes: int) -> None:
         """Keep to the bound of what may be held."""
@@ -128,11 +146,18 @@ class CurrentRun:
                 len(gone),
             )
 
-    def drop(self, *, held: bool = False) -> None:
-        """Free the run's memory; its counts stay. `held`: its file stays for those who still have to read it."""
-        if self.run is not None:
-            self._lost_at_end = self.lost
-            self.run.drop(held=held)
+    def drop(self, wanted: Callable[[Run], bool]) -> bool:
+        """Free the memory of all runs; the counts of the last one stay, and the files of those that are `wanted`.
+
+        Returns whether the last one is.
+        """
+        self._let_go_of_others(wanted)
+        if self.run is None or self.run not in self._own:
+            return False
+        self._lost_at_end = self.lost
+        held = wanted(self.run)
+        self._let_go(self.run, held=held)
+        return held
 
     @property
     def ticks(self) -> int:
@@ -164,12 +189,12 @@ class CurrentRun:
     @property
     def unsaved_ticks(self) -> int:
         """How many of its ticks stand in no file."""
-        return max(0, self.ticks - self.saved_ticks)
+        return max(0, self.ticks - (self.run.saved_ticks if self.run else 0))
 
     def mark_saved(self, run: Run, ticks: int) -> None:
         """Remember that the first `ticks` of a run stand in files, unless it is the present one no more."""
-        if run is self.run and ticks > self.saved_ticks:
-            self.saved_ticks = ticks
+        if run is self.run and ticks > run.saved_ticks:
+            run.saved_ticks = ticks
             run.segment.mark_saved(ticks)
 
     def _save(self, options: LoggerOptions, extras: Extras) -> None:

@@ -5,7 +5,7 @@ import logging
 import os
 
 from silo.errors import SegmentError
-from silo.runtime import down_mark, open_unfinished
+from silo.runtime import down_mark, open_unfinished, unopened
 
 log = logging.getLogger("silo")
 
@@ -15,22 +15,21 @@ class DownMark:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._descriptor = -1
+        self._file = unopened()
 
     def set(self) -> None:
         """Say that the helper process is down, since now unless that was said before."""
-        if self._descriptor >= 0:
+        if not self._file.closed:
             return
         try:
-            self._descriptor = open_unfinished(down_mark(self._name, os.getpid()))
+            open_unfinished(down_mark(self._name, os.getpid()), self._file)
         except (OSError, SegmentError) as error:
             log.debug("%s: it can't be told that the helper process is down: %s", self._name, error)
 
     def clear(self) -> None:
         """It is there again, or wanted no more."""
-        if self._descriptor < 0:
+        if self._file.closed:
             return
         with contextlib.suppress(OSError, SegmentError):
             down_mark(self._name, os.getpid()).unlink(missing_ok=True)
-        os.close(self._descriptor)
-        self._descriptor = -1
+        self._file.close()

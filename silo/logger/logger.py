@@ -112,6 +112,7 @@ class Logger(Logged):
         self._collect: Callable[[], None] | None = None
         self._ignored = 0
         self._mark: Mark = no_mark
+        self._freeing = False  # it was closed, and what it has is let go of
         watch(self)  # its data outlives a process that ends without close()
 
     # ------------------------------------------------------------------------------------------------ the loop
@@ -356,13 +357,18 @@ class Logger(Logged):
         """
         with self._lock:
             if self._closed:
+                if self._freeing:
+                    self._free()  # it was interrupted
                 return
             self.stop()
             self.look_for_unheld()
-            self._closed = True
+            self._freeing = self._closed = True  # in this order: an interrupt may come between
             dropped = 0 if discard else self._present.unsaved_ticks
         if dropped:
             say_dropped(self.options.name, dropped)
+        self._free()
+
+    def _free(self) -> None:
         if self._serving is not None:
             self._serving.close()
         self._set_mark(no_mark)
@@ -372,10 +378,7 @@ class Logger(Logged):
 
     def _drop(self) -> None:
         """Free the buffers, or leave them to those who come after a helper process that did not come to its end."""
-        run = self._present.run
-        held = run is not None and is_wanted(run, self._serving, self.extras)
-        self._present.drop(held=held)
-        if held:
+        if self._present.drop(self._is_wanted):
             say_what_is_held(self.options)
 
     cleanup = close
@@ -410,10 +413,8 @@ class Logger(Logged):
 
         A served logger leaves that to its helper process. Where saving fails, `silo recover` can do it later.
         """
-        if self._closed:
-            return
         run = self._present.run
-        if not self.has_unsaved or run is None:
+        if self._closed or not self.has_unsaved or run is None:
             self.close()
             return
         self.stop()

@@ -343,12 +343,10 @@ class Serving:
         run = logger.present_run if logger is not None else None
         if run is None:
             return
-        descriptor = run.segment.open_read_only()
-        try:
-            if not offer_run(self._helper.runs, RunOffer(run.id, str(run.segment.path), run.segment.named), descriptor):
+        offer = RunOffer(run.id, str(run.segment.path), run.segment.named)
+        with run.segment.open_read_only() as file:
+            if not offer_run(self._helper.runs, offer, file.fileno()):
                 log.info("%s: the helper process takes no run over now, its successor will", self._name)
-        finally:
-            os.close(descriptor)
 
     def let_go(self, *, held_alone: bool) -> None:
         """Have the helper process free the memory of runs, soon: it is needed for the next one.

@@ -27,7 +27,7 @@ from silo.helper.recovery import recover
 from silo.ipc.client import Client
 from silo.ipc.published import EventKind
 from silo.ipc.session import owner_is_gone, sweep
-from silo.runtime import open_unfinished, sweep_unfinished
+from silo.runtime import open_unfinished, sweep_unfinished, unopened
 from tests.waiting import freeze
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -232,10 +232,9 @@ def test_many_opened_files_are_each_held_by_one(runtime):
     with program(SWEEPER.format(call="sweep_segments()")):
         for number in range(2000):
             path = runtime / f".x.{number}.0.segment.new"
-            descriptor = open_unfinished(path)
-            assert os.path.samestat(os.fstat(descriptor), path.stat())
-            path.unlink()
-            os.close(descriptor)
+            with open_unfinished(path, unopened()) as file:
+                assert os.path.samestat(os.fstat(file.fileno()), path.stat())
+                path.unlink()
 
 
 # --------------------------------------------------------------------------------------------------- saved files

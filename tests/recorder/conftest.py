@@ -144,10 +144,10 @@ class Process:
             return b""
 
     def follow(self, log: Logger) -> None:
-        files = [log.present_run.segment.open_read_only(), extras_file(log.extras)]
-        socket.send_fds(self.socket, [encode(Follow(log.segment_path))], files)
-        for descriptor in files:
-            os.close(descriptor)
+        extras = extras_file(log.extras)
+        with log.present_run.segment.open_read_only() as file:
+            socket.send_fds(self.socket, [encode(Follow(log.segment_path))], [file.fileno(), extras])
+        os.close(extras)
 
     def wait_recording(self) -> None:
         """Until it has begun with the run."""

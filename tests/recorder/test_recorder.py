@@ -136,9 +136,8 @@ def test_a_recorder_goes_on_before_what_a_killed_one_left_is_closed(
     again = Recorder(order(tmp_path, resume=True), theirs)
     thread = threading.Thread(target=again.run)
     thread.start()
-    descriptor = robot.log.present_run.segment.open_read_only()
-    socket.send_fds(ours, [encode(Follow(robot.log.segment_path))], [descriptor])
-    os.close(descriptor)
+    with robot.log.present_run.segment.open_read_only() as file:
+        socket.send_fds(ours, [encode(Follow(robot.log.segment_path))], [file.fileno()])
     wait_until(lambda: len(open_parts(tmp_path)) == 2 and open_parts(tmp_path)[1].stat().st_size > 10_000)
     robot.ticks(1500)  # the rings hold 2000 rows: what was there before is overwritten now
     may_close.set()
@@ -171,9 +170,8 @@ def test_what_is_logged_between_the_last_look_and_the_end_is_left_to_the_next_on
     monkeypatch.setattr(Recorder, "_drain_last", lambda self: last.set() or drain_last(self))
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
-        descriptor = robot.log.present_run.segment.open_read_only()
-        socket.send_fds(ours, [encode(Follow(robot.log.segment_path))], [descriptor])
-        os.close(descriptor)
+        with robot.log.present_run.segment.open_read_only() as file:
+            socket.send_fds(ours, [encode(Follow(robot.log.segment_path))], [file.fileno()])
         ours.shutdown(socket.SHUT_WR)  # as of a helper process that was killed
         Recorder(order(tmp_path, order="one"), theirs).run()
     again = recorders(order(tmp_path, order="one", resume=True))

@@ -1,0 +1,85 @@
+"""Ctrl-C at every instruction of a start, a restart, an end and a tick: nothing is left over, and nothing is stuck."""
+
+import gc
+from pathlib import Path
+
+import pytest
+
+import silo
+from tests.stand_ins.interrupting import Interrupts
+
+OWNERS = {
+    "collecting/segment.py": {"make", "_fill", "_append_rows", "_append", "_allocate", "unlink", "open_read_only"},
+    "collecting/run.py": {"__init__", "begin", "drop", "reader"},
+    "collecting/held.py": {"hold"},
+    "logger/current_run.py": {"replace", "_begin", "_let_go", "_let_go_of_others", "drop"},
+    "logger/logger.py": {"start", "restart", "stop", "close", "_free", "_drop"},
+    "silo/runtime.py": {"open_into", "open_unfinished", "announce_segment", "withdraw_segment"},
+}
+
+
+def holds(code):
+    """Whether this code has a file or a descriptor in its hands."""
+    return any(code.co_filename.endswith(file) and code.co_name in names for file, names in OWNERS.items())
+
+
+def left_over(folders):
+    files = [path for folder in folders for path in folder.iterdir()]
+    mapped = [line for line in Path("/proc/self/maps").read_text().splitlines() if ".segment" in line]
+    opened = [link for link in map(link_of, Path("/proc/self/fd").iterdir()) if ".segment" in link]
+    return files, opened, mapped
+
+
+def link_of(descriptor):
+    try:
+        return str(descriptor.readlink())
+    except OSError:
+        return ""
+
+
+def made(storage, tmp_path):
+    logger = silo.Logger("test", storage=storage, folder=tmp_path / "logs", script=tmp_path / "none.yaml")
+    logger.array("x")
+    logger.array("y", buffer_type="growing")
+    return logger
+
+
+def begun(logger):
+    logger.start()
+    logger.collect()
+    return logger
+
+
+ACTIONS = {
+    "start": (lambda logger: logger, lambda logger: logger.start()),
+    "restart": (begun, lambda logger: logger.restart()),
+    "close": (begun, lambda logger: logger.close(discard=True)),
+}
+
+
+@pytest.mark.slow  # some 2,500 starts
+@pytest.mark.parametrize(("what", "storage"), [("start", "file"), ("restart", "memory"), ("close", "file")])
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+def test_an_interrupt_anywhere_leaves_no_file_and_no_descriptor_after_close(tmp_path, monkeypatch, what, storage):
+    runtime = tmp_path / "runtime"
+    runtime.mkdir(mode=0o700)
+    (tmp_path / "logs").mkdir()
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(runtime))
+    before, action = ACTIONS[what]
+    interrupts = Interrupts(holds)
+    first = before(made(storage, tmp_path))
+    places = interrupts.places(lambda: action(first))
+    first.close(discard=True)
+    kept = []
+    for place in places:
+        logger = before(made(storage, tmp_path))
+        interrupts.interrupt(place, lambda logger=logger: action(logger))
+        logger.close(discard=True)
+        del logger
+        folders = runtime, tmp_path / "logs"
+        if any(left_over(folders)) and gc.collect() and any(left := left_over(folders)):
+            kept.append((place[0].co_qualname, place[1], left))
+            for path in left[0]:
+                path.unlink()
+    assert len(places) > 100
+    assert kept == []
