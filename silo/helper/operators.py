@@ -4,8 +4,6 @@ Control is leased: it ends with a client that dies, or whose link does. It doesn
 owner's next renewal takes it again.
 """
 
-import math
-import threading
 import time
 from collections.abc import Callable
 
@@ -17,7 +15,9 @@ from silo.ipc.messages import AnyDo, Done, GiveControl, Refused, RefusedWhy, Tak
 from silo.ipc.published import EventKind
 from silo.ipc.senders import name_of
 from silo.model import Control
+from silo.rpc.leases import Lease, Leases
 
+CONTROL = "control"
 LONGEST_LEASE_S = 24 * 3600.0
 GIVEN_S = 60.0  # in which whom it is given to must renew it
 
@@ -31,75 +31,65 @@ class Operators:
         """`one`: nothing is changed but by who has control; `closed` tells why nothing is from the network, if so."""
         self.closed = closed
         self._events, self._mirror, self._logger, self._one = events, mirror, logger, one
-        self._lock = threading.Lock()
-        self._holder: Control | None = None
-        self._until_s = -math.inf  # monotonic
+        self._leases: Leases[str, Control] = Leases()  # of one thing: control
 
     @property
     def control(self) -> Control | None:
         """Who has control now."""
-        with self._lock:
-            return self._now()
+        return self._leases.get(CONTROL)
 
     @property
     def one(self) -> bool:
         """Whether changes need control."""
         return self._one
 
-    def _now(self) -> Control | None:
-        return self._holder if time.monotonic() <= self._until_s else None
-
     def watch(self) -> None:
         """Tell of a lease that ended by itself."""
-        with self._lock:
-            before, now = self._holder, self._now()
-            self._holder = now
-        if before is not None and now is None:
-            self._tell(f"control of {before.who} ended: nobody renewed it", before.who)
+        for one in self._leases.expire():
+            self._tell(f"control of {one.value.who} ended: nobody renewed it", one.value.who)
 
     def refused(self, request: AnyDo, sender: Sender) -> Refused | None:
         """Return why a change is not done now, None where it is."""
         if not request.needs_control:
             return None
-        with self._lock:
-            holder = self._now()
-            until_s = self._until_s
-        if holder is None and self._one:
+        lease = self._leases.find(CONTROL)
+        if lease is None and self._one:
             text = (
                 f'changes of {self._logger} need control (the program says so: log.serve(control="one")), and nobody '
                 f"has it: `silo control take {self._logger}`; nothing was changed"
             )
             return Refused(RefusedWhy.CONTROL, text)
-        if holder is None or holder.identity == sender.identity:
+        if lease is None or lease.owner == sender.identity:
             return None
-        return Refused(RefusedWhy.CONTROL, _taken(holder, until_s, self._logger, name_of(sender.identity)))
+        return Refused(RefusedWhy.CONTROL, self._taken(lease, sender))
 
     def take(self, request: TakeControl, sender: Sender) -> Done | Refused:
         """Give control to who asks for it, unless somebody else has it."""
         if not 1.0 <= request.lease_s <= LONGEST_LEASE_S:  # False for NaN
             text = f"the lease of control must be 1 s to {LONGEST_LEASE_S:g} s, got {request.lease_s:g} s"
             return Refused(RefusedWhy.INVALID, f"{text}; nothing was changed")
-        with self._lock:
-            before = self._now()
-            mine = before is not None and before.identity == sender.identity
+        with self._leases:
+            before = self._leases.find(CONTROL)
+            mine = before is not None and before.owner == sender.identity
             if before is not None and not mine and (request.renew or not request.force):
-                text = _taken(before, self._until_s, self._logger, name_of(sender.identity))
-                return Refused(RefusedWhy.CONTROL, text)
-            self._hold(sender.identity, sender.words, request.lease_s, anew=not mine)
+                return Refused(RefusedWhy.CONTROL, self._taken(before, sender))
+            self._hold(sender.identity, sender.words, request.lease_s, before if mine else None)
         if not mine:
-            taken = f" from {before.who}" if before is not None else ""
+            self.watch()  # first what ended by itself
+            taken = f" from {before.value.who}" if before is not None else ""
             self._tell(f"control taken{taken}", sender.words)
         ends = f"unless it is renewed, it ends in {duration(request.lease_s)}"  # silo-tui renews, a command doesn't
         return Done(f"you have control of {self._logger} until you release it; {ends}")
 
     def release(self, sender: Sender) -> Done | Refused:
         """Let go of control."""
-        with self._lock:
-            before = self._now()
+        with self._leases:
+            before = self.control
             if before is not None and before.identity != sender.identity:
                 text = f"{before.who} has control of {self._logger}, not you; nothing was changed"
                 return Refused(RefusedWhy.CONTROL, text)
-            self._holder = None
+            if before is not None:
+                self._leases.drop(CONTROL)
         if before is None:
             return Done(f"nobody had control of {self._logger}")
         self._tell("control released", sender.words)
@@ -107,8 +97,8 @@ class Operators:
 
     def give(self, request: GiveControl, sender: Sender) -> Done | Refused:
         """Hand control over to a user who is connected and was let in."""
-        with self._lock:
-            before = self._now()
+        with self._leases:
+            before = self.control
             known = {one.identity: one for one in self._mirror.clients if one.identity}
             names = {name_of(identity): identity for identity in known}
             identity = request.to if request.to in known else names.get(request.to, "")
@@ -122,27 +112,28 @@ class Operators:
                     "have control opens silo-tui first; nothing was changed"
                 )
                 return Refused(RefusedWhy.NOT_FOUND, text)
-            self._hold(identity, known[identity].who, GIVEN_S, anew=True)
+            self._hold(identity, known[identity].who, GIVEN_S)
             words = known[identity].who
         self._tell(f"control given to {words}", sender.words)
         return Done(f"{words} has control of {self._logger}")
 
-    def _hold(self, identity: str, who: str, lease_s: float, *, anew: bool) -> None:
-        until_s = time.monotonic() + lease_s
-        self._until_s = until_s if anew else max(until_s, self._until_s)
-        since_ns = time.time_ns() if anew or self._holder is None else self._holder.since_ns
-        left_ns = round((self._until_s - time.monotonic()) * 1e9)
-        self._holder = Control(who, identity, since_ns, time.time_ns() + left_ns)
+    def _hold(self, identity: str, who: str, lease_s: float, mine: Lease[str, Control] | None = None) -> None:
+        """Give control to somebody, or renew what is theirs, which never makes it shorter."""
+        if mine is not None:
+            lease_s = max(lease_s, mine.ends_s - time.monotonic())
+        now_ns = time.time_ns()
+        since_ns = mine.value.since_ns if mine is not None else now_ns
+        self._leases.set(CONTROL, Control(who, identity, since_ns, now_ns + round(lease_s * 1e9)), lease_s, identity)
 
     def _tell(self, text: str, by: str) -> None:
         self._events.publish(EventKind.CONTROL, text, by=by)
 
-
-def _taken(holder: Control, until_s: float, logger: str, asking: str) -> str:
-    since = duration(max(0.0, (time.time_ns() - holder.since_ns) / 1e9))
-    left = duration(max(0.0, until_s - time.monotonic()))
-    return (
-        f"{holder.who} has control of {logger} since {since}: ask for it (`silo control give {logger} {asking}` over "
-        f"there), wait (without a renewal it ends in {left}), or take it, which everybody is told: "
-        f"`silo control take {logger} --force`; nothing was changed"
-    )
+    def _taken(self, lease: Lease[str, Control], sender: Sender) -> str:
+        who, logger = lease.value.who, self._logger
+        since = duration(max(0.0, (time.time_ns() - lease.value.since_ns) / 1e9))
+        left = duration(max(0.0, lease.ends_s - time.monotonic()))
+        return (
+            f"{who} has control of {logger} since {since}: ask for it (`silo control give {logger} "
+            f"{name_of(sender.identity)}` over there), wait (without a renewal it ends in {left}), or take it, which "
+            f"everybody is told: `silo control take {logger} --force`; nothing was changed"
+        )

@@ -4,8 +4,8 @@ A pin lives under a lease and not under its client's connection: it survives a l
 start of the logger. `Pins` may be used by all threads; what a pin holds never changes.
 """
 
-import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import MAX_NAMES, unknown
 from silo.ipc.keys import VIEW_ID
 from silo.ipc.messages import By, OpenPin, PinOpened, Refused, RefusedWhy
+from silo.rpc.leases import Leases
 
 LEASE_S = 30.0
 MAX_PINS = 64
@@ -26,71 +27,55 @@ MAX_PINNED_BYTES = 64 * 2**20  # of all clients together
 BLOCK_BYTES = 4 * 2**20
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Pin:
     request: OpenPin
     opened: PinOpened
     rows: PinnedRows | None
-    expires_s: float
 
 
 class Pins:
     """All pins of all clients."""
 
-    def __init__(self) -> None:
-        self._pins: dict[str, _Pin] = {}
-        self._lock = threading.Lock()
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._pins: Leases[str, _Pin] = Leases(MAX_PINS, clock=clock)
 
     def open(self, request: OpenPin, now: LoggerSnapshot, reader: SegmentReader | None) -> PinOpened | Refused:
         """Copy what is wanted; the same request again only renews the lease. Called by the slow thread alone."""
-        self.expire()
         refused = _check(request)
         if refused is not None:
             return refused
-        with self._lock:
-            known = self._pins.get(request.pin)
-            if known is not None and _same(known.request, request):
-                known.expires_s = time.monotonic() + LEASE_S
-                return known.opened
-            others = [pin for name, pin in self._pins.items() if name != request.pin]
+        known = self._pins.get(request.pin)
+        if known is not None and _same(known.request, request):
+            self._pins.renew(request.pin, LEASE_S)
+            return known.opened
         name = unknown_name(request.names, now)
         if name is not None:
             return unknown(name)
-        taken = sum(pin.opened.size_bytes for pin in others)
-        if len(others) >= MAX_PINS:
+        if self._pins.full(request.pin, request.client):
             return Refused(RefusedWhy.FAILED, f"not pinned: {MAX_PINS} pins are open already; close others first")
+        taken = sum(one.value.opened.size_bytes for one in self._pins.all(but=request.pin))
         opened, rows = _copied(request, now, reader, MAX_PINNED_BYTES - taken)
         if isinstance(opened, Refused):
             return opened
-        with self._lock:
-            self._pins[request.pin] = _Pin(request, opened, rows, time.monotonic() + LEASE_S)
+        self._pins.set(request.pin, _Pin(request, opened, rows), LEASE_S, request.client)
         return opened
 
     def keep(self, pin: str) -> bool:
         """Renew a lease; False for a pin that is no more."""
-        self.expire()
-        with self._lock:
-            known = self._pins.get(pin)
-            if known is not None:
-                known.expires_s = time.monotonic() + LEASE_S
-        return known is not None
+        return self._pins.renew(pin, LEASE_S) is not None
 
     def close(self, pin: str) -> None:
         """Forget a pin; one that isn't there is fine."""
-        with self._lock:
-            self._pins.pop(pin, None)
+        self._pins.drop(pin)
 
     def expire(self) -> None:
-        """Forget the pins whose lease is over."""
-        now_s = time.monotonic()
-        with self._lock:
-            for name in [name for name, pin in self._pins.items() if now_s >= pin.expires_s]:
-                del self._pins[name]
+        """Forget the pins whose lease is over, and free their memory."""
+        self._pins.expire()
 
     def rows(self, pin: str) -> PinnedRows | Refused | None:
         """Return what a pin holds, None for nothing."""
-        with self._lock:
-            known = self._pins.get(pin)
+        known = self._pins.get(pin)
         return known.rows if known is not None else no_pin(pin)
 
 

@@ -15,13 +15,15 @@ from silo.collecting.losses import lost_samples
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.helper.events import Events
+from silo.helper.feeds import Round
 from silo.helper.mirror import Mirror
+from silo.helper.pins import Pins
 from silo.helper.streams import Streams
 from silo.helper.summary import DiskWatch, SummaryFeed
-from silo.helper.topics import Topics, matching
-from silo.helper.views import LEASE_S, View, check_view, layout_of
+from silo.helper.topics import Topics
+from silo.helper.views import Views
 from silo.ipc import keys
-from silo.ipc.messages import OpenView, Refused, RefusedWhy, ViewOpened
+from silo.ipc.messages import OpenView, Refused, ViewOpened
 from silo.ipc.published import EventKind
 from silo.model import Present, State
 
@@ -30,9 +32,6 @@ TOPIC_PERIOD_S = 0.05
 HZ_WINDOW_S = 2.0
 LOST_PERIOD_S = 2.0
 RELEASE_PERIOD_S = 2.0  # a segment of 16 MB that is followed made the process 14 MB larger within 10 s
-MAX_VIEWS = 64
-MAX_VIEWS_PER_CLIENT = 16
-MAX_NAMES_IN_VIEWS = 60_000
 MAX_CLIENTS = 1_000
 
 log = logging.getLogger("silo.helper")
@@ -47,7 +46,9 @@ class Publisher:
         self._mirror = mirror
         self._events = events
         self._topics = Topics(session, root)
+        self.views = Views(session, root, mirror)
         self.streams = Streams(session, root, mirror)
+        self.pins = Pins()
         self._presence = session.liveliness().declare_subscriber(
             root.key("client", "*"), zenoh.handlers.RingChannel(256), history=True
         )
@@ -55,10 +56,6 @@ class Publisher:
         self._names: OrderedDict[str, Present] = OrderedDict()  # by their ids, as each hello tells
         self.summary = SummaryFeed(session, root, mirror)
         self._disk = DiskWatch(mirror)
-        self._views: dict[str, View] = {}
-        # to be undeclared by the thread that uses them: zenoh raises RuntimeError when two use one at the same time
-        self._closed: list[zenoh.Publisher] = []
-        self._failed: dict[str, tuple[OpenView, str]] = {}  # views that could not be fed, until they are closed
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._ending = False
@@ -108,42 +105,9 @@ class Publisher:
 
     def open_view(self, request: OpenView) -> ViewOpened | Refused:
         """Open, replace or renew a view."""
-        refused = check_view(request)
-        if refused is not None:
-            return refused
-        now_s = time.monotonic()
-        layout = layout_of(request, self._mirror.now)
-        with self._lock:
-            old = self._views.get(request.view)
-            if old is not None and _same(old.request, request):
-                old.expires_s = now_s + LEASE_S
-                return layout.opened(request)
-            failed = self._failed.get(request.view)
-            if failed is not None and _same(failed[0], request):
-                return Refused(RefusedWhy.FAILED, failed[1])
-            self._failed.pop(request.view, None)
-            others = {view: open_view for view, open_view in self._views.items() if view != request.view}
-            refused = _too_many(request, list(others.values()))
-            if refused is not None:
-                return refused
-            publisher = old.publisher if old else self._declare(request.view)
-            self._views[request.view] = View(request, publisher, now_s)
-        self._wake.set()
-        return layout.opened(request)
-
-    def _declare(self, view: str) -> zenoh.Publisher:
-        return self._session.declare_publisher(
-            self._root.key("view", view), congestion_control=zenoh.CongestionControl.DROP
-        )
-
-    def close_view(self, view: str) -> None:
-        """End a view; one that isn't open is fine."""
-        with self._lock:
-            closed = self._views.pop(view, None)
-            self._failed.pop(view, None)
-            if closed is not None:
-                self._closed.append(closed.publisher)
-        self._wake.set()
+        opened = self.views.open(request)
+        self._wake.set()  # one is seen at once
+        return opened
 
     # -------------------------------------------------------------------------------------------------- the thread
 
@@ -171,20 +135,12 @@ class Publisher:
             busy_s = time.monotonic() - began_s
             self._wake.wait(max(due_s - time.monotonic(), busy_s, 0.001))
             self._wake.clear()
-        for name in list(self._views):
-            self.close_view(name)
+        self.views.stop()
         self.streams.stop()
-        self._undeclare_closed()
-
-    def _undeclare_closed(self) -> None:
-        with self._lock:
-            closed, self._closed = self._closed, []
-        for publisher in closed:
-            publisher.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
 
     def _round(self, now_s: float) -> float:
         """Do what is due and say when to come again."""
-        self._undeclare_closed()
+        self.pins.expire()
         self._follow_segment()
         self._follow_derived()
         self._follow_clients()
@@ -204,7 +160,8 @@ class Publisher:
             due_s = min(due_s, self._topics_due_s)
         else:
             self._topics.publish(now_s)
-        return min(self.streams.send(self._watcher, now_s, due_s), self._send_views(now_s))
+        this = Round(self._mirror.now, self._watcher, now_s, self._mirror.measured_hz, self._idle_s)
+        return min(self.streams.send(this, due_s), self.views.send(this, due_s))
 
     def _follow_segment(self) -> None:
         path = self._mirror.segment
@@ -237,11 +194,9 @@ class Publisher:
                 continue
             self._clients.discard(client)
             self.streams.close_all_of(client)
+            self.views.close_all_of(client)
             with self._lock:
                 self._names.pop(client, None)
-                ended = [view for view in [*self._views, *self._failed] if keys.client_of_view(view) == client]
-            for view in ended:
-                self.close_view(view)
         if before != self._clients:
             self._name_clients()
 
@@ -266,66 +221,3 @@ class Publisher:
                 EventKind.LOST,
                 f"{more} samples could not be kept (memory limit): save and restart, or raise memory_limit_mb",
             )
-
-    def _send_views(self, now_s: float) -> float:
-        due_s = now_s + IDLE_S
-        with self._lock:
-            views = list(self._views.items())
-        for name, view in views:
-            if now_s >= view.expires_s:
-                self.close_view(name)
-                continue
-            if now_s >= view.due_s:
-                view.due_s = max(view.due_s + view.period_s, now_s + view.period_s / 2)
-                self._send(view, now_s)
-            due_s = min(due_s, view.due_s)
-        return due_s
-
-    def _send(self, view: View, now_s: float) -> None:
-        try:
-            if not matching(view.publisher):
-                return
-            frame = view.frame(self._mirror.now, self._watcher, self._mirror.measured_hz, now_s, self._idle_s)
-            if frame is not None and self._is_open(view):
-                view.publisher.put(frame)
-        except (zenoh.ZError, SegmentError):
-            raise
-        except Exception as error:
-            log.exception("view %s failed", view.request.view)
-            self._fail(view, error)
-
-    def _is_open(self, view: View) -> bool:
-        with self._lock:
-            return view in self._views.values()
-
-    def _fail(self, view: View, error: Exception) -> None:
-        """End a view that can't be fed; its client is told when it renews it."""
-        name = view.request.view
-        text = (
-            f"the view can't be fed any more: {type(error).__name__}: {error}; the helper process has logged where; "
-            "other views go on, open one of other elements"
-        )
-        self.close_view(name)
-        with self._lock:
-            while len(self._failed) >= MAX_VIEWS:
-                self._failed.pop(next(iter(self._failed)))
-            self._failed[name] = (view.request, text)
-
-
-def _same(old: OpenView, new: OpenView) -> bool:
-    return (old.values, old.plots, old.rate_hz, old.column_ns) == (new.values, new.plots, new.rate_hz, new.column_ns)
-
-
-def _too_many(request: OpenView, others: list[View]) -> Refused | None:
-    """Return why one more view would be too many."""
-    client = keys.client_of_view(request.view)
-    same_client = sum(keys.client_of_view(view.request.view) == client for view in others)
-    names = sum(len(view.request.values) + len(view.request.plots) for view in others)
-    problem = None
-    if len(others) >= MAX_VIEWS:
-        problem = f"{MAX_VIEWS} views are open already"
-    elif same_client >= MAX_VIEWS_PER_CLIENT:
-        problem = f"this client has {MAX_VIEWS_PER_CLIENT} views open already"
-    elif names + len(request.values) + len(request.plots) > MAX_NAMES_IN_VIEWS:
-        problem = f"all views together may show {MAX_NAMES_IN_VIEWS} names"
-    return Refused(RefusedWhy.FAILED, f"the view can't be opened: {problem}; close others first") if problem else None

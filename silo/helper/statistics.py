@@ -26,6 +26,7 @@ from silo.helper.newest import NewestValues
 from silo.ipc.messages import GetSurvey, Refused, RefusedWhy, Survey
 from silo.ipc.surveys import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.model import BufferType, State
+from silo.rpc.leases import Leases
 
 log = logging.getLogger(__name__)
 
@@ -363,7 +364,6 @@ def _values(
 @dataclass
 class _Asker:
     sums: Sums
-    asked_s: float
     failed: str = ""  # why its statistics begin anew, until it was told
 
 
@@ -376,7 +376,7 @@ class Surveyor:
         self._wake = threading.Event()
         self._tally: Tally | None = None
         self._watched: object = None
-        self._askers: dict[str, _Asker] = {}
+        self._askers: Leases[str, _Asker] = Leases(MAX_CLIENTS)
         self._thread: threading.Thread | None = None
         self._stopped = False
 
@@ -390,15 +390,14 @@ class Surveyor:
         if asked > MAX_NAMES:
             return Refused(RefusedWhy.INVALID, f"no survey: at most {MAX_NAMES} names, got {asked}")
         with self._lock:
-            now_s = time.monotonic()
-            self._begin(now_s)
-            asker = self._askers.get(request.client)
-            if asker is None and len(self._askers) >= MAX_CLIENTS:
+            self._begin()
+            asker = self._askers.renew(request.client, LEASE_S)
+            if asker is None and self._askers.full(request.client, request.client):
                 return Refused(RefusedWhy.FAILED, f"no survey: {MAX_CLIENTS} clients have statistics; close one first")
             if self._tally is not None and (asker is None or request.reset):
-                asker = self._askers[request.client] = _Asker(self._tally.sums(), now_s)
+                asker = _Asker(self._tally.sums())
+                self._askers.set(request.client, asker, LEASE_S, request.client)
             if asker is not None:
-                asker.asked_s = now_s
                 failed, asker.failed = asker.failed, ""
                 if failed:
                     return Refused(RefusedWhy.FAILED, failed)
@@ -425,7 +424,7 @@ class Surveyor:
             _values(tally, sums, request.some_quantities, request.some, entries=True, running=running),
         )
 
-    def _begin(self, now_s: float) -> None:
+    def _begin(self) -> None:
         if self._thread is None and not self._stopped:
             self._follow_run()
             self._thread = threading.Thread(target=self._follow, name="silo statistics", daemon=True)
@@ -449,20 +448,20 @@ class Surveyor:
                 except Exception as error:
                     log.exception("the statistics failed; they begin anew")
                     self._tally, self._watched = None, None
-                    for asker in self._askers.values():
-                        asker.failed = (
+                    for one in self._askers.all():
+                        one.value.failed = (
                             f"the statistics failed and begin anew: {type(error).__name__}: {error}; the helper "
                             "process has logged where; values and plots go on"
                         )
-                if not self._askers:
+                if not self._askers.all():
                     self._thread, self._tally, self._watched = None, None, None
                     return
 
     def _round(self, now_s: float) -> None:
-        self._askers = {name: asker for name, asker in self._askers.items() if now_s - asker.asked_s < LEASE_S}
+        self._askers.expire()
         self._follow_run()
         if self._tally is not None:
-            self._tally.advance(now_s, [asker.sums for asker in self._askers.values()])
+            self._tally.advance(now_s, [one.value.sums for one in self._askers.all()])
 
     def _follow_run(self) -> None:
         """Go over to a new run; its statistics are its own. With other derived signals all of them begin anew."""
@@ -473,5 +472,5 @@ class Surveyor:
         self._tally = Tally(reader) if reader is not None else None
         self._watched = watched if reader is not None else None
         if self._tally is not None:
-            for asker in self._askers.values():
-                asker.sums = self._tally.sums()
+            for one in self._askers.all():
+                one.value.sums = self._tally.sums()

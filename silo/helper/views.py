@@ -4,6 +4,7 @@
 large as the screen that asked for it.
 """
 
+import time
 from dataclasses import dataclass
 
 import msgspec
@@ -16,18 +17,19 @@ from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.columns import MAX_COLUMNS, ColumnGrid, bins_of
+from silo.helper.feeds import Feed, Feeds, Round
 from silo.helper.liveness import Liveness
-from silo.helper.mirror import LoggerSnapshot
+from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.newest import NewestValues
-from silo.ipc.keys import VIEW_ID
+from silo.ipc.keys import VIEW_ID, Root
 from silo.ipc.messages import OpenView, Refused, RefusedWhy, ViewOpened
 from silo.ipc.published import ViewFrame
 
-LEASE_S = 6.0
 MIN_RATE_HZ, MAX_RATE_HZ = 0.1, 30.0
 MIN_COLUMN_NS = 1_000
 MAX_VALUES = 20_000
 MAX_PLOTS = 256
+MAX_NAMES_IN_VIEWS = 60_000
 MAX_FRAME_BYTES = 8 * 2**20  # rows read per ring and refresh
 HEARTBEAT_S = 1.0  # a view in which nothing moves is sent this often
 BACKLOG_S = 1.0  # what a new plot begins with, so that its columns join those of the history
@@ -35,20 +37,16 @@ BACKLOG_S = 1.0  # what a new plot begins with, so that its columns join those o
 _encoder = msgspec.msgpack.Encoder()
 
 
-def check_view(request: OpenView) -> Refused | None:
-    """Why a view can't be had, None if it can."""
-    problem = None
+def _problem(request: OpenView) -> str:
     if not VIEW_ID.fullmatch(request.view):
-        problem = "its id must be `<client id>-<number>`, the client id of letters and digits"
-    elif len(request.values) > MAX_VALUES or len(request.plots) > MAX_PLOTS:
-        problem = (
-            f"at most {MAX_VALUES} values and {MAX_PLOTS} plots, got {len(request.values)} and {len(request.plots)}"
-        )
-    elif not MIN_RATE_HZ <= request.rate_hz <= 1e6:  # also false for NaN
-        problem = f"rate_hz must be {MIN_RATE_HZ} or more, got {request.rate_hz}"
-    elif not MIN_COLUMN_NS <= request.column_ns < 2**62:
-        problem = f"column_ns must be {MIN_COLUMN_NS} or more, got {request.column_ns}"
-    return Refused(RefusedWhy.INVALID, f"the view can't be opened: {problem}") if problem else None
+        return "its id must be `<client id>-<number>`, the client id of letters and digits"
+    if len(request.values) > MAX_VALUES or len(request.plots) > MAX_PLOTS:
+        return f"at most {MAX_VALUES} values and {MAX_PLOTS} plots, got {len(request.values)} and {len(request.plots)}"
+    if not MIN_RATE_HZ <= request.rate_hz <= 1e6:  # also false for NaN
+        return f"rate_hz must be {MIN_RATE_HZ} or more, got {request.rate_hz}"
+    if not MIN_COLUMN_NS <= request.column_ns < 2**62:
+        return f"column_ns must be {MIN_COLUMN_NS} or more, got {request.column_ns}"
+    return ""
 
 
 @dataclass(frozen=True)
@@ -104,15 +102,11 @@ class _Plots:
     begun: bool = False
 
 
-class View:
+class View(Feed[OpenView]):
     """A view that is open."""
 
     def __init__(self, request: OpenView, publisher: zenoh.Publisher, now_s: float) -> None:
-        self.request = request
-        self.publisher = publisher
-        self.period_s = 1.0 / min(request.rate_hz, MAX_RATE_HZ)
-        self.expires_s = now_s + LEASE_S
-        self.due_s = now_s
+        super().__init__(request, publisher, 1.0 / min(request.rate_hz, MAX_RATE_HZ), now_s)
         self._number = 0
         self._sent_s = -HEARTBEAT_S
         self._sent_tick = -1
@@ -147,16 +141,14 @@ class View:
         self._plots = {ring: _Plots(begins[ring], RowPicker(entries)) for ring, entries in wanted.items()}
         return layout
 
-    def frame(
-        self, now: LoggerSnapshot, reader: SegmentReader | None, measured_hz: float, now_s: float, idle_s: float = 0.0
-    ) -> bytes | None:
-        """The next frame, encoded; None if nothing moved since the last one."""
-        layout = self._layout
+    def frame(self, this: Round) -> tuple[bytes | None, bool]:
+        """Return the next frame, encoded; None if nothing moved since the last one."""
+        now, reader, now_s, layout = this.logger, this.reader, this.now_s, self._layout
         if layout is None or layout.generation != now.generation or reader is not self._reader:
             layout = self._adopt(now, reader)
         tick = reader.ticks if reader else 0
         if tick == self._sent_tick and now_s - self._sent_s < HEARTBEAT_S:
-            return None
+            return None, False
         self._sent_tick, self._sent_s = tick, now_s
         self._number += 1
         newest, texts = self._newest.values() if self._newest else (np.full(sum(layout.counts), np.nan), {})
@@ -165,14 +157,14 @@ class View:
         lost = self._newest.lost() if self._newest else np.zeros(elements, np.int64)
         self._since_ns = 0
         grid = self._columns()
-        return _encoder.encode(
+        frame = _encoder.encode(
             ViewFrame(
                 number=self._number,
                 generation=layout.generation,
                 time_ns=reader.last_time_ns if reader else 0,
                 tick=tick,
                 state=now.state,
-                measured_hz=measured_hz,
+                measured_hz=this.measured_hz,
                 lost_total=lost_samples(reader) if reader else 0,
                 held=held.tobytes(),
                 lost=lost.tobytes(),
@@ -188,9 +180,10 @@ class View:
                 sizes=self._sizes,
                 failed=self._newest.failed() if self._newest else {},
                 not_live=self._liveness.missing() if self._liveness else {},
-                idle_s=idle_s,
+                idle_s=this.idle_s,
             )
         )
+        return frame, False
 
     def _columns(self) -> ColumnGrid:
         """Columns of what came since the last frame."""
@@ -240,3 +233,36 @@ def _other_sizes(names: list[str], now: LoggerSnapshot, schemas: dict[str, Eleme
 def _backlog_start(reader: SegmentReader, element: ElementSchema) -> int:
     rows = BACKLOG_S * reader.schema.frequency_hz / element.info.options.divider
     return max(0, reader.head(element.watch_ring) - int(rows) - 1)
+
+
+class Views(Feeds[OpenView, View]):
+    """All views of all clients."""
+
+    kind, most, most_of_client = "view", 64, 16
+
+    def __init__(self, session: zenoh.Session, root: Root, mirror: Mirror) -> None:
+        super().__init__(session, root)
+        self._mirror = mirror
+
+    def open(self, request: OpenView) -> ViewOpened | Refused:
+        """Open, replace or renew a view."""
+        problem = _problem(request)
+        if problem:
+            return self._cant_open(problem)
+        layout = layout_of(request, self._mirror.now)
+        found = self.renewed(request.view, request)
+        return found if isinstance(found, Refused) else layout.opened(request)
+
+    def _is_same(self, old: OpenView, new: OpenView) -> bool:
+        wishes = [(one.values, one.plots, one.rate_hz, one.column_ns) for one in (old, new)]
+        return wishes[0] == wishes[1]
+
+    def _refused(self, request: OpenView, others: list[View]) -> Refused | None:
+        names = sum(len(one.values) + len(one.plots) for one in (request, *(view.request for view in others)))
+        if names <= MAX_NAMES_IN_VIEWS:
+            return None
+        text = f"all views together may show {MAX_NAMES_IN_VIEWS} names; close others first"
+        return self._cant_open(text, RefusedWhy.FAILED)
+
+    def _made(self, request: OpenView, publisher: zenoh.Publisher) -> View:
+        return View(request, publisher, time.monotonic())

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import weakref
 
 import pytest
 
@@ -157,7 +158,7 @@ def test_a_view_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monkey
         assert isinstance(parts.publisher.open_view(right), ViewOpened)
         assert "view bad-1 failed" in caplog.text
         assert parts.alive()
-        parts.publisher.close_view("bad-1")
+        parts.publisher.views.close("bad-1")
         assert isinstance(parts.publisher.open_view(wrong), ViewOpened)
     finally:
         parts.end()
@@ -186,5 +187,20 @@ def test_a_stream_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monk
         monkeypatch.undo()
         streams.close("bad-1")
         assert isinstance(streams.open(wrong), StreamOpened)
+    finally:
+        parts.end()
+
+
+@pytest.mark.slow
+def test_what_the_pin_of_a_client_that_is_gone_holds_is_freed_though_nobody_asks_for_pins(tmp_path) -> None:
+    class Held:
+        """What a pin holds."""
+
+    parts, held = Parts(tmp_path), Held()
+    try:
+        freed = weakref.ref(held)
+        parts.publisher.pins._pins.set("gone-1", held, 0.05)
+        del held
+        wait_until(lambda: freed() is None)
     finally:
         parts.end()

@@ -168,10 +168,9 @@ def test_a_pin_of_any_names_over_any_span_has_what_the_buffers_have_of_it(robot,
         np.testing.assert_array_equal(held[name].values, there[name].values)
 
 
-def test_a_lease_that_is_not_renewed_ends_and_frees_its_memory(robot, monkeypatch):
+def test_a_lease_that_is_not_renewed_ends_and_frees_its_memory(robot):
     clock = [0.0]
-    monkeypatch.setattr(pins_module.time, "monotonic", lambda: clock[0])
-    pins = Pins()
+    pins = Pins(clock=lambda: clock[0])
     pin(robot, pins, 1)
     pin(robot, pins, 2)
     clock[0] = LEASE_S - 1

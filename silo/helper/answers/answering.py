@@ -13,7 +13,6 @@ from silo.helper.judge import Judge
 from silo.helper.lanes import Turn
 from silo.helper.mirror import Mirror
 from silo.helper.operators import Operators
-from silo.helper.pins import Pins
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.recordings import RecordingFolder, RecordingRefusedError
@@ -48,7 +47,7 @@ class Answers:
             robot,
             judge,
             recording,
-            Pins(),
+            publisher.pins,
             RecordingFolder(),
             Surveyor(mirror),
             operators,

@@ -11,7 +11,7 @@ def _open_view(parts: Parts, request: OpenView) -> ViewOpened | Refused:
 
 @answers_to(CloseView)
 def _close_view(parts: Parts, request: CloseView) -> Done:
-    parts.publisher.close_view(request.view)
+    parts.publisher.views.close(request.view)
     return Done("the view is closed")
 
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 Leased: TypeAlias = "View | Stream | Pin | Held"
 
 RENEW_S = 2.0  # a third of a view's lease
+GONE = (RefusedWhy.NOT_FOUND, RefusedWhy.CONTROL, RefusedWhy.FORBIDDEN)  # it is no more, or somebody else has it
 
 
 class Leases:
@@ -116,8 +117,8 @@ class Leases:
             accept: Callable[[ViewOpened | StreamOpened], None] | None = getattr(view, "accept", None)
             if accept is not None:
                 accept(reply)
-        elif isinstance(reply, Refused):
+        elif isinstance(reply, Refused) and not isinstance(view.renewal, TakeControl | KeepPin):
+            view.refuse(reply.text)  # asked for again and again: what it shows may be there again
+        elif isinstance(reply, Refused) and reply.why in GONE:
             view.refuse(reply.text)
-            is_gone = isinstance(view.renewal, KeepPin) and reply.why is RefusedWhy.NOT_FOUND
-            if is_gone or isinstance(view.renewal, TakeControl):
-                self.drop(view)  # it is no more, or somebody else has it: asking again and again helps nobody
+            self.drop(view)

@@ -1,0 +1,91 @@
+"""What a client renews, and when it stops: answers of a helper process, one after the other."""
+
+from collections import deque
+
+import msgspec
+
+from silo.helper.door import Sender
+from silo.helper.operators import CONTROL, Operators
+from silo.ipc.client.holding import Held
+from silo.ipc.client.leases import Leases as Renewals
+from silo.ipc.messages import Done, Refused, RefusedWhy, TakeControl
+from silo.rpc.leases import Leases
+
+
+class Answered:
+    """A request that was answered at once."""
+
+    def __init__(self, reply) -> None:
+        self._reply = reply
+
+    def poll(self):
+        return True, msgspec.msgpack.encode(self._reply)
+
+
+class Link:
+    """A connection of which the helper process gives these answers."""
+
+    sessions, connected = 1, True
+
+    def __init__(self, *replies) -> None:
+        self.replies, self.asked = deque(replies), []
+
+    def ask_later(self, request, timeout_s):
+        self.asked.append(request)
+        return Answered(self.replies.popleft())
+
+
+def renewed(link: Link, lost: list[str]) -> None:
+    """Renew control until there is no answer left, or nothing is asked any more."""
+    renewals, held = Renewals(link, "me"), Held(TakeControl(lease_s=15.0, renew=True), lost.append)
+    renewals.add(held)
+    for _ in range(2 * len(link.replies)):
+        if not link.replies:
+            break
+        renewals.renew_soon(held)
+        renewals.renew()
+        renewals.renew()
+
+
+def test_control_that_somebody_else_has_is_renewed_no_more_and_told_once() -> None:
+    link, lost = Link(Done(), Refused(RefusedWhy.CONTROL, "bob has control"), Done()), []
+    renewed(link, lost)
+    assert (len(link.asked), lost) == (2, ["bob has control"])
+
+
+def test_control_whose_renewal_only_came_too_late_is_renewed_again() -> None:
+    link, lost = Link(Done(), Refused(RefusedWhy.LATE, "its turn did not come in time"), Done(), Done()), []
+    renewed(link, lost)
+    assert (len(link.asked), lost) == (4, [])
+
+
+# ---------------------------------------------------------------------------------------- in the helper process
+
+
+class Told:
+    """Events as texts."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def publish(self, _kind, text: str, by: str = "") -> None:
+        self.texts.append(text)
+
+
+def test_that_control_ended_by_itself_is_told_before_that_somebody_else_took_it() -> None:
+    clock, told = [0.0], Told()
+    operators = Operators(told, None, "robot")
+    operators._leases = Leases(clock=lambda: clock[0])
+    anna, bob = Sender("anna", "anna from desk1"), Sender("bob", "bob from desk2")
+    operators.take(TakeControl(lease_s=2.0), anna)
+    clock[0] = 2.5
+    assert operators.control is None
+    operators.take(TakeControl(lease_s=2.0), bob)
+    operators.watch()
+    assert told.texts == [
+        "control taken", "control of anna from desk1 ended: nobody renewed it", "control taken",
+    ]  # fmt: skip
+    assert operators._leases.find(CONTROL).owner == "bob"
+    operators.release(bob)
+    operators.watch()
+    assert told.texts[3:] == ["control released"]
