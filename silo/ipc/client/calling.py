@@ -48,7 +48,7 @@ class Calls:
         """Return why this user's changes get no answer, from a logger that answers what reads; raises if it doesn't."""
         question = Hello(version=VERSION, client=self._name)
         reply = checked_reply(question, self._connection.exchange(question, self._timeout_s))
-        return reply.why_not or viewer_words(self._connection.user, self._connection.address)
+        return reply.why_not or viewer_words(self._connection.user, self._connection.root.address)
 
 
 def _forbidden(text: str) -> RequestRefusedError:
