@@ -21,7 +21,8 @@ def verify(folder: Path, as_json: bool) -> int:
     """Hold the recordings, captures, saved logs and the event log of a log folder against one another.
 
     Named is every tick that was to be recorded or captured and is in no file, what stands twice, totals that disagree,
-    and files that can't be read. What the event log tells to be lost stands apart. Nothing is changed.
+    and files that can't be read. What the event log tells to be lost stands apart, and so do ticks that nobody asked to
+    keep: what buffers overwrote before a save. Nothing is changed.
 
     \b
     Examples:
@@ -49,9 +50,14 @@ def _show(found: "Verified") -> None:
         click.echo(f"told: {one.text}; {one.told}")
     for one in found.problems:
         click.echo(f"{one.kind}: {one.text}")
+    for one in found.not_kept:
+        click.echo(f"{one.kind}: {one.text}")
     runs = f"{len(found.runs)} run{'s' if len(found.runs) != 1 else ''}"
     told = f", {len(found.told)} told before" if found.told else ""
-    click.echo(f"{len(found.problems)} problems in {runs}{told}" if found.problems else f"{runs}: whole{told}")
+    parts = (
+        f"all is there that was to be kept, of {len(found.not_kept)} not all ticks were" if found.not_kept else "whole"
+    )
+    click.echo(f"{len(found.problems)} problems in {runs}{told}" if found.problems else f"{runs}: {parts}{told}")
 
 
 def _row(run: "RunCovered") -> list[str]:

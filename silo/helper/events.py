@@ -62,7 +62,7 @@ class Events:
         `stamp_ns` is the time stamp of that tick, `time_ns` the wall clock then, where they are known.
         """
         status = self._mirror.status()
-        newest = status.ticks - 1
+        newest = status.ticks - 1 if run in ("", self._mirror.run) else -1  # of another run nobody knows it here
         begun_ns = time_ns or (status.started_ns if kind is EventKind.STARTED else 0)  # this is told some time after
         event = LoggedEvent(
             kind.value,

@@ -31,7 +31,7 @@ from silo.ipc.messages import Done, RecorderInfo, RecorderStarted, Refused, Refu
 from silo.ipc.published import EventKind
 from silo.model import BufferType, RecorderState
 from silo.patterns import matching
-from silo.recorder.orders import RecordOrder
+from silo.recorder.orders import CLOSED, RecordOrder
 from silo.runtime import RECORDERS_SUFFIX, runtime_dir
 
 MOST_RECORDERS = 8
@@ -271,7 +271,7 @@ class Recording:
         with self._lock:
             self._stopping = True
             self._forgets = forget
-            why = "the logger was closed, or its program ended" if forget else "the helper process ends"
+            why = CLOSED if forget else "the helper process ends"
             for recorder in self._recorders.values():
                 if not recorder.ending:
                     recorder.finish(why, self._events.log.newest, died=died, for_good=forget)

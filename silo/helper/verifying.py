@@ -25,14 +25,15 @@ from silo.files.manifest import CaptureEntry, read_captures
 from silo.files.naming import find_logs
 from silo.files.part_scan import PartScan, scan_part
 from silo.ipc.published import EventKind
-from silo.model import DAMAGED, LoggedEvent
+from silo.model import DAMAGED, BufferType, LoggedEvent
+from silo.recorder.orders import CLOSED
 from silo.recording import Recording
 from silo.runtime import list_segments, read_own
 
 # what tells of a loss, once "0 lost" is taken out
 _LOSS = re.compile(
     r"lost|missing|not recorded|left out|could not|couldn't|gone|overwritten|deleted|blind|not saved|"
-    r"not written"
+    r"not written|nothing of this run|stays in memory"
 )
 _NO_LOSS = re.compile(r"\b0 (samples )?lost\b")
 _TELL_LOSS = frozenset(
@@ -40,9 +41,13 @@ _TELL_LOSS = frozenset(
     for kind in (EventKind.LOST, EventKind.RECORDING, EventKind.RECORDING_FAILED, EventKind.BLIND, EventKind.CRASHED,
                  EventKind.RECOVERED, EventKind.SAVE_FAILED, EventKind.DELETED, EventKind.FILES_DELETED)
 )  # fmt: skip
-_TOTALS = re.compile(r"recording '(?P<name>[^']+)'.*?(?P<parts>\d+) files, (?P<samples>\d+) samples")
+_TOTALS = re.compile(
+    r"recording '(?P<name>[^']+)'.*?(?P<parts>\d+) files, (?P<samples>\d+) samples, (?P<lost>\d+) lost"
+)
+_LOST_AT = re.compile(r"recording '(?P<name>[^']+)': (?P<lost>\d+) samples were lost, of ticks")
 _ENDED = re.compile(r"recording '(?P<name>[^']+)'.*(ended|stopped|files, \d+ samples)")
-_BEGUN = re.compile(r"recording '(?P<name>[^']+)' of .* to ")
+_BEGUN = re.compile(r"recording '(?P<name>[^']+)' of .* to (?P<folder>/.*)")
+_FULL = "come to an end when their buffers are full"
 _FIRED = re.compile(r"trigger '(?P<name>[^']+)' fired")
 _CAPTURED = re.compile(r"capture (?P<number>\d+) of '(?P<name>[^']+)', ticks (?P<first>\d+) to (?P<last>\d+)")
 _DIED = ("program died", "program died, recovered later", "program ended without saving")
@@ -51,8 +56,8 @@ _DIED = ("program died", "program died, recovered later", "program ended without
 class Verdict(msgspec.Struct, frozen=True, omit_defaults=True):
     """Something that is not as it should be, or that was told to be so.
 
-    `kind`: "missing", "twice", "disagrees", "damaged". `spans` are ticks of `run`, both ends included. `told` says who
-    told it; empty: nobody did.
+    `kind`: "missing", "twice", "disagrees", "damaged", or "not kept": what nobody had asked to be. `spans` are ticks of
+    `run`, both ends included. `told` says who told it; empty: nobody did.
     """
 
     kind: str
@@ -76,12 +81,16 @@ class RunCovered(msgspec.Struct, frozen=True):
 
 
 class Verified(msgspec.Struct, frozen=True):
-    """What was found. `problems` are what nobody told, `told` what somebody did."""
+    """What was found. `problems` are what nobody told, `told` what somebody did.
+
+    `not_kept` are ticks that stand nowhere any more, and were to be kept by nobody.
+    """
 
     folder: str
     runs: tuple[RunCovered, ...]
     problems: tuple[Verdict, ...]
     told: tuple[Verdict, ...]
+    not_kept: tuple[Verdict, ...] = ()
 
 
 @dataclass
@@ -110,6 +119,11 @@ class _Part:
             if ring in dividers
         )
 
+    def covered(self) -> list[Span]:
+        """The same, each row up to the next one: what comes seldom stands for all ticks between."""
+        most = max((ring.divider for ring in self.scan.facts.value_rings), default=1) if self.scan.facts else 1
+        return merged((first, last + most - 1) for first, last in self.ticks())
+
 
 @dataclass
 class _Run:
@@ -123,8 +137,10 @@ class _Run:
     parts: list[_Part] = field(default_factory=list)
     saved: list[tuple[Path, Span, str]] = field(default_factory=list)  # and why
     captured: list[tuple[Path, Recording]] = field(default_factory=list)
-    memory: list[Span] = field(default_factory=list)
+    memory: list[Span] = field(default_factory=list)  # of which any ring has a row
+    held: list[Span] = field(default_factory=list)  # of which all have theirs
     ended: bool = False  # nobody logs in it any more
+    lacks: dict[str, int] = field(default_factory=dict)  # by recording, samples that are in no part
 
     def told(self, words: Sequence[str] = ()) -> str:
         """Who told of a loss in this run: the first event that does, with one of these words where there are any."""
@@ -147,6 +163,7 @@ class _Folder:
         self.captures: dict[str, list[CaptureEntry]] = {}
         # by logger and name, the events that tell of a recording that it was begun (True) or ended, by their numbers
         self.orders: dict[tuple[str, str], list[tuple[int, bool]]] = {}
+        self.elsewhere: set[tuple[str, str]] = set()  # those that are written to other folders
         self.loggers = loggers_with_events(folder)
         for logger in self.loggers:
             self._take_events(logger)
@@ -181,12 +198,18 @@ class _Folder:
             if event.kind in (EventKind.RECORDING.value, EventKind.RECORDING_FAILED.value):
                 begun = _BEGUN.match(event.text)
                 if (about := begun or _ENDED.match(event.text)) is not None:
-                    self.orders.setdefault((logger, about["name"]), []).append((event.number, begun is not None))
+                    key = logger, about["name"]
+                    self.orders.setdefault(key, []).append((event.number, begun is not None))
+                    if begun is not None:
+                        place = Path(begun["folder"])
+                        is_here = self.folder.resolve() in (place, place.parent)
+                        (self.elsewhere.discard if is_here else self.elsewhere.add)(key)
             if not event.run:
                 continue
             run = self.run_of(logger, event.run)
             run.events.append(event)
-            run.ticks = max(run.ticks, event.tick + 1)
+            if event.kind != EventKind.STARTED.value:  # which stands at tick 0 of those that have none, too
+                run.ticks = max(run.ticks, event.tick + 1)
             run.ended |= event.kind in (EventKind.STOPPED.value, EventKind.CRASHED.value)
             if event.kind == EventKind.STARTED.value:
                 run.started_ns = event.time_ns
@@ -224,8 +247,10 @@ class _Folder:
         if recording.extras.capture is not None:
             run.captured.append((path, recording))
         elif len(recording.time_ns):
-            span = (recording.offset - len(recording.time_ns), recording.offset - 1)
-            run.saved.append((path, span, recording.why))
+            begin = recording.offset - len(recording.time_ns)
+            looping = [one for one in recording.elements if one.buffer_type is BufferType.LOOPING and one.count]
+            first = max((int(one.stamp_indices[0]) for one in looping), default=0)
+            run.saved.append((path, (begin + first, recording.offset - 1), recording.why))
 
     def _take_memory(self) -> None:
         for path in list_segments(self.folder):
@@ -237,6 +262,14 @@ class _Folder:
                 run.ended |= not reader.alive()
                 if reader.ticks:
                     run.memory.append((max(0, reader.rows(0, 0, 1).first), reader.ticks - 1))
+                    run.held.append((_oldest_whole(reader), reader.ticks - 1))
+
+
+def _oldest_whole(reader: SegmentReader) -> int:
+    """The oldest tick of which all rings of values have their row, as far as they are overwritten."""
+    rings = {reader.schema.rings[element.ring] for element in reader.schema.elements}
+    looping = [ring for ring in rings if ring.buffer_type is BufferType.LOOPING]
+    return max((ring.divider * reader.rows(ring.ring, 0, 1).first for ring in looping), default=0)
 
 
 def _scanned(path: Path) -> PartScan:
@@ -262,12 +295,29 @@ def verify(folder: Path) -> Verified:
         verdicts += _saved(run)
         verdicts += _events(run, there)
     verdicts += _totals(runs)
+    named = {one.run for one in verdicts if one.kind == "missing"}
     return Verified(
         str(folder),
         tuple(map(_covered, runs)),
         tuple(one for one in verdicts if not one.told),
         tuple(one for one in verdicts if one.told),
+        tuple(verdict for run in runs if run.run not in named for verdict in _not_kept(run)),
     )
+
+
+def _not_kept(run: _Run) -> Iterator[Verdict]:
+    """The ticks of a run that stand nowhere, as no recording was to have them, and no save had them."""
+    kept = [*(span for part in run.parts for span in part.covered()), *(span for _, span, _ in run.saved), *run.held]
+    lacks = without([(0, run.ticks - 1)], kept) if run.ticks else []
+    if not lacks:
+        return
+    why = "its memory was let go of, and nobody had saved them"
+    if run.held or run.saved:
+        why = "buffers keep the newest samples, and these were overwritten, as they are made to be"
+    there = (("saved are", [span for _, span, _ in run.saved]), ("in memory are", run.held))
+    held = "".join(f"; {what} {spans_text(merged(spans))}" for what, spans in there if spans)
+    text = f"run {run.run}: {spans_text(lacks)} of {run.ticks} ticks are in no file, and nothing recorded them: {why}"
+    yield Verdict("not kept", f"{text}{held}", run.logger, run.run, tuple(lacks))
 
 
 def _covered(run: _Run) -> RunCovered:
@@ -275,7 +325,7 @@ def _covered(run: _Run) -> RunCovered:
         "recorded": merged(span for part in run.parts for span in part.ticks()),
         "saved": merged(span for _, span, _ in run.saved),
         "captured": merged(_span_of(recording) for _, recording in run.captured if len(recording.time_ns)),
-        "in_memory": merged(run.memory),
+        "in_memory": merged(run.held),
     }
     return RunCovered(
         run.logger, run.run, run.ticks,
@@ -301,29 +351,61 @@ def _recorded_around(run: _Run, runs: Iterable[_Run]) -> set[str]:
 
 def _recordings(run: _Run, around: set[str], there: _Folder) -> Iterator[Verdict]:
     own = {part.recorder for part in run.parts}
-    for name in sorted(around - own):
-        if run.ticks:
-            yield _missing(run, name, [(0, run.ticks - 1)])
+    under_way = {name for logger, name in there.orders if logger == run.logger and _was_to_have(run, name, there)}
+    for name in sorted((around | under_way) - own):
+        lacks = without([(0, run.ticks - 1)], run.memory) if run.ticks else []
+        if lacks:
+            yield _missing(run, name, lacks)
     for name in sorted(own):
         parts = [part for part in run.parts if part.recorder == name]
         yield from _recording(run, name, parts, is_whole=_is_from_begin(run, name, parts, there))
 
 
-def _is_from_begin(run: _Run, name: str, parts: list[_Part], there: _Folder) -> bool:
-    """Whether a recording was under way when the run began, and none of its parts went for newer ones since."""
+def _was_to_have(run: _Run, name: str, there: _Folder) -> bool:
+    """Whether a recording was to have all of a run of which it has no part, nor ever made room of one.
+
+    It was under way when the run began, and was not ended in it by somebody who may have come before its first tick.
+    """
+    if (run.logger, name) in there.elsewhere or not _is_under_way(run, name, there) or not run.ended:
+        return False
+    if _ends_in(run, name) and not _is_closed(run, name):
+        return False
+    numbers = [part.number for one in there.runs.values() for part in one.parts if part.recorder == name]
+    return not numbers or min(numbers) == 1
+
+
+def _is_under_way(run: _Run, name: str, there: _Folder) -> bool:
+    """Whether a recording was under way when a run began."""
     started = next((event.number for event in run.events if event.kind == EventKind.STARTED.value), 0)
     before = [begun for number, begun in there.orders.get((run.logger, name), ()) if number < started]
+    return bool(before) and before[-1]
+
+
+def _ends_in(run: _Run, name: str) -> list[str]:
+    """What is told of ends of a recording in a run."""
+    texts = [event.text for event in run.events]
+    return [text for text in texts if (found := _ENDED.match(text)) and found["name"] == name]
+
+
+def _is_closed(run: _Run, name: str) -> bool:
+    """Whether a recording ended with the logger: then it was to have the run to its end."""
+    return any(CLOSED in text for text in _ends_in(run, name))
+
+
+def _is_from_begin(run: _Run, name: str, parts: list[_Part], there: _Folder) -> bool:
+    """Whether a recording was under way when the run began, and none of its parts went for newer ones since."""
     numbers = {part.number for one in there.runs.values() for part in one.parts if part.recorder == name}
     first = min(part.number for part in parts)
-    return bool(before) and before[-1] and (first == 1 or first - 1 in numbers)
+    return _is_under_way(run, name, there) and (first == 1 or first - 1 in numbers)
 
 
 def _recording(run: _Run, name: str, parts: list[_Part], *, is_whole: bool) -> Iterator[Verdict]:
     missing: list[Span] = []
     again: list[Span] = []
     rings = {ring.ring: ring for part in parts if part.scan.facts for ring in part.scan.facts.value_rings}
-    # one that was ended in this run has what it has
-    ended = any((found := _ENDED.match(event.text)) and found["name"] == name for event in run.events)
+    # one that was ended in this run by somebody has what it has, and so have buffers that are full
+    full = any(_FULL in event.text and f"'{name}'" in event.text for event in run.events)
+    ended = full or bool(_ends_in(run, name) and not _is_closed(run, name))
     for number, ring in rings.items():
         rows = [(first, end - 1) for part in parts for first, end in part.scan.rows.get(number, ())]
         begins = [one.begin for part in parts if part.scan.facts for one in part.scan.facts.rings if one.ring == number]
@@ -334,6 +416,8 @@ def _recording(run: _Run, name: str, parts: list[_Part], *, is_whole: bool) -> I
         memory = [(-(-first // ring.divider), last // ring.divider) for first, last in run.memory]
         lacks = without([(min(begins), end - 1)], [*rows, *memory]) if end > min(begins) else []
         missing += [(first * ring.divider, last * ring.divider) for first, last in lacks]
+        samples = len(ring.channels) * sum(last + 1 - first for first, last in lacks)
+        run.lacks[name] = run.lacks.get(name, 0) + samples
         again += [(first * ring.divider, last * ring.divider) for first, last in doubled(rows)]
     if missing:
         yield _missing(run, name, merged(missing))
@@ -348,23 +432,48 @@ def _missing(run: _Run, name: str, spans: list[Span]) -> Verdict:
     return Verdict("missing", text, run.logger, run.run, tuple(spans), run.told([f"'{name}'", "recording", "recorder"]))
 
 
+@dataclass
+class _Total:
+    """What the event log tells of an order at its end, and what there is of it."""
+
+    event: LoggedEvent
+    parts: int
+    samples: int
+    lost: int
+
+
 def _totals(runs: Iterable[_Run]) -> Iterator[Verdict]:
     """What the event log told last of each recording, and what its parts have, where these are all there."""
-    told: dict[tuple[str, str], tuple[LoggedEvent, int, int]] = {}
+    told: dict[tuple[str, str], _Total] = {}
+    where: Counter[tuple[str, str]] = Counter()
+    lacks: Counter[tuple[str, str]] = Counter()
     parts: dict[tuple[str, str], list[PartScan]] = {}
     for run in runs:
+        lacks.update({(run.logger, name): samples for name, samples in run.lacks.items()})
         for part in run.parts:
             parts.setdefault((run.logger, part.recorder), []).append(part.scan)
         for event in run.events:
-            found = _TOTALS.match(event.text)
-            if found is not None:
-                told[run.logger, found["name"]] = event, int(found["parts"]), int(found["samples"])
-    for (logger, name), (event, count, samples) in told.items():
+            if (found := _LOST_AT.match(event.text)) is not None:
+                where[run.logger, found["name"]] += int(found["lost"])
+            elif (found := _TOTALS.match(event.text)) is not None:
+                counts = int(found["parts"]), int(found["samples"]), int(found["lost"])
+                told[run.logger, found["name"]] = _Total(event, *counts)
+    for (logger, name), total in told.items():
         scans = parts.get((logger, name), [])
+        if len(scans) != total.parts:
+            continue  # of other orders too, or some were taken away
         there = sum(scan.facts.samples(scan.counts) for scan in scans if scan.facts is not None)
-        if len(scans) == count and there != samples:
-            text = f"recording '{name}': {samples} samples were told (event {event.number}), its parts have {there}"
-            yield Verdict("disagrees", text, logger, event.run)
+        number, missing = total.event.number, lacks[logger, name]
+        text = ""
+        if there != total.samples:
+            text = f"{total.samples} samples were told (event {number}), its parts have {there}"
+        elif total.lost < missing:
+            text = f"{total.lost} samples were told to be lost (event {number}), and {missing} are in no part"
+        elif total.lost > max(missing, where[logger, name]):
+            known = max(missing, where[logger, name])
+            text = f"{total.lost} samples were told to be lost (event {number}), and of {known} alone is known where"
+        if text:
+            yield Verdict("disagrees", f"recording '{name}': {text}", logger, total.event.run)
 
 
 # ------------------------------------------------------------------------------------------------------------ captures

@@ -8,6 +8,7 @@ from silo.model import Extras, RecorderState
 
 MAX_PACKET_BYTES = 180_000  # within the send buffer of a socket as Linux has it by default
 TEXT_BYTES = 2_000
+CLOSED = "the logger was closed, or its program ended"  # why a recorder ends that was to record all of the last run
 
 
 class RecordOrder(msgspec.Struct, frozen=True):

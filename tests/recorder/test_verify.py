@@ -152,6 +152,86 @@ def test_a_run_between_two_that_were_recorded_is_missing_as_a_whole(kept):
     assert ("missing", ((0, 77),)) in kept.found()[0]
 
 
+def test_a_last_run_of_which_a_recording_that_was_under_way_has_nothing_is_missing_as_a_whole(kept):
+    kept.run = "before"
+    kept.happens("recording", f"recording 'bot' of all elements to {kept.folder / 'rec'}", 0)
+    kept.recorded(300)
+    kept.run = "the last one"
+    kept.happens("started", "started", 0)
+    kept.happens("edited", "something happens", 99)
+    assert kept.found() == [[], []]  # it goes on
+    kept.happens("stopped", "stopped", 119)
+    assert kept.found() == [[("missing", ((0, 119),))], []]
+    kept.happens(
+        "recording",
+        "recording 'bot' ended: the logger was closed, or its program ended; 1 files, 1 samples, 0 lost",
+        119,
+    )
+    assert ("missing", ((0, 119),)) in kept.found()[0]
+
+
+def test_a_last_run_in_which_somebody_ended_its_recording_or_that_is_recorded_elsewhere_lacks_nothing(kept, tmp_path):
+    kept.run = "before"
+    kept.happens("recording", f"recording 'bot' of all elements to {kept.folder / 'rec'}", 0)
+    kept.happens("recording", f"recording 'far' of all elements to /{tmp_path.name}/else", 0)
+    kept.recorded(300)
+    kept.run = "the last one"
+    kept.happens("started", "started", 0)
+    kept.happens("recording", "recording 'bot' ended: stopped by ann; 1 files, 1800 samples, 0 lost", 2)
+    kept.happens("stopped", "stopped", 119)
+    assert [kind for kind, _ in kept.found()[0]] != ["missing"]
+
+
+def test_the_end_of_a_run_that_was_closed_under_a_recording_is_missing(kept):
+    kept.recorded(300, stopped=False)
+    kept.happens("recording", "recording 'bot' ended: the logger was closed, or its program ended", 339)
+    kept.happens("stopped", "stopped", 339)
+    assert kept.found()[0] == [("missing", ((300, 339),))]
+
+
+@pytest.mark.parametrize(("lost", "text"), [(0, ""), (7, "7 samples were told to be lost (event 3), and of 0 alone")])
+def test_samples_that_are_told_to_be_lost_at_the_end_are_held_against_where(kept, lost, text):
+    kept.recorded(300)
+    samples = 300 * 3 + 60  # x, q and word, and each fifth tick slow
+    kept.happens("recording", f"recording 'bot' ended: stopped; 1 files, {samples} samples, {lost} lost", 299)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        problems = verify(kept.folder).problems
+    assert [one.kind for one in problems] == ["disagrees"] * bool(lost)
+    assert all(text in one.text for one in problems)
+    if lost:
+        kept.happens("recording", f"recording 'bot': {lost} samples were lost, of ticks 3 to 4: the disk", 4)
+        assert kept.found()[0] == []
+
+
+def test_samples_that_are_missing_and_told_as_none_lost_disagree(kept):
+    kept.recorded(300, stopped=False)
+    samples = 300 * 3 + 60
+    text = f"the logger was closed, or its program ended; 1 files, {samples} samples, 0 lost"
+    kept.happens("recording", f"recording 'bot' ended: {text}", 339)
+    kept.happens("stopped", "stopped", 339)
+    assert [kind for kind, _ in kept.found()[0]] == ["missing", "disagrees"]
+
+
+def test_a_ring_that_was_overwritten_is_not_called_whole(tmp_path, truth, capsys):
+    robot = truth.robot(tmp_path, size=100)
+    robot.start()
+    robot.ticks(2500)
+    assert run(["verify", str(tmp_path)]) == 0
+    shown = capsys.readouterr().out
+    assert "of 2500 ticks are in no file, and nothing recorded them: buffers keep the newest samples" in shown
+    assert "in memory are " in shown
+    assert "1 run: all is there that was to be kept" in shown
+    assert ": whole" not in shown
+    robot.log.save()
+    robot.log.close()
+    assert run(["verify", str(tmp_path)]) == 0
+    shown = capsys.readouterr().out
+    assert "2400 ticks (0-2399) of 2500 ticks are in no file" in shown
+    assert "saved are 100 ticks (2400-2499)" in shown
+    assert ": whole" not in shown
+
+
 def test_ticks_that_stand_in_two_parts_are_told(kept):
     kept.recorded(300)
     shutil.copy(kept.part, kept.part.with_name("bot_20260101_00-00-00_00099.mcap"))
