@@ -22,7 +22,7 @@ from silo.helper.lanes import Lane, Lanes, Turn, Waiting, is_late
 from silo.helper.operators import Operators
 from silo.helper.requests import decode_ask, decode_do
 from silo.ipc.clocks import clock_s
-from silo.ipc.keys import Root
+from silo.ipc.keys import Root, may_use
 from silo.ipc.messages import AnyReply, Do, GoesOn, Hello, Refused, RefusedWhy, Request, SlowAsk, spoken
 
 MAX_WAITING = 64
@@ -164,7 +164,7 @@ class Control:
             hello = isinstance(request, Hello)
             return sender if hello else self._denied(request, sender, self._door.name_of(key, plain(request.client)))
         if isinstance(request, Hello):
-            if request.id:
+            if request.id and may_use(request.id, request.proof):
                 self._know(plain(request.id), sender.words, sender.identity)
             return self._answers.reply(msgspec.structs.replace(request, id=""))
         one.by = sender.words

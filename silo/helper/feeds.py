@@ -15,7 +15,7 @@ from silo.errors import SegmentError
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.topics import matching
 from silo.ipc import keys
-from silo.ipc.messages import OpenStream, OpenView, Refused, RefusedWhy
+from silo.ipc.messages import Done, OpenStream, OpenView, Refused, RefusedWhy
 from silo.rpc.leases import Leases
 
 LEASE_S = 6.0
@@ -84,6 +84,8 @@ class Feeds(abc.ABC, Generic[RequestT, FeedT]):
 
     def renewed(self, name: str, request: RequestT) -> FeedT | Refused:
         """Return the feed of this name after renewing it, or a new one in its place."""
+        if not keys.may_use(keys.client_of_view(name), request.proof):
+            return self._not_yours(name)
         with self._feeds:
             old = self._feeds.get(name)
             if old is not None and self._is_same(old.request, request):
@@ -117,6 +119,16 @@ class Feeds(abc.ABC, Generic[RequestT, FeedT]):
     def _declare(self, name: str) -> zenoh.Publisher:
         key = self._root.key(self.kind, name)
         return self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
+
+    def _not_yours(self, name: str) -> Refused:
+        return Refused(RefusedWhy.FORBIDDEN, f"the {self.kind} '{name}' is another client's; nothing was changed")
+
+    def close_for(self, name: str, proof: str) -> Done | Refused:
+        """End a feed of who asks; one that isn't open is fine."""
+        if not keys.may_use(keys.client_of_view(name), proof):
+            return self._not_yours(name[:50])
+        self.close(name)
+        return Done(f"the {self.kind} is closed")
 
     def close(self, name: str) -> None:
         """End a feed; one that isn't open is fine."""

@@ -9,7 +9,6 @@ thread is gone, so that a program that forgets `close()` still ends.
 """
 
 import logging
-import secrets
 import threading
 import time
 from collections.abc import Callable
@@ -52,7 +51,7 @@ _event_decoder = msgspec.msgpack.Decoder(Event)
 class Attachable(Protocol):
     """What lives on across sessions: views and topics."""
 
-    def attach(self, session: zenoh.Session, root: keys.Root, client_id: str) -> None:
+    def attach(self, session: zenoh.Session, root: keys.Root, client: keys.ClientId) -> None:
         """Subscribe in a new session."""
 
     def detach(self) -> None:
@@ -102,8 +101,8 @@ class Connection:
         try:
             root = root_at(borrowed, found, timeout_s)
             # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
-            client_id = secrets.token_hex(8)
-            question = Hello(version=VERSION, client=self._who, id=client_id)
+            mine = keys.ClientId.drawn()
+            question = Hello(version=VERSION, client=self._who, id=mine.id, proof=mine.proof)
             reply = exchange(borrowed, root, question, timeout_s, self.label_of(found))
             self._learn(reply)
             dead = _state_of(reply) is State.DEAD
@@ -114,11 +113,11 @@ class Connection:
             declared.append(alive)
             events = session.declare_subscriber(root.key("event"), zenoh.handlers.RingChannel(256))
             declared.append(events)
-            declared.append(session.liveliness().declare_token(root.key("client", client_id)))
+            declared.append(session.liveliness().declare_token(root.key("client", mine.id)))
             with self._lock:
                 attached = list(self._attached)
             for one in attached:
-                one.attach(session, root, client_id)
+                one.attach(session, root, mine)
             _wait_for_token(alive, HELLO_TIMEOUT_S + borrowed.slack_s)
         except BaseException:
             for one in attached:
@@ -131,7 +130,7 @@ class Connection:
             self.root = root
             self._dead = dead
             self._alive, self._events, self._declared = alive, events, declared
-            self.client_id = client_id
+            self.mine = mine
             self._session, self._borrowed = session, borrowed
             self._problem = ""
             self.sessions += 1
@@ -237,7 +236,7 @@ class Connection:
 
     def attach(self, one: Attachable) -> None:
         """Subscribe something now and in every later session."""
-        one.attach(self.session(), self.root, self.client_id)
+        one.attach(self.session(), self.root, self.mine)
         with self._lock:
             self._attached.add(one)
 

@@ -8,13 +8,15 @@ do/@local        the same by the logger's Unix socket (no wildcard of a rule fit
 event            events
 summary          the logger in short
 alive            liveliness token of the helper process
-client/<id>      liveliness token of a client; its views are called `<id>-<number>`
+client/<id>      liveliness token of a client; its views are called `<id>-<number>`, see `ClientId`
 view/<id>        frames of a view
 stream/<id>      raw rows of a stream, its id as that of a view
 topic/<element>  samples of a published element
 """
 
+import hashlib
 import re
+import secrets
 from typing import NamedTuple
 from urllib.parse import unquote
 
@@ -93,6 +95,34 @@ def robot_of(key: str) -> Root | None:
     fits = 0 < len(root.host) <= LONGEST_HOST and 0 < len(root.logger) <= LONGEST_LOGGER
     words = root.host + root.logger
     return root if fits and words.isprintable() and _DRAWN.fullmatch(root.id) else None
+
+
+class ClientId(NamedTuple):
+    """The id of a client, which everybody sees, and what proves that it is its own, which nobody else is told.
+
+    Nobody else can open, replace or close what is called after it.
+    """
+
+    id: str
+    proof: str
+
+    @classmethod
+    def drawn(cls) -> "ClientId":
+        """Return a new one."""
+        proof = secrets.token_hex(16)
+        return cls(_proven(proof), proof)
+
+
+def _proven(proof: str) -> str:
+    return "z" + hashlib.sha256(proof.encode("utf-8", "replace")).hexdigest()[:24]
+
+
+_PROVEN = re.compile(r"z[0-9a-f]{24}")
+
+
+def may_use(client: str, proof: str) -> bool:
+    """Return whether who shows this may use what is called after a client; ids of other kinds prove nothing."""
+    return _PROVEN.fullmatch(client) is None or client == _proven(proof)
 
 
 def client_of_view(view: str) -> str:

@@ -16,7 +16,7 @@ from silo.calls import told_class
 from silo.collecting.row_picker import Packer, shaped
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign, understood
-from silo.ipc.keys import Root
+from silo.ipc.keys import ClientId, Root
 from silo.ipc.messages import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
 from silo.ipc.sampled import SampledName, SampledRows, StreamFrame
 from silo.ipc.sessions import undeclare
@@ -186,12 +186,12 @@ class Stream:
         """What renews its lease."""
         return self.request
 
-    def attach(self, session: zenoh.Session, root: Root, client_id: str) -> None:
+    def attach(self, session: zenoh.Session, root: Root, client: ClientId) -> None:
         """Subscribe in a session; the one before is closed already."""
-        name = f"{client_id}-{self._place}"
+        name = f"{client.id}-{self._place}"
         subscriber = session.declare_subscriber(root.key("stream", name), self._take)
         with self._changed:
-            self.request = msgspec.structs.replace(self.request, stream=name)
+            self.request = msgspec.structs.replace(self.request, stream=name, proof=client.proof)
             self._subscriber = subscriber
             self._opened = {}
 
@@ -344,7 +344,7 @@ class Pin:
         """Its name in requests."""
         return self.opened.pin
 
-    def attach(self, session: zenoh.Session, root: Root, client_id: str) -> None:
+    def attach(self, session: zenoh.Session, root: Root, client: ClientId) -> None:
         """Nothing is sent without being asked for."""
 
     def detach(self) -> None:

@@ -16,7 +16,7 @@ from silo.arguments import real
 from silo.calls import told_class
 from silo.errors import ConnectionLostError, ElementError
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign
-from silo.ipc.keys import Root, unescape
+from silo.ipc.keys import ClientId, Root, unescape
 from silo.ipc.sessions import undeclare
 
 POLL_S = 0.01  # batches come 20 times per second
@@ -67,13 +67,13 @@ class Topic:
         self._next = -1
         self._foreign = Foreign("a batch")
 
-    def attach(self, session: zenoh.Session, root: Root, client_id: str) -> None:
+    def attach(self, session: zenoh.Session, root: Root, client: ClientId) -> None:
         """Subscribe in a session; the one before is closed already.
 
         Args:
             session: the new one.
             root: whose keys.
-            client_id: who subscribes.
+            client: who subscribes.
         """
         # 26 s of batches, should the reader pause
         subscriber = session.declare_subscriber(root.topic(self.element), zenoh.handlers.RingChannel(512))

@@ -12,7 +12,7 @@ from silo.calls import told_class
 from silo.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign, understood
 from silo.ipc.frames import Frame
-from silo.ipc.keys import Root
+from silo.ipc.keys import ClientId, Root
 from silo.ipc.messages import Columns, OpenView, ViewOpened
 from silo.ipc.published import ViewFrame
 from silo.ipc.sessions import undeclare
@@ -72,12 +72,12 @@ class View:
         """What renews its lease."""
         return self.request
 
-    def attach(self, session: zenoh.Session, root: Root, client_id: str) -> None:
+    def attach(self, session: zenoh.Session, root: Root, client: ClientId) -> None:
         """Subscribes in a session; the one before is closed already."""
-        name = f"{client_id}-{self._place}"
+        name = f"{client.id}-{self._place}"
         subscriber = session.declare_subscriber(root.key("view", name), zenoh.handlers.RingChannel(RING))
         with self._lock:
-            self.request = msgspec.structs.replace(self.request, view=name)
+            self.request = msgspec.structs.replace(self.request, view=name, proof=client.proof)
             self._subscriber = subscriber
             self._number = 0
             self._cut = True

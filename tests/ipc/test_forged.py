@@ -125,7 +125,7 @@ def test_a_token_of_a_client_that_somebody_else_lets_go_of_ends_no_view_of_it(si
             operator.view(["/log/x"], rate_hz=30) as view,
         ):
             token = session.liveliness().declare_token(
-                operator._connection.root.key("client", operator._connection.client_id)
+                operator._connection.root.key("client", operator._connection.mine.id)
             )
             operator.status()
             token.undeclare()

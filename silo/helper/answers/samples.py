@@ -43,9 +43,8 @@ def _open_stream(parts: Parts, request: OpenStream) -> StreamOpened | Refused:
 
 
 @answers_to(CloseStream)
-def _close_stream(parts: Parts, request: CloseStream) -> Done:
-    parts.publisher.streams.close(request.stream)
-    return Done("the stream is closed")
+def _close_stream(parts: Parts, request: CloseStream) -> Done | Refused:
+    return parts.publisher.streams.close_for(request.stream, request.proof)
 
 
 @answers_to(OpenPin)

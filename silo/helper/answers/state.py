@@ -3,6 +3,7 @@
 from silo.helper.answers.table import Parts, answers_to, relayed
 from silo.helper.events import plain
 from silo.ipc.clocks import clock_s
+from silo.ipc.keys import may_use
 from silo.ipc.messages import (
     Done,
     GetStatus,
@@ -23,7 +24,7 @@ from silo.version import VERSION
 
 @answers_to(Hello)
 def _hello(parts: Parts, request: Hello) -> HelloReply:
-    if request.id:
+    if request.id and may_use(request.id, request.proof):
         parts.publisher.name_client(plain(request.id), plain(request.client))
     # a client that gets this from the key `do` too may edit
     status, closed = parts.mirror.status(), parts.operators.closed()

@@ -10,9 +10,8 @@ def _open_view(parts: Parts, request: OpenView) -> ViewOpened | Refused:
 
 
 @answers_to(CloseView)
-def _close_view(parts: Parts, request: CloseView) -> Done:
-    parts.publisher.views.close(request.view)
-    return Done("the view is closed")
+def _close_view(parts: Parts, request: CloseView) -> Done | Refused:
+    return parts.publisher.views.close_for(request.view, request.proof)
 
 
 @answers_to(GetSurvey)

@@ -73,9 +73,9 @@ class Leases:
     def _closing(self, leased: "View | Stream | Pin") -> Request[Done]:
         renewal = leased.renewal
         if isinstance(renewal, OpenView):
-            return CloseView(view=renewal.view, client=self._name)
+            return CloseView(view=renewal.view, proof=renewal.proof, client=self._name)
         if isinstance(renewal, OpenStream):
-            return CloseStream(stream=renewal.stream, client=self._name)
+            return CloseStream(stream=renewal.stream, proof=renewal.proof, client=self._name)
         return ClosePin(pin=renewal.pin, client=self._name)
 
     def renew_soon(self, view: Leased) -> None:

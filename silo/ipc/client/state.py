@@ -40,7 +40,8 @@ class StateCalls(Calls):
     def _why_no_changes(self) -> str:
         if self.read_only:
             return READ_ONLY
-        question = Hello(version=VERSION, client=self._name, id=self._connection.client_id)
+        mine = self._connection.mine
+        question = Hello(version=VERSION, client=self._name, id=mine.id, proof=mine.proof)
         try:
             reply = self._connection.exchange(question, self._timeout_s, as_change=True)
         except NoAnswerError:

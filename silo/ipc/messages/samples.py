@@ -117,19 +117,21 @@ class OpenStream(Ask[StreamOpened], frozen=True):
 
     Frames come each `period_s` on `.../stream/<id>`. Leased as a view is. Frames that the client does not take in time
     are dropped: its rows are numbered, so that it sees the gap. A name that the table lost meanwhile is left out and
-    told (`again`: this client had the stream open before, maybe with another helper process).
+    told (`again`: this client had the stream open before, maybe with another helper process). `proof` as of a view.
     """
 
     stream: str
     names: list[str]
     period_s: float = 0.05
     again: bool = False
+    proof: str = ""
 
 
 class CloseStream(Ask[Done], frozen=True):
     """Send no more frames of this stream."""
 
     stream: str
+    proof: str = ""
 
 
 class OpenPin(SlowAsk[PinOpened], frozen=True):

@@ -41,7 +41,8 @@ class OpenView(Ask[ViewOpened], frozen=True):
 
     `values` are element names of which the newest value of every entry is wanted, `plots` entry names of which minimum
     and maximum per column of `column_ns` are wanted. A view ends when it isn't opened again within its lease (6 s; the
-    same request renews it) or when its client's liveliness token disappears.
+    same request renews it) or when its client's liveliness token disappears. `proof` shows that the id is this
+    client's (see the keys): others are refused.
     """
 
     view: str
@@ -49,12 +50,14 @@ class OpenView(Ask[ViewOpened], frozen=True):
     plots: list[str] = []
     rate_hz: float = 5.0
     column_ns: int = 100_000_000
+    proof: str = ""
 
 
 class CloseView(Ask[Done], frozen=True):
     """Send no more frames of this view."""
 
     view: str
+    proof: str = ""
 
 
 class GetSurvey(SlowAsk[Survey], frozen=True):

@@ -1,0 +1,51 @@
+"""The id of a client is seen by all: what is called after it is its own all the same."""
+
+import pytest
+
+import silo
+from silo.errors import RefusedError
+from silo.ipc.keys import ClientId, may_use
+from silo.ipc.messages import CloseStream, CloseView, Hello, OpenStream, OpenView
+from tests.waiting import wait_until
+
+
+def test_an_id_is_used_by_who_shows_what_it_was_made_of() -> None:
+    anna, bob = ClientId.drawn(), ClientId.drawn()
+    assert may_use(anna.id, anna.proof)
+    assert not may_use(anna.id, bob.proof)
+    assert not may_use(anna.id, "")
+    assert not may_use(anna.id, "\udcff")
+
+
+@pytest.mark.parametrize("other", ["x1", "3fa977b2e0aa11ff", "zoe"])
+def test_an_id_that_an_older_client_made_proves_nothing(other) -> None:
+    assert may_use(other, "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["view", "stream"])
+def test_nobody_else_replaces_or_closes_a_view_or_a_stream(bench, client, kind) -> None:
+    bench.logger.start()
+    bench.ticks(5)
+    with silo.connect("bot") as other:
+        mine = client.view(["/log/x"], rate_hz=30) if kind == "view" else client.stream(["/log/x"])
+        name = mine.renewal.view if kind == "view" else mine.renewal.stream
+        forged = [OpenView(view=name), CloseView(view=name), CloseView(view=name, proof=other._connection.mine.proof)]
+        if kind == "stream":
+            forged = [OpenStream(stream=name, names=["/log/x"]), CloseStream(stream=name)]
+        for request in forged:
+            with pytest.raises(RefusedError, match="is another client's; nothing was changed"):
+                other._call(request)
+        bench.ticks(5)
+        wait_until(mine.frame if kind == "view" else lambda: mine.read(0.1))
+        mine.close()
+
+
+@pytest.mark.slow
+def test_nobody_else_says_who_a_client_is(bench, client) -> None:
+    mine = client._connection.mine
+    before = wait_until(lambda: client.status().clients)
+    with silo.connect("bot") as other:
+        other._call(Hello(id=mine.id, client="mallory@nowhere silo 1"))
+        assert "mallory@nowhere silo 1" not in [one.who for one in client.status().clients]
+    assert before[0] in client.status().clients
