@@ -11,7 +11,7 @@ Facts that decide its form, beside those in `silo.collecting.pieces`:
 import functools
 import marshal
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import CodeType
 from typing import Any
@@ -35,16 +35,15 @@ from silo.model import BufferType
 
 INLINE_DIVIDERS = 4  # with more distinct ones, rows wait in a table for the tick at which they are due
 
-# the store is the check of what the clock returned; a block that nothing fails in costs nothing
+# the store is the check of what the clock returned; a block that nothing fails in costs nothing. Beside its `try`: on a
+# line of its own that is a step of the interpreter, and one of no block
 CLOCK = """\
-try:
-    t = clock()
+try: t = clock()
 except StateError:
     raise
 except Exception as error:
     raise clock_failed(NOTHING, error) from error
-try:
-    stamp[1] = t
+try: stamp[1] = t
 except Exception as error:
     raise clock_failed(t, error) from error""".splitlines()
 
@@ -168,25 +167,28 @@ class _Writer:
 
     def source(self) -> str:
         """The text of `make()`, which returns `collect`."""
+        guard = guard_lines(serialized=self._serialized)
+        self._names.objects |= guard.objects
+        self._end = guard.end
         body = self._groups()
         body += [*self._ring(self._plan.rings[TIME_RING], "n"), "tick = n"]
         if self._plan.time.buffer_type is BufferType.FIXED:
             body += [f"if n >= {self._plan.time.size}:", "    on_stop(FULL)"]
-        guard = guard_lines(serialized=self._serialized)
-        self._names.objects |= guard.objects
         changed = ", ".join(self._changed + guard.changed)
         stamp = ["stamp[0] = tick"] if self._stamp_gathered else []
         lines = ["def make():", "    tick = 0", *_indent([*self._state, *guard.state, *self._functions], 1)]
         lines += ["    def collect():", f"        nonlocal {changed}", *_indent(guard.enter, 2)]
-        lines += ["        try:", "            n = tick + 1", *_indent([*CLOCK, *stamp, *body], 3)]
-        # Ctrl-C may come within a tick: all of it is logged, or nothing. A second one comes at a call, so none is here
+        # Ctrl-C may come within a tick: all of it is logged, or nothing. Between any two steps: so `n` is there before
+        # the `try`, the first and the last step are within it, and what follows the last one changes nothing
         lines += [
-            "        except BaseException:",
-            "            if tick != n:",
-            *_indent(self._undo, 4),
-            "            raise",
+            "        n = tick + 1",
+            "        try:",
+            *_indent([*guard.begin, *CLOCK, *stamp, *body, *guard.end], 3),
         ]
-        lines += ["        finally:", f"            {guard.leave}"]
+        undo = ["if tick != n:", *_indent(self._undo, 1)]
+        if guard.leave:
+            undo = ["try:", *_indent(undo, 1), "finally:", *_indent(guard.leave, 1)]
+        lines += ["        except BaseException:", *_indent([*undo, "raise"], 3), *_indent(guard.after, 2)]
         lines += ["    def retire():", "        nonlocal busy, retired", "        busy = retired = True"]
         lines += ["    return collect, retire"]
         return "\n".join(lines)
@@ -247,16 +249,17 @@ class _Writer:
             return
         packed = [slot for slot in slots if slot.pack_format is not None]
         failed = self._names.give("slow", functools.partial(self._slow.read, slots))
-        yield "try:"
         called = self._shared_calls(slots)
-        yield from (f"    {local} = {self._names.give('o', root)}()" for local, root in called.values())
+        reads = [f"{local} = {self._names.give('o', root)}()" for local, root in called.values()]
         if packed:
             pack = self._names.give("pack", packer(packed).pack_into)
             values = ", ".join(self._expression(slot, called) for slot in packed)
-            yield f"    {pack}(scratch, {packed[0].offset}, {values})"
-        for slot in slots:
-            if slot.pack_format is None:
-                yield from _indent(self._copy(slot, called), 1)
+            reads.append(f"{pack}(scratch, {packed[0].offset}, {values})")
+        copies = [line for slot in slots if slot.pack_format is None for line in self._copy(slot, called)]
+        if copies:
+            yield from ["try:", *_indent([*reads, *copies], 1)]
+        else:
+            yield f"try: {'; '.join(reads)}"
         yield "except Exception:"
         yield f"    {failed}(tick)"
 
@@ -271,7 +274,7 @@ class _Writer:
             return [alone]
         store = f"copyto({self._names.give('v', slot.view)}, {self._expression(slot, called)}"
         if kind in "iub" or (kind in "fc" and size_bytes < 8):
-            return ["try:", f"    {store}, 'safe')", "except TypeError:", f"    {alone}"]
+            return [f"try: {store}, 'safe')", "except TypeError:", f"    {alone}"]
         return [f"{store})"]
 
     @staticmethod
@@ -312,7 +315,8 @@ class _Writer:
         begin = schema.offset // 8
         end = begin + schema.capacity * schema.row_words
         self._state.append(f"{offset} = {begin}")
-        store = [*self._store(ring, schema, count, offset, "w"), f"{offset} += {schema.row_words}"]
+        wrap = [f"if {offset} == {end}: {offset} = {begin}"] if schema.buffer_type is BufferType.LOOPING else []
+        store = self._store(ring, schema, count, offset, "w", [f"{offset} += {schema.row_words}", *wrap])
         head = f"w[{self._segment.ring_control(schema.ring) + RingControl.HEAD}]"
         before = f"-(-tick // {schema.divider})"
         if schema.buffer_type is BufferType.LOOPING:
@@ -325,9 +329,7 @@ class _Writer:
                 f"{head} = min({before}, {schema.capacity})",
                 f"{offset} = {begin} + {head} * {schema.row_words}",
             ]
-        if schema.buffer_type is BufferType.LOOPING:
-            return [*store, f"if {offset} == {end}: {offset} = {begin}"]
-        return [f"if {offset} != {end}:", *_indent(store, 1)]
+        return store if wrap else [f"if {offset} != {end}:", *_indent(store, 1)]
 
     def _growing_ring(self, ring: RingPlan, schema: RingSchema, count: str, offset: str) -> list[str]:
         number = schema.ring
@@ -343,8 +345,8 @@ class _Writer:
         ]
         gone = [f"w[{lost}] += 1"]
         if number == TIME_RING:
-            gone += ["on_stop(growth_ended())", "return"]
-        store = [*self._store(ring, schema, count, offset, memory), f"{offset} += {schema.row_words}"]
+            gone += ["on_stop(growth_ended())", *self._end, "return"]
+        store = self._store(ring, schema, count, offset, memory, [f"{offset} += {schema.row_words}"])
         return [
             f"if {offset} == {end}: {memory}, {offset}, {end} = {more}(({count} - 1) // {schema.capacity})",
             f"if {end} > 0:",
@@ -386,7 +388,14 @@ class _Writer:
             f"    w[{lost}] += 1",
         ]
 
-    def _store(self, ring: RingPlan, schema: RingSchema, count: str, offset: str, memory: str) -> list[str]:
+    def _store(
+        self, ring: RingPlan, schema: RingSchema, count: str, offset: str, memory: str, advance: Sequence[str] = ()
+    ) -> list[str]:
+        """The steps that store a row, and `advance` its place.
+
+        The head is the last: Python 3.10 takes Ctrl-C at jumps, and one behind the time ring's head would take a tick
+        back that readers have seen.
+        """
         control = self._segment.ring_control(schema.ring)
         live = schema.ring == TIME_RING and not ORDERED_STORES
         lines = [f"w[{control + RingControl.LIVE}] = {count} - 1"] if live else []
@@ -401,8 +410,7 @@ class _Writer:
                 lines += [f"{memory}[{offset}] = tick", f"{memory}[{offset} + 1] = t"]
                 continue
             lines.append(f"{memory}[{begin}:{offset} + {piece.end}] = {value}")
-        lines.append(f"w[{control + RingControl.HEAD}] = {count}")
-        return lines
+        return [*lines, *advance, f"w[{control + RingControl.HEAD}] = {count}"]
 
 
 def _indent(lines: list[str], levels: int) -> list[str]:

@@ -13,10 +13,16 @@ _ENDED = ["if retired:", "    forget(globals())", "    return after_end()"]
 
 @dataclass(frozen=True)
 class Guard:
-    """`enter` opens a tick, `leave` ends it; `state` opens `make`, `changed` are its names that ticks change."""
+    """`enter` opens a tick, `begin` and `end` are its first and last step, `leave` ends it however it went.
+
+    `state` opens `make`, `changed` are its names that ticks change.
+    """
 
     enter: list[str]
-    leave: str
+    leave: list[str]
+    begin: list[str] = field(default_factory=list)
+    end: list[str] = field(default_factory=list)
+    after: list[str] = field(default_factory=list)
     state: list[str] = field(default_factory=list)
     changed: list[str] = field(default_factory=list)
     objects: dict[str, object] = field(default_factory=dict)
@@ -42,13 +48,15 @@ def guard_lines(*, serialized: bool) -> Guard:
     if getattr(sys, "_is_gil_enabled", lambda: True)():
         condition = f"if busy or {other}:" if other else "if busy:"
         check = [*_ENDED, "if busy: overlap()", *claim]
-        return Guard(
-            [condition, *(f"    {line}" for line in check), "busy = True"], "busy = retired", state, changed, objects
-        )
+        enter = [condition, *(f"    {line}" for line in check)]
+        idle = ["busy = retired"]
+        return Guard(enter, idle, begin=["busy = True"], end=idle, state=state, changed=changed, objects=objects)
     lock = threading.Lock()
     objects |= {"acquire": lock.acquire, "release": lock.release}
     check = [f"if {other}: {claim[0]}"] if claim else []
-    return Guard([*_ENDED, *check, "if not acquire(False): overlap()"], "release()", state, changed, objects)
+    enter = [*_ENDED, *check, "if not acquire(False): overlap()"]
+    # a lock is released once, and a step is done whole or not at all only if it calls nothing
+    return Guard(enter, [], after=["finally:", "    release()"], state=state, changed=changed, objects=objects)
 
 
 def _overlap() -> None:
@@ -83,10 +91,10 @@ class _Owner:
             )
         # what Python knows of a thread that C code began ends with each call from there, not with the thread
         if self._disown is None and not isinstance(thread, threading._DummyThread):
-            self._disown = weakref.ref(disown)
             if not hasattr(_present, "end"):
                 _present.end = _ThreadEnd()
             _present.end.owners.add(self)
+            self._disown = weakref.ref(disown)  # last: a claim that was interrupted is made once more
         return owner[0]
 
     def thread_ended(self) -> None:

@@ -16,6 +16,7 @@ class Interrupts:
         self._watched = watched
         self._seen: dict[Place, None] = {}
         self._at: Place | None = None
+        self._number = -1
 
     def places(self, action: Callable[[], object]) -> list[Place]:
         """Every instruction that an action comes to, in their order."""
@@ -32,6 +33,17 @@ class Interrupts:
                 action()
         except KeyboardInterrupt:
             return True
+        return False
+
+    def interrupt_at(self, number: int, action: Callable[[], object]) -> bool:
+        """The same at the so-and-so-manieth new instruction: of code that is another one each time."""
+        self._number = number
+        try:
+            self.places(action)
+        except KeyboardInterrupt:
+            return True
+        finally:
+            self._number = -1
         return False
 
     @contextlib.contextmanager
@@ -54,6 +66,9 @@ class Interrupts:
             place = frame.f_code, frame.f_lasti
             if self._at is None:
                 self._seen.setdefault(place)
+                if len(self._seen) == self._number + 1:
+                    sys.settrace(None)
+                    raise KeyboardInterrupt
             elif place == self._at:
                 sys.settrace(None)
                 raise KeyboardInterrupt

@@ -3,10 +3,12 @@
 import gc
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import silo
 from tests.stand_ins.interrupting import Interrupts
+from tests.stand_ins.ticking import Robot
 
 OWNERS = {
     "collecting/segment.py": {"make", "_fill", "_append_rows", "_append", "_allocate", "unlink", "open_read_only"},
@@ -83,3 +85,64 @@ def test_an_interrupt_anywhere_leaves_no_file_and_no_descriptor_after_close(tmp_
                 path.unlink()
     assert len(places) > 100
     assert kept == []
+
+
+# ------------------------------------------------------------------------------------------------------------- ticks
+
+
+@pytest.mark.parametrize("threads", ["single", "serialized"])
+@pytest.mark.parametrize("kind", ["looping", "fixed", "growing"])
+@pytest.mark.parametrize("dividers", [(1, 2, 3), (1, 2, 3, 4, 5, 6, 7)])
+def test_an_interrupt_anywhere_in_a_tick_is_one_and_the_next_tick_goes_on(
+    tmp_path, monkeypatch, dividers, kind, threads
+):
+    monkeypatch.setattr("silo.collecting.segment.CHUNK_BYTES", 8192)  # growing: some rows per chunk
+    logger = silo.Logger("test", threads=threads, folder=tmp_path, script=tmp_path / "none.yaml", max_time=0)
+    robot = Robot(tick=0)
+    x = logger.array("x", 98, np.int64, buffer_type=kind, buffer_size=500)
+    for divider in dividers:
+        logger.add(robot, f"y{divider}", attr="tick", divider=divider, buffer_type=kind, buffer_size=500)
+    logger.add(np.zeros(1), "looping", buffer_size=20)
+    logger.start()
+    interrupts = Interrupts(lambda code: code.co_filename == "<silo collect>" or code.co_name in ("claim", "more"))
+
+    def tick():
+        x[:] = robot.tick = logger.ticks
+        logger.collect()
+
+    tick()  # what the first one alone does is another test's
+    places = interrupts.places(lambda: [tick() for _ in range(9)])
+    assert len(places) > 100
+    seen = 0
+    for place in places:
+        for _ in range(9):
+            seen += interrupts.interrupt(place, tick)
+            tick()
+    assert seen > len(places)
+    recording = logger.snapshot()
+    for element in recording.elements[:-1]:
+        gone = recording.offset - len(recording.time_ns)
+        assert element.entries[0].values.tolist() == (element.stamp_indices + gone).tolist()
+    logger.close(discard=True)
+
+
+def test_an_interrupt_anywhere_in_the_first_tick_leaves_the_run_to_its_thread(tmp_path):
+    interrupts = Interrupts(lambda code: code.co_filename == "<silo collect>" or code.co_name == "claim")
+
+    def started():
+        logger = silo.Logger("test", folder=tmp_path, script=tmp_path / "none.yaml")
+        logger.array("x")
+        logger.start()
+        return logger
+
+    with started() as first:
+        count = len(interrupts.places(first.collect))
+        first.close(discard=True)
+    assert count > 50
+    for number in range(count):
+        logger = started()
+        assert interrupts.interrupt_at(number, logger.collect)
+        before = logger.ticks
+        logger.collect()
+        assert logger.ticks == before + 1
+        logger.close(discard=True)
