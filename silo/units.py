@@ -54,6 +54,10 @@ _WITH_PREFIX = {
     "F": (1.0, "A^2*s^4/(kg*m^2)"),
     "H": (1.0, "kg*m^2/(A^2*s^2)"),
     "T": (1.0, "kg/(A*s^2)"),
+    "Wb": (1.0, "kg*m^2/(A*s^2)"),
+    "Nms": (1.0, "kg*m^2/s"),
+    "lm": (1.0, "cd"),
+    "lx": (1.0, "cd/m^2"),
     "l": (1e-3, "m^3"),
     "L": (1e-3, "m^3"),
 }
@@ -65,12 +69,31 @@ _KNOWN = {
     "rpm": (math.pi / 30, "1/s"),
     "min": (60.0, "s"),
     "h": (3600.0, "s"),
+    "day": (86400.0, "s"),
+    "days": (86400.0, "s"),
+    "kph": (1 / 3.6, "m/s"),
+    "mph": (0.44704, "m/s"),
+    "kn": (1852 / 3600, "m/s"),
+    "in": (0.0254, "m"),
+    "inch": (0.0254, "m"),
+    "ft": (0.3048, "m"),
+    "yd": (0.9144, "m"),
+    "mi": (1609.344, "m"),
+    "oz": (0.028349523125, "kg"),
+    "lb": (0.45359237, "kg"),
+    "lbf": (4.4482216152605, "kg*m/s^2"),
+    "psi": (6894.757293168361, "kg/(m*s^2)"),
+    "mmHg": (133.322387415, "kg/(m*s^2)"),
+    "lux": (1.0, "cd/m^2"),
+    "gauss": (1e-4, "kg/(A*s^2)"),
+    "Gs": (1e-4, "kg/(A*s^2)"),
 }
 # words without a factor to others, that are no mistakes
 _COUNTED_WORDS = """
     count counts tick ticks step steps sample samples frame frames cycle cycles pulse pulses rev turn turns digit LSB
-    bit bits byte bytes B kB MB GB px pixel pixels % ‰ ppm dB dBm degC °C degF °F lx lm day days var VA Wb G Gs mmHg
-    in inch ft yd mi mph kn lb lbf psi oz
+    bit bits byte bytes B kB MB GB px pixel pixels % ‰ ppm dB dBm degC °C degF °F var VA G
+    bool boolean enum flag flags bitmask mask state mode id index normalized normalised norm ratio fraction gain raw
+    unitless dimensionless none number code level score probability confidence
 """
 _COUNTED = frozenset(_COUNTED_WORDS.split())
 # what people write, by what it is called here

@@ -9,6 +9,7 @@ Nothing but the header is read before a signal is asked for; of JSON in bags all
 import numbers
 import os
 import warnings
+from collections.abc import Callable
 from typing import Literal
 
 from silo.analysis.log import Log
@@ -42,7 +43,8 @@ def open_log(
 
     Args:
         which: a path, the start of a file name (the newest such is meant), or a run number. A folder or a glob
-            (`logs/*.silo`) means the newest log there, which may be what a trigger captured; `open_logs` opens all.
+            (`logs/*.silo`) means the newest run there; what a trigger captured has its own name, and where one is
+            newer, a `LogWarning` says what was taken. `open_logs` opens all.
         folder: where names and run numbers are looked for.
         stamps: of bags of others, `"log"`: when a message was recorded, which rises and is of one clock; or `"header"`:
             the stamp in its header, when it was measured, where it has one. Logs of silo have those of their ticks.
@@ -64,7 +66,9 @@ def open_log(
                 "silo.open_log('logs/robot_2026')"
             )
         which = whole("a run number", which, 0, MOST_RUNS)
-    path = find_log(which if isinstance(which, int) else file_path("which log", which), file_path("folder", folder))
+    path = find_log(
+        which if isinstance(which, int) else file_path("which log", which), file_path("folder", folder), _told_by(4)
+    )
     recording = read_recording(path)
     if stamps == "header" and has_own_stamps(recording):
         from silo.files.others.recording import stamped_by_header
@@ -80,7 +84,8 @@ def open_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".
     """Open several logs. Of one save in several formats the one that keeps most is taken.
 
     Args:
-        which: a folder, a glob (`logs/run_*.silo`), or the start of a file name.
+        which: a folder, a glob (`logs/run_*.silo`), or the start of a file name. What triggers captured is only among
+            them where nothing else is meant (`logs/*_overcurrent_*`); else a `LogWarning` says how many were left out.
         folder: where names are looked for.
 
     Returns:
@@ -89,5 +94,10 @@ def open_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".
     Raises:
         LogNotFoundError: there is none.
     """
-    paths = find_logs(file_path("which logs", which), file_path("folder", folder))
+    paths = find_logs(file_path("which logs", which), file_path("folder", folder), _told_by(4), captures=False)
     return [open_log(path) for path in paths]
+
+
+def _told_by(level: int) -> Callable[[str], None]:
+    """What makes a text a warning of the line that called."""
+    return lambda text: warnings.warn(text, LogWarning, stacklevel=level)

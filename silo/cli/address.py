@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from silo.cli.common import complete_words, connect, discovered, json_option, show_json, split_logger
+from silo.cli.common import TypedPath, complete_words, connect, discovered, json_option, show_json, split_logger
 from silo.errors import SaveError
 from silo.runtime import write_private
 
@@ -19,7 +19,7 @@ LEFT_OUT = "..."
 @click.option("--zenoh", is_flag=True, help="Only the configuration for Zenoh, without a password.")
 @click.option(
     "--to",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=TypedPath(dir_okay=False, path_type=Path),
     metavar="FILE",
     help="Write the configuration for Zenoh, whole, to a file that only you may read.",
 )

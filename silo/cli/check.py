@@ -7,7 +7,7 @@ import click
 import msgspec
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FAILED, EXIT_USAGE
-from silo.cli.common import show_rows
+from silo.cli.common import LogWord, show_rows
 from silo.errors import SiloError
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ EXIT_VIOLATED = EXIT_FAILED
 
 
 @click.command("check")
-@click.argument("file")
+@click.argument("file", type=LogWord())
 @click.option("-l", "--limit", "limits", multiple=True, metavar="NAME=LIMITS",
               help="red_low,yellow_low,yellow_high,red_high of a signal; - for one that there isn't.")  # fmt: skip
 @click.option("--when", default="", metavar="EXPRESSION", help="Judge the limits given here only where this holds.")

@@ -1,5 +1,6 @@
 """What the commands share: which logger is meant, completion of names, tables of plain text."""
 
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -7,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
+from click.types import StringParamType
 
 from silo.display import printable
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
@@ -25,6 +27,26 @@ READ_ONLY = "silo read-only"  # in the meta of the root's context
 
 _Made = TypeVar("_Made")
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
+
+
+class TypedPath(click.Path):
+    """A path as it is typed: where the shell left a quoted `~` as it is, it is the home."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path, that of the home in place of `~`."""
+        return super().convert(_at_home(value), param, ctx)
+
+
+class LogWord(StringParamType):
+    """A logger, or a file, whose `~` is the home."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the word, the path of the home in place of `~`."""
+        return super().convert(_at_home(value), param, ctx)
+
+
+def _at_home(value: Any) -> Any:
+    return os.path.expanduser(value) if isinstance(value, str) else value  # noqa: PTH111  # raises for no `~name`
 
 
 def configuration() -> str:

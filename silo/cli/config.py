@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.common import json_option, show_json
+from silo.cli.common import TypedPath, json_option, show_json
 from silo.errors import SiloError
 
 # a link to `config/` in the source tree, a folder in an installed package
@@ -70,7 +70,7 @@ def ls(as_json: bool) -> None:
 
 @config.command("cp")
 @click.argument("name", shell_complete=_complete)
-@click.argument("to", type=click.Path(path_type=Path), default=Path())
+@click.argument("to", type=TypedPath(path_type=Path), default=Path())
 def cp(name: str, to: Path) -> None:
     """Copy the example NAME to a folder or file TO (here, where it is left out). Never overwrites.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from silo.cli.common import complete_logger, connect, find_logger, json_option
+from silo.cli.common import LogWord, complete_logger, connect, find_logger, json_option
 from silo.errors import LogNotFoundError, SiloError
 from silo.files.formats import means_log
 from silo.model import LoggedEvent
@@ -40,7 +40,7 @@ def mark(words: tuple[str, ...], tick: int | None) -> None:
 
 
 @click.command()
-@click.argument("which", required=False, metavar="[LOGGER|FOLDER|FILE]", shell_complete=complete_logger)
+@click.argument("which", required=False, type=LogWord(), metavar="[LOGGER|FOLDER|FILE]", shell_complete=complete_logger)
 @click.option("-f", "--follow", is_flag=True, help="Go on with what comes, until Ctrl-C.")
 @json_option
 def events(which: str | None, follow: bool, as_json: bool) -> None:

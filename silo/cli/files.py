@@ -19,6 +19,7 @@ import msgspec
 from click.shell_completion import CompletionItem
 
 from silo.cli.codes import EXIT_DIFFERENT
+from silo.cli.common import LogWord, TypedPath
 from silo.errors import SiloError
 from silo.files.formats import readable, writable
 
@@ -86,8 +87,8 @@ _CONVERT_HELP = f"""Convert a log to another format, chosen by the ending of OUT
 
 
 @click.command("convert", help=_CONVERT_HELP)
-@click.argument("source", metavar="IN", shell_complete=_complete_file)
-@click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
+@click.argument("source", type=LogWord(), metavar="IN", shell_complete=_complete_file)
+@click.argument("target", metavar="OUT", type=TypedPath(path_type=Path))
 @click.option("-f", "--force", is_flag=True, help="Replace OUT if it exists.")
 @click.option("--rate", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="All signals at this rate.")
 @_clean_errors
@@ -103,7 +104,7 @@ def convert_command(source: str, target: Path, force: bool, rate: float | None) 
 
 
 @click.command("stats")
-@click.argument("file", shell_complete=_complete_file)
+@click.argument("file", type=LogWord(), shell_complete=_complete_file)
 @click.argument("patterns", metavar="[PATTERN]...", nargs=-1, shell_complete=_complete_signal)
 @click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log.")
 @click.option("--to", "stop", type=float, help="End of the window, s.")
@@ -129,8 +130,8 @@ def stats_command(file: str, patterns: tuple[str, ...], start: float | None, sto
 
 
 @click.command("diff")
-@click.argument("first", metavar="A", shell_complete=_complete_file)
-@click.argument("second", metavar="B", shell_complete=_complete_file)
+@click.argument("first", type=LogWord(), metavar="A", shell_complete=_complete_file)
+@click.argument("second", type=LogWord(), metavar="B", shell_complete=_complete_file)
 @click.option("--tolerance", type=float, default=0.0, help="Numbers may differ by this much.")
 @click.option(
     "--by",
@@ -172,7 +173,7 @@ def diff_command(first: str, second: str, tolerance: float, by: Literal["start",
 
 
 @click.command("plot")
-@click.argument("file", shell_complete=_complete_file)
+@click.argument("file", type=LogWord(), shell_complete=_complete_file)
 @click.argument("patterns", metavar="PATTERN...", nargs=-1, required=True, shell_complete=_complete_signal)
 @click.option("-r", "--right", multiple=True, metavar="PATTERN", help="Draw this on the right axis (may be repeated).")
 @click.option("-x", "--x", "x_pattern", metavar="PATTERN", help="Draw over this signal instead of time (x-y plot).")
@@ -180,7 +181,7 @@ def diff_command(first: str, second: str, tolerance: float, by: Literal["start",
 @click.option("-s", "--spectrum", is_flag=True, help="Draw the amplitude over the frequency.")
 @click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log.")
 @click.option("--to", "stop", type=float, help="End of the window, s.")
-@click.option("--png", type=click.Path(path_type=Path, dir_okay=False), help="Write a picture instead (matplotlib).")
+@click.option("--png", type=TypedPath(path_type=Path, dir_okay=False), help="Write a picture instead (matplotlib).")
 @click.option("--width", type=click.IntRange(30, 1000), help="Columns; that of the terminal if not given.")
 @click.option("--height", type=click.IntRange(8, 1000), help="Rows; those of the terminal if not given.")
 @_clean_errors
@@ -243,7 +244,7 @@ def _at_rate(recording: "Recording", rate: float) -> "Recording":
 def _find(which: str) -> Path:
     from silo.files.naming import find_log
 
-    return find_log(which)
+    return find_log(which, tell=lambda text: click.echo(text, err=True))
 
 
 def _read(path: Path) -> "Recording":

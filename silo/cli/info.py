@@ -9,6 +9,7 @@ import click
 
 from silo.amounts import duration
 from silo.cli.common import (
+    LogWord,
     complete_words,
     configuration,
     connect,
@@ -34,7 +35,7 @@ def _is_log(word: str) -> bool:
 
 
 @click.command()
-@click.argument("words", nargs=-1, metavar="[LOGGER] [PATTERN]...", shell_complete=complete_words)
+@click.argument("words", nargs=-1, type=LogWord(), metavar="[LOGGER] [PATTERN]...", shell_complete=complete_words)
 @click.option("-e", "--elements", "all_elements", is_flag=True, help="List all elements.")
 @json_option
 def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import click
 from click.core import ParameterSource
 
-from silo.cli.common import configuration, file_types
+from silo.cli.common import TypedPath, configuration, file_types
 from silo.files.formats import SAVED_NAMES
 
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
@@ -28,15 +28,15 @@ def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
             "--time-limit", type=click.FloatRange(min=0, min_open=True), help="End by itself after so long, s."
         ),
         click.option(
-            "--folder", type=click.Path(path_type=Path, file_okay=False), default=Path(), help="Where saved files go."
+            "--folder", type=TypedPath(path_type=Path, file_okay=False), default=Path(), help="Where saved files go."
         ),
         click.option(
-            "--script", type=click.Path(path_type=Path, dir_okay=False), help="Script; FOLDER/NAME.yaml if not given."
+            "--script", type=TypedPath(path_type=Path, dir_okay=False), help="Script; FOLDER/NAME.yaml if not given."
         ),
         click.option("--group", help="Let members of this system group in."),
         click.option(
             "--config",
-            type=click.Path(path_type=Path, dir_okay=False),
+            type=TypedPath(path_type=Path, dir_okay=False),
             help="Let other computers in by this Zenoh configuration (`silo remote init` makes one).",
         ),
         click.option("--stopped", is_flag=True, help="Don't start logging; wait for `silo start`."),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.common import complete_logger, connect, json_option, many, show_json, show_rows
+from silo.cli.common import TypedPath, complete_logger, connect, json_option, many, show_json, show_rows
 from silo.errors import RefusedError, SiloError
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def ls(logger: str | None, most: int, as_json: bool) -> None:
 @files.command()
 @click.argument("logger", shell_complete=complete_logger)
 @click.argument("names", metavar="NAME...", nargs=-1, required=True, shell_complete=_complete_name)
-@click.option("-o", "--folder", type=click.Path(path_type=Path), default=Path(), help="Where to; here if not given.")
+@click.option("-o", "--folder", type=TypedPath(path_type=Path), default=Path(), help="Where to; here if not given.")
 @click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
 @click.option(
     "--patience", type=click.FloatRange(0, 1e6), default=30.0, show_default=True, help="s to wait for a link."

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import file_types, json_option, many, show_json, types_option
+from silo.cli.common import TypedPath, file_types, json_option, many, show_json, types_option
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.model import FileType
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("paths", nargs=-1, type=click.Path(path_type=Path), metavar="[FOLDER|SEGMENT]...")
+@click.argument("paths", nargs=-1, type=TypedPath(path_type=Path), metavar="[FOLDER|SEGMENT]...")
 @click.option("-l", "--list", "only_list", is_flag=True, help="Only show what can be recovered.")
-@click.option("--folder", type=click.Path(path_type=Path, file_okay=False), help="Instead of the logger's own folder.")
+@click.option("--folder", type=TypedPath(path_type=Path, file_okay=False), help="Instead of the logger's own folder.")
 @click.option(
     "--look-in",
-    type=click.Path(path_type=Path, file_okay=False, exists=True),
+    type=TypedPath(path_type=Path, file_okay=False, exists=True),
     default=Path(),
     help="A log folder to look in as well; this folder if not given.",
 )

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.common import json_option, show_json, show_rows
+from silo.cli.common import TypedPath, json_option, show_json, show_rows
 from silo.errors import ConnectionLostError, SiloError
 from silo.ipc.remotes import LOCAL, NAME, remote_file, remotes
 from silo.runtime import write_private
@@ -36,9 +36,7 @@ def remote() -> None:
 @click.argument("name")
 @click.argument("endpoint", metavar="ENDPOINT|FILE")
 @click.option("--user", default="", help="User name, where the other side wants one; the password is asked for.")
-@click.option(
-    "--ca", type=click.Path(exists=True, dir_okay=False, path_type=Path), help="Certificate of its authority."
-)
+@click.option("--ca", type=TypedPath(exists=True, dir_okay=False, path_type=Path), help="Certificate of its authority.")
 @click.option("--replace", is_flag=True, help="In place of the remote of that name.")
 def add(name: str, endpoint: str, user: str, ca: Path | None, replace: bool) -> None:
     """Call a robot, or a router with robots behind it, NAME: by its ENDPOINT, or the FILE that was handed out for it.
@@ -141,7 +139,7 @@ def rm(name: str) -> None:
 
 
 @remote.command("init")
-@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.argument("folder", type=TypedPath(path_type=Path, file_okay=False))
 @click.option("--host", "hosts", multiple=True, help="Name or address by which robot or router is reached; several.")
 @click.option(
     "--user", "users", multiple=True, metavar="NAME[:ROLE]", help="viewer (looks) or operator (changes, too)."

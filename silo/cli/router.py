@@ -7,13 +7,15 @@ from pathlib import Path
 
 import click
 
+from silo.cli.common import TypedPath
+
 WATCH_S = 1.0
 
 
 @click.command()
 @click.option(
     "--config",
-    type=click.Path(path_type=Path, dir_okay=False, exists=True),
+    type=TypedPath(path_type=Path, dir_okay=False, exists=True),
     required=True,
     help="What it listens on, who may connect, and who may do what: `silo config cp router.json5`, `silo remote init`.",
 )

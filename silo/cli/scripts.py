@@ -8,6 +8,7 @@ import click
 from silo.cli.bulk import carry_out, everyone_option, many_meant
 from silo.cli.codes import EXIT_DIFFERENT
 from silo.cli.common import (
+    TypedPath,
     complete_logger,
     complete_script,
     connect,
@@ -86,7 +87,7 @@ def show(words: tuple[str, ...]) -> None:
 
 
 @script.command(short_help="Check a script of this computer.")
-@click.argument("path", type=click.Path(path_type=Path))
+@click.argument("path", type=TypedPath(path_type=Path))
 @click.option("-l", "--logger", metavar="LOGGER", shell_complete=complete_logger, help="Check names against its table.")
 def check(path: Path, logger: str | None) -> None:
     """Check a script of this computer; with --logger also whether its elements exist.

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from silo.cli.common import json_option, show_rows
+from silo.cli.common import TypedPath, json_option, show_rows
 
 if TYPE_CHECKING:
     from silo.helper.verifying import RunCovered, Verified
@@ -15,7 +15,7 @@ EXIT_NOT_WHOLE = 1
 
 
 @click.command()
-@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path), default=".")
+@click.argument("folder", type=TypedPath(exists=True, file_okay=False, path_type=Path), default=".")
 @json_option
 def verify(folder: Path, as_json: bool) -> int:
     """Hold the recordings, captures, saved logs and the event log of a log folder against one another.

@@ -40,6 +40,7 @@ from silo.files.bag_index import (
     recorded,
     told_damage,
 )
+from silo.files.formats import refuse_others
 from silo.files.mcap_chunks import INDEX_ENTRY, records, unpack_chunk
 from silo.files.mcap_write import MAGIC
 from silo.files.part_facts import PART_ATTACHMENT, unpack_part
@@ -108,6 +109,7 @@ def _opened_others(path: Path) -> Recording:
 
 def _mapped(path: str | os.PathLike[str]) -> tuple[Path, memoryview]:
     file = _storage_file(Path(path))
+    refuse_others(file)
     try:
         with file.open("rb") as opened:
             if os.fstat(opened.fileno()).st_size == 0:

@@ -221,7 +221,7 @@ def read_recording(path: "str | os.PathLike[str]") -> "Recording":
         if not is_bag_folder(source):
             raise FileFormatError(f"'{source}' is a folder without a bag in it")
         return _clock_told(FOLDER.load_reader()(source))
-    _refuse_others(source)
+    refuse_others(source)
     found = format_of(source) if source.suffix else None
     if source.suffix == SQLITE_ENDING:
         found = FOLDER
@@ -250,7 +250,7 @@ _OTHERS = {
 }
 
 
-def _refuse_others(path: Path) -> None:
+def refuse_others(path: Path) -> None:
     """Raise FileFormatError for what people take for a log, by its first bytes, with the way to one."""
     with contextlib.suppress(OSError), path.open("rb") as file:  # the reader will say why
         start = file.read(32)

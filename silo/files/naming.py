@@ -7,7 +7,7 @@ folder of the logs, under a lock, so that several processes may save at once.
 import glob
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from datetime import datetime
 from pathlib import Path
 
@@ -17,6 +17,9 @@ from silo.files.formats import LOG_ENDINGS, is_bag_folder
 from silo.runtime import FOLDER_GONE, is_folder_gone, open_own
 
 _STEM = re.compile(r"(?P<logger>.+)_(?P<when>\d{8}_\d\d-\d\d-\d\d)_(?P<run>\d{5,})")
+_OF_TRIGGER = re.compile(r"_.+_\d+")  # behind the stem: a capture
+
+Tell = Callable[[str], object]
 
 
 def next_run_number(folder: str | os.PathLike[str], logger: str) -> int:
@@ -83,15 +86,25 @@ def logger_of(stem: str) -> str:
     return match["logger"] if match and stem[match.end() :][:1] in ("", "_") else ""
 
 
-def find_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".") -> Path:
+def is_capture(path: Path) -> bool:
+    """Whether a file is what a trigger captured of a run, by its name."""
+    match = _STEM.match(path.stem)
+    return match is not None and _OF_TRIGGER.fullmatch(path.stem[match.end() :]) is not None
+
+
+def find_log(
+    which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".", tell: Tell = lambda text: None
+) -> Path:
     """The log that is meant by a path, by the start of a file name (the newest), or by a run number.
 
-    A relative path counts from `folder`, too. Of one save in several formats the one that keeps most is taken. Raises
-    `LogNotFoundError` if there is none, or if several loggers have a log of that run number.
+    A relative path counts from `folder`, too. Where there are runs among what is meant, captures aren't: those have
+    names of their own; that newer ones were passed over is told. Of one save in several formats the one that keeps most
+    is taken. Raises `LogNotFoundError` if there is none, or if several loggers have a log of that run number.
     """
-    place = Path(folder)
+    place = Path(os.path.expanduser(folder))  # noqa: PTH111  # pathlib raises for a `~name` that nobody has
     if isinstance(which, int):
         return _by_run(which, place)
+    which = os.path.expanduser(which)  # noqa: PTH111
     if not str(which):
         raise LogNotFoundError("no log: its name is empty; '.' means the newest log of this folder")
     for path in (Path(which), place / which):
@@ -99,22 +112,50 @@ def find_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str]
             return path
     found = _meant(which, place)
     if found:
-        return _by_age(found)[-1]
+        return _newest(found, tell)
     if str(which).isdecimal():
         return _by_run(int(str(which)), place)
     raise LogNotFoundError(f"no log '{which}' in '{_whole(place)}'{_what_is_there(place)}")
 
 
-def find_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".") -> list[Path]:
+def _newest(found: list[Path], tell: Tell) -> Path:
+    """The newest run, or of captures alone the newest of them."""
+    runs = [path for path in found if not is_capture(path)]
+    taken = _by_age(runs or found)[-1]
+    newer = [path for path in found if runs and _age_and_preference(path)[0] >= _age_and_preference(taken)[0]]
+    captures = _by_age([path for path in newer if is_capture(path)])
+    if captures:
+        several = f"{len(captures)} captures are" if len(captures) > 1 else "one capture is"
+        name = captures[-1].name
+        tell(f"'{taken.name}' was taken, the newest run; {several} newer, and meant by name, like '{name}'")
+    return taken
+
+
+def find_logs(
+    which: str | os.PathLike[str],
+    folder: str | os.PathLike[str] = ".",
+    tell: Tell = lambda text: None,
+    *,
+    captures: bool = True,
+) -> list[Path]:
     """All logs of a folder, or that a glob or the start of a file name means, oldest first; of each save one file.
 
-    Raises `LogNotFoundError` if there is none.
+    `captures`: those of triggers too; else only where nothing but captures is meant, and how many were left out is
+    told. Raises `LogNotFoundError` if there is none.
     """
-    place = Path(folder)
+    place = Path(os.path.expanduser(folder))  # noqa: PTH111
+    which = os.path.expanduser(which)  # noqa: PTH111
     exact = [path for path in (Path(which), place / which) if path.exists() and (path.is_file() or is_bag_folder(path))]
     found = exact[:1] or _meant(which, place)
     if not found:
         raise LogNotFoundError(f"no log '{which}' in '{_whole(place)}'{_what_is_there(place)}")
+    runs = [path for path in found if not is_capture(path)]
+    if runs and not captures and len(runs) < len(found):
+        left = len(found) - len(runs)
+        several = f"{left} captures are" if left > 1 else "one capture is"
+        shown = f"{len(runs)} runs are" if len(runs) > 1 else "one run is"
+        tell(f"{shown} taken, {several} left out: those are meant by name, like '*_TRIGGER_*'")
+        found = runs
     best: dict[Path, Path] = {}
     for path in _by_age(found):
         best[path.with_suffix("")] = path
@@ -142,6 +183,7 @@ def _meant(which: str | os.PathLike[str], folder: Path) -> list[Path]:
 
 def _by_run(run: int, folder: Path) -> Path:
     found = [path for path in _logs(folder) if _run_of(path) == run]
+    found = [path for path in found if not is_capture(path)] or found
     loggers = sorted({match["logger"] for path in found if (match := _STEM.match(path.name))})
     if len(loggers) > 1:
         raise LogNotFoundError(

@@ -255,6 +255,31 @@ def test_captures_stand_among_the_logs_by_the_date_and_number_in_their_names(fol
     assert find_log(7, folder) == capture
 
 
+def test_a_folder_means_its_newest_run_and_captures_are_meant_by_name(tmp_path):
+    captures = ["robot_20260309_10-00-05_00009_fall_1", "robot_20260309_10-00-07_00010_fall_2"]
+    names = ["robot_20260309_10-00-00_00008", *captures]
+    for name in names:
+        (tmp_path / f"{name}.silo").write_text("x")
+    told = []
+    for which in (tmp_path, "robot", "robot_*", "*.silo"):
+        assert find_log(which, tmp_path, told.append).stem == names[0]
+    newer = f"2 captures are newer, and meant by name, like '{names[2]}.silo'"
+    assert told == [f"'{names[0]}.silo' was taken, the newest run; {newer}"] * 4
+    assert find_log("*_fall_*", tmp_path, told.append).stem == names[2]
+    assert find_log(names[1], tmp_path, told.append).stem == names[1]
+    assert len(told) == 4
+    assert [path.stem for path in find_logs("robot_20260309", tmp_path, told.append, captures=False)] == names[:1]
+    assert told[4:] == ["one run is taken, 2 captures are left out: those are meant by name, like '*_TRIGGER_*'"]
+    assert [path.stem for path in find_logs("*_fall_*", tmp_path, told.append, captures=False)] == names[1:]
+    assert [path.stem for path in find_logs("robot_20260309", tmp_path)] == names
+
+
+def test_of_a_run_number_the_run_is_meant_not_what_was_captured_of_it(tmp_path):
+    for name in ("robot_20260309_10-00-00_00008", "robot_20260309_10-00-05_00008_fall_1"):
+        (tmp_path / f"{name}.silo").write_text("x")
+    assert find_log(8, tmp_path).stem == "robot_20260309_10-00-00_00008"
+
+
 def test_a_path_is_found_from_anywhere(folder, tmp_path_factory):
     path = folder / "my run.silo"
     assert find_log(path, tmp_path_factory.mktemp("else")) == path

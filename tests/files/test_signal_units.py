@@ -214,6 +214,24 @@ class TestConversion:
     def test_known_words_and_those_in_brackets_are_no_doubt(self, unit):
         assert units.doubt(unit) == ""
 
+    @pytest.mark.parametrize(
+        ("unit", "to", "by"),
+        [
+            ("lux", "lx", 1), ("lx", "lm/m^2", 1), ("gauss", "mT", 0.1), ("Nms", "N*m*s", 1), ("kph", "m/s", 1 / 3.6),
+            ("km/h", "kph", 1), ("Wb", "V*s", 1), ("psi", "kPa", 6.894757293168361), ("ft", "inch", 12),
+            ("day", "h", 24), ("kn", "km/h", 1.852), ("lbf", "N", 4.4482216152605), ("mmHg", "Pa", 133.322387415),
+        ],
+    )  # fmt: skip
+    def test_units_of_other_trades_have_a_meaning(self, unit, to, by):
+        assert units.doubt(unit) == ""
+        assert units.factor(unit, to) == pytest.approx(by)
+
+    @pytest.mark.parametrize("word", ["bool", "enum", "normalized", "ratio", "flags", "state", "unitless", "id", "raw"])
+    def test_words_without_a_dimension_are_no_doubt_and_combine_like_all_others(self, word):
+        assert units.doubt(word) == ""
+        assert units.doubt(f"{word}/s") == ""
+        assert units.factor(word, "m") is None
+
     def test_another_word_is_doubted_with_the_way_to_write_it(self):
         assert units.doubt("parsec/s").endswith("doesn't know 'parsec'; a word of your own is written '[parsec]/s'")
 

@@ -1,5 +1,7 @@
 """What people take for a log of silo, or for a logger: each is told for what it is, with the way on."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -7,6 +9,7 @@ from click.testing import CliRunner
 import silo
 from silo.cli.events import events
 from silo.cli.info import info
+from silo.cli.main import cli
 from silo.errors import FileFormatError, LogNotFoundError
 from silo_tui.cli import _file
 
@@ -78,3 +81,61 @@ def test_a_folder_in_the_home_is_meant_by_its_sign(tmp_path, monkeypatch):
     assert done.path.startswith(str(tmp_path / "logs"))
     assert not (tmp_path / "~").exists()
     assert np.asarray(silo.open_log("home", "~/logs")["x"]).tolist() == [3]
+
+
+POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:" + b"0" * 64 + b"\nsize 12345\n"
+
+
+@pytest.mark.parametrize("names", [["x.db3"], ["x_0.mcap", "metadata.yaml"], ["x.db3", "metadata.yaml"]])
+def test_a_bag_folder_of_pointers_of_git_lfs_says_so(names, tmp_path):
+    for name in names:
+        (tmp_path / name).write_bytes(POINTER)
+    with pytest.raises(FileFormatError, match=r"a pointer of Git LFS.*`git lfs pull`"):
+        silo.open_log(tmp_path)
+
+
+def test_a_description_that_is_a_pointer_of_git_lfs_is_told_and_the_messages_are_read(tmp_path):
+    from mcap.writer import Writer
+
+    for number in range(2):
+        with (tmp_path / f"x_{number}.mcap").open("wb") as file:
+            writer = Writer(file)
+            writer.start()
+            schema = writer.register_schema("J", "jsonschema", b"{}")
+            writer.add_message(writer.register_channel("/j", "json", schema), number, b'{"a": 1}', number)
+            writer.finish()
+    (tmp_path / "metadata.yaml").write_bytes(POINTER)
+    with pytest.warns(silo.LogWarning, match=r"metadata.yaml' is a pointer of Git LFS.*is not known without it"):
+        log = silo.open_log(tmp_path)
+    assert log["j/a"].values.tolist() == [1, 1]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["info", "~/logs/run.silo"],
+        ["events", "~/logs/run.silo"],
+        ["stats", "~/logs/run.silo"],
+        ["check", "~/logs/run.silo", "--never", "x > 5"],
+        ["diff", "~/logs/run.silo", "~/logs/run.silo"],
+        ["plot", "~/logs/run.silo", "x"],
+        ["convert", "~/logs/run.silo", "~/logs/run.csv"],
+        ["verify", "~/logs"],
+    ],
+)
+def test_a_quoted_sign_of_the_home_is_the_home_in_every_command(words, saved, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    Path(saved).rename(tmp_path / "logs" / "run.silo")
+    result = CliRunner().invoke(cli, words)
+    assert result.exit_code == 0, result.output
+    assert not (tmp_path / "~").exists()
+
+
+def test_a_log_in_the_home_is_opened_by_its_sign(saved, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for which in ("~/logs", "~/logs/robot_", "~/logs/*.silo"):
+        assert silo.open_log(which).path == saved
+        assert [log.path for log in silo.open_logs(which)] == [saved]
+    assert silo.open_log(1, folder="~/logs").path == saved
+    with pytest.raises(LogNotFoundError, match="no log '~nobody-of-this-name/x'"):
+        silo.open_log("~nobody-of-this-name/x")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
 from silo.files.bag_index import Told, damage_told
+from silo.files.formats import refuse_others
 from silo.files.others import cdr, json_text
 from silo.files.others.mcap_file import McapFile
 from silo.files.others.message_types import Message, Path, UnknownTypeError, Wanted, message_type, signals_of
@@ -147,7 +148,7 @@ def _files(path: FilePath, told: Told) -> list[_File]:
     about: dict[str, Any] = {}
     paths = [path]
     if path.is_dir():
-        about = _metadata(path)
+        about = _metadata(path, told)
         paths = [path / FilePath(str(name)).name for name in about.get("relative_file_paths") or ()]
         paths = [one for one in paths if one.exists()] or sorted([*path.glob("*.mcap"), *path.glob("*.db3")])
     packed = [one for one in paths if one.suffix == ".zstd"] or sorted(path.glob("*.zstd"))
@@ -170,6 +171,7 @@ def _files(path: FilePath, told: Told) -> list[_File]:
 
 
 def _file(path: FilePath, told: Told) -> McapFile | SqliteFile:
+    refuse_others(path)
     if path.suffix == ".db3":
         return SqliteFile(path)
     try:
@@ -180,9 +182,13 @@ def _file(path: FilePath, told: Told) -> McapFile | SqliteFile:
         raise LogNotFoundError(f"can't open '{path}': {reason(error)}") from error
 
 
-def _metadata(folder: FilePath) -> dict[str, Any]:
+def _metadata(folder: FilePath, told: Told) -> dict[str, Any]:
     try:
+        refuse_others(folder / "metadata.yaml")
         found = yaml.safe_load((folder / "metadata.yaml").read_text("utf-8"))
+    except FileFormatError as error:
+        told.add(f"{error}; which files there are, and whether their messages are compressed, is not known without it")
+        return {}
     except (OSError, ValueError, yaml.YAMLError):
         return {}  # the files say as much
     about = found.get("rosbag2_bagfile_information") if isinstance(found, dict) else None
