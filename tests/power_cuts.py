@@ -19,7 +19,6 @@ from silo.collecting.disk import Disk
 from silo.collecting.journal import Head
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.journal_writer import JournalWriter
-from silo.collecting.left_journals import is_journal
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.files.formats import read_recording
@@ -27,6 +26,7 @@ from silo.helper.recovery import recover
 from silo.logger.logger import Logger
 from silo.model import BufferType
 from silo.recording import Recording
+from silo.recovery.journals import is_journal
 
 SECTOR = 512
 

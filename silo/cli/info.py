@@ -80,7 +80,7 @@ def _telling_what_was_left(logger: str | None) -> Iterator[None]:
 
         if configuration() or not orphaned_segments():
             raise
-        from silo.collecting.left_behind import find_stale
+        from silo.recovery.segments import find_stale
 
         left = [
             f"logger '{one.schema.logger}' died: {one.reason}; it held {one.holdings.text}: `silo recover` saves it"

@@ -202,7 +202,7 @@ def _sweep() -> None:
         sweep(folder)
     sweep_unfinished(runtime_dir())
     if orphaned_segments():
-        from silo.collecting.left_behind import find_stale, sweep_segments  # need NumPy, without which `ls` is quicker
+        from silo.recovery.segments import find_stale, sweep_segments  # need NumPy, without which `ls` is quicker
 
         _sweep_parts(one.schema.folder for one in find_stale() if one.schema)  # of programs that nobody served, too
         sweep_segments()
@@ -240,7 +240,7 @@ def _tell_orphans(answers: "list[Member]") -> None:
 
 
 def _tell_journals(folder: str) -> None:
-    from silo.collecting.left_journals import orphaned_journals, sweep_journals  # needs NumPy, as a rule none is there
+    from silo.recovery.journals import orphaned_journals, sweep_journals  # needs NumPy, as a rule none is there
 
     sweep_journals(folder)
     count = len(orphaned_journals(folder))

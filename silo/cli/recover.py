@@ -11,8 +11,8 @@ from silo.errors import SaveError, SegmentError, SiloError
 from silo.model import FileType
 
 if TYPE_CHECKING:
-    from silo.collecting.left_behind import StaleSegment
     from silo.helper.recorder_process import Kept
+    from silo.recovery.left import LeftRun
 
 
 @click.command()
@@ -65,9 +65,8 @@ def recover(
         shown = _show_set_aside(paths or [look_in, *_known_folders()], as_json)
         _show(stale, as_json, quiet=shown)
     else:
-        judged = _judge_left(paths, single, as_json)
-        completed = _complete(left, as_json) or judged
-        closed = _close_parts(folders, as_json) or completed
+        settled = _settle(left, paths, single, as_json)
+        closed = _close_parts(folders, as_json) or settled
         if not paths:
             closed |= _sweep([look_in, *_known_folders(), *(Path(one.schema.folder) for one in stale if one.schema)])
         elif named := [path for path in paths if path not in single]:
@@ -95,41 +94,37 @@ def _incomplete(paths: Sequence[Path], single: Sequence[Path]) -> "list[Kept]":
     return [one for one in found if not paths or any(Path(one.order.folder).is_relative_to(path) for path in named)]
 
 
-def _complete(left: "list[Kept]", as_json: bool) -> bool:
-    """Complete endless recordings from what is in memory; returns whether there were any."""
-    from silo.runtime import list_held
+def _settle(left: "list[Kept]", paths: Sequence[Path], single: Sequence[Path], as_json: bool) -> bool:
+    """Complete endless recordings from what is in memory, and judge what programs that died held for that.
 
-    if left or list_held():
-        from silo.helper.left_recordings import complete_recordings
-
-        for problem in complete_recordings(lambda text: click.echo(text, err=as_json), lambda one: one in left):
-            click.echo(problem, err=True)
-    return bool(left)
-
-
-def _judge_left(paths: Sequence[Path], single: Sequence[Path], as_json: bool) -> bool:
-    """Judge what programs that died held for that: all, or those whose folders are named.
-
-    Returns whether there was anything to tell.
+    All, or those whose folders are named. Returns whether there was anything to tell.
     """
     from silo.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
 
+    if not left and not any(path.suffix in (HELD_SUFFIX, JUDGE_SUFFIX) for path in runtime_dir().iterdir()):
+        return False
+    from silo.helper.recovery import settle_left
+
     told: list[str] = []
     named = [path.resolve() for path in paths if path not in single]
-    if any(path.suffix in (HELD_SUFFIX, JUDGE_SUFFIX) for path in runtime_dir().iterdir()):
-        from silo.helper.capture_recovery import recover_left
 
-        recover_left(told.append, lambda folder: not paths or Path(folder) in named)
-    for text in told:
+    def tell(_kind: object, text: str, _files: object) -> None:
+        told.append(text)
         click.echo(text, err=as_json)
-    return bool(told)
+
+    def wanted(_logger: str, folder: str) -> bool:
+        return not paths or Path(folder) in named
+
+    for problem in settle_left(tell, wanted, recordings=lambda one: one in left):
+        click.echo(problem, err=True)
+    return bool(left or told)
 
 
-def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[StaleSegment]]":
+def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[LeftRun]]":
     """What is named by itself, and what is found: everywhere, or in the folders that are named."""
     from silo.collecting.journal import JOURNAL_SUFFIX
-    from silo.collecting.left_journals import is_journal
-    from silo.helper.recovery import find_all
+    from silo.recovery.journals import is_journal
+    from silo.recovery.runs import find_all
 
     if not paths:
         return [], find_all([look_in, *_known_folders()])
@@ -160,7 +155,7 @@ def _recording_folders(paths: Sequence[Path], single: Sequence[Path], look_in: P
 def _show_parts(folders: Sequence[Path], as_json: bool) -> None:
     for folder in folders:
         if any(folder.glob("*.mcap.part")):
-            from silo.recorder.closing import left_parts
+            from silo.recovery.parts import left_parts
 
             for path in left_parts(folder):
                 text = f"{path}  {path.stat().st_size / 1e6:.1f} MB of a recording, left open by a kill"
@@ -182,7 +177,7 @@ def _close_parts(folders: Sequence[Path], as_json: bool) -> bool:
     done = False
     for folder in folders:
         if any(folder.glob("*.mcap.part")):
-            from silo.recorder.closing import close_parts
+            from silo.recovery.parts import close_parts
 
             closed, problems = close_parts(folder)
             for part in closed:
@@ -202,10 +197,10 @@ def _known_folders() -> list[Path]:
 
 def _sweep(folders: Sequence[Path]) -> bool:
     """Remove rests that hold no data; returns whether a bag has its name again."""
-    from silo.collecting.left_journals import sweep_journals
     from silo.files.atomic import put_back, sweep_parts
     from silo.ipc.folders import own_folders
     from silo.ipc.session import sweep
+    from silo.recovery.journals import sweep_journals
     from silo.runtime import runtime_dir, sweep_unfinished
 
     for own in own_folders():
@@ -225,7 +220,7 @@ def _sweep(folders: Sequence[Path]) -> bool:
     return named
 
 
-def _show(stale: "Sequence[StaleSegment]", as_json: bool, *, quiet: bool) -> None:
+def _show(stale: "Sequence[LeftRun]", as_json: bool, *, quiet: bool) -> None:
     if as_json:
         show_json([_facts(one) for one in stale])
         return
@@ -247,14 +242,14 @@ def _say_nothing() -> None:
             )
 
 
-def _say(stale: "Sequence[StaleSegment]") -> None:
+def _say(stale: "Sequence[LeftRun]") -> None:
     for one in stale:
         logger = f"logger '{one.schema.logger}': " if one.schema else ""
         held = f"{one.holdings.text}; " if one.holdings else ""
         click.echo(f"{one.path}  {logger}{held}{one.reason}", err=one.holdings is None)
 
 
-def _facts(one: "StaleSegment") -> dict[str, object]:
+def _facts(one: "LeftRun") -> dict[str, object]:
     held = one.holdings
     return {
         "path": str(one.path),
@@ -280,8 +275,8 @@ def _recover(
 
     `named` are those that the user wrote; all others were found, so that one that is gone now was there a moment ago.
     """
-    from silo.collecting.left_behind import SavedMeanwhileError
     from silo.helper.recovery import recover as recover_segment
+    from silo.recovery.left import SavedMeanwhileError
 
     files, failed = [], 0
     if folder is not None:

@@ -7,26 +7,28 @@ helper process of that logger, whoever claims the segment.
 import contextlib
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from silo.collecting.held import held_runs, is_live, program_of
-from silo.collecting.left_behind import claimed
+from silo.collecting.held import held_runs, is_due, is_live, program_of, remove
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import append_events, newest_number, read_events
 from silo.files.manifest import CaptureList
 from silo.helper.capture_files import write_capture
 from silo.helper.judge_memory import lost_news, untold
-from silo.helper.judge_state import JudgeState, Untold, all_states, begun_state, left_states, read_state, state_path
+from silo.helper.judge_state import SUFFIX, JudgeState, Untold, all_states, begun_state, read_state, state_path
 from silo.helper.segment_judge import SegmentJudge
 from silo.ipc.published import EventKind
 from silo.model import Extras, LoggedEvent, SavedFile
+from silo.recovery.segments import claimed
 from silo.runtime import HELD_SUFFIX, list_held, list_segments
 
 WHY = "the program and its helper process died"
 GONE = "program and helper process died before it was written, and its memory is gone"
+
+Tell = Callable[[EventKind, str, list[SavedFile]], object]
 
 log = logging.getLogger("silo")
 
@@ -55,7 +57,7 @@ def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     found = RecoveredCaptures([], [])
     try:
         path = state_path(schema.logger, schema.run)
-        state = read_state(path) if path.exists() else _unseen(reader)
+        state = read_state(path) if path.exists() else unseen(reader)
     except OSError:
         return found  # it can't be read now
     except SegmentError as error:
@@ -77,8 +79,8 @@ def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     return found
 
 
-def _unseen(reader: SegmentReader) -> JudgeState | None:
-    """What is known of a run that no helper process ever saw, and that has something to judge; None for any other.
+def unseen(reader: SegmentReader) -> JudgeState | None:
+    """Return what is known of a run that no helper process ever saw, and has something to judge; None for any other.
 
     One that was seen was judged to its end, where nothing is left of that.
     """
@@ -130,66 +132,42 @@ def _untold_start(reader: SegmentReader) -> list[Untold]:
     return [] if any(event.kind == kind for event in known) else [Untold(kind, "started", 0, reader.stamp_of(0))]
 
 
-def recover_all_captures(logger: str, folder: str, tell: Callable[[EventKind, str, list[SavedFile]], object]) -> None:
-    """Write what judges left of programs of this logger that are gone; told is what was written, and what is lost."""
-    for path, state in _orphans(logger):
-        reader = _segment_of(state.run, folder)
-        if reader is None:
-            for one in lost_news(state, folder, logger, GONE):
-                tell(EventKind(one.kind), one.text, [])
-            _log(folder, logger, state.run, state.untold)
-            path.unlink(missing_ok=True)
-            continue
-        with contextlib.closing(reader), contextlib.suppress(StateError), claimed(reader):  # else another one does it
-            found = recover_captures(reader, folder)
-            if found.texts:
-                tell(EventKind.RECOVERED, f"{WHY}; {'; '.join(found.texts)}", found.files)
+def recover_left(tell: Tell, wanted: Callable[[str, str], bool], home: str = "") -> None:
+    """Judge what programs held before they died; told is what was written, and what is lost.
 
-
-def recover_left(tell: Callable[[str], object], wanted: Callable[[str], bool] = lambda _: True) -> None:
-    """Judge the runs that programs held before they died, of all loggers; told is what became of them.
-
-    Of runs whose memory is gone the event log is told since when nobody looked. `wanted` chooses by the folder of a
-    logger.
+    Of runs whose memory is gone the event log is told since when nobody looked. `wanted` chooses by name and folder of
+    a logger; `home` is the folder of those of which none is known, as an older silo wrote none down.
     """
     for reader in held_runs():
-        with contextlib.closing(reader), contextlib.suppress(StateError):
-            if wanted(reader.schema.folder) and not is_live(program_of(reader.schema)):
+        schema = reader.schema
+        with contextlib.closing(reader), contextlib.suppress(StateError):  # else another process does it
+            if wanted(schema.logger, schema.folder) and not is_live(program_of(schema)):
                 with claimed(reader):
-                    for text in recover_captures(reader, reader.schema.folder).texts:
-                        tell(f"{reader.path}: {text}")
-    with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
-        for path in all_states():
-            with contextlib.suppress(SegmentError, OSError):  # a damaged one goes with its run
-                state = read_state(path)
-                if wanted(state.folder):
-                    _let_go(path, state, tell)
+                    found = recover_captures(reader, schema.folder)
+                    if found.texts:
+                        tell(EventKind.RECOVERED, f"{WHY}; {'; '.join(found.texts)}", found.files)
+                    if found.is_whole and not is_due(schema):
+                        remove(reader.path)
+    for path in all_states():
+        with contextlib.suppress(SegmentError, OSError):  # a damaged one goes with its run
+            state = read_state(path)
+            logger, folder = path.name.removesuffix(f".{state.run}{SUFFIX}"), state.folder or home
+            if folder and wanted(logger, folder) and state.is_orphan:
+                _let_go(path, state, logger, folder, tell)
 
 
-def _let_go(path: Path, state: JudgeState, tell: Callable[[str], object]) -> None:
-    """Forget what is known of a run whose program and memory are gone."""
-    if not state.is_orphan or not state.program.logger:
-        return
-    reader = _segment_of(state.run, state.folder)
+def _let_go(path: Path, state: JudgeState, logger: str, folder: str, tell: Tell) -> None:
+    """Forget what is known of a run whose program and memory are gone; that of a segment goes with the segment."""
+    reader = _segment_of(state.run, folder)
     if reader is not None:
         reader.close()
         return
-    logger = state.program.logger
-    news = [*state.untold, *lost_news(state, state.folder, logger, GONE)]
-    if Path(state.folder).is_dir():
-        _log(state.folder, logger, state.run, news)
+    lost = lost_news(state, folder, logger, GONE)
+    if Path(folder).is_dir():
+        _log(folder, logger, state.run, [*state.untold, *lost])
     path.unlink(missing_ok=True)
-    for one in news:
-        tell(f"logger '{logger}': {one.text}")
-
-
-def _orphans(logger: str) -> Iterator[tuple[Path, JudgeState]]:
-    with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
-        for path in left_states(logger):
-            with contextlib.suppress(SegmentError, OSError):  # a damaged one is the judge's
-                state = read_state(path)
-                if state.is_orphan:
-                    yield path, state
+    if lost:
+        tell(EventKind.RECOVERED, f"logger '{logger}': {'; '.join(one.text for one in lost)}", [])
 
 
 def _segment_of(run: str, folder: str) -> SegmentReader | None:

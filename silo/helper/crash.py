@@ -5,15 +5,15 @@ import time
 
 from silo.collecting.holdings import segment_holdings
 from silo.collecting.journal import remove_journals
-from silo.collecting.left_behind import BusyError, SavedMeanwhileError, claimed, discard, mark_saved
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, SiloError
 from silo.helper.events import Events
-from silo.helper.left_log import save_reader
 from silo.helper.mirror import Mirror
 from silo.helper.saver import describe
 from silo.ipc.published import EventKind
 from silo.model import SavedFile
+from silo.recovery.left import BusyError, SavedMeanwhileError, save_reader
+from silo.recovery.segments import claimed, discard, mark_saved
 
 ENDING_S = 5.0  # how long a process may take from closing its files to its end
 

@@ -5,20 +5,20 @@ and the rows are in the runs that are held, and in the last one. A recorder goes
 """
 
 import contextlib
-import fcntl
 import os
 import select
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
 
-from silo.collecting.held import Program, held_runs, is_due, is_live, number_of, program_of, remove
+from silo.collecting.held import Program, held_runs, is_live, number_of
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.helper.recorder_process import Kept, RecorderProcess, store, stored
 from silo.model import RecorderState
-from silo.runtime import RECORDERS_SUFFIX, is_at, list_segments, process_start, runtime_dir
+from silo.recovery.left import claimed_file
+from silo.runtime import RECORDERS_SUFFIX, list_segments, process_start, runtime_dir
 
 DIED = "the program ended without close(), and its helper process with it; recorded from what they left"
 MOST_LIVES = 3  # of a recorder that dies again and again
@@ -54,7 +54,7 @@ def _is_forgotten(path: Path) -> bool:
 
 
 def complete_recordings(tell: Tell, wanted: Callable[[Kept], bool] = lambda _: True) -> list[str]:
-    """Complete what was recorded of loggers that are gone, and let go of their runs; `tell` is told of each recording.
+    """Complete what was recorded of loggers that are gone; `tell` is told of each recording.
 
     Returns in words what could not be completed: it stays for the next time.
     """
@@ -62,26 +62,13 @@ def complete_recordings(tell: Tell, wanted: Callable[[Kept], bool] = lambda _: T
     for path, found in left_lists():
         if not any(map(wanted, found)):
             continue
-        with _claimed(path) as is_ours:
-            if is_ours:
-                problems += _complete(path, stored(path), tell)
-    release_left()
+        with contextlib.ExitStack() as held:
+            try:
+                held.enter_context(claimed_file(path, os.O_RDWR, wait=True))
+            except FileNotFoundError:
+                continue  # another process completed them
+            problems += _complete(path, stored(path), tell)
     return problems
-
-
-@contextlib.contextmanager
-def _claimed(path: Path) -> Iterator[bool]:
-    """Whether this process, alone, completes what stands in a list; waits until another one did."""
-    try:
-        descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
-    except FileNotFoundError:
-        yield False
-        return
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield is_at(descriptor, path)
-    finally:
-        os.close(descriptor)
 
 
 def _complete(path: Path, kept: Sequence[Kept], tell: Tell) -> list[str]:
@@ -156,16 +143,3 @@ def _listen(recorder: RecorderProcess, tell: Tell) -> None:
         recorder.report = report
         if report.told:
             tell(f"recording '{recorder.order.name}': {report.told}")
-
-
-def release_left() -> None:
-    """Delete runs that are held of loggers that are gone, and that nobody needs any more."""
-    live: dict[str, bool] = {}
-    for reader in held_runs():
-        with contextlib.closing(reader):
-            schema = reader.schema
-            if not is_due(schema):
-                if schema.logger_id not in live:
-                    live[schema.logger_id] = is_live(program_of(schema))
-                if not live[schema.logger_id]:
-                    remove(reader.path)

@@ -1,104 +1,142 @@
-"""Saving what a robot process left behind: by its helper when it dies, by `silo recover` when both died.
+"""Saving what a robot process left behind, by the next helper process of that logger or by `silo recover`.
 
-Of a run whose segment is still in memory that is saved, else (after a power cut) what its journal proves.
+First what reads the runs: endless recordings are completed, and what triggers captured is written. Then the runs.
 """
 
+import contextlib
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from silo.collecting.damage import damage
+from silo.collecting.held import held_runs, is_due, is_live, judge_path, program_of, remove
 from silo.collecting.holdings import Holdings
-from silo.collecting.journal import JOURNAL_SUFFIX
 from silo.collecting.journal_reader import JournalReader
-from silo.collecting.left_behind import StaleSegment, claimed, discard, find_stale, has_unsaved, mark_saved
-from silo.collecting.left_journals import claimed_journal, find_stale_journals, is_journal, remove_proven
 from silo.collecting.segment_reader import SegmentReader
-from silo.errors import StateError
-from silo.helper.left_log import RECOVERED, save_reader
-from silo.model import FileType, SavedFile
+from silo.errors import SegmentError
+from silo.helper.left_recordings import complete_recordings
+from silo.helper.recorder_process import Kept
+from silo.ipc.published import EventKind
+from silo.model import Extras, FileType, SavedFile
+from silo.recovery.left import RECOVERED, RunReader, has_unsaved, missing, save_reader
+from silo.recovery.runs import claimed_run, let_go
+from silo.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need
     from silo.helper.capture_recovery import RecoveredCaptures
 
-__all__ = ["Recovered", "find_all", "find_stale", "recover"]
-
-
-def find_all(folders: Iterable[Path]) -> list[StaleSegment]:
-    """What processes left that ended without saving: segments, and journals in `folders` whose segments are gone.
-
-    Segments are looked for in the runtime folder too.
-    """
-    places = list(dict.fromkeys(folder.resolve() for folder in folders))
-    segments = [one for folder in places for one in find_stale(folder)]
-    journals = [one for folder in places for one in find_stale_journals(folder)]
-    return list({one.path: one for one in [*segments, *journals]}.values())
+Tell = Callable[[EventKind, str, list[SavedFile]], object]
+Save = Callable[[RunReader, str, Extras | None], tuple[list[SavedFile], Holdings]]
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """What became of a segment or journal: the files, what they hold, and `text`, fit to show."""
+    """What became of a segment or journal: the files, what they hold, and in words what was saved, and `more`."""
 
     files: list[SavedFile]
     holdings: Holdings
-    text: str
+    saved: str
+    more: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """All of it, fit to show."""
+        return "; ".join([self.saved, *self.more])
 
 
 def recover(
     path: str | os.PathLike[str],
     folder: str | os.PathLike[str] | None = None,
     types: Sequence[FileType] = (FileType.SILO,),
+    *,
+    save: Save | None = None,
+    wait: bool = True,
 ) -> Recovered:
     """Save a segment or a journal whose writer is gone, in `folder` or its logger's own, then delete it.
 
-    Waits while another process saves it. Raises SegmentError for what isn't one, or is damaged,
-    SavedMeanwhileError if another process saved it, StateError while its own process lives, SaveError if it can't be
-    saved (it stays).
+    Waits while another process saves it. `save` is how it is saved, in this process if not given. Raises SegmentError
+    for what isn't one, or is damaged, SavedMeanwhileError if another process saved it, StateError while its own process
+    lives, or if it may not `wait`, SaveError if it can't be saved (it stays).
     """
+    with claimed_run(Path(path), wait=wait) as reader:
+        is_journal = isinstance(reader, JournalReader)
+        where = str(folder or (reader.path.parent if is_journal else reader.schema.folder))
+        captures = None if isinstance(reader, JournalReader) else _captures(reader, where)
+        texts, captured = (captures.texts, captures.files) if captures else ([], [])
+        if reader.ticks and not has_unsaved(reader):
+            let_go(reader)
+            freed = "journal was removed" if is_journal else "memory was freed"
+            saved = f"all its {reader.ticks} ticks were saved before its process ended; its {freed}"
+            return Recovered(captured, Holdings(reader.ticks, 0, 0, 0.0), saved, tuple(texts))
+        extras = captures.extras if captures else None
+        files, held = (save or _saver(types))(reader, where, extras)
+        let_go(reader)
+        if files:
+            return Recovered([*files, *captured], held, f"saved {held.text}", (*missing(reader), *texts))
+        if is_journal:
+            nothing = f"held {held.text}; removed" if held.ticks else "proves no tick; removed"
+        else:
+            nothing = f"held {held.text if held.ticks else 'no tick'}; its memory was freed"
+        return Recovered(captured, held, nothing, tuple(texts))
+
+
+def _saver(types: Sequence[FileType]) -> Save:
+    return lambda reader, folder, extras: save_reader(reader, folder, types, why=RECOVERED, extras=extras)
+
+
+def _captures(reader: SegmentReader, folder: str) -> "RecoveredCaptures | None":
+    """Write what triggers captured of a run; None where nobody was to look."""
+    schema = reader.schema
+    if not (schema.extras.triggers or schema.extras.limits or judge_path(schema.logger, schema.run).exists()):
+        return None
     from silo.helper.capture_recovery import recover_captures
 
-    path = Path(path)
-    if is_journal(path) or path.suffix == JOURNAL_SUFFIX:
-        return _recover_journal(path, folder, types)
-    reader = SegmentReader(path)
-    try:
-        if reader.alive():
-            raise StateError(f"{path}: process {reader.schema.pid} is still logging into it; nothing was changed")
-        with claimed(reader, wait=True):
-            captures = recover_captures(reader, str(folder or reader.schema.folder))
-            if reader.ticks and not has_unsaved(reader):
-                discard(reader)
-                return _saved_before(reader, "memory was freed", captures)
-            files, held = save_reader(
-                reader, folder or reader.schema.folder, types, why=RECOVERED, extras=captures.extras
-            )
-            mark_saved(reader)
-            discard(reader)
-            nothing = f"held {held.text}" if held.ticks else "held no tick"
-            saved = [f"saved {held.text}", *damage(reader)] if files else [f"{nothing}; its memory was freed"]
-            return Recovered([*files, *captures.files], held, "; ".join([*saved, *captures.texts]))
-    finally:
-        reader.close()
+    return recover_captures(reader, folder)
 
 
-def _recover_journal(path: Path, folder: str | os.PathLike[str] | None, types: Sequence[FileType]) -> Recovered:
-    with claimed_journal(path, wait=True) as reader:
-        if reader.ticks and reader.saved_ticks >= reader.ticks:
-            remove_proven(reader)
-            return _saved_before(reader, "journal was removed")
-        files, held = save_reader(reader, folder or path.parent, types, why=RECOVERED)
-        remove_proven(reader)
-        nothing = f"held {held.text}" if held.ticks else "proves no tick"
-        return Recovered(files, held, f"saved {held.text}; {reader.proven_text}" if files else f"{nothing}; removed")
+def settle_left(
+    tell: Tell,
+    wanted: Callable[[str, str], bool],
+    home: str = "",
+    recordings: Callable[[Kept], bool] = lambda _: True,
+) -> list[str]:
+    """Have what reads runs of dead programs come to its end: endless recordings, and what triggers captured.
+
+    Before the runs are saved, and deleted. What was held for that goes. `wanted` chooses by name and folder of a logger
+    whose captures those are, `recordings` by recording; `home` is the folder where none is known. Returns in words what
+    could not be done: it stays for the next time.
+    """
+    problems = complete_recordings(lambda text: tell(EventKind.RECOVERED, text, []), recordings)
+    with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
+        # nearly always there is none
+        if any(name.endswith((JUDGE_SUFFIX, HELD_SUFFIX)) for name in os.listdir(runtime_dir())):  # noqa: PTH208
+            from silo.helper.capture_recovery import recover_left
+
+            recover_left(tell, wanted, home)
+    release_left()
+    return problems
 
 
-def _saved_before(
-    reader: SegmentReader | JournalReader, freed: str, captures: "RecoveredCaptures | None" = None
-) -> Recovered:
-    texts = [f"all its {reader.ticks} ticks were saved before its process ended; its {freed}"]
-    files = captures.files if captures else []
-    texts += captures.texts if captures else []
-    return Recovered(files, Holdings(reader.ticks, 0, 0, 0.0), "; ".join(texts))
+def release_left() -> None:
+    """Delete runs that are held of loggers that are gone, and that nobody needs any more."""
+    live: dict[str, bool] = {}
+    for reader in held_runs():
+        with contextlib.closing(reader):
+            schema = reader.schema
+            if is_due(schema) or _is_unjudged(reader):
+                continue
+            if schema.logger_id not in live:
+                live[schema.logger_id] = is_live(program_of(schema))
+            if not live[schema.logger_id]:
+                remove(reader.path)
+
+
+def _is_unjudged(reader: SegmentReader) -> bool:
+    """Whether a run has something to judge, and no helper process ever saw it."""
+    if not (reader.schema.extras.triggers or reader.schema.extras.limits):
+        return False
+    from silo.helper.capture_recovery import unseen
+
+    return unseen(reader) is not None

@@ -14,12 +14,13 @@ from pathlib import Path
 
 import msgspec
 
+from silo.collecting.holdings import Holdings, segment_holdings
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SiloError
-from silo.files import PartlySavedError, write, write_run
-from silo.helper.left_log import missing
+from silo.files import LogOfRun, PartlySavedError, write, write_run
 from silo.model import Extras, FileType, LoggedEvent, SavedFile
+from silo.recovery.left import RECOVERED, RunReader, missing
 
 NICER = 5
 
@@ -66,18 +67,39 @@ def write_log(reader: SegmentReader, order: WriteOrder, progress: Callable[[floa
     return write_apart(reader, order, progress)
 
 
-def _write(reader: SegmentReader | JournalReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
+def _write(reader: RunReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
     try:
         recording = reader.snapshot()
         damaged = missing(reader) if order.of_dead else ()
         files = write_run(
             recording, order.folder, order.logger, order.types, order.name or None, progress, order.why,
-            events=order.events, extras=order.extras, damage=damaged,
+            events=_log_of(reader) if order.of_dead else order.events, extras=order.extras, damage=damaged,
         )  # fmt: skip
     except SiloError as error:
         saved = list(error.saved) if isinstance(error, PartlySavedError) else []
         return WriteReport(1.0, True, 0, saved, str(error))
     return WriteReport(1.0, True, recording.offset, files, damage=damaged)
+
+
+def _log_of(reader: RunReader) -> LogOfRun:
+    return LogOfRun(reader.schema.folder, reader.schema.run)
+
+
+def save_apart(reader: RunReader, folder: str, extras: Extras | None) -> tuple[list[SavedFile], Holdings]:
+    """Save what a dead program left as `.silo`, in a process of its own that is nice to others; no file if it is
+    nothing. Raises SaveError.
+    """
+    held = segment_holdings(reader)
+    if not held.samples:
+        return [], held
+    journal = str(reader.path) if isinstance(reader, JournalReader) else ""
+    order = WriteOrder(
+        folder, reader.schema.logger, [FileType.SILO], "", of_dead=True, journal=journal, why=RECOVERED, extras=extras
+    )
+    report = write_apart(None if isinstance(reader, JournalReader) else reader, order, lambda _: None)
+    if report.error:
+        raise SaveError(report.error)
+    return report.files, held
 
 
 def write_apart(

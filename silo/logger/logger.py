@@ -30,7 +30,6 @@ from silo.logger.options import (
     serving_group,
     warn_if_not_durable,
 )
-from silo.logger.predecessors import look_back
 from silo.logger.unclosed import (
     drop_journals,
     end_namesakes,
@@ -43,6 +42,7 @@ from silo.logger.unclosed import (
     watch,
 )
 from silo.model import DEFAULT_MAX_TIME_S, BufferType, ControlMode, GroupRole, Storage, Threads
+from silo.recovery.runs import look_back
 
 if TYPE_CHECKING:
     from silo.logger.serving import Serving

@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 
 from silo.model import RecorderState
-from silo.recorder.closing import close_parts
 from silo.recorder.orders import MAX_PACKET_BYTES, decode_order
 from silo.recorder.recorder import Recorder
+from silo.recovery.parts import close_parts
 
 NICER = 5
 

@@ -20,9 +20,9 @@ from silo.files.naming import log_path, next_run_number
 from silo.files.part_events import event_messages
 from silo.files.part_facts import LOST_METADATA, PART_ATTACHMENT, TOTALS_METADATA, pack_part
 from silo.model import LoggedEvent
-from silo.recorder.closing import sync_folder
 from silo.recorder.layout import Layout
 from silo.recording import RecordedElement
+from silo.recovery.parts import sync_folder
 
 SYNC_S, SYNC_BYTES = 5.0, 64 << 20  # how often what was written is put on the disk: a power cut loses no more
 _NAMES_TOLD = 20

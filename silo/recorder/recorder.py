@@ -40,8 +40,8 @@ from silo.recorder.orders import (
     encode,
     extras_of,
 )
-from silo.recorder.resuming import Closing, fewer_rows, left_rows
 from silo.recorder.writing import Disk, ExtrasChange, Look, News, RunBegins, RunEnds, Settle, Writing
+from silo.recovery.parts import Closing, fewer_rows, left_rows
 
 FLUSH_S = 0.5  # a chunk at least as often: what a kill can take
 FLUSH_BYTES = 4 << 20

@@ -24,12 +24,12 @@ from silo.files.manifest import ClosedPart, Ledger, RunEntry
 from silo.files.mcap_write import Write
 from silo.files.part_facts import EVENTS_RING
 from silo.model import Extras, LoggedEvent, RecorderState
-from silo.recorder.closing import finished_part
 from silo.recorder.draining import TOO_SLOW, Drained, Loss
 from silo.recorder.happening import Happening
 from silo.recorder.layout import Layout
 from silo.recorder.orders import RecordOrder
 from silo.recorder.part import Part, stamps_fit
+from silo.recovery.parts import finished_part
 from silo.runtime import disk_room
 
 QUEUE_BYTES = 64 << 20

@@ -158,7 +158,8 @@ def test_dead_logger_is_not_hidden_by_another_that_ran_beside_it(robots, until) 
 
 
 def test_program_killed_together_with_its_helper_is_recovered_by_hand(robot, tmp_path, until) -> None:
-    from silo.helper.recovery import find_stale, recover
+    from silo.helper.recovery import recover
+    from silo.recovery.segments import find_stale
 
     with Client.connect("bot") as client:
         until(lambda: client.status().ticks > 100)
@@ -174,7 +175,8 @@ def test_program_killed_together_with_its_helper_is_recovered_by_hand(robot, tmp
 
 def test_segment_of_a_living_program_is_not_stale(robot, runtime) -> None:
     from silo.errors import StateError
-    from silo.helper.recovery import find_stale, recover
+    from silo.helper.recovery import recover
+    from silo.recovery.segments import find_stale
 
     assert find_stale() == []
     with pytest.raises(StateError, match="still logging"):
@@ -182,7 +184,7 @@ def test_segment_of_a_living_program_is_not_stale(robot, runtime) -> None:
 
 
 def test_damaged_segment_is_named_and_kept(runtime) -> None:
-    from silo.helper.recovery import find_stale
+    from silo.recovery.segments import find_stale
 
     (runtime / "x.1.0.segment").write_bytes(b"nonsense" * 2000)
     (stale,) = find_stale()

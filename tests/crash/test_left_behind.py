@@ -18,7 +18,6 @@ import pytest
 import silo
 from silo.cli.main import EXIT_FAILED, run
 from silo.collecting.damage import damage
-from silo.collecting.left_behind import find_stale, sweep_segments
 from silo.collecting.schema import Control
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
@@ -27,6 +26,7 @@ from silo.helper.recovery import recover
 from silo.ipc.client import Client
 from silo.ipc.published import EventKind
 from silo.ipc.session import owner_is_gone, sweep
+from silo.recovery.segments import find_stale, sweep_segments
 from silo.runtime import open_unfinished, sweep_unfinished, unopened
 from tests.waiting import freeze
 
@@ -203,7 +203,7 @@ def test_a_recording_keeps_its_name_when_a_container_starts_again_with_the_same_
 SWEEPER = """
 import sys
 from pathlib import Path
-from silo.collecting.left_behind import sweep_segments
+from silo.recovery.segments import sweep_segments
 from silo.files.atomic import sweep_parts
 from silo.ipc.session import owner_is_gone, sweep
 from silo.runtime import runtime_dir
@@ -404,7 +404,7 @@ def test_four_recoveries_at_once_save_each_recording_once_and_none_of_them_fails
 
 
 def test_who_waited_for_a_segment_that_another_saved_is_told_so(tmp_path, capsys):
-    from silo.collecting.left_behind import claimed, mark_saved
+    from silo.recovery.segments import claimed, mark_saved
 
     path = die(tmp_path)
     with closing(SegmentReader(path)) as reader, claimed(reader):
@@ -422,8 +422,8 @@ def test_who_waited_for_a_segment_that_another_saved_is_told_so(tmp_path, capsys
 
 
 def test_a_recording_that_was_deleted_but_not_saved_is_not_told_as_saved(tmp_path):
-    from silo.collecting.left_behind import claimed
-    from silo.helper.left_log import save_reader
+    from silo.recovery.left import save_reader
+    from silo.recovery.segments import claimed
 
     path = die(tmp_path)
     with closing(SegmentReader(path)) as reader:
@@ -547,7 +547,7 @@ def test_without_room_start_says_what_recordings_of_the_dead_hold(tmp_path, new_
 
 
 def test_a_control_word_of_another_meaning_is_not_touched_by_the_mark(tmp_path):
-    from silo.collecting.left_behind import mark_saved
+    from silo.recovery.segments import mark_saved
 
     path = die(tmp_path)
     with closing(SegmentReader(path)) as reader:

@@ -17,13 +17,13 @@ import numpy as np
 import silo
 from silo.collecting.damage import damage
 from silo.collecting.holdings import segment_holdings
-from silo.collecting.left_behind import find_stale
 from silo.collecting.losses import lost_samples
 from silo.collecting.schema import LINE_WORDS, Header
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SegmentError
 from silo.helper.recovery import recover
 from silo.model import Action, BufferType
+from silo.recovery.segments import find_stale
 from silo.runtime import boot_id
 
 MEMORY_BYTES = 4 << 30  # of addresses; what is taken in good faith is far less

@@ -16,7 +16,7 @@ from silo.ipc.client import Client
 from silo.ipc.messages import Refused, RefusedWhy
 from silo.ipc.published import EventKind
 from silo.model import BufferType, RecorderState
-from silo.recorder.closing import left_parts
+from silo.recovery.parts import left_parts
 from tests.waiting import wait_until
 
 RESTING = 50  # ticks of the robot program in which x is 0

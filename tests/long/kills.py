@@ -52,8 +52,8 @@ from truth import (
 )
 
 from silo.collecting.journal import journals_of
-from silo.collecting.left_journals import find_stale_journals
 from silo.collecting.segment_reader import SegmentReader
+from silo.recovery.journals import find_stale_journals
 
 VICTIMS = ("robot", "both", "early")
 MOMENTS = {"running": RUNNING, "starting": STARTING, "restarting": RESTARTING, "saving": SAVING}

@@ -121,7 +121,7 @@ def main() -> int:
 def phases(options: argparse.Namespace, folder: Path, robot: int, helper: int) -> int:
     """The three phases."""
     from silo.ipc.client import Client
-    from silo.recorder.closing import close_parts
+    from silo.recovery.parts import close_parts
 
     rng = random.Random(options.seed)
     with Client.connect("bot", timeout_s=20.0) as client:

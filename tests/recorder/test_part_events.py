@@ -19,9 +19,9 @@ from silo.files.bag_read import read_bag
 from silo.files.event_log import append_events, event_log_path, older_event_log
 from silo.files.part_scan import rows_after, scan_part
 from silo.model import LoggedEvent
-from silo.recorder.closing import close_part
 from silo.recorder.orders import Finish, RecordOrder, encode
 from silo.recorder.writing import ExtrasChange, Look
+from silo.recovery.parts import close_part
 from tests.waiting import wait_until
 
 

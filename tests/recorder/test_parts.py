@@ -20,10 +20,9 @@ from silo.files.bag_read import read_bag
 from silo.files.manifest import Ledger
 from silo.files.part_scan import part_records, rows_after, scan_part
 from silo.model import RecorderState
-from silo.recorder.closing import close_part, close_parts, finished_part, left_parts
 from silo.recorder.orders import RecordOrder
-from silo.recorder.resuming import left_rows
 from silo.recorder.writing import QUEUE_BYTES, Disk, left_free
+from silo.recovery.parts import close_part, close_parts, finished_part, left_parts, left_rows
 
 
 def order(folder: Path, **options: object) -> RecordOrder:

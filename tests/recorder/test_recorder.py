@@ -12,11 +12,11 @@ from silo.analysis.opening import open_log
 from silo.files.bag_read import read_bag
 from silo.files.part_facts import PART_ENDING
 from silo.model import RecorderState
-from silo.recorder import resuming
-from silo.recorder.closing import close_parts, left_parts
 from silo.recorder.draining import Drain, Drained
 from silo.recorder.orders import Finish, Follow, RecordOrder, encode
 from silo.recorder.recorder import Recorder
+from silo.recovery import parts as left
+from silo.recovery.parts import close_parts, left_parts
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
@@ -131,7 +131,7 @@ def test_a_recorder_goes_on_before_what_a_killed_one_left_is_closed(
     recorder.kill()
     robot.ticks(1500)
     may_close = threading.Event()
-    monkeypatch.setattr(resuming, "close_parts", lambda folder: may_close.wait() and close_parts(folder))
+    monkeypatch.setattr(left, "close_parts", lambda folder: may_close.wait() and close_parts(folder))
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     again = Recorder(order(tmp_path, resume=True), theirs)
     thread = threading.Thread(target=again.run)

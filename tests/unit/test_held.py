@@ -21,8 +21,8 @@ from silo.collecting.held import (
     recorders_path,
     trim,
 )
-from silo.collecting.left_behind import discard, sweep_segments
 from silo.collecting.segment_reader import SegmentReader
+from silo.recovery.segments import discard, sweep_segments
 from silo.runtime import list_held, list_segments
 
 

@@ -1,13 +1,17 @@
-"""Closing parts that their recorders left when they were killed: index and summary are made from what is whole.
+"""Parts of endless recordings that their recorders left open when they were killed.
 
-A part that is written is locked by its writer, in whatever process or container that is, and stays.
+A part is closed from what of it is whole: index and summary are made anew. One that is written is locked by its writer,
+in whatever process or container that is, and stays. The next recorder of that name goes on at once, with the rows after
+those that the part holds: that is told at a glance. The part is closed beside, when it has caught up: one of a gigabyte
+takes many seconds, in which a short ring would be overwritten.
 """
 
 import contextlib
-import fcntl
 import mmap
 import os
 import struct
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,10 +23,18 @@ from mcap.exceptions import McapError
 
 from silo.errors import FileFormatError, SaveError
 from silo.files.atomic import reason, sweep_parts
-from silo.files.manifest import ClosedPart
+from silo.files.manifest import ClosedPart, Ledger, number_of
 from silo.files.mcap_write import McapFile, file_start
-from silo.files.part_facts import PART_ENDING, TOTALS_METADATA
-from silo.files.part_scan import PartScan, scan_part
+from silo.files.part_facts import EVENTS_RING, PART_ENDING, TOTALS_METADATA, PartFacts
+from silo.files.part_scan import PartScan, rows_after, scan_part
+from silo.recovery.left import BusyError, claimed_file
+
+OTHERS_S = 10.0  # how long another process may take to close what a predecessor left
+
+_DAMAGE = (
+    struct.error, ValueError, IndexError, OverflowError, MemoryError, zstandard.ZstdError, msgspec.MsgspecError,
+    McapError,
+)  # fmt: skip
 
 
 def left_parts(folder: Path) -> list[Path]:
@@ -32,20 +44,19 @@ def left_parts(folder: Path) -> list[Path]:
 
 def _is_written(path: Path) -> bool:
     try:
-        with claimed(path):
+        with claimed_part(path):
             return False
-    except (OSError, SaveError):
+    except (OSError, BusyError):
         return True
 
 
 @contextmanager
-def claimed(path: Path) -> Iterator[BinaryIO]:
-    """The open file, locked. Raises BlockingIOError if a recorder writes it, or another process closes it; OSError."""
-    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
-    with os.fdopen(descriptor, "r+b", buffering=0) as file:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if not os.path.samestat(os.fstat(file.fileno()), path.lstat()):
-            raise FileNotFoundError(path)
+def claimed_part(path: Path) -> Iterator[BinaryIO]:
+    """The open file, held. Raises BusyError if a recorder writes it, or another process closes it; OSError."""
+    with (
+        claimed_file(path, os.O_RDWR) as descriptor,
+        os.fdopen(descriptor, "r+b", buffering=0, closefd=False) as file,
+    ):
         yield file
 
 
@@ -63,7 +74,7 @@ def close_parts(folder: Path) -> tuple[list[ClosedPart], list[str]]:
 def _close_one(path: Path, closed: list[ClosedPart], problems: list[str]) -> None:
     try:
         closed.append(close_part(path))
-    except (FileNotFoundError, BlockingIOError):
+    except (FileNotFoundError, BusyError):
         return  # another process closes it just now
     except (FileFormatError, SaveError) as error:
         problems.append(str(error))
@@ -74,10 +85,10 @@ def _close_one(path: Path, closed: list[ClosedPart], problems: list[str]) -> Non
 def close_part(path: Path) -> ClosedPart:
     """Close a part: cut it behind its last whole chunk, add index and summary, sync it, give it its name.
 
-    Raises FileFormatError for what is no part of ours, OSError for what can't be written or is being written.
+    Raises FileFormatError for what is no part of ours, BusyError for what is being written, OSError.
     """
     final = path.with_name(path.name.removesuffix(".part"))
-    with claimed(path) as file:
+    with claimed_part(path) as file:
         scan = _scanned(file, path)
         facts = scan.facts
         samples = facts.samples(scan.counts) if facts is not None else 0
@@ -132,9 +143,7 @@ def _scanned(file: BinaryIO, path: Path) -> PartScan:
         scan = scan_part(data)
     except FileFormatError as error:
         raise FileFormatError(f"{path}: can't be closed: {error}; it stays as it is") from None
-    except (struct.error, ValueError, IndexError, OverflowError, MemoryError) as error:
-        raise FileFormatError(f"{path}: can't be closed, it is damaged: {error}; it stays as it is") from None
-    except (zstandard.ZstdError, msgspec.MsgspecError, McapError) as error:
+    except _DAMAGE as error:
         raise FileFormatError(f"{path}: can't be closed, it is damaged: {error}; it stays as it is") from None
     if scan.facts is None and scan.begun.size != len(begin):
         raise FileFormatError(f"{path}: was not written by a recorder of silo; it stays as it is")
@@ -149,3 +158,75 @@ def sync_folder(folder: Path) -> None:
             os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+# -------------------------------------------------------------------------------------------- going on after one
+
+
+class Closing:
+    """A thread that closes what killed recorders left in a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._found: tuple[list[ClosedPart], list[str]] = ([], [])
+        self._error: BaseException | None = None
+        self._over = threading.Event()
+        threading.Thread(target=self._run, name="closing", daemon=True).start()
+
+    def _run(self) -> None:
+        try:
+            self._found = close_parts(self._folder)
+        except BaseException as error:  # noqa: BLE001  # it is raised where it is waited for
+            self._error = error
+        self._over.set()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all is closed."""
+        return self._over.is_set()
+
+    def result(self) -> tuple[list[ClosedPart], list[str]]:
+        """Wait for it; returns what was closed, and in words what could not be."""
+        self._over.wait()
+        if self._error is not None:
+            raise self._error
+        return self._found
+
+
+def left_rows(ledger: Ledger) -> tuple[str, dict[int, int]]:
+    """Return with which rows of which run to go on, told at a glance."""
+    until_s = time.monotonic() + OTHERS_S
+    for path in sorted(ledger.open_parts(), key=number_of, reverse=True):
+        while (found := _glance(path)) is None and time.monotonic() < until_s:
+            time.sleep(0.02)  # another process closes it just now
+        if found and found[0].recorder == ledger.name:
+            return found[0].run, found[1]
+    written = ledger.written
+    if written.runs and written.entry(written.run) is None:  # its order is over
+        return "", {}
+    return written.run, dict(written.next_rows)
+
+
+def _glance(path: Path) -> "tuple[PartFacts, dict[int, int]] | tuple[()] | None":
+    """What a part says of itself, and its rows; nothing of one that can't be read, None of one that is in use."""
+    final = path.with_name(path.name.removesuffix(".part"))
+    try:
+        # claimed, as who closes it cuts it: to read beyond its end would end this process
+        with claimed_part(path if path.exists() else final) as file:
+            # the map ends with its last view
+            return rows_after(memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))) or ()
+    except BusyError:
+        return None
+    except FileNotFoundError:
+        return None if final.exists() else ()  # it got its name just now
+    except (OSError, FileFormatError, *_DAMAGE):
+        return ()
+
+
+def fewer_rows(closed: list[ClosedPart], recorder: str, run: str, rows: dict[int, int]) -> int:
+    """Return how many rows the newest part of a recorder lacks of those after which another one went on: damage."""
+    ours = [part for part in closed if part.recorder == recorder and part.run == run and part.size_bytes]
+    if not ours:
+        return 0
+    newest = max(ours, key=lambda part: number_of(part.path))
+    return sum(max(0, row - newest.next_rows.get(ring, row)) for ring, row in rows.items() if ring != EVENTS_RING)

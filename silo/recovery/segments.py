@@ -1,45 +1,26 @@
-"""What programs that died left behind: their segments, and the rests of segments that they were making.
+"""Segments that dead programs left in memory, and the rests of segments that they were making.
 
 Looked for at the first start of a logger, by its helper, by `silo ls` and by `silo recover`. Removed without a question
 is only what surely belongs to a dead process and holds nothing that isn't in a file.
 """
 
 import contextlib
-import fcntl
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from silo.collecting.held import hold, is_due, remove
-from silo.collecting.holdings import Holdings, segment_holdings
+from silo.collecting.holdings import segment_holdings
 from silo.collecting.journal import remove_journals
 from silo.collecting.schema import Control, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, StateError
 from silo.model import LoggerOptions, Storage
+from silo.recovery.left import LeftRun, SavedMeanwhileError, has_unsaved, locked
 from silo.runtime import is_at, list_segments, runtime_dir, sweep_unfinished
 
 
-@dataclass(frozen=True)
-class StaleSegment:
-    """A segment, or a journal, without its writer.
-
-    `schema` and `holdings` are None for what can't be read; `reason` says what is.
-    """
-
-    path: Path
-    schema: SegmentSchema | None
-    holdings: Holdings | None
-    reason: str
-
-    @property
-    def ticks(self) -> int:
-        """Ticks since start, 0 for what can't be read."""
-        return self.holdings.ticks if self.holdings else 0
-
-
-def find_stale(folder: Path | None = None) -> list[StaleSegment]:
+def find_stale(folder: Path | None = None) -> list[LeftRun]:
     """Segments of processes that ended without saving: in the runtime folder, and in `folder` (`storage="file"`).
 
     A damaged one is told as such and keeps none of the others.
@@ -47,7 +28,7 @@ def find_stale(folder: Path | None = None) -> list[StaleSegment]:
     return [stale for path in list_segments(folder) if (stale := _look(path)) is not None]
 
 
-def _look(path: Path) -> StaleSegment | None:
+def _look(path: Path) -> LeftRun | None:
     try:
         reader = SegmentReader(path)
     except SegmentError as error:
@@ -58,23 +39,23 @@ def _look(path: Path) -> StaleSegment | None:
             return None
         unsaved = max(0, reader.ticks - reader.saved_ticks)
         reason = f"process {schema.pid} of user {schema.user} ended without close(); {unsaved} ticks are in no file"
-        return StaleSegment(path, schema, segment_holdings(reader), reason)
+        return LeftRun(path, schema, segment_holdings(reader), reason)
     except SegmentError as error:
         return _unreadable(path, reader.schema, error)
     finally:
         reader.close()
 
 
-def _unreadable(path: Path, schema: SegmentSchema | None, error: SegmentError) -> StaleSegment | None:
+def _unreadable(path: Path, schema: SegmentSchema | None, error: SegmentError) -> LeftRun | None:
     if not path.exists():
         return None  # saved and removed by another process just now
     text = str(error).removeprefix(f"{path}: ")
     if "update silo" not in text:
         text += f"; it stays, and keeps no other from being saved; to free its memory: rm {path}"
-    return StaleSegment(path, schema, None, text)
+    return LeftRun(path, schema, None, text)
 
 
-def predecessors(options: LoggerOptions) -> list[StaleSegment]:
+def predecessors(options: LoggerOptions) -> list[LeftRun]:
     """What earlier processes of this very logger (its name, its folder) left with ticks that are in no file."""
     paths = list_segments(segment_folder(options))
     own = [path for path in paths if path.name.lstrip(".").startswith(f"{options.name}.")]
@@ -120,19 +101,6 @@ def discard(reader: SegmentReader) -> None:
     remove(reader.path)
 
 
-def has_unsaved(reader: SegmentReader) -> bool:
-    """Whether a segment holds ticks that stand in no file."""
-    return reader.ticks > reader.saved_ticks
-
-
-class BusyError(StateError):
-    """Another process saves the segment right now."""
-
-
-class SavedMeanwhileError(StateError):
-    """Another process saved the segment, and freed its memory."""
-
-
 @contextlib.contextmanager
 def claimed(reader: SegmentReader, *, wait: bool = False) -> Iterator[None]:
     """Hold a segment for one who saves or removes it.
@@ -140,18 +108,24 @@ def claimed(reader: SegmentReader, *, wait: bool = False) -> Iterator[None]:
     Raises BusyError while another does (unless it may `wait`), SavedMeanwhileError if another has. A segment that was
     deleted without being saved can be held: it is still mapped.
     """
-    descriptor = reader.fileno()
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except BlockingIOError:
-        raise BusyError(f"{reader.path}: another process is saving it right now") from None
-    try:
-        if not has_unsaved(reader) and reader.ticks and not is_at(descriptor, reader.path):
+    with locked(reader.fileno(), reader.path, wait=wait):
+        if not has_unsaved(reader) and reader.ticks and not is_at(reader.fileno(), reader.path):
             where = f"look in {reader.schema.folder}"
             raise SavedMeanwhileError(f"{reader.path}: another process saved it meanwhile ({where})")
         yield
-    finally:
-        fcntl.flock(descriptor, fcntl.LOCK_UN)
+
+
+@contextlib.contextmanager
+def claimed_segment(path: Path, *, wait: bool = False) -> Iterator[SegmentReader]:
+    """Hold a segment of a dead writer; read while it is held.
+
+    Raises what `claimed` does, StateError while its writer lives, SegmentError for one that is damaged, or is gone.
+    """
+    with contextlib.closing(SegmentReader(path)) as reader:
+        if reader.alive():
+            raise StateError(f"{path}: process {reader.schema.pid} is still logging into it; nothing was changed")
+        with claimed(reader, wait=wait):
+            yield reader
 
 
 def mark_saved(reader: SegmentReader) -> None:
@@ -161,3 +135,10 @@ def mark_saved(reader: SegmentReader) -> None:
         os.pwrite(descriptor, reader.ticks.to_bytes(8, "little"), reader.control_offset(Control.SAVED_TICKS))
     finally:
         os.close(descriptor)
+
+
+def release_segment(reader: SegmentReader) -> None:
+    """Delete a segment of which all stands in files, and tell those who have it open."""
+    if has_unsaved(reader):
+        mark_saved(reader)
+    discard(reader)

@@ -6,7 +6,6 @@ it, and while there is none its segment or its process is alive.
 """
 
 import contextlib
-import fcntl
 import os
 import shutil
 from collections.abc import Iterator
@@ -25,10 +24,10 @@ from silo.collecting.journal import (
     remove_journal,
 )
 from silo.collecting.journal_reader import JournalReader, read_head
-from silo.collecting.left_behind import BusyError, SavedMeanwhileError, StaleSegment
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, StateError
 from silo.model import LoggerOptions
+from silo.recovery.left import LeftRun, SavedMeanwhileError, claimed_file
 from silo.runtime import boot_id, has_writer, is_at, lock_as_writer, open_own, pid_namespace, process_start
 
 
@@ -37,12 +36,12 @@ def is_journal(path: str | os.PathLike[str]) -> bool:
     return (Path(path) / SCHEMA_FILE).is_file()
 
 
-def find_stale_journals(folder: str | os.PathLike[str], options: LoggerOptions | None = None) -> list[StaleSegment]:
+def find_stale_journals(folder: str | os.PathLike[str], options: LoggerOptions | None = None) -> list[LeftRun]:
     """Journals in a log folder whose logger and segment are gone, of each run the one that proves most.
 
     With `options` only those of that very logger. A damaged one is told as such.
     """
-    found: dict[str, StaleSegment] = {}
+    found: dict[str, LeftRun] = {}
     for path in list_journals(folder, options.name if options else "*"):
         stale = _look(path)
         if stale is not None and (options is None or _is_of(stale, options)):
@@ -52,12 +51,12 @@ def find_stale_journals(folder: str | os.PathLike[str], options: LoggerOptions |
     return list(found.values())
 
 
-def _is_of(stale: StaleSegment, options: LoggerOptions) -> bool:
+def _is_of(stale: LeftRun, options: LoggerOptions) -> bool:
     schema = stale.schema
     return schema is not None and (schema.logger, schema.folder) == (options.name, options.folder)
 
 
-def _look(path: Path) -> StaleSegment | None:
+def _look(path: Path) -> LeftRun | None:
     if is_written(path):
         return None
     try:
@@ -67,12 +66,12 @@ def _look(path: Path) -> StaleSegment | None:
         with contextlib.closing(JournalReader(path)) as reader:
             schema = reader.schema
             reason = f"process {schema.pid} of user {schema.user} and its memory are gone; {reader.proven_text}"
-            return StaleSegment(path, schema, segment_holdings(reader), reason)
+            return LeftRun(path, schema, segment_holdings(reader), reason)
     except SegmentError as error:
         if not _has_rows(path):
             return None  # saved and removed by another process just now, or swept by the next sweep
         text = str(error).removeprefix(f"{path}: ")
-        return StaleSegment(path, None, None, f"{text}; it stays; to free its room: rm -r {path}")
+        return LeftRun(path, None, None, f"{text}; it stays; to free its room: rm -r {path}")
 
 
 def in_use(head: Head) -> bool:
@@ -143,33 +142,20 @@ def claimed_journal(path: Path, *, wait: bool = False) -> Iterator[JournalReader
     Raises StateError while its logger lives or its segment is there, BusyError while another process holds it (unless
     it may `wait`), SavedMeanwhileError if another has saved it, SegmentError for one that is damaged.
     """
-    try:
-        descriptor = open_own(path / SCHEMA_FILE, os.O_RDONLY)
-    except FileNotFoundError:
-        raise _saved_meanwhile(path) from None
-    except OSError as error:
-        raise SegmentError(f"{path}: can't open the journal ({error.strerror})") from error
-    try:
+    with contextlib.ExitStack() as held:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-        except BlockingIOError:
-            raise BusyError(f"{path}: another process is saving it right now") from None
-        if not is_at(descriptor, path / SCHEMA_FILE):
-            raise _saved_meanwhile(path)
+            descriptor = held.enter_context(claimed_file(path / SCHEMA_FILE, wait=wait, of=path))
+        except FileNotFoundError:
+            raise SavedMeanwhileError(f"{path}: another process saved it meanwhile (look in {path.parent})") from None
+        except OSError as error:
+            raise SegmentError(f"{path}: can't open the journal ({error.strerror})") from error
         head = read_head(path)
         if has_writer(descriptor) or in_use(head):
             raise StateError(
                 f"{path}: process {head.schema.pid} still logs, or left its memory, which holds more: "
                 f"{head.segment}; nothing was changed"
             )
-        with contextlib.closing(JournalReader(path)) as reader:
-            yield reader
-    finally:
-        os.close(descriptor)
-
-
-def _saved_meanwhile(path: Path) -> SavedMeanwhileError:
-    return SavedMeanwhileError(f"{path}: another process saved it meanwhile (look in {path.parent})")
+        yield held.enter_context(contextlib.closing(JournalReader(path)))
 
 
 def remove_proven(reader: JournalReader) -> None:

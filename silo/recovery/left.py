@@ -1,0 +1,125 @@
+"""A run that a dead program left: what is known of it, and what is done with it, be it in memory or in a journal.
+
+Of a run whose segment is still in memory that is saved, else (after a power cut) what its journal proves. One process
+at a time has it: who comes second finds it saved.
+"""
+
+import contextlib
+import errno
+import fcntl
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from silo.collecting.damage import damage
+from silo.collecting.holdings import Holdings, recording_holdings
+from silo.collecting.journal_reader import JournalReader
+from silo.collecting.schema import SegmentSchema
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import StateError
+from silo.model import Extras, FileType, LoggedEvent, SavedFile
+from silo.runtime import is_at, open_own
+
+DIED = "program died"  # why its log was saved
+RECOVERED = "program died, recovered later"
+
+RunReader = SegmentReader | JournalReader
+
+
+@dataclass(frozen=True)
+class LeftRun:
+    """A segment, or a journal, without its writer.
+
+    `schema` and `holdings` are None for what can't be read; `reason` says what is.
+    """
+
+    path: Path
+    schema: SegmentSchema | None
+    holdings: Holdings | None
+    reason: str
+
+    @property
+    def ticks(self) -> int:
+        """Ticks since start, 0 for what can't be read."""
+        return self.holdings.ticks if self.holdings else 0
+
+
+class BusyError(StateError):
+    """Another process saves the run right now."""
+
+
+class SavedMeanwhileError(StateError):
+    """Another process saved the run, and freed its memory."""
+
+
+def has_unsaved(reader: RunReader) -> bool:
+    """Whether a run holds ticks that stand in no file."""
+    return reader.ticks > reader.saved_ticks
+
+
+@contextlib.contextmanager
+def locked(descriptor: int, path: Path, *, wait: bool = False) -> Iterator[None]:
+    """Hold an open file of what is left, so that one process alone saves or removes it.
+
+    Raises BusyError while another does (unless it may `wait`). A file without a name can be held.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except BlockingIOError:
+        raise BusyError(f"{path}: another process is saving it right now") from None
+    try:
+        yield
+    finally:
+        fcntl.flock(descriptor, fcntl.LOCK_UN)
+
+
+@contextlib.contextmanager
+def claimed_file(path: Path, flags: int = os.O_RDONLY, *, wait: bool = False, of: Path | None = None) -> Iterator[int]:
+    """Open what is left under a name, or the file `of` it that is locked, and hold it; the descriptor of that.
+
+    Raises BusyError while another process does (unless it may `wait`), FileNotFoundError for one that is not there, or
+    lost its name to another process, OSError.
+    """
+    descriptor = open_own(path, flags)
+    try:
+        with locked(descriptor, of or path, wait=wait):
+            if not is_at(descriptor, path):
+                raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+            yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def save_reader(
+    reader: RunReader,
+    folder: str | os.PathLike[str],
+    types: Sequence[FileType] = (FileType.SILO,),
+    progress: Callable[[float], None] | None = None,
+    why: str = DIED,
+    events: Sequence[LoggedEvent] | None = None,
+    extras: Extras | None = None,
+) -> tuple[list[SavedFile], Holdings]:
+    """Save all that is held, and tell how much that is; no file if it is nothing. Raises SaveError.
+
+    `events` are what happened in its run; None: what the event log in the logger's folder says. `extras` are its
+    derived signals, limits and triggers as they were last; None: as they were when the run began.
+    """
+    from silo.files import LogOfRun, write_run
+
+    recording = reader.snapshot()
+    held = recording_holdings(recording)
+    if not held.samples:
+        return [], held
+    schema = reader.schema
+    happened = LogOfRun(schema.folder, schema.run) if events is None else events
+    files = write_run(
+        recording, folder, schema.logger, types, progress=progress, why=why, events=happened, extras=extras,
+        damage=missing(reader),
+    )  # fmt: skip
+    return files, held
+
+
+def missing(reader: RunReader) -> tuple[str, ...]:
+    """What is damaged, or lost, in what a dead process left; fit to show."""
+    return damage(reader) if isinstance(reader, SegmentReader) else (reader.proven_text,)
