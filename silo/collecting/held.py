@@ -27,6 +27,7 @@ from silo.runtime import (
     announce_segment,
     available_memory_bytes,
     boot_id,
+    disk_room,
     list_held,
     list_segments,
     pid_namespace,
@@ -176,10 +177,10 @@ class Bound:
 def bound_of(folder: Path) -> Bound:
     """Return how much may be held in this folder."""
     try:
-        place = os.statvfs(folder)
+        _, size_bytes = disk_room(folder)
     except OSError:
         return Bound(HELD_RUNS, HELD_BYTES)
-    return Bound(HELD_RUNS, min(HELD_BYTES, int(HELD_SHARE * place.f_blocks * place.f_frsize)))
+    return Bound(HELD_RUNS, min(HELD_BYTES, int(HELD_SHARE * size_bytes)))
 
 
 def bytes_of(path: Path) -> int:
@@ -231,8 +232,7 @@ def trim(paths: Sequence[Path], *, in_memory: bool, room_bytes: int = 0) -> list
 
 
 def _free_bytes(folder: Path, *, in_memory: bool) -> int:
-    place = os.statvfs(folder)
-    free = place.f_bavail * place.f_frsize
+    free, _ = disk_room(folder)
     return min(free, available_memory_bytes()) if in_memory else free
 
 

@@ -39,6 +39,7 @@ from silo.errors import NoRoomError, SegmentError
 from silo.model import BufferType
 from silo.runtime import (
     available_memory_bytes,
+    disk_room,
     is_at,
     open_into,
     open_unfinished,
@@ -189,8 +190,7 @@ class Segment:
                     f"`ulimit -f`), the buffers take {(offset + size_bytes) / 1e6:.1f} MB ({error.strerror}): raise "
                     "that limit, or make buffers smaller"
                 ) from error
-            room = os.statvfs(self.path.parent)
-            free_bytes = room.f_bavail * room.f_frsize
+            free_bytes, _ = disk_room(self.path.parent)
             raise NoRoomError(
                 f"{self.path.parent}: no room for {size_bytes / 1e6:.1f} MB of buffers, "
                 f"{free_bytes / 1e6:.1f} MB are free ({error.strerror}); "

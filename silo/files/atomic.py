@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from silo.errors import SaveError
+from silo.runtime import disk_room
 
 PART_ENDING = ".part"
 SWAP_ENDING = ".swap"  # a folder in which a new one is made that takes the name of an old one
@@ -338,7 +339,7 @@ def _refused(final: Path, error: OSError, left: str = "nothing was left under th
 
 def _free(folder: Path) -> str:
     with suppress(OSError):
-        return f"{shutil.disk_usage(folder).free / 1e6:.1f} MB are free in '{folder}': "
+        return f"{disk_room(folder)[0] / 1e6:.1f} MB are free in '{folder}': "
     return ""
 
 

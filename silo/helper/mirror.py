@@ -27,7 +27,7 @@ from silo.judging.derived import derived_infos
 from silo.link.handover import RunOffer
 from silo.link.messages import RobotState
 from silo.model import Control, Derived, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
-from silo.runtime import runtime_dir, user_name
+from silo.runtime import disk_room, runtime_dir, user_name
 
 MOST_CLIENTS = 20
 FAILED_NAMES = 10  # of the status, which goes with every event
@@ -364,10 +364,9 @@ class Mirror:
 def _room(segment: str, present_bytes: int) -> int:
     """Return how many bytes the buffers of the next start may take; 0 where the system doesn't tell."""
     try:
-        place = os.statvfs(Path(segment).parent if segment else runtime_dir())
+        return disk_room(Path(segment).parent if segment else runtime_dir())[0] + present_bytes
     except (OSError, SegmentError):
         return 0
-    return place.f_bavail * place.f_frsize + present_bytes
 
 
 @dataclass(frozen=True)

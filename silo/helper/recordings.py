@@ -37,6 +37,7 @@ from silo.ipc.messages import (
     SavedRecording,
 )
 from silo.model import FileType
+from silo.runtime import disk_room
 
 MAX_LISTED = 10_000
 MAX_VISITED = 100_000
@@ -75,14 +76,13 @@ class RecordingFolder:
             shown = newest[: max(0, min(most, MAX_LISTED))]
             until_s = time.monotonic() + READ_S
             looked = [self._recording(folder, logger, stem, files, until_s) for stem, files in shown]
-            disk = os.fstatvfs(folder)
+            free, size = disk_room(folder)
             recorded = [self._part_row(folder, part) for part in parts_below(folder)]
         rows = [row for row in looked if row is not None]
         # without those that turned out to be others' files
         count = len(newest) - (len(shown) - len(rows)) + len(recorded)
         rows += recorded
         rows = sorted(rows, key=_changed, reverse=True)[: max(0, min(most, MAX_LISTED))] if recorded else rows
-        free, size = disk.f_bavail * disk.f_frsize, disk.f_blocks * disk.f_frsize
         return Recordings(place, rows, count, size, free)
 
     def parts(self, place: str, name: str) -> RecordingParts:

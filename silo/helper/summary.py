@@ -4,7 +4,7 @@ Nothing is made while nobody subscribes. A thread of its own looks how full the 
 hold up neither views nor answers.
 """
 
-import os
+import contextlib
 import threading
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from silo.ipc.keys import Root
 from silo.ipc.published import Summary
 from silo.model import State
 from silo.pace import is_stalled
+from silo.runtime import disk_room
 
 PERIOD_S = 1.0
 AGAIN_S = 10.0
@@ -120,12 +121,6 @@ class DiskWatch:
 
 def room_of(folder: Path) -> tuple[int, int]:
     """Return how many bytes are free where a folder is, or will be, and how many there are; 0 where nobody tells."""
-    for place in (folder, *folder.parents):
-        try:
-            found = os.statvfs(place)
-        except FileNotFoundError:
-            continue
-        except OSError:
-            break
-        return found.f_bavail * found.f_frsize, found.f_blocks * found.f_frsize
+    with contextlib.suppress(OSError):
+        return disk_room(next(place for place in (folder, *folder.parents) if place.exists()))
     return 0, 0

@@ -18,6 +18,7 @@ from typing import BinaryIO, TypeVar
 
 from silo.errors import ConnectionLostError, SaveError
 from silo.ipc.messages import PartOfRecording, Piece, RecordingParts
+from silo.runtime import disk_room
 
 FIRST_PIECE = 64 << 10
 MIN_PIECE = 8 << 10
@@ -84,7 +85,7 @@ class Fetch:
             have = self._verified(part, file)
             file.truncate(have)
             self._say(have)
-            room = shutil.disk_usage(target.parent).free
+            room, _ = disk_room(target.parent)
             if part.size_bytes - have > room:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             while have < part.size_bytes:
@@ -153,7 +154,7 @@ class Fetch:
     def _refused(self, error: OSError, name: str, folder: Path) -> SaveError:
         why = error.strerror or str(error)
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            free = shutil.disk_usage(folder).free
+            free, _ = disk_room(folder)
             return SaveError(
                 f"can't fetch '{name}': {why}: {_mb(self._total - self._here)} more are needed, {_mb(free)} are free "
                 f"in '{folder}'; make room or choose another folder; {self._kept(name, folder)}"

@@ -3,7 +3,6 @@
 import errno
 import fcntl
 import os
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -181,8 +180,7 @@ def test_a_file_that_is_there_is_kept_unless_it_may_be_replaced(robot, here):
 
 def test_a_full_disk_is_told_with_what_is_needed_before_anything_comes(robot, here, monkeypatch):
     name = large(Path(robot.place))
-    usage = shutil.disk_usage(Path(robot.place))
-    monkeypatch.setattr(fetching.shutil, "disk_usage", lambda path: usage._replace(free=1000))
+    monkeypatch.setattr(fetching, "disk_room", lambda path: (1000, 10**9))
     with pytest.raises(SaveError, match=r"0\.\d MB more are needed, 0\.0 MB are free.*make room"):
         robot.fetch(name, here)
     assert robot.pieces == []
