@@ -78,6 +78,8 @@ def write_mat(recording: Recording, path: Path, progress: Progress | None = None
         "time_ns": recording.time_ns,
         "time": _seconds(recording.time_ns, start),
     }
+    if recording.warnings:
+        about["warnings"] = np.array([text.replace("\0", "_") for text in recording.warnings], dtype=object)
     if recording.events:
         about["event_ticks"] = np.array([event.tick for event in recording.events], np.int64)
         about["events"] = np.array([f"{event.kind}: {event.text}" for event in recording.events], dtype=object)
@@ -179,6 +181,9 @@ def _fill_store(h5py: Any, store: Any, recording: Recording, progress: Progress 
     store.attrs["logger"] = recording.logger
     store.attrs["frequency_hz"] = np.nan if recording.frequency_hz is None else recording.frequency_hz
     store.attrs["started_ns"] = recording.started_ns
+    if recording.warnings:
+        texts = [text.replace("\0", "_") for text in recording.warnings]
+        store.create_dataset(_free(store, "warnings"), data=texts, dtype=h5py.string_dtype())
     if recording.events:
         # a data set: an attribute holds at most 64 kB
         store.create_dataset(_free(store, "events"), data=msgspec.json.encode(recording.events).decode())
@@ -294,7 +299,13 @@ def _facts(recording: Recording) -> str:
     ]
     facts = {"logger": recording.logger, "frequency_hz": recording.frequency_hz, "started_ns": recording.started_ns}
     return msgspec.json.encode(
-        {**facts, "offset": recording.offset, "elements": elements, "events": recording.events}
+        {
+            **facts,
+            "offset": recording.offset,
+            "elements": elements,
+            "events": recording.events,
+            "warnings": list(recording.warnings),
+        }
     ).decode()
 
 

@@ -93,7 +93,8 @@ class Format(msgspec.Struct, frozen=True):
                 from silo.files.derived import with_derived
 
                 recording = with_derived(recording)
-            function(recording, path, progress=progress)
+            # what is read again is told of its clock then
+            function(recording if self.reader else _clock_told(recording), path, progress=progress)
 
         return write
 

@@ -26,7 +26,8 @@ _MAX_ROWS = 1 << 16
 def write_parquet(recording: Recording, path: Path, progress: Progress | None = None) -> None:
     """Write `time_ns` (int64), `time` (UTC, nanoseconds) and one column per entry; complex ones are two columns.
 
-    Where something happened there is a column `events` too, with its words; all of it, as JSON, is in the metadata.
+    Where something happened there is a column `events` too, with its words; all of it, as JSON, is in the metadata,
+    as are the recording's `warnings`.
 
     Raises `SaveError`, and `SiloError` without pyarrow.
     """
@@ -135,6 +136,8 @@ def _about(element: RecordedElement, dtype: np.dtype[Any]) -> dict[str, str]:
 def _about_log(recording: Recording) -> dict[str, str]:
     frequency = "" if recording.frequency_hz is None else str(recording.frequency_hz)
     about = {"logger": recording.logger, "frequency_hz": frequency, "started_ns": str(recording.started_ns)}
+    if recording.warnings:
+        about["warnings"] = msgspec.json.encode(list(recording.warnings)).decode()
     if recording.events:
         about["events"] = msgspec.json.encode(recording.events).decode()
     return about
