@@ -103,6 +103,16 @@ def read_steps(root: object, steps: tuple[Step, ...]) -> Any:
     return value
 
 
+def reads(source: Source, owners: Sequence[object]) -> bool:
+    """Whether a source reads one of these objects, or memory of one."""
+    if isinstance(source, Expression):
+        return any(source.root is one for one in owners)
+    arrays = [one for one in owners if isinstance(one, np.ndarray)]
+    return any(one is held for one in owners for held in source.holds) or any(
+        np.may_share_memory(source.view, one) for one in arrays
+    )
+
+
 def can_refer(value: object) -> bool:
     """Whether a value is memory that can be logged by reference."""
     if isinstance(value, np.generic):

@@ -19,13 +19,14 @@ from silo.arguments import path as file_path
 from silo.calls import told_class, unknown_argument
 from silo.collecting.arena import Arena
 from silo.collecting.plan import Element
+from silo.collecting.sources import reads
 from silo.collecting.traits import describe, kind_of, label_map
 from silo.errors import ArgumentError, ElementError, ScriptError, StateError
 from silo.kinds import STRUCT, struct_text
 from silo.logger.elements import Elements
 from silo.logger.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
 from silo.logger.options import array_layout, edits_given, element_name, new_options, string_room
-from silo.logger.other_names import HidesOtherNames
+from silo.logger.other_names import HidesOtherNames, no_attribute_of, tell_of_element
 from silo.logger.table import Table
 from silo.model import (
     DEFAULT_OPTIONS,
@@ -64,6 +65,22 @@ class Configuration(metaclass=HidesOtherNames):
         self._said_late = False
         self._closed = False
         self._doubted: set[str] = set()  # units of which was told
+
+    def __setattr__(self, name: str, value: object) -> None:
+        # an array may be kept here, `log.q = log.array("q")`; what isn't logged may not look as if it were
+        element = None if name.startswith("_") else self._named(name)
+        if (
+            element is not None
+            and element.parts
+            and not any(reads(part.source, (self, value)) for part in element.parts)
+        ):
+            no_attribute_of(element.info.name, name)
+        super().__setattr__(name, value)
+
+    def _named(self, name: str) -> Element | None:
+        """The element whose name ends so."""
+        table = vars(self).get("_table")
+        return table.named(name) if table is not None else None
 
     def _check_open(self) -> None:
         if self._closed:
@@ -217,6 +234,7 @@ class Configuration(metaclass=HidesOtherNames):
             extras = self._extras if limits is None else self._limited(info, limits)
             self._table.add(Element(info, tuple(parts)))
             self._extras = extras
+        tell_of_element(type(self), full.rpartition("/")[2])
         if any(letter.isspace() for letter in full):
             log.warning(
                 "element '%s': its name holds a blank: silo reads its files, the readers of signal_logger read none "

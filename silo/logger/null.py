@@ -14,6 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from silo.arguments import path as file_path
 from silo.calls import told_class
+from silo.errors import ElementError
 from silo.kinds import index_suffixes, kind_by_shape
 from silo.logger.elements import Elements, LoggedElement, SavedFiles
 from silo.logger.keywords import (
@@ -34,6 +35,7 @@ from silo.logger.keywords import (
 from silo.logger.new_values import NewValues
 from silo.logger.options import array_layout
 from silo.logger.other_names import HidesOtherNames, listed, not_deleted, not_set, with_other_names
+from silo.logger.table import hint
 from silo.model import (
     DEFAULT_OPTIONS,
     NO_EXTRAS,
@@ -276,8 +278,11 @@ class NullLogger(metaclass=HidesOtherNames):
         return self.options.name
 
     def element(self, name: str) -> LoggedElement:
-        """Return an element without options and values of its own."""
-        return LoggedElement(self._known(name) or ElementInfo(name, "-", "scalar", (), (), DEFAULT_OPTIONS))
+        """Return an element without options and values of its own. Raises like `Logger.element`."""
+        info = self._known(name)
+        if info is None:
+            raise ElementError(f"no element '{name}'{hint(name, self.options.prefix, list(self))}")
+        return LoggedElement(info)
 
     def __getitem__(self, name: str) -> LoggedElement:
         return self.element(name)

@@ -46,6 +46,7 @@ OTHER_NAMES = {
     "variables": "it is log.elements",
     "log": "add variables by log.add(x, 'x') before, then log.collect() once per tick",
     "log_scalar": "add variables by log.add(x, 'x') before, then log.collect() once per tick",
+    "init": "silo.init('robot') makes the default logger of a program; this one is made: log.add(x, 'x'), log.start()",
     "info": "silo logs numbers; words at the newest tick are log.mark('slipped')",
     "warning": "silo logs numbers; words at the newest tick are log.mark('slipped')",
     "event": "it is log.mark('slipped')",
@@ -115,6 +116,30 @@ class Settled(Elsewhere):
         raise StateError(f"{self._name} can't be set later: {self._way_out}; nothing was changed")
 
 
+class ElementsName(Elsewhere):
+    """A name by which a logger has an element: that is no attribute."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name, "")
+
+    def __get__(self, thing: object, owner: type) -> NoReturn:
+        named = getattr(thing, "_named", None)
+        if named is None or (element := named(self._name)) is None:
+            raise AttributeError(
+                f"'{owner.__name__}' object has no attribute '{self._name}'", name=self._name, obj=thing
+            )
+        raise UnknownNameError(
+            f"a logger has no '{self._name}': its element is log[{element.info.name!r}], with .newest and .options",
+            name=self._name,
+        )
+
+
+def tell_of_element(cls: type, name: str) -> None:
+    """Have `log.q` tell of `log["q"]`, where the class has no such name."""
+    if name.isidentifier() and not name.startswith("_") and not any(name in vars(base) for base in cls.__mro__):
+        setattr(cls, name, ElementsName(name))
+
+
 class HidesOtherNames(type):
     """The class of loggers: `dir()`, completion and `help()` list what there is, not what is told of."""
 
@@ -136,6 +161,15 @@ def listed(names: Iterable[str], cls: type) -> list[str]:
 
 def _static(cls: type, name: str) -> object:
     return next((vars(base)[name] for base in cls.__mro__ if name in vars(base)), None)
+
+
+def no_attribute_of(element: str, name: str) -> NoReturn:
+    """Raise UnknownNameError: `log.q = value`."""
+    raise UnknownNameError(
+        f"log.{name} = ... would change nothing of the element log[{element!r}]: write into the array that was added, "
+        "x[:] = ..., or add the object that has it, log.add(robot, attr='x'); nothing was changed",
+        name=name,
+    )
 
 
 def not_deleted(name: object) -> NoReturn:

@@ -115,18 +115,15 @@ class Table:
                 return inside
         raise ElementError(f"no element or namespace '{name}'{self._hint(name)}")
 
+    def named(self, name: str) -> Element | None:
+        """The element whose name ends so, also one that waits for `adopt`."""
+        ending = f"/{name}"
+        return next((one for one in (*self.elements, *self.pending) if one.info.name.endswith(ending)), None)
+
     def _hint(self, name: str) -> str:
         if any(element.info.name.endswith(name) for element in self.pending):
             return "; it was added after the last update(): call update() first"
-        from difflib import get_close_matches
-
-        # without the prefix, which would make all names alike
-        bare = {full.removeprefix(f"{self.prefix}/"): full for full in self._places}
-        asked = join_name("", "", name).removeprefix(f"{self.prefix}/").lstrip("/")
-        near = get_close_matches(asked, bare, 1, 0.6) or [
-            one for one in bare if asked.lower() in (one.lower(), one.rsplit("/", 1)[-1].lower())
-        ]
-        return f"; did you mean '{bare[near[0]]}'?" if near else f"; the table has {len(self.elements)} elements"
+        return hint(name, self.prefix, [*self._places, *(element.info.name for element in self.pending)])
 
     def change(self, changes: Mapping[int, ElementOptions]) -> int:
         """Give elements new options, all or none. Returns how many differ; the revision grows if any does."""
@@ -155,3 +152,16 @@ class Table:
     def apply(self, edits: Iterable[Edit]) -> int:
         """Apply edits without `problems`. Returns how many elements changed."""
         return self.change({self._places[edit.name]: edit.options for edit in edits})
+
+
+def hint(name: str, prefix: str, names: Iterable[str]) -> str:
+    """Which element was meant by a name that none has, or how many there are."""
+    from difflib import get_close_matches
+
+    # without the prefix, which would make all names alike
+    bare = {full.removeprefix(f"{prefix}/"): full for full in names}
+    asked = join_name("", "", name).removeprefix(f"{prefix}/").lstrip("/")
+    near = get_close_matches(asked, bare, 1, 0.6) or [
+        one for one in bare if asked.lower() in (one.lower(), one.rsplit("/", 1)[-1].lower())
+    ]
+    return f"; did you mean '{bare[near[0]]}'?" if near else f"; the table has {len(bare)} elements"

@@ -1,0 +1,82 @@
+"""An element is `log["q"]`: who writes `log.q`, or a name that there isn't, is told so."""
+
+import numpy as np
+import pytest
+
+import silo
+from silo.errors import ElementError, SiloError, UnknownNameError
+from silo.logger.null import NullLogger
+
+
+def test_asking_for_an_attribute_of_an_elements_name_says_how_to_look_at_it(new_logger):
+    logger = new_logger()
+    logger.array("q", 3, group="joints")
+    with pytest.raises(UnknownNameError, match=r"a logger has no 'q': its element is log\['/log/joints/q'\]") as raised:
+        _ = logger.q
+    assert isinstance(raised.value, AttributeError)
+    assert not hasattr(logger, "q")
+    assert "q" not in dir(logger)
+
+
+def test_another_logger_has_no_such_name_and_python_says_so(new_logger):
+    new_logger("one").array("q_of_one", 3)
+    with pytest.raises(AttributeError, match="'Logger' object has no attribute 'q_of_one'") as raised:
+        _ = new_logger("other").q_of_one
+    assert not isinstance(raised.value, SiloError)
+
+
+@pytest.mark.parametrize("value", [1, 0.5, np.ones(3), "walk"])
+def test_setting_an_attribute_of_an_elements_name_is_refused(new_logger, value):
+    logger = new_logger()
+    q = logger.array("q", 3)
+    with pytest.raises(UnknownNameError, match=r"log\.q = \.\.\. would change nothing of the element log\['/log/q'\]"):
+        logger.q = value
+    assert (q.tolist(), "q" in vars(logger)) == ([0, 0, 0], False)
+
+
+def test_the_array_itself_may_be_kept_there(new_logger):
+    logger = new_logger()
+    logger.q = logger.array("q", 3)
+    logger.q[:] = 2
+    logger.part = 5  # of a program's own
+    assert (logger.q.tolist(), logger.part) == ([2, 2, 2], 5)
+
+
+def test_a_logger_of_ones_own_logs_its_own_attributes(tmp_path):
+    class Own(silo.Logger):
+        def __init__(self):
+            super().__init__("own", folder=tmp_path, script=tmp_path / "none.yaml")
+            self.mode = 1
+            self.add(self, "mode", attr="mode")
+
+    with Own() as logger:
+        logger.start()
+        logger.mode = 2
+        logger.collect()
+        assert logger["mode"].newest == 2
+        logger.close(discard=True)
+
+
+def test_a_name_that_is_meant_is_told_before_the_first_start_too(new_logger):
+    logger = new_logger()
+    logger.array("q", 3)
+    with pytest.raises(ElementError, match="no element 'Q'; did you mean '/log/q'"):
+        logger["Q"]
+    logger.start()
+    with pytest.raises(ElementError, match="no element 'Q'; did you mean '/log/q'"):
+        logger["Q"]
+
+
+def test_a_null_logger_invents_no_element():
+    log = NullLogger()
+    log.array("q", 3)
+    assert log["q"].shape == (3,)
+    with pytest.raises(ElementError, match="no element 'Q'; did you mean '/log/q'"):
+        log["Q"]
+
+
+def test_a_logger_that_is_made_needs_no_init(new_logger):
+    with pytest.raises(
+        UnknownNameError, match=r"a logger has no 'init': silo.init\('robot'\) makes the default logger"
+    ):
+        new_logger().init("robot")
