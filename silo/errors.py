@@ -71,6 +71,16 @@ class VersionError(ConnectionLostError):
 class GoesOnError(SiloError):
     """A robot process hasn't done yet what it was asked for, and may still do it: its status and an event tell."""
 
+    def __init__(self, message: str, job: int = 0) -> None:
+        """Make the error.
+
+        Args:
+            message: what it says.
+            job: the number of the event that tells how it ends.
+        """
+        super().__init__(message)
+        self.job = job
+
 
 class UnsavedError(StateError):
     """Data that is in no file would be cleared; the message says how much. Nothing was changed."""

@@ -322,8 +322,7 @@ def say_saved(text: str) -> None:
 @contextmanager
 def naming_ways_out(command: str, client: "Client") -> Iterator[None]:
     """Say in commands how to go on after a refusal: over unsaved data, or of a start while it runs."""
-    from silo.ipc.exchange import RequestRefusedError
-    from silo.ipc.messages import RefusedWhy
+    from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
     name = client.found.label
     try:

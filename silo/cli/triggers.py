@@ -18,7 +18,7 @@ from silo.cli.common import (
 from silo.files.formats import SAVED_NAMES
 
 if TYPE_CHECKING:
-    from silo.ipc.conditions import TriggerStatus
+    from silo.conditions.standing import TriggerStatus
     from silo.ipc.messages import TriggerTried
     from silo.model import TriggerOptions
 

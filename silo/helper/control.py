@@ -4,26 +4,30 @@ What changes something, or reads gigabytes, is done in lanes (`silo.helper.lanes
 answer holds up no status, a recorder no mark, and a history no view.
 """
 
+import contextlib
 import functools
 import logging
 import math
 import threading
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, NoReturn
 
 import msgspec
 import zenoh
 
-from silo.helper.answers import LANES, Answers
+from silo.helper.answers.answering import Answers
 from silo.helper.denials import Denials
 from silo.helper.door import Door, attachment_of
 from silo.helper.events import plain
-from silo.helper.lanes import Lane, Lanes, Turn, Waiting, is_late
+from silo.helper.lanes import Lanes, Waiting, is_late
 from silo.helper.operators import Operators
 from silo.helper.requests import decode_ask, decode_do
-from silo.ipc.clocks import clock_s
 from silo.ipc.keys import Root, may_use
-from silo.ipc.messages import AnyReply, Do, GoesOn, Hello, Refused, RefusedWhy, Request, SlowAsk, spoken
+from silo.ipc.messages import Hello
+from silo.rpc.clocks import clock_s
+from silo.rpc.declaring import Do, GoesOn, Lane, Request, SlowAsk, spoken
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError, answered
+from silo.rpc.serving import Answer, Turn
 
 MAX_WAITING = 64
 
@@ -97,10 +101,10 @@ class Control:
 
     def _ask(self, query: zenoh.Query) -> None:
         payload, key = _payload(query), self._root.key("ask")
-        request = decode_ask(payload)
+        request = self._decoded(query, key, lambda: decode_ask(payload))
         if isinstance(request, SlowAsk):
-            self._wait(Lane.SLOW, query, request, key, len(payload))
-        else:
+            self._wait(query, request, key, len(payload))
+        elif request is not None:
             self._reply(query, key, lambda: self._answers.reply(request))
 
     def _take(self, declared: str, query: zenoh.Query) -> None:
@@ -109,36 +113,54 @@ class Control:
         if self._door.refuses(key):
             self._refuse(query, key, payload)
             return
-        request = decode_do(payload)
         # what has wildcards is refused, under a key that fits
         own = key if "*" not in key else declared.replace("*", "nobody")
-        lane = LANES[type(request)] if isinstance(request, Do) else Lane.NOW
-        self._wait(lane, query, request, own, len(payload))
+        request = self._decoded(query, own, lambda: decode_do(payload))
+        if request is not None:
+            self._wait(query, request, own, len(payload))
+
+    def _decoded(self, query: zenoh.Query, key: str, decode: Callable[[], Request[Any]]) -> Request[Any] | None:
+        """Return a request; None for what is none, whose sender is told so."""
+        try:
+            return decode()
+        except RequestRefusedError as error:
+            refused = error
+        self._reply(query, key, lambda: _raise(refused))
+        return None
 
     def _refuse(self, query: zenoh.Query, key: str, payload: bytes) -> None:
         """Tell who may not change anything why, at once: it waits for no lane, and fills none."""
-        request = decode_do(payload) if len(payload) <= MOST_REFUSED_BYTES else None
+        request: Request[Any] | None = None
+        if len(payload) <= MOST_REFUSED_BYTES:
+            with contextlib.suppress(RequestRefusedError):
+                request = decode_do(payload)
         who = plain(request.client) if isinstance(request, Do) else ""
-        refused = self._door.sender(key, b"", who)
-        assert isinstance(refused, Refused)
-        if isinstance(request, Do):
-            self._denied(request, refused, self._door.name_of(key, who))
-        self._reply(query, key, lambda: refused)
 
-    def _denied(self, request: Request[Any], refused: Refused, who: str) -> Refused:
-        """Note a change that was not allowed."""
-        if refused.why in (RefusedWhy.FORBIDDEN, RefusedWhy.CONTROL):
-            why = "somebody else has control" if refused.why is RefusedWhy.CONTROL else "no role for it"
-            self._denials.note(f"change denied: {type(request).__name__} ({why})", plain(who))
-        return refused
+        def answer() -> Answer:
+            with self._denying(request, self._door.name_of(key, who)):
+                self._door.sender(key, b"", who)
+            raise AssertionError(key)  # it is a key of those who are refused
 
-    def _wait(self, lane: Lane, query: zenoh.Query, request: Request[Any] | Refused, key: str, size_bytes: int) -> None:
-        one = Waiting(query, request, key, size_bytes, _until_s(request))
+        self._reply(query, key, answer)
+
+    @contextlib.contextmanager
+    def _denying(self, request: Request[Any] | None, who: str) -> Iterator[None]:
+        """Note a change that was not allowed; a hello only asks whether one would be let in."""
+        try:
+            yield
+        except RequestRefusedError as refused:
+            if isinstance(request, Do) and refused.why in (RefusedWhy.FORBIDDEN, RefusedWhy.CONTROL):
+                why = "somebody else has control" if refused.why is RefusedWhy.CONTROL else "no role for it"
+                self._denials.note(f"change denied: {type(request).__name__} ({why})", plain(who))
+            raise
+
+    def _wait(self, query: zenoh.Query, request: Request[Any], key: str, size_bytes: int) -> None:
+        one, lane = Waiting(query, request, key, size_bytes, _until_s(request)), request.lane
         if (isinstance(request, Do) and is_late(one.until_s, clock_s())) or not one.until_s > clock_s():
             self._tell_late(one, lane, False)
         elif waiting := self._lanes.put(lane, one):
             text = f"{waiting} requests wait for {lane.value} already; try again in a moment; nothing was changed"
-            self._reply(query, key, lambda: Refused(RefusedWhy.FAILED, text))
+            self._reply(query, key, lambda: _raise(RequestRefusedError(RefusedWhy.FAILED, text)))
 
     # ------------------------------------------------------------------------------------------- in a lane's thread
 
@@ -147,32 +169,27 @@ class Control:
         if isinstance(one.request, SlowAsk):
             self._reply(query, one.key, answer)
             return
-        reply = _guarded(answer)
+        reply = answered(answer)
         if one.claim():
             self._reply(query, one.key, lambda: reply)
         elif isinstance(one.request, Do):
             self._answers.tell_end(one.job, one.request, reply, one.by)
 
-    def _answer(self, one: Waiting) -> AnyReply | bytes:
-        request = one.request
-        if isinstance(request, Refused | SlowAsk):
+    def _answer(self, one: Waiting) -> Answer:
+        request, key = one.request, str(one.query.key_expr)
+        if isinstance(request, SlowAsk):
             return self._answers.reply(request)
-        key = str(one.query.key_expr)
-        sender = self._door.sender(key, attachment_of(one.query), plain(request.client))
-        if isinstance(sender, Refused):
-            # a hello only asks whether a change would be let in
-            hello = isinstance(request, Hello)
-            return sender if hello else self._denied(request, sender, self._door.name_of(key, plain(request.client)))
+        who = plain(request.client)
+        with self._denying(request, self._door.name_of(key, who)):
+            sender = self._door.sender(key, attachment_of(one.query), who)
         if isinstance(request, Hello):
             if request.id and may_use(request.id, request.proof):
                 self._know(plain(request.id), sender.words, sender.identity)
             return self._answers.reply(msgspec.structs.replace(request, id=""))
         one.by = sender.words
-        signed = msgspec.structs.replace(request, client=sender.words)
-        refused = self._operators.refused(signed, sender) if isinstance(signed, Do) else None
-        if refused is not None:
-            return self._denied(signed, refused, sender.words)
-        return self._answers.reply(signed, Turn(sender, one.until_s))
+        with self._denying(request, sender.words):
+            self._operators.check(request, sender)
+        return self._answers.reply(msgspec.structs.replace(request, client=sender.words), Turn(sender, one.until_s))
 
     def _tell_late(self, one: Waiting, lane: Lane, begun: bool) -> None:
         """Refuse what was not begun in time, and say of what was that it goes on; then nobody else answers."""
@@ -182,7 +199,7 @@ class Control:
             return
         if not begun:
             text = f"its turn did not come in time: it waited for {lane.value}; nothing was changed; try again"
-            self._reply(one.query, one.key, lambda: Refused(RefusedWhy.LATE, text))
+            self._reply(one.query, one.key, lambda: _raise(RequestRefusedError(RefusedWhy.LATE, text)))
             return
         one.job = self._answers.number()
         if one.claim():
@@ -190,9 +207,9 @@ class Control:
             told = GoesOn(one.job, f"{name} goes on: it waits for {lane.value}; an event tells how it ends")
             self._reply(one.query, one.key, lambda: told)
 
-    def _reply(self, query: zenoh.Query, key: str, answer: Callable[[], AnyReply | bytes]) -> None:
+    def _reply(self, query: zenoh.Query, key: str, answer: Callable[[], Answer]) -> None:
         """Answer under one of our keys, whatever happens: what breaks something is refused and logged."""
-        body = _encoded(_guarded(lambda: _encoded(answer())))
+        body = _encoded(answered(lambda: _encoded(answer())))
         try:
             with query:
                 query.reply(key, body)
@@ -201,21 +218,17 @@ class Control:
             log.debug("no reply could be sent: %s", error)
 
 
-def _guarded(answer: Callable[[], AnyReply | bytes]) -> AnyReply | bytes:
-    try:
-        return answer()
-    except Exception as error:
-        log.exception("a request failed")
-        return Refused(RefusedWhy.FAILED, f"{type(error).__name__}: {error}")
+def _raise(error: RequestRefusedError) -> NoReturn:
+    raise error
 
 
-def _encoded(reply: AnyReply | bytes) -> bytes:
+def _encoded(reply: Answer) -> bytes:
     return reply if isinstance(reply, bytes) else _encoder.encode(reply)
 
 
-def _until_s(request: Request[Any] | Refused) -> float:
+def _until_s(request: Request[Any]) -> float:
     """Return when the client of a request gives up."""
-    if isinstance(request, Refused | Hello):
+    if isinstance(request, Hello):
         return math.inf
     return request.until_s or clock_s() + request.timeout_s
 

@@ -1,9 +1,8 @@
-"""Who sends a change, by the key it comes under and by what it shows: a sender with words for it, or a refusal.
+"""Who sends a change, by the key it comes under and by what it shows: a sender with words for it; others are refused.
 
 Keys with wildcards are refused: who means one robot never reaches another.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import zenoh
@@ -12,7 +11,6 @@ from silo.ipc import keys
 from silo.ipc.admission import NO_NETWORK, Admission, admission_of, direction_words, hold_directions
 from silo.ipc.configuration import from_file
 from silo.ipc.keys import Root
-from silo.ipc.messages import Refused, RefusedWhy
 from silo.ipc.senders import (
     claim_of,
     closed_words,
@@ -25,16 +23,10 @@ from silo.ipc.senders import (
     viewer_words,
 )
 from silo.ipc.session import group_file, own_file
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.rpc.serving import Sender
 
 REFUSED = "refused"
-
-
-@dataclass(frozen=True)
-class Sender:
-    """Who sends a change: `identity` tells operators apart, `words` are shown."""
-
-    identity: str
-    words: str
 
 
 class Door:
@@ -84,23 +76,23 @@ class Door:
         """Return whether this is a key of those whom rules keep from changing anything."""
         return not any(sign in key for sign in "*$") and key.startswith(self._root.key(REFUSED, ""))
 
-    def sender(self, key: str, attachment: bytes, client: str) -> Sender | Refused:
-        """Return who sent a request under a key; `client` is what it says of itself.
+    def sender(self, key: str, attachment: bytes, client: str) -> Sender:
+        """Return who sent a request under a key; `client` is what it says of itself. Raises RequestRefusedError.
 
         Under `refused/<user>` come those whom rules keep from changing anything: to be told so.
         """
         if self.refuses(key):
             name = keys.unescape(key.removeprefix(self._root.key(REFUSED, "")))
             text = self.closed or viewer_words(name, self._root.address)
-            return Refused(RefusedWhy.FORBIDDEN, text)
+            raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
         begin = self._root.key("do", "")
         user = key.removeprefix(begin)
         if not key.startswith(begin) or not user or any(sign in user for sign in "*$/"):
             text = f"a change must name the one logger that is meant and its sender, got '{key}'; nothing was changed"
-            return Refused(RefusedWhy.INVALID, text)
+            raise RequestRefusedError(RefusedWhy.INVALID, text)
         if user != keys.LOCAL_SENDER:
             if closed := self.closed:
-                return Refused(RefusedWhy.FORBIDDEN, closed)
+                raise RequestRefusedError(RefusedWhy.FORBIDDEN, closed)
             name = keys.unescape(user)
             return Sender(name, network_words(name, client, proven=self.admission.proven))
         return self._local(attachment, client)
@@ -112,15 +104,15 @@ class Door:
             return group_words(self._group, client) if self._group else local_words(client)
         return network_words(keys.unescape(user), client, proven=self.admission.proven)
 
-    def _local(self, attachment: bytes, client: str) -> Sender | Refused:
+    def _local(self, attachment: bytes, client: str) -> Sender:
         claim = claim_of(client)
         if not self._group or attachment == self._own:
             return Sender(local_identity(claim.user), local_words(client))
         if attachment != self._groups:
             text = "it comes neither from the robot's user nor from the group that shares its socket"
-            return Refused(RefusedWhy.FORBIDDEN, f"{text}; nothing was changed")
+            raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{text}; nothing was changed")
         if not self._group_may_change:
-            return Refused(RefusedWhy.FORBIDDEN, group_viewer_words(self._group, self._root.logger))
+            raise RequestRefusedError(RefusedWhy.FORBIDDEN, group_viewer_words(self._group, self._root.logger))
         return Sender(group_identity(claim.user), group_words(self._group, client))
 
 

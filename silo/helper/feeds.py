@@ -15,8 +15,9 @@ from silo.errors import SegmentError
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.topics import matching
 from silo.ipc import keys
-from silo.ipc.messages import Done, OpenStream, OpenView, Refused, RefusedWhy
+from silo.ipc.messages import OpenStream, OpenView
 from silo.rpc.leases import Leases
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 LEASE_S = 6.0
 
@@ -75,17 +76,16 @@ class Feeds(abc.ABC, Generic[RequestT, FeedT]):
         """Return whether a request only renews another."""
 
     @abc.abstractmethod
-    def _refused(self, request: RequestT, others: list[FeedT]) -> Refused | None:
-        """Return why there can't be such a feed beside these."""
+    def _check(self, request: RequestT, others: list[FeedT]) -> None:
+        """Raise RequestRefusedError where there can't be such a feed beside these."""
 
     @abc.abstractmethod
     def _made(self, request: RequestT, publisher: zenoh.Publisher) -> FeedT:
         """Return a new feed."""
 
-    def renewed(self, name: str, request: RequestT) -> FeedT | Refused:
-        """Return the feed of this name after renewing it, or a new one in its place."""
-        if not keys.may_use(keys.client_of_view(name), request.proof):
-            return self._not_yours(name)
+    def renewed(self, name: str, request: RequestT) -> FeedT:
+        """Return the feed of this name after renewing it, or a new one in its place. Raises RequestRefusedError."""
+        self._check_owner(name, request.proof)
         with self._feeds:
             old = self._feeds.get(name)
             if old is not None and self._is_same(old.request, request):
@@ -93,42 +93,40 @@ class Feeds(abc.ABC, Generic[RequestT, FeedT]):
                 return old
             request_failed, why = self._failed.get(name, (None, ""))
             if request_failed is not None and self._is_same(request_failed, request):
-                return Refused(RefusedWhy.FAILED, why)
+                raise RequestRefusedError(RefusedWhy.FAILED, why)
             self._failed.pop(name, None)
             owner = keys.client_of_view(name)
-            refused = self._too_many(name, owner) or self._refused(
-                request, [one.value for one in self._feeds.all(but=name)]
-            )
-            if refused is not None:
-                return refused
+            self._check_room(name, owner)
+            self._check(request, [one.value for one in self._feeds.all(but=name)])
             made = self._made(request, old.publisher if old is not None else self._declare(name))
             self._feeds.set(name, made, LEASE_S, owner)
         return made
 
-    def _too_many(self, name: str, owner: str) -> Refused | None:
+    def _check_room(self, name: str, owner: str) -> None:
         full = self._feeds.full(name, owner)
         if full is None:
-            return None
+            return
         count, own = full
         held = f"this client has {count} {self.kind}s open already" if own else f"{count} {self.kind}s are open already"
-        return self._cant_open(f"{held}; close others first", RefusedWhy.FAILED)
+        raise self._cant_open(f"{held}; close others first", RefusedWhy.FAILED)
 
-    def _cant_open(self, problem: str, why: RefusedWhy = RefusedWhy.INVALID) -> Refused:
-        return Refused(why, f"the {self.kind} can't be opened: {problem}")
+    def _cant_open(self, problem: str, why: RefusedWhy = RefusedWhy.INVALID) -> RequestRefusedError:
+        return RequestRefusedError(why, f"the {self.kind} can't be opened: {problem}")
 
     def _declare(self, name: str) -> zenoh.Publisher:
         key = self._root.key(self.kind, name)
         return self._session.declare_publisher(key, congestion_control=zenoh.CongestionControl.DROP)
 
-    def _not_yours(self, name: str) -> Refused:
-        return Refused(RefusedWhy.FORBIDDEN, f"the {self.kind} '{name}' is another client's; nothing was changed")
-
-    def close_for(self, name: str, proof: str) -> Done | Refused:
-        """End a feed of who asks; one that isn't open is fine."""
+    def _check_owner(self, name: str, proof: str) -> None:
         if not keys.may_use(keys.client_of_view(name), proof):
-            return self._not_yours(name[:50])
+            text = f"the {self.kind} '{name[:50]}' is another client's; nothing was changed"
+            raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
+
+    def close_for(self, name: str, proof: str) -> str:
+        """End a feed of who asks; one that isn't open is fine. Raises RequestRefusedError for that of another one."""
+        self._check_owner(name, proof)
         self.close(name)
-        return Done(f"the {self.kind} is closed")
+        return f"the {self.kind} is closed"
 
     def close(self, name: str) -> None:
         """End a feed; one that isn't open is fine."""

@@ -22,7 +22,7 @@ import zenoh
 
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import ConnectionLostError, SegmentError, SiloError
-from silo.helper.answers import Answers
+from silo.helper.answers.answering import Answers
 from silo.helper.control import Control
 from silo.helper.crash import after_crash
 from silo.helper.denials import Denials
@@ -40,16 +40,11 @@ from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.robot import Robot, ending
 from silo.helper.saver import Saver
-from silo.ipc.clocks import clock_s
 from silo.ipc.configuration import robot_named
 from silo.ipc.folders import group_folder, share_socket
 from silo.ipc.keys import Root
 from silo.ipc.logins import asks_for_passwords, watch_logins
 from silo.ipc.messages import (
-    AnyReply,
-    Done,
-    Refused,
-    RefusedWhy,
     Save,
     SaveStarted,
     StartRecorder,
@@ -60,6 +55,9 @@ from silo.ipc.session import close, dead_mark, forget, open_server
 from silo.link.handover import RunOffer
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
 from silo.model import Derived, Extras, FileType, State
+from silo.rpc.clocks import clock_s
+from silo.rpc.declaring import Done, Reply
+from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from silo.runtime import runtime_dir
 
 READY = 0  # number of the LinkReply that says that clients can come, or why they can't
@@ -358,12 +356,13 @@ class Helper:
             # its answer takes as long as a process takes to start, or to finish a part
             threading.Thread(target=self._record, args=(message.number, message.request), name="record").start()
         elif isinstance(message, LinkRequest) and isinstance(message.request, Save):
-            job = saver.prepare(message.request, for_robot=True)
-            if isinstance(job, Refused):
-                self._robot.send(LinkReply(message.number, job))
-            else:
-                self._robot.send(LinkReply(message.number, SaveStarted(job.number)))
-                saver.submit(job)
+            try:
+                job = saver.prepare(message.request, for_robot=True)
+            except RequestRefusedError as error:
+                self._robot.send(LinkReply(message.number, Refused(error.why, str(error))))
+                return
+            self._robot.send(LinkReply(message.number, SaveStarted(job.number)))
+            saver.submit(job)
 
     def _take_state(self, message: RobotState, mirror: Mirror, events: Events) -> None:
         before, now = mirror.take(message)
@@ -386,12 +385,15 @@ class Helper:
             mirror.let_go()
 
     def _record(self, number: int, request: StartRecorder | StopRecorder) -> None:
-        assert self._recording is not None
-        if isinstance(request, StartRecorder):
-            reply: AnyReply = self._recording.begin(request, anywhere=True)
-        else:
-            reply = self._recording.end(request)
-        self._robot.send(LinkReply(number, reply))
+        recording = self._recording
+        assert recording is not None
+
+        def done() -> Reply:
+            if isinstance(request, StartRecorder):
+                return recording.begin(request, anywhere=True)
+            return Done(recording.end(request))
+
+        self._robot.send(LinkReply(number, answered(done)))
 
     # ------------------------------------------------------------------------------------------- after its end
 

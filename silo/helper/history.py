@@ -8,15 +8,16 @@ from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import RingSource, first_row
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.views import MIN_COLUMN_NS
-from silo.ipc.messages import By, Columns, GetHistory, Refused, RefusedWhy
+from silo.ipc.messages import By, Columns, GetHistory
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 MAX_NAMES = 64
 BLOCK_BYTES = 4 * 2**20
 SPARE_ROWS = 64  # of the oldest some may be overwritten while they are read
 
 
-def check_history(request: GetHistory) -> Refused | None:
-    """Why a request can't be answered, None if it can."""
+def check_history(request: GetHistory) -> None:
+    """Raise RequestRefusedError for a request that can't be answered."""
     problem = None
     if not request.names or len(request.names) > MAX_NAMES:
         problem = f"ask for 1 to {MAX_NAMES} names, got {len(request.names)}"
@@ -26,7 +27,8 @@ def check_history(request: GetHistory) -> Refused | None:
         problem = f"the time span {request.start_ns} ... {request.end_ns} ns is empty or out of range"
     elif _count(request) > MAX_COLUMNS:
         problem = f"{_count(request)} columns are too many, at most {MAX_COLUMNS}: ask for wider ones"
-    return Refused(RefusedWhy.INVALID, f"no history: {problem}") if problem else None
+    if problem:
+        raise RequestRefusedError(RefusedWhy.INVALID, f"no history: {problem}")
 
 
 def _count(request: GetHistory) -> int:
@@ -35,7 +37,7 @@ def _count(request: GetHistory) -> int:
 
 def history(
     request: GetHistory, now: LoggerSnapshot, reader: SegmentReader | None, pinned: PinnedRows | None = None
-) -> Columns | Refused:
+) -> Columns:
     """Return the columns; one without sample says why, be it that the element is off or that its buffer is shorter.
 
     With `pinned` they are of what is held there.
@@ -49,7 +51,7 @@ def history(
     for signal, name in enumerate(request.names):
         found = now.entry_places.get(name)
         if found is None:
-            return Refused(
+            raise RequestRefusedError(
                 RefusedWhy.NOT_FOUND, f"no entry is called '{name[:200]}'; entries are named like '/log/q_x'"
             )
         element = schemas.get(found[0])

@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from silo.collecting.segment_reader import SegmentReader
+from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.errors import ElementError, SegmentError, SiloError
 from silo.helper.capture_writer import CaptureWriter
 from silo.helper.events import Events
 from silo.helper.leased_triggers import LeasedTriggers
 from silo.helper.mirror import Mirror
-from silo.ipc.conditions import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.ipc.published import EventKind
 from silo.model import NO_EXTRAS, Extras, TriggerOptions
 from silo.runtime import runtime_dir

@@ -4,7 +4,6 @@ So nobody's recorder, disk or stopped robot program holds up a mark. What is not
 its client still listens, and never done after that; of what was begun and takes longer, an event tells the end.
 """
 
-import enum
 import logging
 import threading
 from collections import deque
@@ -14,26 +13,14 @@ from typing import Any
 
 import zenoh
 
-from silo.helper.door import Sender
-from silo.ipc.clocks import clock_s
-from silo.ipc.messages import Hello, Refused, Request
+from silo.rpc.clocks import clock_s
+from silo.rpc.declaring import Lane, Request
 
 # What its client is told must come before it gives up: on two busy processors an answer took up to 0.1 s to get there.
 TOLD_S = 0.25  # that it goes on
-WAITED_S = 0.375  # until then somebody else is waited for
 BEGUN_S = 0.5  # what is begun has some time left
 
 log = logging.getLogger("silo.helper")
-
-
-class Lane(enum.Enum):
-    """What is waited for, in words."""
-
-    NOW = "others before it"  # nothing that takes long
-    ROBOT = "the robot program, which is stopped or has much to do"
-    RECORDERS = "a recorder process"
-    DISK = "the robot's disk"
-    SLOW = "histories and files that are read"
 
 
 @dataclass(frozen=True)
@@ -49,24 +36,12 @@ class Limit:
 LIMITS = {lane: Limit() for lane in Lane} | {Lane.SLOW: Limit(256, 4 * 2**20)}
 
 
-@dataclass(frozen=True)
-class Turn:
-    """Whose request is done now, and until when its client listens (of `clock_s`)."""
-
-    sender: Sender = field(default_factory=lambda: Sender("", "nobody"))
-    until_s: float = float("inf")
-
-    def left_s(self, most_s: float) -> float:
-        """Return for how long somebody may be waited for so that the client hears how it ended; at most so long."""
-        return max(0.0, min(most_s, self.until_s - WAITED_S - clock_s()))
-
-
 @dataclass(eq=False)
 class Waiting:
     """A request that was taken in, and who waits for it until when. Exactly one thread may `claim` its answer."""
 
     query: zenoh.Query
-    request: "Request[Any] | Hello | Refused"
+    request: Request[Any]
     key: str
     size_bytes: int
     until_s: float

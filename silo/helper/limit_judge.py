@@ -13,9 +13,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.conditions.standing import LimitStatus, LimitWord
 from silo.errors import ElementError
 from silo.helper.judged_rows import JudgedRows
-from silo.ipc.conditions import LimitStatus, LimitWord
 from silo.judging.binding import OFF, Bound, Column, Signal, meaning
 from silo.judging.evaluation import Evaluator, EvaluatorMemory, SourceRows
 from silo.judging.extras import bind_limits, scalar_names

@@ -22,13 +22,12 @@ from silo.ipc.messages import (
     FoundIn,
     MeasureSpan,
     MomentsFound,
-    Refused,
-    RefusedWhy,
     SpanFacts,
     SpanMeasured,
 )
 from silo.judging.between import HELD_PERIODS, Between, Measuring
 from silo.judging.moments import Finder, Looking
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 MAX_NAMES = 64
 MAX_MOMENTS = 10_000  # of all names together
@@ -79,8 +78,8 @@ class HeldRows:
         return Rows(self.schema.rings[ring], since, none)
 
 
-def check_moments(request: FindMoments) -> Refused | None:
-    """Why a request can't be answered, None if it can."""
+def check_moments(request: FindMoments) -> None:
+    """Raise RequestRefusedError for a request that can't be answered."""
     problem = None
     if not request.names or len(request.names) > MAX_NAMES:
         problem = f"ask for 1 to {MAX_NAMES} names, got {len(request.names)}"
@@ -96,16 +95,17 @@ def check_moments(request: FindMoments) -> Refused | None:
         problem = f"name at most {MAX_PINS} pins, got {len(request.pins)}"
     elif request.level != request.level or request.direction not in (-1, 0, 1):
         problem = "the level must be a number and the direction -1, 0 or 1"
-    return Refused(RefusedWhy.INVALID, f"nothing was looked for: {problem}") if problem else None
+    if problem:
+        raise RequestRefusedError(RefusedWhy.INVALID, f"nothing was looked for: {problem}")
 
 
 def find_moments(
     request: FindMoments, now: LoggerSnapshot, reader: SegmentReader | None, pins: Sequence[PinnedRows]
-) -> MomentsFound | Refused:
+) -> MomentsFound:
     """Return what was found of each name, in what `pins` and the buffers hold of one run."""
     name = unknown_name(request.names, now)
     if name is not None:
-        return unknown(name)
+        raise unknown(name)
     run, source = _held(request.run, reader, pins)
     if source is None:
         return MomentsFound(run, [FoundIn(name, why=NOTHING_HELD) for name in request.names])
@@ -128,8 +128,8 @@ def find_moments(
     return MomentsFound(run, [_of(name, finders.get(name), found.missing.get(name, "")) for name in request.names])
 
 
-def check_span(request: MeasureSpan) -> Refused | None:
-    """Why a request can't be answered, None if it can."""
+def check_span(request: MeasureSpan) -> None:
+    """Raise RequestRefusedError for a request that can't be answered."""
     problem = None
     if not request.names or len(request.names) > MAX_NAMES:
         problem = f"ask for 1 to {MAX_NAMES} names, got {len(request.names)}"
@@ -137,16 +137,17 @@ def check_span(request: MeasureSpan) -> Refused | None:
         problem = f"from {request.a_ns} to {request.b_ns} is out of range"
     elif len(request.pins) > MAX_PINS:
         problem = f"name at most {MAX_PINS} pins, got {len(request.pins)}"
-    return Refused(RefusedWhy.INVALID, f"nothing was measured: {problem}") if problem else None
+    if problem:
+        raise RequestRefusedError(RefusedWhy.INVALID, f"nothing was measured: {problem}")
 
 
 def measure_span(
     request: MeasureSpan, now: LoggerSnapshot, reader: SegmentReader | None, pins: Sequence[PinnedRows]
-) -> SpanMeasured | Refused:
+) -> SpanMeasured:
     """Return the facts of each name between two moments, in what `pins` and the buffers hold of one run."""
     name = unknown_name(request.names, now)
     if name is not None:
-        return unknown(name)
+        raise unknown(name)
     run, source = _held(request.run, reader, pins)
     if source is None:
         return SpanMeasured(run, [SpanFacts(name, why=NOTHING_HELD) for name in request.names])

@@ -6,16 +6,19 @@ owner's next renewal takes it again.
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 from silo.amounts import duration
-from silo.helper.door import Sender
 from silo.helper.events import Events, plain
 from silo.helper.mirror import Mirror
-from silo.ipc.messages import AnyDo, Done, GiveControl, Refused, RefusedWhy, TakeControl
+from silo.ipc.messages import GiveControl, TakeControl
 from silo.ipc.published import EventKind
 from silo.ipc.senders import name_of
 from silo.model import Control
+from silo.rpc.declaring import Do, Request
 from silo.rpc.leases import Lease, Leases
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.rpc.serving import Sender
 
 CONTROL = "control"
 LONGEST_LEASE_S = 24 * 3600.0
@@ -48,54 +51,53 @@ class Operators:
         for one in self._leases.expire():
             self._tell(f"control of {one.value.who} ended: nobody renewed it", one.value.who)
 
-    def refused(self, request: AnyDo, sender: Sender) -> Refused | None:
-        """Return why a change is not done now, None where it is."""
-        if not request.needs_control:
-            return None
+    def check(self, request: Request[Any], sender: Sender) -> None:
+        """Raise RequestRefusedError for a change that is not done now."""
+        if not (isinstance(request, Do) and request.needs_control):
+            return
         lease = self._leases.find(CONTROL)
         if lease is None and self._one:
             text = (
                 f'changes of {self._logger} need control (the program says so: log.serve(control="one")), and nobody '
                 f"has it: `silo control take {self._logger}`; nothing was changed"
             )
-            return Refused(RefusedWhy.CONTROL, text)
-        if lease is None or lease.owner == sender.identity:
-            return None
-        return Refused(RefusedWhy.CONTROL, self._taken(lease, sender))
+            raise RequestRefusedError(RefusedWhy.CONTROL, text)
+        if lease is not None and lease.owner != sender.identity:
+            raise RequestRefusedError(RefusedWhy.CONTROL, self._taken(lease, sender))
 
-    def take(self, request: TakeControl, sender: Sender) -> Done | Refused:
+    def take(self, request: TakeControl, sender: Sender) -> str:
         """Give control to who asks for it, unless somebody else has it."""
         if not 1.0 <= request.lease_s <= LONGEST_LEASE_S:  # False for NaN
             text = f"the lease of control must be 1 s to {LONGEST_LEASE_S:g} s, got {request.lease_s:g} s"
-            return Refused(RefusedWhy.INVALID, f"{text}; nothing was changed")
+            raise RequestRefusedError(RefusedWhy.INVALID, f"{text}; nothing was changed")
         with self._leases:
             before = self._leases.find(CONTROL)
             mine = before is not None and before.owner == sender.identity
             if before is not None and not mine and (request.renew or not request.force):
-                return Refused(RefusedWhy.CONTROL, self._taken(before, sender))
+                raise RequestRefusedError(RefusedWhy.CONTROL, self._taken(before, sender))
             self._hold(sender.identity, sender.words, request.lease_s, before if mine else None)
         if not mine:
             self.watch()  # first what ended by itself
             taken = f" from {before.value.who}" if before is not None else ""
             self._tell(f"control taken{taken}", sender.words)
         ends = f"unless it is renewed, it ends in {duration(request.lease_s)}"  # silo-tui renews, a command doesn't
-        return Done(f"you have control of {self._logger} until you release it; {ends}")
+        return f"you have control of {self._logger} until you release it; {ends}"
 
-    def release(self, sender: Sender) -> Done | Refused:
+    def release(self, sender: Sender) -> str:
         """Let go of control."""
         with self._leases:
             before = self.control
             if before is not None and before.identity != sender.identity:
                 text = f"{before.who} has control of {self._logger}, not you; nothing was changed"
-                return Refused(RefusedWhy.CONTROL, text)
+                raise RequestRefusedError(RefusedWhy.CONTROL, text)
             if before is not None:
                 self._leases.drop(CONTROL)
         if before is None:
-            return Done(f"nobody had control of {self._logger}")
+            return f"nobody had control of {self._logger}"
         self._tell("control released", sender.words)
-        return Done(f"control of {self._logger} is released")
+        return f"control of {self._logger} is released"
 
-    def give(self, request: GiveControl, sender: Sender) -> Done | Refused:
+    def give(self, request: GiveControl, sender: Sender) -> str:
         """Hand control over to a user who is connected and was let in."""
         with self._leases:
             before = self.control
@@ -104,18 +106,18 @@ class Operators:
             identity = request.to if request.to in known else names.get(request.to, "")
             if before is not None and before.identity != sender.identity:
                 text = f"{before.who} has control of {self._logger}, so it isn't yours to give; nothing was changed"
-                return Refused(RefusedWhy.CONTROL, text)
+                raise RequestRefusedError(RefusedWhy.CONTROL, text)
             if not identity:
                 others = ", ".join(sorted(names)) or "nobody"
                 text = (
                     f"no operator '{plain(request.to)}' is connected to {self._logger} (there: {others}): who is to "
                     "have control opens silo-tui first; nothing was changed"
                 )
-                return Refused(RefusedWhy.NOT_FOUND, text)
+                raise RequestRefusedError(RefusedWhy.NOT_FOUND, text)
             self._hold(identity, known[identity].who, GIVEN_S)
             words = known[identity].who
         self._tell(f"control given to {words}", sender.words)
-        return Done(f"{words} has control of {self._logger}")
+        return f"{words} has control of {self._logger}"
 
     def _hold(self, identity: str, who: str, lease_s: float, mine: Lease[str, Control] | None = None) -> None:
         """Give control to somebody, or renew what is theirs, which never makes it shorter."""

@@ -18,8 +18,9 @@ from silo.helper.picking import Group, Picked, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import MAX_NAMES, unknown
 from silo.ipc.keys import VIEW_ID
-from silo.ipc.messages import By, OpenPin, PinOpened, Refused, RefusedWhy
+from silo.ipc.messages import By, OpenPin, PinOpened
 from silo.rpc.leases import Leases
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 LEASE_S = 30.0
 MAX_PINS = 64
@@ -40,30 +41,28 @@ class Pins:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._pins: Leases[str, _Pin] = Leases(MAX_PINS, clock=clock)
 
-    def open(self, request: OpenPin, now: LoggerSnapshot, reader: SegmentReader | None) -> PinOpened | Refused:
+    def open(self, request: OpenPin, now: LoggerSnapshot, reader: SegmentReader | None) -> PinOpened:
         """Copy what is wanted; the same request again only renews the lease. Called by the slow thread alone."""
-        refused = _check(request)
-        if refused is not None:
-            return refused
+        _check(request)
         known = self._pins.get(request.pin)
         if known is not None and _same(known.request, request):
             self._pins.renew(request.pin, LEASE_S)
             return known.opened
         name = unknown_name(request.names, now)
         if name is not None:
-            return unknown(name)
+            raise unknown(name)
         if self._pins.full(request.pin, request.client):
-            return Refused(RefusedWhy.FAILED, f"not pinned: {MAX_PINS} pins are open already; close others first")
+            text = f"not pinned: {MAX_PINS} pins are open already; close others first"
+            raise RequestRefusedError(RefusedWhy.FAILED, text)
         taken = sum(one.value.opened.size_bytes for one in self._pins.all(but=request.pin))
         opened, rows = _copied(request, now, reader, MAX_PINNED_BYTES - taken)
-        if isinstance(opened, Refused):
-            return opened
         self._pins.set(request.pin, _Pin(request, opened, rows), LEASE_S, request.client)
         return opened
 
-    def keep(self, pin: str) -> bool:
-        """Renew a lease; False for a pin that is no more."""
-        return self._pins.renew(pin, LEASE_S) is not None
+    def keep(self, pin: str) -> None:
+        """Renew a lease. Raises RequestRefusedError for a pin that is no more."""
+        if self._pins.renew(pin, LEASE_S) is None:
+            raise _no_pin(pin)
 
     def close(self, pin: str) -> None:
         """Forget a pin; one that isn't there is fine."""
@@ -73,20 +72,21 @@ class Pins:
         """Forget the pins whose lease is over, and free their memory."""
         self._pins.expire()
 
-    def rows(self, pin: str) -> PinnedRows | Refused | None:
-        """Return what a pin holds, None for nothing."""
+    def rows(self, pin: str) -> PinnedRows | None:
+        """Return what a pin holds, None for nothing. Raises RequestRefusedError for a pin that is no more."""
         known = self._pins.get(pin)
-        return known.rows if known is not None else no_pin(pin)
+        if known is None:
+            raise _no_pin(pin)
+        return known.rows
 
 
-def no_pin(pin: str) -> Refused:
-    """Refuse what a pin is asked that is no more."""
-    return Refused(
+def _no_pin(pin: str) -> RequestRefusedError:
+    return RequestRefusedError(
         RefusedWhy.NOT_FOUND, f"the pin '{pin[:50]}' is no more: its lease of {LEASE_S:g} s ended; pin again"
     )
 
 
-def _check(request: OpenPin) -> Refused | None:
+def _check(request: OpenPin) -> None:
     problem = None
     if not VIEW_ID.fullmatch(request.pin):
         problem = "its id must be `<client id>-<number>`, the client id of letters and digits"
@@ -94,7 +94,8 @@ def _check(request: OpenPin) -> Refused | None:
         problem = f"name 1 to {MAX_NAMES} elements or entries, got {len(request.names)}"
     elif not -(2**62) < request.start_ns <= request.end_ns < 2**62:
         problem = f"the time span {request.start_ns} ... {request.end_ns} ns is out of range, or goes backwards"
-    return Refused(RefusedWhy.INVALID, f"not pinned: {problem}") if problem else None
+    if problem:
+        raise RequestRefusedError(RefusedWhy.INVALID, f"not pinned: {problem}")
 
 
 def _same(old: OpenPin, new: OpenPin) -> bool:
@@ -103,13 +104,13 @@ def _same(old: OpenPin, new: OpenPin) -> bool:
 
 def _copied(
     request: OpenPin, now: LoggerSnapshot, reader: SegmentReader | None, room: int
-) -> tuple[PinOpened | Refused, PinnedRows | None]:
+) -> tuple[PinOpened, PinnedRows | None]:
     found = pick(request.names, now, reader.schema if reader is not None else None)
     if reader is None or not found.groups:
         return PinOpened(request.pin, "", 0, 0, 0, found.missing), None
     start_ns, text = _fitting(request, found, reader, room)
     if start_ns is None:
-        return Refused(RefusedWhy.FAILED, text), None
+        raise RequestRefusedError(RefusedWhy.FAILED, text)
     copied: dict[int, tuple[Words, Rows]] = {}
     # what will be overwritten first is copied first, its oldest rows before the others
     for stretch in sorted(

@@ -23,7 +23,7 @@ from silo.helper.summary import DiskWatch, SummaryFeed
 from silo.helper.topics import Topics
 from silo.helper.views import Views
 from silo.ipc import keys
-from silo.ipc.messages import OpenView, Refused, ViewOpened
+from silo.ipc.messages import OpenView, ViewOpened
 from silo.ipc.published import EventKind
 from silo.model import Present, State
 
@@ -103,7 +103,7 @@ class Publisher:
         with self._lock:
             self._mirror.clients = tuple(name for client, name in self._names.items() if client in self._clients)
 
-    def open_view(self, request: OpenView) -> ViewOpened | Refused:
+    def open_view(self, request: OpenView) -> ViewOpened:
         """Open, replace or renew a view."""
         opened = self.views.open(request)
         self._wake.set()  # one is seen at once

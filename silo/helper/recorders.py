@@ -27,11 +27,12 @@ from silo.helper.held_runs import HeldRuns
 from silo.helper.mirror import Mirror
 from silo.helper.recorder_process import Kept, RecorderProcess, Spare, close_left, store, stored
 from silo.helper.recording_folder import recording_folder
-from silo.ipc.messages import Done, RecorderInfo, RecorderStarted, Refused, RefusedWhy, StartRecorder, StopRecorder
+from silo.ipc.messages import RecorderInfo, RecorderStarted, StartRecorder, StopRecorder
 from silo.ipc.published import EventKind
 from silo.model import BufferType, RecorderState
 from silo.patterns import matching
 from silo.recorder.orders import CLOSED, RecordOrder
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.runtime import RECORDERS_SUFFIX, runtime_dir
 
 MOST_RECORDERS = 8
@@ -85,37 +86,35 @@ class Recording:
 
     def begin(
         self, request: StartRecorder, *, anywhere: bool = False, left_s: Callable[[float], float] = float
-    ) -> RecorderStarted | Refused:
-        """Start a recorder; waits for its first words. `left_s` tells how much of a time may still be waited."""
+    ) -> RecorderStarted:
+        """Start a recorder; waits for its first words. `left_s` tells how much of a time may still be waited.
+
+        Raises RequestRefusedError.
+        """
         checked = self._checked(request, anywhere=anywhere)
-        if isinstance(checked, Refused):
-            return checked
         with self._lock:
             name = self._free_name(request.name)
-            if isinstance(name, Refused):
-                return name
             self._give_up(name)
             order = msgspec.structs.replace(checked, name=name, order=secrets.token_hex(8), **self._present())
             try:
                 recorder = self._spawn(Kept(order, request.client, time.time_ns(), self._program))
             except OSError as error:
-                return Refused(RefusedWhy.FAILED, f"no process for the recorder: {error.strerror}; nothing is recorded")
+                text = f"no process for the recorder: {error.strerror}; nothing is recorded"
+                raise RequestRefusedError(RefusedWhy.FAILED, text) from error
         recorder.reported.wait(left_s(BEGIN_S))
         report = recorder.report
         if report.state is RecorderState.FAILED:
             recorder.ended.wait(left_s(END_S))  # its end is for the thread to notice
             with self._lock:
                 self._recorders.pop(name, None)
-            return Refused(RefusedWhy.FAILED, report.text)
+            raise RequestRefusedError(RefusedWhy.FAILED, report.text)
         what = " ".join(request.patterns) or "all elements"
         self._tell(f"recording '{name}' of {what} to {order.folder}", request.client)
         return RecorderStarted(name, order.folder, self._warning(request))
 
-    def _checked(self, request: StartRecorder, *, anywhere: bool) -> RecordOrder | Refused:
+    def _checked(self, request: StartRecorder, *, anywhere: bool) -> RecordOrder:
         robot = self._mirror.now.robot
         folder = recording_folder(request.folder, Path(robot.folder), anywhere=anywhere)
-        if isinstance(folder, Refused):
-            return folder
         problem = _wrong_numbers(request)
         table = self._mirror.now.table
         names = [info.name for info in (*table.elements, *table.derived)]
@@ -123,7 +122,7 @@ class Recording:
             if not problem and not (pattern and matching(names, [pattern])):
                 problem = f"no element matches '{pattern[:80]}'; `silo info -e` lists them"
         if problem:
-            return Refused(RefusedWhy.INVALID, f"{problem}; nothing is recorded")
+            raise RequestRefusedError(RefusedWhy.INVALID, f"{problem}; nothing is recorded")
         return RecordOrder(
             request.name,
             str(folder),
@@ -133,15 +132,15 @@ class Recording:
             request.keep_bytes,
         )
 
-    def _free_name(self, asked: str) -> str | Refused:
+    def _free_name(self, asked: str) -> str:
         logger = self._mirror.now.robot.logger
         live = {name for name, one in self._recorders.items() if not one.report.state.over}
         if len(live) >= MOST_RECORDERS:
             text = f"{MOST_RECORDERS} recordings are under way already: stop one first; nothing is recorded"
-            return Refused(RefusedWhy.FAILED, text)
+            raise RequestRefusedError(RefusedWhy.FAILED, text)
         if asked in live:
             text = f"a recording '{asked}' is under way already: stop it first, or choose another name (--name)"
-            return Refused(RefusedWhy.EXISTS, f"{text}; nothing is recorded")
+            raise RequestRefusedError(RefusedWhy.EXISTS, f"{text}; nothing is recorded")
         numbered = (f"{logger}-{number}" for number in itertools.count(2))
         taken = {name for name, one in self._recorders.items() if one.goes_on}
         return asked or next(name for name in itertools.chain([logger], numbered) if name not in taken)
@@ -197,8 +196,8 @@ class Recording:
         self._poke()
         return recorder
 
-    def end(self, request: StopRecorder, *, left_s: Callable[[float], float] = float) -> Done | Refused:
-        """Have a recorder finish its part; waits for that a while, as `begin` does."""
+    def end(self, request: StopRecorder, *, left_s: Callable[[float], float] = float) -> str:
+        """Have a recorder finish its part; waits for that a while, as `begin` does. Raises RequestRefusedError."""
         with self._lock:
             live = [name for name, one in self._recorders.items() if not one.given_up] or list(self._recorders)
             name = request.name or (live[0] if len(live) == 1 else "")
@@ -207,9 +206,9 @@ class Recording:
                 names = ", ".join(f"'{one}'" for one in self._recorders)
                 text = f"there are {names}" if names else "nothing is being recorded"
                 what = f"no recording is called '{request.name[:80]}'" if request.name else "say which recording"
-                return Refused(RefusedWhy.NOT_FOUND, f"{what}: {text}; nothing was stopped")
+                raise RequestRefusedError(RefusedWhy.NOT_FOUND, f"{what}: {text}; nothing was stopped")
             if recorder.given_up:
-                return Done(f"recording '{name}' is over: {recorder.report.text}")
+                return f"recording '{name}' is over: {recorder.report.text}"
             why = f"stopped by {request.client}" if request.client else "stopped"
             recorder.finish(why, self._events.log.newest, last=self._mirror.run)
         over = recorder.ended.wait(left_s(END_S))
@@ -220,8 +219,8 @@ class Recording:
         if not over:
             report = recorder.report
             held = Sums(report.parts, report.samples, report.lost).text
-            return Done(f"recording '{name}' ends: {held} until now; it is still finishing its last part")
-        return Done(f"recording '{name}' ended: {recorder.sums().text}, in {recorder.order.folder}")
+            return f"recording '{name}' ends: {held} until now; it is still finishing its last part"
+        return f"recording '{name}' ended: {recorder.sums().text}, in {recorder.order.folder}"
 
     def infos(self) -> list[RecorderInfo]:
         """Return what there is."""

@@ -32,11 +32,10 @@ from silo.ipc.messages import (
     RecordingFile,
     RecordingParts,
     Recordings,
-    Refused,
-    RefusedWhy,
     SavedRecording,
 )
 from silo.model import FileType
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.runtime import disk_room
 
 MAX_LISTED = 10_000
@@ -50,14 +49,6 @@ ENDINGS = {ending: kind for kind, one in SAVED.items() for ending in one.endings
 LISTED = ", ".join(one.ending for one in SAVED.values())
 
 
-class RecordingRefusedError(Exception):
-    """What clients may not have or do; `refused` is the answer to give."""
-
-    def __init__(self, why: RefusedWhy, text: str) -> None:
-        super().__init__(text)
-        self.refused = Refused(why, text)
-
-
 class RecordingFolder:
     """Remembers what stands in the files of one folder, as long as they don't change. Any thread may ask."""
 
@@ -66,7 +57,7 @@ class RecordingFolder:
         self._known: OrderedDict[tuple[str, str], Summary | None] = OrderedDict()
 
     def listing(self, place: str, logger: str, most: int) -> Recordings:
-        """Return what is there. Raises RecordingRefusedError where it can't be read."""
+        """Return what is there. Raises RequestRefusedError where it can't be read."""
         with _opened(place) as folder:
             found = _found(folder)
             stems: dict[str, list[_File]] = {}
@@ -86,7 +77,7 @@ class RecordingFolder:
         return Recordings(place, rows, count, size, free)
 
     def parts(self, place: str, name: str) -> RecordingParts:
-        """Return the plain files of a recording. Raises RecordingRefusedError."""
+        """Return the plain files of a recording. Raises RequestRefusedError."""
         with _opened(place) as folder, _told(name):
             if part := _recorded_part(folder, name):
                 return RecordingParts(name, False, [_of_part(part)])
@@ -98,11 +89,11 @@ class RecordingFolder:
                 return RecordingParts(name, True, [_part(bag, each, f"{name}/{each}") for each in _inner(bag)])
 
     def piece(self, place: str, request: GetPiece) -> Piece:
-        """Return a piece of a part. Raises RecordingRefusedError."""
+        """Return a piece of a part. Raises RequestRefusedError."""
         limit = MAX_SUMMED if request.sum_only else MAX_PIECE
         if not 0 < request.count <= limit or not 0 <= request.offset <= MAX_OFFSET:
             text = f"a piece has 1 to {limit} bytes from 0 on, asked for are {request.count} from {request.offset} on"
-            raise RecordingRefusedError(RefusedWhy.INVALID, text)
+            raise RequestRefusedError(RefusedWhy.INVALID, text)
         name, _, inner = request.path.partition("/")
         owner = name.removesuffix(SIDECAR) if not inner and name.endswith(f".csv{SIDECAR}") else name
         with _opened(place) as folder, _told(request.path):
@@ -118,14 +109,14 @@ class RecordingFolder:
                 return _piece(file, request)
 
     def delete(self, place: str, logger: str, name: str) -> str:
-        """Delete a recording, or nothing; return what was deleted, in words. Raises RecordingRefusedError."""
+        """Delete a recording, or nothing; return what was deleted, in words. Raises RequestRefusedError."""
         with _opened(place) as folder, _told(name):
             _check_plain(name)
             names = [name]
             if _kind(name) is None:
                 names = [file.name for file in _found(folder) if file.stem == name and not file.unfinished]
             if not names:
-                raise RecordingRefusedError(RefusedWhy.NOT_FOUND, f"there is no recording {name!r} in {place}")
+                raise RequestRefusedError(RefusedWhy.NOT_FOUND, f"there is no recording {name!r} in {place}")
             for each in names:
                 self._check_own(folder, logger, each)
                 _check_no_others(folder, each)
@@ -200,15 +191,15 @@ class RecordingFolder:
         return summary
 
     def _recognised(self, folder: int, name: str) -> Summary:
-        """Return what a recording says of itself. Raises RecordingRefusedError for what is no recording."""
+        """Return what a recording says of itself. Raises RequestRefusedError for what is no recording."""
         _check_plain(name)
         if _kind(name) is None:
             text = f"{name} is no recording: those end in {LISTED}; nothing was read or changed"
-            raise RecordingRefusedError(RefusedWhy.INVALID, text)
+            raise RequestRefusedError(RefusedWhy.INVALID, text)
         summary = self._summary(folder, name, _mark(folder, name))
         if summary is None:
             text = f"{name} was not written by silo, or its beginning is damaged; nothing was read or changed"
-            raise RecordingRefusedError(RefusedWhy.FORBIDDEN, text)
+            raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
         return summary
 
     def _check_own(self, folder: int, logger: str, name: str) -> None:
@@ -216,7 +207,7 @@ class RecordingFolder:
         why = _foreign(_stem(name), summary, logger)
         if why:
             text = f"{name} is not deleted: {why}; delete it on the robot, if it may go"
-            raise RecordingRefusedError(RefusedWhy.FORBIDDEN, text)
+            raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
 
 
 class _File:
@@ -315,10 +306,10 @@ def _stem(name: str) -> str:
 
 
 def _check_plain(name: str) -> None:
-    """Raise RecordingRefusedError for what is no plain name of a file that isn't hidden."""
+    """Raise RequestRefusedError for what is no plain name of a file that isn't hidden."""
     if not name or "/" in name or name.startswith(".") or not name.isprintable() or len(os.fsencode(name)) > 255:
         text = f"{name[:80]!r} is not the name of a recording in the logger's folder; nothing was read or changed"
-        raise RecordingRefusedError(RefusedWhy.FORBIDDEN, text)
+        raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
 
 
 @contextmanager
@@ -327,10 +318,10 @@ def _opened(place: str) -> Iterator[int]:
         folder = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     except FileNotFoundError:
         text = f"{place}: there is no such folder yet; the first save makes it"
-        raise RecordingRefusedError(RefusedWhy.NOT_FOUND, text) from None
+        raise RequestRefusedError(RefusedWhy.NOT_FOUND, text) from None
     except OSError as error:
         text = f"{place}: can't be read: {reason(error)}"
-        raise RecordingRefusedError(RefusedWhy.FAILED, text) from error
+        raise RequestRefusedError(RefusedWhy.FAILED, text) from error
     try:
         yield folder
     finally:
@@ -344,15 +335,15 @@ def _told(name: str) -> Iterator[None]:
         yield
     except FileNotFoundError:
         text = f"there is no recording {name[:255]!r} in the logger's folder"
-        raise RecordingRefusedError(RefusedWhy.NOT_FOUND, text) from None
+        raise RequestRefusedError(RefusedWhy.NOT_FOUND, text) from None
     except NotADirectoryError:
         text = f"{name[:255]!r} is not a bag: a link, or no folder; nothing was read or changed"
-        raise RecordingRefusedError(RefusedWhy.FORBIDDEN, text) from None
+        raise RequestRefusedError(RefusedWhy.FORBIDDEN, text) from None
     except (OSError, ValueError) as error:
         link = isinstance(error, OSError) and error.errno == errno.ELOOP
         text = f"{name[:255]!r} is a link" if link else f"{name[:255]!r}: {error}"
         why = RefusedWhy.FORBIDDEN if link else RefusedWhy.FAILED
-        raise RecordingRefusedError(why, f"{text}; nothing was read or changed") from error
+        raise RequestRefusedError(why, f"{text}; nothing was read or changed") from error
 
 
 # --------------------------------------------------------------------------------------------- reading and deleting
@@ -375,7 +366,7 @@ def _part(folder: int, name: str, path: str) -> PartOfRecording:
 def _piece(file: int, request: GetPiece) -> Piece:
     if mark_of([os.fstat(file)]) != request.mark:
         text = f"{request.path} is not the file any more that it was: it was written anew; fetch it again"
-        raise RecordingRefusedError(RefusedWhy.CONFLICT, text)
+        raise RequestRefusedError(RefusedWhy.CONFLICT, text)
     if not request.sum_only:
         data = os.pread(file, request.count, request.offset)
         return Piece(len(data), zlib.crc32(data), data)
@@ -390,14 +381,14 @@ def _piece(file: int, request: GetPiece) -> Piece:
 
 
 def _check_no_others(folder: int, name: str) -> None:
-    """Raise RecordingRefusedError for a bag that holds what no logger writes."""
+    """Raise RequestRefusedError for a bag that holds what no logger writes."""
     if _kind(name) is not FileType.BAG:
         return
     with opened_folder(folder, name) as bag:
         others = sorted(set(_names(bag)) - set(_inner(bag)))
         if others:
             text = f"{name} is not deleted: it holds {others[0]!r}, which no logger writes; nothing was changed"
-            raise RecordingRefusedError(RefusedWhy.FORBIDDEN, text)
+            raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
 
 
 def _delete(folder: int, name: str) -> int:

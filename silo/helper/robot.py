@@ -6,10 +6,11 @@ import socket
 import threading
 from typing import Any
 
-from silo.ipc.messages import AnyReply, Done, GoesOn, Refused, RefusedWhy, Request, RobotRequest, spoken
 from silo.link.channel import LinkChannel
 from silo.link.handover import RunOffer, taken_runs
 from silo.link.messages import LinkMessage, LinkReply, LinkRequest
+from silo.rpc.declaring import Do, Done, GoesOn, Reply, Request, spoken
+from silo.rpc.refusals import Refused, RefusedWhy
 
 REPLY_TIMEOUT_S = 5.0
 
@@ -22,8 +23,8 @@ class Robot:
         self._channel = LinkChannel(sock)
         self._sending = threading.Lock()
         self._numbers = itertools.count(1)
-        self._pending: dict[int, concurrent.futures.Future[AnyReply]] = {}
-        self._late: dict[int, RobotRequest[Any]] = {}  # whose clients were told that they go on
+        self._pending: dict[int, concurrent.futures.Future[Reply]] = {}
+        self._late: dict[int, Request[Any]] = {}  # whose clients were told that they go on
         self._gone = False
 
     def receive(self) -> LinkMessage | None:
@@ -47,10 +48,11 @@ class Robot:
         """Return a number by which an event can tell how something ended."""
         return next(self._numbers)
 
-    def ask(self, request: RobotRequest[Any], timeout_s: float = REPLY_TIMEOUT_S) -> AnyReply:
+    def ask(self, request: Request[Any], timeout_s: float = REPLY_TIMEOUT_S) -> Reply:
         """Have the robot process do something and wait for its answer; what takes longer goes on."""
+        assert isinstance(request, Do)
         number = self.number()
-        future: concurrent.futures.Future[AnyReply] = concurrent.futures.Future()
+        future: concurrent.futures.Future[Reply] = concurrent.futures.Future()
         self._pending[number] = future
         if self._gone or not self.send(LinkRequest(number, request)):
             self._pending.pop(number, None)
@@ -69,7 +71,7 @@ class Robot:
             "tell how it ends",
         )
 
-    def answered(self, message: LinkReply) -> RobotRequest[Any] | None:
+    def answered(self, message: LinkReply) -> Request[Any] | None:
         """Hand an answer to the thread that waits for it; return the request whose answer nobody waits for any more.
 
         For the main thread.
@@ -93,7 +95,7 @@ class Robot:
         return Refused(RefusedWhy.DEAD, "the robot program is gone; start it again")
 
 
-def ending(request: Request[Any], reply: AnyReply) -> str:
+def ending(request: Request[Any], reply: Reply | bytes) -> str:
     """Return how a request ended that its client could not wait for."""
     what = f"the {spoken(request)} that took long"
     if isinstance(reply, Refused):

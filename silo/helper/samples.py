@@ -3,16 +3,17 @@
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import Picked, RingSource, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows
-from silo.ipc.messages import GetSamples, Refused, RefusedWhy, SampleRows
+from silo.ipc.messages import GetSamples, SampleRows
 from silo.ipc.sampled import SampledRows
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 MAX_NAMES = 10_000
 MIN_BYTES, MAX_BYTES = 4096, 4 * 2**20
 BLOCK_BYTES = 2**20  # read at a time, so that what is overwritten meanwhile costs little
 
 
-def check_samples(request: GetSamples) -> Refused | None:
-    """Why a request can't be answered, None if it can."""
+def check_samples(request: GetSamples) -> None:
+    """Raise RequestRefusedError for a request that can't be answered."""
     problem = None
     if not request.names or len(request.names) > MAX_NAMES:
         problem = f"ask for 1 to {MAX_NAMES} names, got {len(request.names)}"
@@ -24,30 +25,33 @@ def check_samples(request: GetSamples) -> Refused | None:
         problem = "who goes on names the run of the reply before"
     elif any(not 0 <= row <= end <= 2**62 for row, end in request.resume):
         problem = "what it goes on with is none of our replies"
-    return Refused(RefusedWhy.INVALID, f"no samples: {problem}") if problem else None
+    if problem:
+        raise RequestRefusedError(RefusedWhy.INVALID, f"no samples: {problem}")
 
 
-def unknown(name: str) -> Refused:
-    """Refuse a name that nothing has."""
+def unknown(name: str) -> RequestRefusedError:
+    """Return what is raised for a name that nothing has."""
     text = f"no element or entry is called '{name[:200]}'; they are named like '/log/q' and '/log/q_x'"
-    return Refused(RefusedWhy.NOT_FOUND, text)
+    return RequestRefusedError(RefusedWhy.NOT_FOUND, text)
 
 
-def samples(request: GetSamples, now: LoggerSnapshot, source: RingSource | None) -> SampleRows | Refused:
+def samples(request: GetSamples, now: LoggerSnapshot, source: RingSource | None) -> SampleRows:
     """Return the rows, or as many as may go into a reply, with what to go on with."""
     name = unknown_name(request.names, now)
     if name is not None:
-        return unknown(name)
+        raise unknown(name)
     run = source.schema.run if source is not None else ""
     if request.resume and request.run != run:
         text = "no samples: the logger was started anew since the reply before; ask from the beginning"
-        return Refused(RefusedWhy.CONFLICT, text)
+        raise RequestRefusedError(RefusedWhy.CONFLICT, text)
     held = source.holds if isinstance(source, PinnedRows) else None
     found = pick(request.names, now, source.schema if source is not None else None, held)
     if source is None:
         return SampleRows(run, [], [], [], found.missing)
     if request.resume and len(request.resume) != len(found.groups):
-        return Refused(RefusedWhy.INVALID, "no samples: these are other names than those of the reply before")
+        raise RequestRefusedError(
+            RefusedWhy.INVALID, "no samples: these are other names than those of the reply before"
+        )
     wanted = request.resume or [bounds(source, group, request.start, request.end, request.by) for group in found.groups]
     rows, resume = _read(found, source, wanted, request.reply_bytes)
     names = [] if request.resume else found.names

@@ -12,10 +12,11 @@ from silo.helper.events import Events, plain
 from silo.helper.heap import trim_heap
 from silo.helper.mirror import Mirror
 from silo.helper.robot import Robot
-from silo.ipc.messages import Refused, RefusedWhy, Save, SaveStarted
+from silo.ipc.messages import Save, SaveStarted
 from silo.ipc.published import EventKind
 from silo.link.messages import LinkSaved
 from silo.model import Extras, SavedFile
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 MAX_WAITING = 4
 PROGRESS_PERIOD_S = 0.1
@@ -63,33 +64,34 @@ class Saver:
         """Wait until all saves are done."""
         self._jobs.join()
 
-    def prepare(self, request: Save, *, for_robot: bool = False) -> "_Job | Refused":
-        """Return a job for `submit`, or why it can't be done, which all clients are told."""
-        job: _Job | Refused
+    def prepare(self, request: Save, *, for_robot: bool = False) -> _Job:
+        """Return a job for `submit`. Raises RequestRefusedError where it can't be done, which all clients are told."""
         try:
-            job = self._prepared(request, for_robot)
-        except SegmentError as error:
-            job = Refused(RefusedWhy.FAILED, f"can't save: {error}")
-        if isinstance(job, Refused):
-            self._events.publish(EventKind.SAVE_FAILED, job.text, by=request.client)
-        return job
+            return self._prepared(request, for_robot)
+        except (SegmentError, RequestRefusedError) as error:
+            text = f"can't save: {error}" if isinstance(error, SegmentError) else str(error)
+            self._events.publish(EventKind.SAVE_FAILED, text, by=request.client)
+            why = RefusedWhy.FAILED if isinstance(error, SegmentError) else error.why
+            raise RequestRefusedError(why, text) from error
 
-    def _prepared(self, request: Save, for_robot: bool) -> "_Job | Refused":
+    def _prepared(self, request: Save, for_robot: bool) -> _Job:
         from silo.files.naming import check_name
 
         types = list(dict.fromkeys(request.types))
         if not types:
-            return Refused(RefusedWhy.INVALID, "no file type to save: choose silo, csv or bag")
+            raise RequestRefusedError(RefusedWhy.INVALID, "no file type to save: choose silo, csv or bag")
         if request.name:
             try:
                 check_name(request.name)
             except SiloError as error:
-                return Refused(RefusedWhy.INVALID, str(error))
+                raise RequestRefusedError(RefusedWhy.INVALID, str(error)) from None
         if not for_robot and self._jobs.qsize() >= MAX_WAITING:
-            return Refused(RefusedWhy.FAILED, f"{MAX_WAITING} saves are waiting already; try again when they are done")
+            raise RequestRefusedError(
+                RefusedWhy.FAILED, f"{MAX_WAITING} saves are waiting already; try again when they are done"
+            )
         reader = self._mirror.open_reader()
         if reader is None or not reader.ticks:
-            return Refused(RefusedWhy.FAILED, "nothing was logged yet: start the logger first")
+            raise RequestRefusedError(RefusedWhy.FAILED, "nothing was logged yet: start the logger first")
         robot = self._mirror.now.robot
         with self._lock:
             self._number += 1
@@ -105,11 +107,9 @@ class Saver:
         """Have a job done."""
         self._jobs.put(job)
 
-    def save(self, request: Save) -> SaveStarted | Refused:
-        """Begin a save for a client."""
+    def save(self, request: Save) -> SaveStarted:
+        """Begin a save for a client. Raises RequestRefusedError."""
         job = self.prepare(request)
-        if isinstance(job, Refused):
-            return job
         self.submit(job)
         return SaveStarted(job.number)
 

@@ -11,7 +11,7 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
-from silo.ipc.messages import Refused, RefusedWhy
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 SUFFIXES = (".yaml", ".yml")
 MAX_LISTED = 500
@@ -23,14 +23,6 @@ _IS_SCRIPT = re.compile(r"""^\ufeff?\s*\{?\s*["']?log_elements["']?\s*:""", re.M
 
 log = logging.getLogger("silo.helper")
 _told: set[Path] = set()  # scripts in the old place that were told of
-
-
-class ScriptRefusedError(Exception):
-    """A path that clients may not use; `refused` is the answer to give."""
-
-    def __init__(self, why: RefusedWhy, text: str) -> None:
-        super().__init__(text)
-        self.refused = Refused(why, text)
 
 
 def folder_of(own_script: Path) -> Path:
@@ -116,28 +108,28 @@ def _opened(path: Path) -> int:
 def resolve(asked: str, own_script: Path) -> Path:
     """Return the file that a client means: a path relative to the script folder, or an absolute one inside it.
 
-    Empty means the logger's own script. Raises ScriptRefusedError for anything outside.
+    Empty means the logger's own script. Raises RequestRefusedError for anything outside.
     """
     if not asked:
         return own_script
     folder = folder_of(own_script)
     where = f"scripts are *.yaml and *.yml files in {folder} or below"
     if len(asked) > 1000 or not asked.isprintable():
-        raise ScriptRefusedError(RefusedWhy.INVALID, f"this is not the path of a script: {asked[:80]!r}; {where}")
+        raise RequestRefusedError(RefusedWhy.INVALID, f"this is not the path of a script: {asked[:80]!r}; {where}")
     path = _meant(asked, own_script)
     if path == own_script:
         return own_script
     place = next((one for one in _places(own_script) if path.is_relative_to(one)), None)
     if ".." in Path(asked).parts or place is None:
-        raise ScriptRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is outside of the script folder; {where}")
+        raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is outside of the script folder; {where}")
     if any(part.startswith(".") for part in path.relative_to(place).parts):
-        raise ScriptRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is hidden, and no script; {where}")
+        raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is hidden, and no script; {where}")
     if path.suffix.lower() not in SUFFIXES:
-        raise ScriptRefusedError(RefusedWhy.INVALID, f"{asked}: does not end in .yaml or .yml; {where}")
+        raise RequestRefusedError(RefusedWhy.INVALID, f"{asked}: does not end in .yaml or .yml; {where}")
     if not _inside(path, place):
-        raise ScriptRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: leads out of the script folder by a link; {where}")
+        raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: leads out of the script folder by a link; {where}")
     if place != folder and not (path.is_file() and is_script(_text_of(path))):
-        raise ScriptRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is outside of the script folder; {where}")
+        raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is outside of the script folder; {where}")
     if place != folder and path not in _told:
         _told.add(path)
         log.warning("%s: scripts of clients stand in %s: move it there, the next silo doesn't look here", path, folder)
@@ -155,49 +147,49 @@ def _inside(path: Path, folder: Path) -> bool:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a script. Raises ScriptRefusedError where there is none that can be read."""
+    """Return the text of a script. Raises RequestRefusedError where there is none that can be read."""
     try:
         descriptor = _opened(path)
         with os.fdopen(descriptor, "rb") as file:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise ScriptRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")
+                raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")
             data = file.read(MAX_TEXT_BYTES + 1)
     except FileNotFoundError:
-        raise ScriptRefusedError(
+        raise RequestRefusedError(
             RefusedWhy.NOT_FOUND,
             f"{path}: no such script; paths begin in the folder of the logger's script, see `silo script list`",
         ) from None
     except OSError as error:
-        raise ScriptRefusedError(RefusedWhy.FAILED, f"{path}: can't be read: {error.strerror}") from error
+        raise RequestRefusedError(RefusedWhy.FAILED, f"{path}: can't be read: {error.strerror}") from error
     if len(data) > MAX_TEXT_BYTES:
-        raise ScriptRefusedError(RefusedWhy.INVALID, f"{path}: larger than {MAX_TEXT_BYTES // 2**20} MB")
+        raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: larger than {MAX_TEXT_BYTES // 2**20} MB")
     text = data.decode(errors="replace")
     if not is_script(text):
-        raise ScriptRefusedError(RefusedWhy.FORBIDDEN, f"{path}: is no script of silo, it has no `log_elements:`")
+        raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{path}: is no script of silo, it has no `log_elements:`")
     return text
 
 
 def check_target(path: Path, own_script: Path, *, overwrite: bool) -> None:
-    """Raise ScriptRefusedError if a script must not be written there; its folder is made where missing.
+    """Raise RequestRefusedError if a script must not be written there; its folder is made where missing.
 
     What the program itself calls its script may be replaced whatever it is.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ScriptRefusedError(
+        raise RequestRefusedError(
             RefusedWhy.FAILED, f"{path.parent}: can't make this folder: {error.strerror}"
         ) from error
     if path.exists():
         if not path.is_file():
-            raise ScriptRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")
+            raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")
         if not overwrite:
-            raise ScriptRefusedError(
+            raise RequestRefusedError(
                 RefusedWhy.EXISTS, f"{path} exists already; choose another name, or confirm that it is replaced"
             )
         if path != own_script and not is_script(_text_of(path)):
             text = f"{path}: is no script of silo, it has no `log_elements:`; choose another name; nothing was changed"
-            raise ScriptRefusedError(RefusedWhy.FORBIDDEN, text)
+            raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
 
 
 def _text_of(path: Path) -> str:
@@ -205,4 +197,4 @@ def _text_of(path: Path) -> str:
         return _head(path)
     except OSError as error:
         text = f"{path}: can't be read: {error.strerror}; nothing was changed"
-        raise ScriptRefusedError(RefusedWhy.FAILED, text) from error
+        raise RequestRefusedError(RefusedWhy.FAILED, text) from error

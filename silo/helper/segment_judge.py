@@ -12,12 +12,12 @@ import msgspec
 from silo.collecting.held import program_of
 from silo.collecting.schema import TIME_RING
 from silo.collecting.segment_reader import SegmentReader
+from silo.conditions.standing import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
 from silo.errors import ElementError
 from silo.helper.judge_state import JudgeState, KeptCapture, KeptTrigger, Untold
 from silo.helper.judged_rows import JudgedRows
 from silo.helper.limit_judge import LimitJudge, LimitNews
 from silo.helper.spool import Spool, bytes_per_tick
-from silo.ipc.conditions import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
 from silo.judging.binding import Bound, meaning
 from silo.judging.evaluation import Evaluator
 from silo.judging.extras import trigger_rule

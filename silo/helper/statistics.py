@@ -23,10 +23,11 @@ from silo.columns import Floats
 from silo.errors import SegmentError
 from silo.helper.mirror import Mirror
 from silo.helper.newest import NewestValues
-from silo.ipc.messages import GetSurvey, Refused, RefusedWhy, Survey
+from silo.ipc.messages import GetSurvey, Survey
 from silo.ipc.surveys import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.model import BufferType, State
 from silo.rpc.leases import Leases
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 log = logging.getLogger(__name__)
 
@@ -380,27 +381,28 @@ class Surveyor:
         self._thread: threading.Thread | None = None
         self._stopped = False
 
-    def answer(self, request: GetSurvey) -> Survey | Refused:
+    def answer(self, request: GetSurvey) -> Survey:
         """Return what was asked for; the first time the statistics begin."""
         unknown = [name for name in [*request.quantities, *request.some_quantities] if name not in QUANTITIES]
         if unknown or not request.quantities:
             what = f"{unknown[0][:40]!r} is no quantity" if unknown else "no quantity was asked for"
-            return Refused(RefusedWhy.INVALID, f"no survey: {what}; there are {', '.join(QUANTITIES)}")
+            raise RequestRefusedError(RefusedWhy.INVALID, f"no survey: {what}; there are {', '.join(QUANTITIES)}")
         asked = max(len(request.names), len(request.some))
         if asked > MAX_NAMES:
-            return Refused(RefusedWhy.INVALID, f"no survey: at most {MAX_NAMES} names, got {asked}")
+            raise RequestRefusedError(RefusedWhy.INVALID, f"no survey: at most {MAX_NAMES} names, got {asked}")
         with self._lock:
             self._begin()
             asker = self._askers.renew(request.client, LEASE_S)
             if asker is None and self._askers.full(request.client, request.client):
-                return Refused(RefusedWhy.FAILED, f"no survey: {MAX_CLIENTS} clients have statistics; close one first")
+                text = f"no survey: {MAX_CLIENTS} clients have statistics; close one first"
+                raise RequestRefusedError(RefusedWhy.FAILED, text)
             if self._tally is not None and (asker is None or request.reset):
                 asker = _Asker(self._tally.sums())
                 self._askers.set(request.client, asker, LEASE_S, request.client)
             if asker is not None:
                 failed, asker.failed = asker.failed, ""
                 if failed:
-                    return Refused(RefusedWhy.FAILED, failed)
+                    raise RequestRefusedError(RefusedWhy.FAILED, failed)
             return self._survey(request, asker.sums if asker is not None else None)
 
     def _survey(self, request: GetSurvey, sums: Sums | None) -> Survey:

@@ -15,7 +15,7 @@ from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.picking import Group, pick, unknown_name
 from silo.helper.samples import MAX_NAMES, unknown
 from silo.ipc import keys
-from silo.ipc.messages import OpenStream, Refused, StreamOpened
+from silo.ipc.messages import OpenStream, StreamOpened
 from silo.ipc.sampled import SampledRows, StreamFrame
 
 MIN_PERIOD_S, MAX_PERIOD_S = 0.01, 10.0
@@ -101,22 +101,22 @@ class Streams(Feeds[OpenStream, Stream]):
         super().__init__(session, root)
         self._mirror = mirror
 
-    def open(self, request: OpenStream) -> StreamOpened | Refused:
+    def open(self, request: OpenStream) -> StreamOpened:
         """Open, replace or renew a stream."""
         problem = _problem(request)
         if problem:
-            return self._cant_open(problem)
-        found = self.renewed(request.stream, request)
+            raise self._cant_open(problem)
         # of the present generation from the next frame on, which makes clients ask again
-        return found if isinstance(found, Refused) else found.opened
+        return self.renewed(request.stream, request).opened
 
     def _is_same(self, old: OpenStream, new: OpenStream) -> bool:
         # whatever the table has lost since: `Stream.adopt` goes on with what is there
         return (old.names, old.period_s) == (new.names, new.period_s)
 
-    def _refused(self, request: OpenStream, _: list[Stream]) -> Refused | None:
+    def _check(self, request: OpenStream, _: list[Stream]) -> None:
         name = None if request.again else unknown_name(request.names, self._mirror.now)
-        return unknown(name) if name is not None else None
+        if name is not None:
+            raise unknown(name)
 
     def _made(self, request: OpenStream, publisher: zenoh.Publisher) -> Stream:
         made = Stream(request, publisher, time.monotonic())

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, reason
-from silo.helper.script_folder import ScriptRefusedError
-from silo.ipc.messages import RefusedWhy
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 FOLDER, ENDING = "views", ".yaml"
 MOST_VIEWS = 500
@@ -28,68 +27,68 @@ def names(own_script: Path) -> list[str]:
     """Return the views that there are; none where there is no such folder."""
     try:
         found = [path.name for path in _real(own_script).iterdir()]
-    except (OSError, ScriptRefusedError):
+    except (OSError, RequestRefusedError):
         return []
     known = [name.removesuffix(ENDING) for name in found if name.endswith(ENDING)]
     return sorted(name for name in known if _NAME.fullmatch(name))[:MOST_VIEWS]
 
 
 def read(own_script: Path, name: str) -> tuple[Path, str]:
-    """Return path and text of a view. Raises ScriptRefusedError where there is none that can be read."""
+    """Return path and text of a view. Raises RequestRefusedError where there is none that can be read."""
     path = _path(own_script, name)
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
         with os.fdopen(descriptor, "rb") as file:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise ScriptRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")
+                raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")
             data = file.read(MOST_BYTES + 1)
     except FileNotFoundError:
         there = ", ".join(names(own_script)[:20]) or "none yet"
         text = f"there is no view '{name}' on the robot (there: {there})"
-        raise ScriptRefusedError(RefusedWhy.NOT_FOUND, text) from None
+        raise RequestRefusedError(RefusedWhy.NOT_FOUND, text) from None
     except OSError as error:
-        raise ScriptRefusedError(RefusedWhy.FAILED, f"{path}: can't be read: {reason(error)}") from error
+        raise RequestRefusedError(RefusedWhy.FAILED, f"{path}: can't be read: {reason(error)}") from error
     if len(data) > MOST_BYTES:
-        raise ScriptRefusedError(RefusedWhy.INVALID, f"{path}: larger than {MOST_BYTES // 1024} kB")
+        raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: larger than {MOST_BYTES // 1024} kB")
     return path, data.decode(errors="replace")
 
 
 def keep(own_script: Path, name: str, text: str, *, overwrite: bool) -> Path:
-    """Write a view and return its path. Raises ScriptRefusedError, then nothing was changed."""
+    """Write a view and return its path. Raises RequestRefusedError, then nothing was changed."""
     path = _path(own_script, name)
     data = text.encode(errors="replace")
     if len(data) > MOST_BYTES:
         size = f"a view has at most {MOST_BYTES // 1024} kB, this one {len(data) // 1024} kB"
-        raise ScriptRefusedError(RefusedWhy.INVALID, f"{size}; nothing was changed")
+        raise RequestRefusedError(RefusedWhy.INVALID, f"{size}; nothing was changed")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         there = os.path.lexists(path)
         if there and (path.is_symlink() or not path.is_file()):
-            raise ScriptRefusedError(RefusedWhy.INVALID, f"{path}: is not a file; nothing was changed")
+            raise RequestRefusedError(RefusedWhy.INVALID, f"{path}: is not a file; nothing was changed")
         if there and not overwrite:
             text = f"there is a view '{name}' on the robot; confirm that it is replaced, or choose another name"
-            raise ScriptRefusedError(RefusedWhy.EXISTS, text)
+            raise RequestRefusedError(RefusedWhy.EXISTS, text)
         if not there and len(names(own_script)) >= MOST_VIEWS:
             text = f"{MOST_VIEWS} views are kept in {path.parent} already; nothing was changed"
-            raise ScriptRefusedError(RefusedWhy.FAILED, text)
+            raise RequestRefusedError(RefusedWhy.FAILED, text)
         with atomic_file(path) as file:
             file.write(data)
     except (OSError, SaveError) as error:
         why = reason(error) if isinstance(error, OSError) else str(error)
-        raise ScriptRefusedError(RefusedWhy.FAILED, f"{path}: can't be written: {why}; nothing was changed") from error
+        raise RequestRefusedError(RefusedWhy.FAILED, f"{path}: can't be written: {why}; nothing was changed") from error
     return path
 
 
 def _path(own_script: Path, name: str) -> Path:
     if not _NAME.fullmatch(name) or name != name.strip():
         text = f"{name[:80]!r} is no name for a view: letters, digits, - _ . + and blanks, at most 80"
-        raise ScriptRefusedError(RefusedWhy.INVALID, text)
+        raise RequestRefusedError(RefusedWhy.INVALID, text)
     return _real(own_script) / (name + ENDING)
 
 
 def _real(own_script: Path) -> Path:
-    """Return the folder. Raises ScriptRefusedError where a link leads elsewhere."""
+    """Return the folder. Raises RequestRefusedError where a link leads elsewhere."""
     folder = folder_of(own_script)
     if folder.is_symlink():
-        raise ScriptRefusedError(RefusedWhy.FORBIDDEN, f"{folder} is a link; views are kept in a folder of their own")
+        raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{folder} is a link; views are kept in a folder of their own")
     return folder

@@ -22,8 +22,9 @@ from silo.helper.liveness import Liveness
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.newest import NewestValues
 from silo.ipc.keys import VIEW_ID, Root
-from silo.ipc.messages import OpenView, Refused, RefusedWhy, ViewOpened
+from silo.ipc.messages import OpenView, ViewOpened
 from silo.ipc.published import ViewFrame
+from silo.rpc.refusals import RefusedWhy
 
 MIN_RATE_HZ, MAX_RATE_HZ = 0.1, 30.0
 MIN_COLUMN_NS = 1_000
@@ -244,25 +245,24 @@ class Views(Feeds[OpenView, View]):
         super().__init__(session, root)
         self._mirror = mirror
 
-    def open(self, request: OpenView) -> ViewOpened | Refused:
+    def open(self, request: OpenView) -> ViewOpened:
         """Open, replace or renew a view."""
         problem = _problem(request)
         if problem:
-            return self._cant_open(problem)
+            raise self._cant_open(problem)
         layout = layout_of(request, self._mirror.now)
-        found = self.renewed(request.view, request)
-        return found if isinstance(found, Refused) else layout.opened(request)
+        self.renewed(request.view, request)
+        return layout.opened(request)
 
     def _is_same(self, old: OpenView, new: OpenView) -> bool:
         wishes = [(one.values, one.plots, one.rate_hz, one.column_ns) for one in (old, new)]
         return wishes[0] == wishes[1]
 
-    def _refused(self, request: OpenView, others: list[View]) -> Refused | None:
+    def _check(self, request: OpenView, others: list[View]) -> None:
         names = sum(len(one.values) + len(one.plots) for one in (request, *(view.request for view in others)))
-        if names <= MAX_NAMES_IN_VIEWS:
-            return None
-        text = f"all views together may show {MAX_NAMES_IN_VIEWS} names; close others first"
-        return self._cant_open(text, RefusedWhy.FAILED)
+        if names > MAX_NAMES_IN_VIEWS:
+            text = f"all views together may show {MAX_NAMES_IN_VIEWS} names; close others first"
+            raise self._cant_open(text, RefusedWhy.FAILED)
 
     def _made(self, request: OpenView, publisher: zenoh.Publisher) -> View:
         return View(request, publisher, time.monotonic())

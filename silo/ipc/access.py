@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from silo.ipc.keys import LOCAL_SENDER, escape, user_part
+from silo.rpc.declaring import Ask, Do, Request
 
 VIEWER, OPERATOR, ROBOT = "viewer", "operator", "robot"
 ROLES = (VIEWER, OPERATOR, ROBOT)
@@ -45,10 +46,12 @@ class Row(NamedTuple):
     used: tuple[str, ...]
 
 
+# who may send requests of a kind, each under its key; what changes something names its sender there
+ASKED: dict[type[Request[Any]], tuple[str, ...]] = {Ask: PEOPLE, Do: (OPERATOR,)}
+
 TABLE = (
-    Row("ask", ANSWERED, ROBOTS, PEOPLE),
-    Row("do/{user}", ANSWERED, ROBOTS, (OPERATOR,)),
-    Row("do", ANSWERED, ROBOTS, NOBODY_ASKED),  # clients of protocol 1, who are told what to update
+    *(Row(kind.key + "/{user}" * (kind is Do), ANSWERED, ROBOTS, who) for kind, who in ASKED.items()),
+    Row(Do.key, ANSWERED, ROBOTS, NOBODY_ASKED),  # clients of protocol 1, who are told what to update
     Row("refused/{user}", ANSWERED, ROBOTS, PEOPLE),
     Row("event", TOLD, ROBOTS, PEOPLE),
     Row("summary", TOLD, ROBOTS, PEOPLE),

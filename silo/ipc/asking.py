@@ -8,11 +8,11 @@ from typing import Any, Generic, TypeVar
 import zenoh
 
 from silo.errors import ConnectionLostError
-from silo.ipc.clocks import UNKNOWN, TheirClock
 from silo.ipc.exchange import encoded, key_of, payload_of
 from silo.ipc.keys import Root
 from silo.ipc.messages import Do, Request
 from silo.ipc.sessions import Borrowed
+from silo.rpc.clocks import UNKNOWN, TheirClock
 
 AT_ONCE = 256  # a window of 64 cost a fleet of 100 a second round trip
 POLL_S = 0.002

@@ -22,7 +22,6 @@ import zenoh
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
 from silo.ipc.asking import Pending
-from silo.ipc.clocks import TheirClock
 from silo.ipc.discovery import namesakes
 from silo.ipc.exchange import exchange, root_at
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign
@@ -33,6 +32,7 @@ from silo.ipc.published import Event
 from silo.ipc.session import owner_is_gone
 from silo.ipc.sessions import Borrowed, borrow, give_back, undeclare
 from silo.model import State
+from silo.rpc.clocks import TheirClock
 from silo.version import VERSION
 
 POLL_S = 0.05

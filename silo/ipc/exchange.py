@@ -9,25 +9,21 @@ from typing import Any
 import msgspec
 import zenoh
 
-from silo.errors import ConnectionLostError, GoesOnError, RefusedError, VersionError
+from silo.errors import ConnectionLostError, VersionError
 from silo.ipc import keys
-from silo.ipc.clocks import UNKNOWN, TheirClock
 from silo.ipc.foreign import NOT_UNDERSTOOD
 from silo.ipc.found import Found
 from silo.ipc.messages import (
     AnyReply,
     Do,
-    GoesOn,
     HelloReply,
-    Refused,
-    RefusedWhy,
     ReplyT,
     Request,
-    reply_type,
 )
 from silo.ipc.sessions import Borrowed, borrowed
 from silo.ipc.versions import PROTOCOL, robot_problem
-from silo.model import Problem
+from silo.rpc.clocks import UNKNOWN, TheirClock
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked
 from silo.runtime import user_name
 
 _encoder = msgspec.msgpack.Encoder()
@@ -46,15 +42,6 @@ class _Peer(msgspec.Struct):
 _peer_decoder = msgspec.msgpack.Decoder(_Peer)
 
 
-class RequestRefusedError(RefusedError):
-    """The helper process won't do this: `why` to act on, `problems` with one line per rejected field."""
-
-    def __init__(self, refused: Refused) -> None:
-        super().__init__(refused.text)
-        self.why: RefusedWhy = refused.why
-        self.problems: list[Problem] = refused.problems
-
-
 def encoded(request: Request[Any], until_s: float = 0.0) -> bytes:
     """Return a request as it is sent; `until_s` is when its sender gives up, by the clock of the helper process.
 
@@ -66,7 +53,7 @@ def encoded(request: Request[Any], until_s: float = 0.0) -> bytes:
             f"{type(request).__name__} takes {len(payload)} bytes, a helper process reads at most "
             f"{request.max_bytes}: send less at a time; nothing was sent"
         )
-        raise RequestRefusedError(Refused(RefusedWhy.INVALID, text))
+        raise RequestRefusedError(RefusedWhy.INVALID, text)
     return payload
 
 
@@ -182,23 +169,8 @@ def _check_peer(payload: bytes, who: str) -> None:
         raise VersionError(problem)
 
 
-def checked_reply(request: Request[ReplyT], reply: AnyReply) -> ReplyT:
-    """Return the reply if it is of the request's type.
-
-    Raises RequestRefusedError for a refusal, GoesOnError where it isn't done yet, ConnectionLostError for another
-    reply.
-    """
-    if isinstance(reply, Refused):
-        raise RequestRefusedError(reply)
-    if isinstance(reply, GoesOn):
-        raise GoesOnError(reply.text)
-    if not isinstance(reply, reply_type(type(request))):
-        raise ConnectionLostError(f"the helper process answered {type(request).__name__} with a {type(reply).__name__}")
-    return reply
-
-
 def ask_once(found: Found, request: Request[ReplyT], timeout_s: float) -> ReplyT:
     """Open a session, ask, close it. Raises ConnectionLostError, or RequestRefusedError."""
     with borrowed(found.socket, found.config) as mine:
         reply = exchange(mine, root_at(mine, found, timeout_s), request, timeout_s, f"logger '{found.name}'")
-    return checked_reply(request, reply)
+    return checked(request, reply)

@@ -20,7 +20,7 @@ from silo.ipc import keys
 from silo.ipc.asking import POLL_S as ANSWERED_S
 from silo.ipc.asking import Asking
 from silo.ipc.configuration import find_file, from_file, user_of
-from silo.ipc.exchange import checked_reply, client_name, decode_reply, root_at
+from silo.ipc.exchange import client_name, decode_reply, root_at
 from silo.ipc.fleet_memory import remembered
 from silo.ipc.foreign import NOT_UNDERSTOOD
 from silo.ipc.found import Found
@@ -30,6 +30,7 @@ from silo.ipc.probing import REACH_S, Layer, LayerError
 from silo.ipc.published import Summary
 from silo.ipc.routers import AskedRouters, RouterTold, told_of
 from silo.ipc.sessions import Borrowed, borrowed, undeclare
+from silo.rpc.refusals import checked
 
 POLL_S = 0.1
 IDLE_S = 0.5  # while nobody looks
@@ -343,7 +344,7 @@ class Way:
             try:
                 if payload is None:
                     raise ConnectionLostError(f"{who} {self._silence}")
-                changes.append((key, _answering(checked_reply(self._question, decode_reply(payload, who)))))
+                changes.append((key, _answering(checked(self._question, decode_reply(payload, who)))))
             except SiloError as error:
                 self._silent[key] = time.monotonic() + AGAIN_S
                 changes.append((key, _failing(error)))

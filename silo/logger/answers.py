@@ -1,42 +1,24 @@
-# ruff: noqa: D102 - the parts of Served are described in silo.logger.logger
 """What a logger tells its helper process, and what it does for the clients that come through it.
 
 One function per request that the helper hands on. Called by the thread of `silo.logger.serving`, never by the loop.
 """
 
-import logging
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import msgspec
 
 from silo.collecting.run import Run
-from silo.errors import ElementError, SiloError, StateError, UnsavedError
-from silo.ipc.messages import (
-    AnyReply,
-    ApplyEdits,
-    Done,
-    EditsApplied,
-    Refused,
-    RefusedWhy,
-    RemoveDerived,
-    RemoveLimits,
-    RemoveTrigger,
-    Request,
-    Restart,
-    SetDerived,
-    SetLimits,
-    SetTrigger,
-    Start,
-    Stop,
-    Unsaved,
-)
-from silo.ipc.refusals import refused_conflict, refused_running
+from silo.conditions import requests as conditions
+from silo.errors import SaveError, ScriptError, StateError
+from silo.ipc.messages import Restart, Start, Stop, Unsaved, state
+from silo.ipc.refusals import check_revision, refused_running
 from silo.link.messages import RobotState
 from silo.logger.keywords import UnsavedWord
 from silo.model import (
+    Derived,
     Edit,
     ElementInfo,
     Extras,
@@ -48,9 +30,12 @@ from silo.model import (
     TriggerOptions,
     join_name,
 )
+from silo.rpc.declaring import Reply, Request
+from silo.rpc.refusals import WHYS, RefusedWhy, RequestRefusedError, answered
+from silo.rpc.serving import Dispatch, Server, Turn
+from silo.scripts import requests
+from silo.scripts.requests import ApplyEdits, EditsApplied
 from silo.settings.rules import refusal
-
-log = logging.getLogger("silo")
 
 # what `Logger.start` calls it; for the program itself a start clears without asking
 _UNSAVED: dict[Unsaved, UnsavedWord] = {Unsaved.REFUSE: "refuse", Unsaved.SAVE: "save", Unsaved.DISCARD: "clear"}
@@ -123,115 +108,88 @@ def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
         )
 
 
-def answer(logger: Served, request: Request[Any]) -> AnyReply:
+def answer(logger: Served, request: Request[Any]) -> Reply:
     """Do what a client asks; whatever goes wrong becomes words."""
-    if type(request) not in HANDLERS:
-        return Refused(RefusedWhy.INVALID, f"a robot process doesn't do {type(request).__name__} for its helper")
-    try:
-        return HANDLERS[type(request)](logger, request)
-    except UnsavedError as error:
-        return Refused(RefusedWhy.UNSAVED, str(error))
-    except StateError as error:
-        why = RefusedWhy.RUNNING if logger.is_running else RefusedWhy.INVALID
-        return Refused(why, str(error))
-    except ElementError as error:
-        return Refused(RefusedWhy.INVALID, str(error))
-    except SiloError as error:
-        return Refused(RefusedWhy.FAILED, str(error))
-    except Exception as error:
-        log.exception("%s failed", type(request).__name__)
-        return Refused(RefusedWhy.FAILED, f"{type(error).__name__}: {error}")
+    dispatch = Dispatch([RobotServer(logger)], _not_ours)
+    running = RefusedWhy.RUNNING if logger.is_running else RefusedWhy.INVALID
+    whys = {**WHYS, StateError: running, SaveError: RefusedWhy.FAILED, ScriptError: RefusedWhy.FAILED}
+    reply = answered(lambda: dispatch(request, Turn()), whys)
+    assert isinstance(reply, Reply)
+    return reply
 
 
-def _edit(logger: Served, request: ApplyEdits) -> EditsApplied | Refused:
-    with logger.lock:
-        if logger.is_running:
-            return refused_running()
-        conflict = refused_conflict(request, logger.revision)
-        if conflict is not None:
-            return conflict
-        problems = logger.problems(request.edits)
-        if problems:
-            return Refused(RefusedWhy.INVALID, refusal(problems), problems)
-        if request.extras is not None:
-            logger.apply_extras(request.extras, request.edits)  # first, as it may be refused
-        changed = logger.apply(request.edits)
-        return EditsApplied(logger.revision, changed)
+def _not_ours(request: Request[Any], _: Turn) -> Reply:
+    text = f"a robot process doesn't do {type(request).__name__} for its helper"
+    raise RequestRefusedError(RefusedWhy.INVALID, text)
 
 
-def _start(logger: Served, request: Start) -> Done | Refused:
-    with logger.lock:
-        if logger.is_running:
-            return Refused(RefusedWhy.RUNNING, "the logger runs already: restart it, or stop it first")
-        logger.start(unsaved=_UNSAVED[request.unsaved])
-        return Done(logger.saved_before_start)
+class RobotServer(Server[Served], does=[requests, conditions, state], robot=True):
+    """Does what the helper process hands on."""
 
+    def apply_edits(self, request: ApplyEdits) -> EditsApplied:
+        logger = self.state
+        with logger.lock:
+            if logger.is_running:
+                raise refused_running()
+            check_revision(request, logger.revision)
+            problems = logger.problems(request.edits)
+            if problems:
+                raise RequestRefusedError(RefusedWhy.INVALID, refusal(problems), problems)
+            if request.extras is not None:
+                logger.apply_extras(request.extras, request.edits)  # first, as it may be refused
+            changed = logger.apply(request.edits)
+            return EditsApplied(logger.revision, changed)
 
-def _stop(logger: Served, _: Stop) -> Done:
-    logger.stop()
-    return Done()
+    def start(self, request: Start) -> str:
+        logger = self.state
+        with logger.lock:
+            if logger.is_running:
+                text = "the logger runs already: restart it, or stop it first"
+                raise RequestRefusedError(RefusedWhy.RUNNING, text)
+            logger.start(unsaved=_UNSAVED[request.unsaved])
+            return logger.saved_before_start
 
+    def stop(self, request: Stop) -> str:
+        self.state.stop()
+        return ""
 
-def _restart(logger: Served, request: Restart) -> Done:
-    with logger.lock:
-        logger.restart(unsaved=_UNSAVED[request.unsaved])
-        return Done(logger.saved_before_start)
+    def restart(self, request: Restart) -> str:
+        with self.state.lock:
+            self.state.restart(unsaved=_UNSAVED[request.unsaved])
+            return self.state.saved_before_start
 
+    def set_trigger(self, trigger: TriggerOptions, lease_s: float) -> str:
+        from silo.judging.extras import fixed_text
+        from silo.judging.off import off_problem
 
-def _set_trigger(logger: Served, request: SetTrigger) -> Done:
-    from silo.judging.extras import fixed_text
-    from silo.judging.off import off_problem
+        logger = self.state
+        known = trigger.name in {one.name for one in logger.extras.triggers}
+        logger.set_trigger(trigger)
+        running = "" if logger.is_running else "; it is judged when the logger is started"
+        off = off_problem(trigger, logger.elements, logger.options.prefix, logger.extras.derived)
+        notes = "".join(f"; {note}" for note in (off and f"it {off}", fixed_text(logger.elements)) if note)
+        return f"trigger '{trigger.name}' is {'replaced' if known else 'set'}{running}{notes}"
 
-    name = request.trigger.name
-    known = name in {one.name for one in logger.extras.triggers}
-    logger.set_trigger(request.trigger)
-    running = "" if logger.is_running else "; it is judged when the logger is started"
-    off = off_problem(request.trigger, logger.elements, logger.options.prefix, logger.extras.derived)
-    notes = "".join(f"; {note}" for note in (off and f"it {off}", fixed_text(logger.elements)) if note)
-    return Done(f"trigger '{name}' is {'replaced' if known else 'set'}{running}{notes}")
+    def remove_trigger(self, name: str) -> str:
+        self.state.remove_trigger(name)
+        return f"trigger '{name}' is removed"
 
+    def set_limits(self, limits: SignalLimits) -> str:
+        self.state.set_limits(limits)
+        return f"limits of '{limits.name}' are set"
 
-def _remove_trigger(logger: Served, request: RemoveTrigger) -> Done:
-    logger.remove_trigger(request.name)
-    return Done(f"trigger '{request.name}' is removed")
+    def remove_limits(self, name: str) -> str:
+        self.state.remove_limits(name)
+        return f"limits of '{name}' are removed"
 
+    def set_derived(self, derived: Derived) -> str:
+        logger = self.state
+        before = {known.name for known in logger.extras.derived}
+        logger.derive(derived.name, derived.expression, unit=derived.unit)
+        whole = join_name("", "", derived.name), join_name(logger.options.prefix, "", derived.name)
+        (made,) = [known.name for known in logger.extras.derived if known.name in whole]
+        return f"'{made}' is {'derived anew' if made in before else 'derived'}: {derived.expression}"
 
-def _set_limits(logger: Served, request: SetLimits) -> Done:
-    logger.set_limits(request.limits)
-    return Done(f"limits of '{request.limits.name}' are set")
-
-
-def _remove_limits(logger: Served, request: RemoveLimits) -> Done:
-    logger.remove_limits(request.name)
-    return Done(f"limits of '{request.name}' are removed")
-
-
-def _set_derived(logger: Served, request: SetDerived) -> Done:
-    one = request.derived
-    before = {known.name for known in logger.extras.derived}
-    logger.derive(one.name, one.expression, unit=one.unit)
-    (made,) = [known.name for known in logger.extras.derived if known.name in _whole(one.name, logger)]
-    return Done(f"'{made}' is {'derived anew' if made in before else 'derived'}: {one.expression}")
-
-
-def _whole(name: str, logger: Served) -> tuple[str, str]:
-    return join_name("", "", name), join_name(logger.options.prefix, "", name)
-
-
-def _remove_derived(logger: Served, request: RemoveDerived) -> Done:
-    logger.remove_derived(request.name)
-    return Done(f"'{request.name}' is derived no more")
-
-
-HANDLERS: dict[type[Request[Any]], Callable[[Served, Any], AnyReply]] = {
-    ApplyEdits: _edit,
-    Start: _start,
-    Stop: _stop,
-    Restart: _restart,
-    SetTrigger: _set_trigger,
-    RemoveTrigger: _remove_trigger,
-    SetLimits: _set_limits,
-    RemoveLimits: _remove_limits,
-    SetDerived: _set_derived,
-    RemoveDerived: _remove_derived,
-}
+    def remove_derived(self, name: str) -> str:
+        self.state.remove_derived(name)
+        return f"'{name}' is derived no more"

@@ -21,7 +21,6 @@ import msgspec
 
 from silo.calls import told_class
 from silo.errors import ConnectionLostError, SaveError, SiloError
-from silo.ipc.clocks import clock_s
 from silo.ipc.messages import AnyReply, Done, RecorderStarted, Refused, Save, SaveStarted, StartRecorder, StopRecorder
 from silo.link.handover import RunOffer, offer_run
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
@@ -33,6 +32,7 @@ from silo.logger.identity import drawn_id
 from silo.logger.patience import FROZEN_ROUNDS, ROUND_S, Patience
 from silo.logger.viewers import FoxgloveProcess
 from silo.model import FileType, SavedFile
+from silo.rpc.clocks import clock_s
 
 log = logging.getLogger("silo")
 

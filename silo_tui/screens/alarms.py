@@ -8,8 +8,8 @@ from rich.text import Text
 from textual.binding import Binding
 from textual.widgets import OptionList
 
+from silo.conditions.standing import LimitStatus, LimitWord
 from silo.errors import ElementError, RefusedError
-from silo.ipc.conditions import LimitStatus, LimitWord
 from silo.model import SignalLimits
 from silo_tui.actions import bindings_for
 from silo_tui.model.conditions import alarms_words, limit_head, limit_row

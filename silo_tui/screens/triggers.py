@@ -9,8 +9,8 @@ from rich.text import Text
 from textual.binding import Binding
 from textual.widgets import OptionList
 
+from silo.conditions.standing import TriggerStatus, TriggerWord
 from silo.files.formats import kind_of
-from silo.ipc.conditions import TriggerStatus, TriggerWord
 from silo.model import SavedFile, TriggerOptions
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later

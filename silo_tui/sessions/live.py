@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.errors import RefusedError
-from silo.ipc.conditions import LimitStatus, TriggerStatus
 from silo.ipc.frames import Frame
 from silo.ipc.messages import RecorderInfo, Recordings, RefusedWhy, Unsaved
 from silo.ipc.published import Event, EventKind

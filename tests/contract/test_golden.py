@@ -2,6 +2,7 @@
 
 import difflib
 import json
+from typing import Any
 
 import pytest
 from msgspec import inspect
@@ -22,7 +23,15 @@ def same(before: str, now: str, what: str) -> None:
 def test_the_shape_of_every_message_and_file_is_as_it_was() -> None:
     now = structs.told()
     for part in ("requests", "shapes", "samples"):
-        same(json.dumps(KEPT[part], indent=1), json.dumps(now[part], indent=1), f"{part} of before")
+        before, after = (json.dumps(in_order(one[part]), indent=1) for one in (KEPT, now))
+        same(before, after, f"{part} of before")
+
+
+def in_order(told: Any) -> Any:
+    """Unions in one order: tags tell which one it is, whatever order modules are imported in."""
+    if isinstance(told, dict):
+        return {name: in_order(one) for name, one in told.items()}
+    return " | ".join(sorted(told.split(" | "))) if isinstance(told, str) and told.startswith("<") else told
 
 
 @pytest.mark.parametrize("name", KEPT["samples"])

@@ -19,7 +19,7 @@ import pytest
 
 import silo
 from silo.errors import SiloError
-from silo.helper.answers import Answers
+from silo.helper.answers.answering import Answers
 from silo.helper.event_log import EventLog
 from silo.helper.events import Events
 from silo.helper.held_runs import HeldRuns
@@ -117,6 +117,7 @@ from silo.model import (
     Table,
     TriggerOptions,
 )
+from silo.rpc.refusals import answered
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 NASTY: list[Any] = [
@@ -308,11 +309,11 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 def problem_of(bench: Bench, payload: bytes, key: str, at_the_door: list[bytes] | None = None) -> str:
     """What is wrong with the answer to some bytes; empty for one in words."""
-    request = decode_ask(payload) if key == "ask" else decode_do(payload)
+    request = answered(lambda: decode_ask(payload) if key == "ask" else decode_do(payload))
     if isinstance(request, Refused) and at_the_door is not None:
         at_the_door.append(payload)
-    body = msgspec.msgpack.encode(request) if isinstance(request, Refused) else bench.answers.answer(request)
-    reply = decode_reply(body, "the helper process")
+    found = request if isinstance(request, Refused) else answered(lambda: bench.answers.reply(request))
+    reply = decode_reply(found if isinstance(found, bytes) else msgspec.msgpack.encode(found), "the helper process")
     if isinstance(reply, Refused):
         return f"raw: {reply.text}" if RAW.search(reply.text) or not reply.text else ""
     return ""

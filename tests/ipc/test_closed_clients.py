@@ -6,9 +6,9 @@ from silo.cli import codes
 from silo.cli.alarms import _code
 from silo.cli.ls import _reasons
 from silo.cli.main import run
+from silo.conditions.standing import LimitStatus, LimitWord
 from silo.errors import ConnectionLostError
 from silo.ipc.client import Client
-from silo.ipc.conditions import LimitStatus, LimitWord
 from silo.ipc.found import Found
 from silo.ipc.member import Member
 from silo.ipc.messages import Alarms

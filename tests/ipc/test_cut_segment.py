@@ -6,9 +6,9 @@ import pytest
 
 from silo.errors import RefusedError
 from silo.ipc.client import Client
-from silo.ipc.exchange import RequestRefusedError
 from silo.ipc.published import EventKind
 from silo.model import FileType, State
+from silo.rpc.refusals import RequestRefusedError
 from silo.runtime import list_segments
 from tests.ipc.conftest import Heard
 from tests.waiting import freeze

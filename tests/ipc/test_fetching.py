@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from silo.errors import ConnectionLostError, SaveError
-from silo.helper.recordings import RecordingFolder, RecordingRefusedError
+from silo.helper.recordings import RecordingFolder
 from silo.ipc import fetching
 from silo.ipc.fetching import Fetch
 from silo.ipc.messages import GetPiece, PartOfRecording, Piece, RecordingParts
+from silo.rpc.refusals import RequestRefusedError
 from tests.ipc.test_recordings import recording, saved
 
 
@@ -162,7 +163,7 @@ def test_a_file_that_is_written_anew_meanwhile_is_told(robot, here):
     def write_anew(done: int, total: int) -> None:
         os.utime(Path(robot.place) / name, ns=(1, 1))
 
-    with pytest.raises(RecordingRefusedError, match="written anew"):
+    with pytest.raises(RequestRefusedError, match="written anew"):
         robot.fetch(name, here, progress=write_anew)
     assert not (here / name).exists()
 

@@ -17,6 +17,7 @@ from silo.ipc.discovery import Discovery, Found, discover
 from silo.ipc.messages import OpenStream, OpenView, Refused, StreamOpened, ViewOpened
 from silo.logger import helper_process, serving
 from silo.logger.down import DownMark
+from silo.rpc.refusals import answered
 from silo.runtime import down_mark, down_marks, sweep_unfinished
 from tests.fuzz.test_wire import Bench as Parts
 from tests.waiting import freeze, wait_until
@@ -153,7 +154,9 @@ def test_a_view_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monkey
         wrong, right = (OpenView(view=name, values=["/log/x"], rate_hz=30.0) for name in ("bad-1", "good-1"))
         assert isinstance(parts.publisher.open_view(wrong), ViewOpened)
         parts.publisher.open_view(right)
-        refused = wait_until(lambda: isinstance(answer := parts.publisher.open_view(wrong), Refused) and answer)
+        refused = wait_until(
+            lambda: isinstance(answer := answered(lambda: parts.publisher.open_view(wrong)), Refused) and answer
+        )
         assert "can't be fed any more: ValueError: shapes (1,) and (2,)" in refused.text
         assert isinstance(parts.publisher.open_view(right), ViewOpened)
         assert "view bad-1 failed" in caplog.text
@@ -180,7 +183,7 @@ def test_a_stream_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monk
         assert isinstance(streams.open(wrong), StreamOpened)
         streams.open(right)
         monkeypatch.setattr(Stream, "adopt", failing)
-        refused = wait_until(lambda: isinstance(answer := streams.open(wrong), Refused) and answer)
+        refused = wait_until(lambda: isinstance(answer := answered(lambda: streams.open(wrong)), Refused) and answer)
         assert "can't be fed any more: ValueError: shapes (1,) and (2,)" in refused.text
         assert isinstance(streams.open(right), StreamOpened)
         assert "stream bad-1 failed" in caplog.text

@@ -11,9 +11,7 @@ import zenoh
 from silo.helper import lanes
 from silo.helper.control import Control
 from silo.helper.denials import Denials
-from silo.helper.door import Door, Sender
-from silo.helper.lanes import Lane, Turn
-from silo.ipc.clocks import clock_s
+from silo.helper.door import Door
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.keys import LOCAL_SENDER, Root
 from silo.ipc.messages import (
@@ -33,6 +31,9 @@ from silo.ipc.messages import (
     spoken,
 )
 from silo.ipc.session import close, open_client, open_server
+from silo.rpc.clocks import clock_s
+from silo.rpc.declaring import Lane
+from silo.rpc.serving import Sender, Turn
 from tests.waiting import DEADLINE_S, wait_until
 
 ROOT = Root("robot", "walker", "1f")
@@ -51,7 +52,7 @@ class Answers:
         self.begun.append(name)
         if isinstance(request, KeepView | DeleteRecording):
             assert self.disk.wait(DEADLINE_S)
-        return request if isinstance(request, Refused) else Done(name)
+        return Done(name)
 
     def number(self) -> int:
         return 7
@@ -63,8 +64,8 @@ class Answers:
 class Everybody:
     """Nobody has control."""
 
-    def refused(self, request: Any, sender: Sender) -> None:
-        return None
+    def check(self, request: Any, sender: Sender) -> None:
+        """It is done."""
 
 
 class Helper:

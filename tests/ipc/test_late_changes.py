@@ -9,11 +9,11 @@ import pytest
 
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError
 from silo.ipc.client import Client
-from silo.ipc.clocks import clock_s
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.messages import AddMark, Marked, Refused, RefusedWhy
 from silo.ipc.published import EventKind
 from silo.model import FileType, TriggerOptions
+from silo.rpc.clocks import clock_s
 from tests.waiting import freeze, wait_until
 
 pytestmark = pytest.mark.slow

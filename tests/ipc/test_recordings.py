@@ -12,10 +12,11 @@ from silo.files import write
 from silo.files.bag import write_bag
 from silo.files.convert import convert
 from silo.helper import recordings as module
-from silo.helper.recordings import RecordingFolder, RecordingRefusedError
+from silo.helper.recordings import RecordingFolder
 from silo.ipc.messages import GetPiece, RefusedWhy
 from silo.model import BufferType, Entry, FileType, LoggedEvent
 from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.rpc.refusals import RequestRefusedError
 
 SECOND = 10**9
 BEGIN = 1_700_000_000 * SECOND
@@ -45,9 +46,9 @@ def listed(folder: Path, most: int = 100):
 
 
 def refusal(call, *arguments) -> RefusedWhy:
-    with pytest.raises(RecordingRefusedError) as error:
+    with pytest.raises(RequestRefusedError) as error:
         call(*arguments)
-    return error.value.refused.why
+    return error.value.why
 
 
 # -------------------------------------------------------------------------------------------------------- listing
@@ -116,7 +117,7 @@ def test_a_part_is_not_deleted_by_a_client(tmp_path):
     part = recorded(tmp_path / "recordings")
     folder = RecordingFolder()
     for name in (part.name, "recordings/walk_1", f"recordings/{part.name}"):
-        with pytest.raises(RecordingRefusedError):
+        with pytest.raises(RequestRefusedError):
             folder.delete(str(tmp_path), "bot", name)
     assert part.exists()
 

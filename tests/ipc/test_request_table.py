@@ -1,41 +1,51 @@
-"""Each request stands in one table: a handler of the helper process, one of the robot process if it is handed on."""
+"""Each request is declared once: it has a caller, a server with a method of its name, and a reply that is decoded."""
 
-import importlib
+import ast
 import inspect
-import pkgutil
+from pathlib import Path
 from typing import get_args
 
 import pytest
 
-from silo.helper import answers
-from silo.ipc import client, messages
-from silo.ipc.messages import Ask, Do, Reply, Request, RobotRequest, leaves, reply_type
-from silo.logger import answers as robot_answers
+import silo
+from silo.conditions import requests as conditions
+from silo.conditions.requests import ConditionRequests
+from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, SaveError, StateError, UnsavedError
+from silo.helper.answers.answering import SERVERS
+from silo.ipc import access, messages
+from silo.ipc.client import Client
+from silo.ipc.messages import Ask, Do, Done, GoesOn, Refused, Reply, Request, RobotRequest, leaves, reply_type
+from silo.logger.answers import RobotServer
+from silo.model import Problem, TriggerOptions
+from silo.rpc.declaring import method_of, request_of
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError, answered, checked
+from silo.rpc.serving import Dispatch, Sender, Server, Turn
 
 REQUESTS = leaves(Request)
+ROBOT_CONDITIONS = [name for kind, name in RobotServer.handlers.items() if kind.__module__ == conditions.__name__]
+HANDLED = [kind for server in SERVERS for kind in server.handlers]
 
 
 @pytest.mark.parametrize("kind", REQUESTS)
-def test_the_helper_has_a_handler_for_every_request(kind):
-    assert kind in answers.HANDLERS
+def test_every_request_is_done_by_one_server_or_handed_on(kind):
+    assert HANDLED.count(kind) == 1 or (kind not in HANDLED and issubclass(kind, RobotRequest))
 
 
-@pytest.mark.parametrize("kind", leaves(RobotRequest))
-def test_the_robot_process_has_a_handler_for_every_request_that_is_handed_on(kind):
-    assert kind in robot_answers.HANDLERS
-
-
-def test_no_handler_is_there_for_anything_else():
-    assert set(answers.HANDLERS) == set(REQUESTS)
-    assert set(robot_answers.HANDLERS) == set(leaves(RobotRequest))
+def test_the_robot_process_does_every_request_that_is_handed_on_and_no_other():
+    assert set(RobotServer.handlers) == set(leaves(RobotRequest))
+    assert set(HANDLED) <= set(REQUESTS)
 
 
 @pytest.mark.parametrize("kind", REQUESTS)
 def test_every_request_has_a_caller_in_the_client(kind):
-    names = [f"{client.__name__}.{one.name}" for one in pkgutil.iter_modules(client.__path__)]
-    names.append("silo.ipc.fleet_way")  # a client of many
-    sources = [inspect.getsource(importlib.import_module(name)) for name in names]
-    assert any(f"{kind.__name__}(" in source for source in sources)
+    declared = [vars(method).get("request") for _, method in inspect.getmembers(Client, inspect.isfunction)]
+    called = {
+        node.func.id
+        for path in (Path(silo.__file__).parent / "ipc").rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    }
+    assert kind in declared or kind.__name__ in called or kind.__module__.endswith(".requests")
 
 
 @pytest.mark.parametrize("kind", REQUESTS)
@@ -48,3 +58,121 @@ def test_requests_that_read_and_that_change_something_go_to_different_keys():
     assert {kind.key for kind in leaves(Ask)} == {"ask"}
     assert {kind.key for kind in leaves(Do)} == {"do"}
     assert set(REQUESTS) == {*leaves(Ask), *leaves(Do)}
+
+
+def test_every_request_goes_to_a_key_that_rules_know():
+    assert {kind.key for kind in REQUESTS} == {kind.key for kind in access.ASKED}
+
+
+def test_no_two_requests_have_one_name():
+    assert len({method_of(kind) for kind in REQUESTS}) == len(REQUESTS)
+    assert len({kind.__name__ for kind in REQUESTS}) == len(REQUESTS)
+
+
+# -------------------------------------------------------------------------------------------- a declaration by itself
+
+
+class Kept(ConditionRequests):
+    """A client that keeps what it would send."""
+
+    def __init__(self):
+        self.sent = []
+
+    def _call(self, request):
+        self.sent.append(request)
+        return Done("done")
+
+
+FALL = TriggerOptions("fall", "q > 1")
+
+
+def test_a_declared_method_sends_its_arguments_and_returns_the_text_of_done():
+    client = Kept()
+    assert [client.set_trigger(FALL, lease_s=5.0), client.arm_trigger("fall", armed=False)] == ["done", "done"]
+    assert client.sent == [
+        messages.SetTrigger(trigger=FALL, lease_s=5.0),
+        messages.ArmTrigger(name="fall", armed=False),
+    ]
+    assert client.sent[0] == request_of(ConditionRequests.set_trigger, FALL, 5.0)
+
+
+def test_a_declared_method_with_a_body_sends_what_that_returns():
+    client = Kept()
+    client.acknowledge(("/log/x",), who="anna")
+    assert client.sent == [messages.Acknowledge(names=["/log/x"], who="anna")]
+    with pytest.raises(ElementError, match="names"):
+        client.acknowledge("/log/x")
+
+
+def test_a_wrong_call_of_a_declared_method_is_told_in_words():
+    with pytest.raises(ArgumentError, match=r"client\.set_trigger\(\) has no argument 'lease', did you mean 'lease_s'"):
+        Kept().set_trigger(FALL, lease=5.0)
+
+
+def test_a_declared_method_shows_its_own_signature_and_words():
+    assert str(inspect.signature(Client.remove_trigger)) == "(self, name: str) -> str"
+    assert inspect.getdoc(Client.remove_trigger).startswith("Forget a trigger")
+    assert messages.RemoveTrigger.__doc__.startswith("Forget a trigger")
+
+
+def test_a_server_that_lacks_a_request_or_has_another_one_fails_where_it_is_written():
+    with pytest.raises(TypeError, match=r"Wrong and what .* declare differ: acknowledge, alarms"):
+
+        class Wrong(Server, does=[conditions]):
+            pass
+
+
+def test_a_misspelt_handler_and_one_of_other_arguments_fail_where_they_are_written():
+    right = {name: getattr(RobotServer, name) for name in ROBOT_CONDITIONS}
+    type("Right", (Server,), right, does=[conditions], robot=True)
+    with pytest.raises(TypeError, match="differ: set_trigger, set_triger"):
+        spelt = {name.replace("set_trigger", "set_triger"): one for name, one in right.items()}
+        type("Spelt", (Server,), spelt, does=[conditions], robot=True)
+    with pytest.raises(TypeError, match=r"Args\.remove_trigger takes nam, declared are name"):
+        type("Args", (Server,), {**right, "remove_trigger": lambda self, nam: ""}, does=[conditions], robot=True)
+
+
+def test_a_handler_gets_the_fields_and_who_asks_and_its_text_is_what_was_done():
+    methods = {name: getattr(RobotServer, name) for name in ROBOT_CONDITIONS}
+    methods["remove_trigger"] = lambda self, turn, name: f"{turn.by} removes {name}"
+    server = type("One", (Server,), methods, does=[conditions], robot=True)
+    dispatch = Dispatch([server(None)], lambda request, turn: Done("handed on"))
+    turn = Turn(Sender("a", "anna"))
+    assert dispatch(messages.RemoveTrigger(name="fall"), turn) == Done("anna removes fall")
+    assert dispatch(messages.GetStatus(), turn) == Done("handed on")
+
+
+# ------------------------------------------------------------------------------------------------------- refusals
+
+
+def test_an_error_becomes_an_answer_and_the_same_error_again():
+    problem = Problem("/log/x", "divider", "must be 1 or more")
+    refused = answered(lambda: fail(RequestRefusedError(RefusedWhy.INVALID, "no", [problem])))
+    assert refused == Refused(RefusedWhy.INVALID, "no", [problem])
+    with pytest.raises(RequestRefusedError, match="no") as error:
+        checked(messages.GetStatus(), refused)
+    assert (error.value.why, error.value.problems) == (RefusedWhy.INVALID, [problem])
+    goes_on = answered(lambda: fail(GoesOnError("it goes on", 7)))
+    assert goes_on == GoesOn(7, "it goes on")
+    with pytest.raises(GoesOnError) as later:
+        checked(messages.GetStatus(), goes_on)
+    assert later.value.job == 7
+
+
+@pytest.mark.parametrize(
+    ("error", "why"),
+    [(UnsavedError("x"), RefusedWhy.UNSAVED), (StateError("x"), RefusedWhy.INVALID),
+     (SaveError("x"), RefusedWhy.INVALID),
+     (ElementError("x"), RefusedWhy.INVALID), (NoRoomError("x", 2, 1), RefusedWhy.FAILED)],
+)  # fmt: skip
+def test_other_errors_of_silo_are_refusals_in_their_own_words(error, why):
+    assert answered(lambda: fail(error)) == Refused(why, "x")
+
+
+def test_what_breaks_is_refused_and_logged(caplog):
+    assert answered(lambda: fail(KeyError("x"))) == Refused(RefusedWhy.FAILED, "KeyError: 'x'")
+    assert "a request failed" in caplog.text
+
+
+def fail(error):
+    raise error

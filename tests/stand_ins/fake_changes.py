@@ -7,10 +7,9 @@ from typing import Any
 import msgspec
 
 from silo.amounts import read_keep, read_split
+from silo.conditions.standing import TriggerStatus, TriggerWord
 from silo.errors import ScriptError
-from silo.helper.recordings import RecordingFolder, RecordingRefusedError
-from silo.ipc.conditions import TriggerStatus, TriggerWord
-from silo.ipc.exchange import RequestRefusedError
+from silo.helper.recordings import RecordingFolder
 from silo.ipc.fetching import Fetch
 from silo.ipc.messages import (
     EditsApplied,
@@ -198,10 +197,7 @@ class FakeChanges:
 
     def _recordings_of(self, job: Callable[[RecordingFolder, str], Any]) -> Any:
         self._ask()
-        try:
-            return job(self._folder, str(self.logs or "/home/ann/logs"))
-        except RecordingRefusedError as error:
-            raise RequestRefusedError(error.refused) from error
+        return job(self._folder, str(self.logs or "/home/ann/logs"))
 
     def recordings(self, most: int = 1000) -> Recordings:
         if self.logs is None:

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
+from silo.conditions.standing import TriggerStatus, TriggerWord
 from silo.errors import ElementError
-from silo.ipc.conditions import TriggerStatus, TriggerWord
 from silo.ipc.messages import (
     Alarms,
     RefusedWhy,

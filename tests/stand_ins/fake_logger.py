@@ -10,10 +10,10 @@ from typing import Any
 
 import msgspec
 
+from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.errors import ConnectionLostError, SiloError
 from silo.helper.recordings import RecordingFolder
 from silo.ipc.bulk import Outcome
-from silo.ipc.conditions import LimitStatus, TriggerStatus
 from silo.ipc.member import Member
 from silo.ipc.messages import (
     HelloReply,

@@ -6,9 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from silo.ipc.exchange import RequestRefusedError
 from silo.ipc.messages import (
-    Refused,
     RefusedWhy,
 )
 from silo.model import (
@@ -19,6 +17,7 @@ from silo.model import (
     Entry,
     Problem,
 )
+from silo.rpc.refusals import RequestRefusedError
 
 START_NS = 1_790_000_000_000_000_000
 HZ = 400.0
@@ -33,7 +32,7 @@ QUIET_SCRIPT = (
 
 
 def refused(why: RefusedWhy, text: str, problems: Sequence[Problem] = ()) -> RequestRefusedError:
-    return RequestRefusedError(Refused(why, text, list(problems)))
+    return RequestRefusedError(why, text, problems)
 
 
 def scalar(

@@ -34,6 +34,7 @@ from silo.ipc.published import Summary
 from silo.ipc.session import close, open_client
 from silo.ipc.versions import OLDEST, PROTOCOL
 from silo.model import Present, State, Status
+from silo.rpc.refusals import answered
 from silo.version import VERSION
 
 POLL_S = 0.005
@@ -79,7 +80,10 @@ class SimulatedRobot:
                     continue
                 with query:
                     payload = query.payload.to_bytes() if query.payload is not None else b""
-                    query.reply(str(query.key_expr), _encoder.encode(self._answer(decode(payload))))
+                    query.reply(
+                        str(query.key_expr),
+                        _encoder.encode(answered(lambda decode=decode, payload=payload: self._answer(decode(payload)))),
+                    )
 
     def _answer(self, request: Any) -> Any:
         if isinstance(request, Hello):
@@ -94,7 +98,7 @@ class SimulatedRobot:
             self.state = State.STOPPED if isinstance(request, Stop) else State.RUNNING
             self.publish()
             return StatusReply(self.status)
-        return request if isinstance(request, Refused) else Done()
+        return Done()
 
     def close(self) -> None:
         self._unanswered.clear()

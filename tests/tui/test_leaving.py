@@ -8,7 +8,7 @@ import warnings
 import pytest
 from textual import events
 
-from silo.ipc.conditions import TriggerStatus, TriggerWord
+from silo.conditions.standing import TriggerStatus, TriggerWord
 from silo.model import TriggerOptions
 from silo_tui.screens.recordings import RecordingsScreen
 from silo_tui.screens.settings import SettingsScreen

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from silo.ipc.conditions import LimitStatus, LimitWord
+from silo.conditions.standing import LimitStatus, LimitWord
 from silo_tui.model import braille
 from silo_tui.model.limits import inner, lines_of
 from silo_tui.model.log_axis import axis_of, scale_of, words_of

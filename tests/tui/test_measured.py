@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from silo.ipc.conditions import LimitStatus, LimitWord
+from silo.conditions.standing import LimitStatus, LimitWord
 from silo.ipc.surveys import FROZEN, NOT_FINITE
 from silo.model import ElementInfo, ElementOptions, Entry
 from silo_tui.model import text

@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 import pytest
 
+from silo.conditions.standing import TriggerStatus, TriggerWord
 from silo.errors import ConnectionLostError
 from silo.files import write
-from silo.ipc.conditions import TriggerStatus, TriggerWord
 from silo.ipc.published import EventKind
 from silo.model import BufferType, Entry, FileType, LoggedEvent, SavedFile, State, TriggerOptions
 from silo.recording import RecordedElement, RecordedEntry, Recording, stamped

@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.files.silo_writer import write_silo
-from silo.ipc.conditions import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.ipc.found import Found
 from silo.ipc.member import Member
 from silo.ipc.messages import RecorderInfo, RecordingFile, Recordings, SavedRecording

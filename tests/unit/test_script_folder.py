@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from silo.helper import script_folder
-from silo.helper.script_folder import ScriptRefusedError, check_target, folder_of, list_scripts, read_text, resolve
+from silo.helper.script_folder import check_target, folder_of, list_scripts, read_text, resolve
+from silo.rpc.refusals import RequestRefusedError
 
 SCRIPT = "log_elements:\n  - name: /log/x\n    enabled: true\n"
 SECRET = "apiVersion: v1\nkind: Secret\ndata: {password: aGVsbG8=}\n"
@@ -31,9 +32,9 @@ def use(asked: str, own: Path) -> str:
 
 @pytest.mark.parametrize("asked", [".kube/secret.yaml", "compose.yaml", "deploy/secret.yaml", ".config/app.yaml"])
 def test_files_of_others_are_neither_read_nor_overwritten_nor_listed(started_in, asked) -> None:
-    with pytest.raises(ScriptRefusedError):
+    with pytest.raises(RequestRefusedError):
         use(asked, started_in)
-    with pytest.raises(ScriptRefusedError):
+    with pytest.raises(RequestRefusedError):
         use(str(started_in.parent / asked), started_in)
     assert list_scripts(started_in) == []
     assert (started_in.parent / asked).read_text() == SECRET
@@ -41,7 +42,7 @@ def test_files_of_others_are_neither_read_nor_overwritten_nor_listed(started_in,
 
 @pytest.mark.parametrize("asked", [".config/x.yaml", ".x.yaml", "a/.b/c.yaml", "../x.yaml"])
 def test_nothing_hidden_and_nothing_outside_is_made(started_in, asked) -> None:
-    with pytest.raises(ScriptRefusedError):
+    with pytest.raises(RequestRefusedError):
         resolve(asked, started_in)
 
 
@@ -72,7 +73,7 @@ def test_a_folder_that_the_program_chose_is_that_of_scripts(tmp_path) -> None:
     (own.parent / "other.yaml").write_text("# nothing yet\n\n")
     assert list_scripts(own) == ["other.yaml"]
     for call in (lambda: read_text(resolve("secret.yaml", own)), lambda: use("secret.yaml", own)):
-        with pytest.raises(ScriptRefusedError, match="no script of silo"):
+        with pytest.raises(match="no script of silo"):
             call()
 
 

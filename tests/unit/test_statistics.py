@@ -10,6 +10,7 @@ from silo.helper.statistics import Sums, Surveyor, Tally
 from silo.ipc.messages import GetSurvey, Refused, Survey
 from silo.ipc.surveys import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.logger.answers import robot_state
+from silo.rpc.refusals import answered
 from tests.waiting import wait_until
 
 
@@ -183,7 +184,7 @@ def test_who_asks_for_statistics_is_told_once_that_they_failed_and_begin_anew(ro
     try:
         assert isinstance(surveyor.answer(asked), Survey)
         fails.append("shapes (1,) and (2,)")
-        refused = wait_until(lambda: isinstance(answer := surveyor.answer(asked), Refused) and answer)
+        refused = wait_until(lambda: isinstance(answer := answered(lambda: surveyor.answer(asked)), Refused) and answer)
         assert "the statistics failed and begin anew: ValueError: shapes" in refused.text
         assert isinstance(surveyor.answer(asked), Survey)
     finally:

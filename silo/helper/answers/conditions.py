@@ -1,121 +1,95 @@
-"""Triggers, limits and their alarms."""
+"""Triggers, limits, their alarms, and derived signals."""
 
 import time
+from typing import Any
 
 import msgspec
 
-from silo.helper.answers.table import Parts, answers_to, must_live, relayed, unexpected
+from silo.conditions import requests
+from silo.conditions.requests import Alarms, ConditionRequests, Triggers, TriggerTried
+from silo.conditions.standing import worst_first
+from silo.helper.answers.table import Parts, must_live, relayed
 from silo.helper.events import plain
-from silo.helper.lanes import Lane
-from silo.helper.mirror import LoggerSnapshot
-from silo.ipc.conditions import worst_first
-from silo.ipc.messages import (
-    Acknowledge,
-    Alarms,
-    ArmTrigger,
-    Done,
-    ForceTrigger,
-    GetLimits,
-    GetTriggers,
-    GoesOn,
-    Refused,
-    RefusedWhy,
-    RemoveLimits,
-    RemoveTrigger,
-    SetLimits,
-    SetTrigger,
-    Triggers,
-    TriggerTried,
-    TryTrigger,
-)
 from silo.ipc.published import EventKind
+from silo.model import SignalLimits, TriggerOptions
+from silo.rpc.declaring import Request, request_of
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.rpc.serving import Server, Turn
 
 
-@answers_to(GetTriggers)
-def _triggers(parts: Parts, _: GetTriggers) -> Triggers:
-    found = parts.judge.standing()
-    return Triggers(found.run, found.tick, list(found.triggers))
+class ConditionServer(Server[Parts], does=[requests]):
+    """Answers how they stand; what changes them is done by the robot program, of leased triggers here."""
 
+    def triggers(self) -> Triggers:
+        found = self.state.judge.standing()
+        return Triggers(found.run, found.tick, list(found.triggers))
 
-@answers_to(GetLimits)
-def _limits(parts: Parts, _: GetLimits) -> Alarms:
-    found = parts.judge.standing()
-    return Alarms(found.run, found.tick, worst_first(list(found.limits)))
+    def alarms(self) -> Alarms:
+        found = self.state.judge.standing()
+        return Alarms(found.run, found.tick, worst_first(list(found.limits)))
 
+    def try_trigger(self, trigger: TriggerOptions) -> TriggerTried:
+        from silo.helper.trials import try_trigger
 
-@answers_to(TryTrigger)
-def _try_trigger(parts: Parts, request: TryTrigger) -> TriggerTried:
-    from silo.helper.trials import try_trigger
+        now = self.state.mirror.now
+        return try_trigger(trigger, self.state.mirror.open_reader(), now.table.elements, now.robot.extras.derived)
 
-    now = parts.mirror.now
-    return try_trigger(request.trigger, parts.mirror.open_reader(), now.table.elements, now.robot.extras.derived)
+    def set_trigger(self, turn: Turn, trigger: TriggerOptions, lease_s: float) -> str:
+        if not lease_s:
+            return self._told(turn, request_of(ConditionRequests.set_trigger, trigger))
+        must_live(self.state.mirror.now)
+        is_new = self.state.judge.hold(trigger, lease_s, turn.by)
+        return f"trigger '{trigger.name}' is {'held' if is_new else 'kept'} for {lease_s:g} s"
 
+    def remove_trigger(self, turn: Turn, name: str) -> str:
+        if self.state.judge.let_go(name):
+            return f"trigger '{plain(name)}' is let go of"
+        return self._told(turn, request_of(ConditionRequests.remove_trigger, name))
 
-@answers_to(SetTrigger, RemoveTrigger, SetLimits, RemoveLimits)
-def _conditions(
-    parts: Parts, request: SetTrigger | RemoveTrigger | SetLimits | RemoveLimits
-) -> Done | GoesOn | Refused:
-    if isinstance(request, SetTrigger) and request.lease_s:
-        return _hold_trigger(parts, request)
-    if isinstance(request, RemoveTrigger) and parts.judge.let_go(request.name):
-        return Done(f"trigger '{plain(request.name)}' is let go of")
-    reply = relayed(parts, request)
-    if isinstance(reply, Done):
-        parts.events.publish(EventKind.CONDITIONS, reply.text, by=request.client)
-    return reply if isinstance(reply, Done | GoesOn | Refused) else unexpected(request, reply)
+    def set_limits(self, turn: Turn, limits: SignalLimits) -> str:
+        return self._told(turn, request_of(ConditionRequests.set_limits, limits))
 
+    def remove_limits(self, turn: Turn, name: str) -> str:
+        return self._told(turn, request_of(ConditionRequests.remove_limits, name))
 
-def _hold_trigger(parts: Parts, request: SetTrigger) -> Done | Refused:
-    refused = must_live(parts.mirror.now)
-    if refused is not None:
-        return refused
-    is_new = parts.judge.hold(request.trigger, request.lease_s, plain(request.client))
-    kept = "held" if is_new else "kept"
-    return Done(f"trigger '{request.trigger.name}' is {kept} for {request.lease_s:g} s")
+    def _told(self, turn: Turn, request: Request[Any]) -> str:
+        """Have the robot program do it, and tell all clients."""
+        text: str = relayed(self.state, request, turn).text
+        self.state.events.publish(EventKind.CONDITIONS, text, by=turn.by)
+        return text
 
+    def arm_trigger(self, turn: Turn, name: str, armed: bool) -> str:
+        judge, now = self.state.judge, self.state.mirror.now
+        text = f"trigger '{name}' is {'armed' if armed else 'off'}"
+        if judge.leased.owner(name):
+            judge.arm(name, armed=armed)
+            return text
+        known = next((one for one in now.robot.extras.triggers if one.name == name), None)
+        if known is None:
+            raise self._no_trigger(name)
+        if known.armed != armed:  # it stays so for the next run and in scripts
+            changed = msgspec.structs.replace(known, armed=armed)
+            relayed(self.state, request_of(ConditionRequests.set_trigger, changed), turn)
+        judge.arm(name, armed=armed)
+        self.state.events.publish(EventKind.CONDITIONS, text, by=turn.by)
+        return text
 
-@answers_to(ArmTrigger, lane=Lane.ROBOT)
-def _arm(parts: Parts, request: ArmTrigger) -> Done | GoesOn | Refused:
-    now = parts.mirror.now
-    if parts.judge.leased.owner(request.name):
-        parts.judge.arm(request.name, armed=request.armed)
-        return Done(f"trigger '{request.name}' is {'armed' if request.armed else 'off'}")
-    known = next((one for one in now.robot.extras.triggers if one.name == request.name), None)
-    if known is None:
-        return _no_trigger(request.name, now)
-    if known.armed != request.armed:
-        changed = SetTrigger(
-            trigger=msgspec.structs.replace(known, armed=request.armed), client=request.client
-        )  # it stays so for the next run and in scripts
-        reply = relayed(parts, changed)
-        if not isinstance(reply, Done):
-            return reply if isinstance(reply, GoesOn | Refused) else unexpected(request, reply)
-    parts.judge.arm(request.name, armed=request.armed)
-    text = f"trigger '{request.name}' is {'armed' if request.armed else 'off'}"
-    parts.events.publish(EventKind.CONDITIONS, text, by=request.client)
-    return Done(text)
+    def force_trigger(self, name: str) -> str:
+        if name not in self.state.judge.names():
+            raise self._no_trigger(name)
+        must_live(self.state.mirror.now)
+        return f"trigger '{name}' was fired at tick {self.state.judge.force(name)}"
 
+    def acknowledge(self, turn: Turn, names: list[str], who: str) -> str:
+        who = plain(who or turn.by)
+        count = self.state.judge.acknowledge(names, who, time.time_ns())
+        text = f"{count} alarm{'s' if count != 1 else ''} seen by {who}"
+        if count:
+            self.state.events.publish(EventKind.CONDITIONS, text, by=turn.by)
+        return text
 
-@answers_to(ForceTrigger)
-def _force(parts: Parts, request: ForceTrigger) -> Done | Refused:
-    now = parts.mirror.now
-    if request.name not in parts.judge.names():
-        return _no_trigger(request.name, now)
-    refused = must_live(now)
-    return refused or Done(f"trigger '{request.name}' was fired at tick {parts.judge.force(request.name)}")
-
-
-@answers_to(Acknowledge)
-def _acknowledge(parts: Parts, request: Acknowledge) -> Done:
-    who = plain(request.who or request.client)
-    count = parts.judge.acknowledge(request.names, who, time.time_ns())
-    text = f"{count} alarm{'s' if count != 1 else ''} seen by {who}"
-    if count:
-        parts.events.publish(EventKind.CONDITIONS, text, by=request.client)
-    return Done(text)
-
-
-def _no_trigger(name: str, now: LoggerSnapshot) -> Refused:
-    names = ", ".join(one.name for one in now.robot.extras.triggers)
-    there = f"there are {names}" if names else "there is none"
-    return Refused(RefusedWhy.NOT_FOUND, f"no trigger is called '{plain(name)}', {there}; nothing was changed")
+    def _no_trigger(self, name: str) -> RequestRefusedError:
+        names = ", ".join(one.name for one in self.state.mirror.now.robot.extras.triggers)
+        there = f"there are {names}" if names else "there is none"
+        text = f"no trigger is called '{plain(name)}', {there}; nothing was changed"
+        return RequestRefusedError(RefusedWhy.NOT_FOUND, text)

@@ -1,19 +1,66 @@
-"""Taking, releasing and giving control. Who sends them is known at the door, so they are answered there."""
+"""Who is there, starting and stopping, and who has control."""
 
-from silo.helper.answers.table import Parts, answers_to
-from silo.ipc.messages import Done, GiveControl, Refused, ReleaseControl, TakeControl
+from silo.helper.answers.table import Parts, ask_robot
+from silo.helper.events import plain
+from silo.ipc.keys import may_use
+from silo.ipc.messages import (
+    GetStatus,
+    GetSummary,
+    GiveControl,
+    Hello,
+    HelloReply,
+    ReleaseControl,
+    Restart,
+    Start,
+    StatusReply,
+    Stop,
+    SummaryReply,
+    TakeControl,
+    control,
+    state,
+)
+from silo.ipc.versions import OLDEST, PROTOCOL
+from silo.rpc.clocks import clock_s
+from silo.rpc.declaring import Done, Request
+from silo.rpc.serving import Server, Turn
+from silo.version import VERSION
 
 
-@answers_to(TakeControl)
-def _take(parts: Parts, request: TakeControl) -> Done | Refused:
-    return parts.operators.take(request, parts.turn.sender)
+class ControlServer(Server[Parts], does=[state, control]):
+    """Answers who is there and how the logger stands, has it started and stopped, and gives control."""
 
+    def hello(self, request: Hello) -> HelloReply:
+        mirror = self.state.mirror
+        if request.id and may_use(request.id, request.proof):
+            self.state.publisher.name_client(plain(request.id), plain(request.client))
+        # a client that gets this from the key `do` too may edit
+        status, closed = mirror.status(), self.state.operators.closed()
+        return HelloReply(PROTOCOL, VERSION, mirror.user, True, status, OLDEST, closed, clock_s())
 
-@answers_to(ReleaseControl)
-def _release(parts: Parts, _: ReleaseControl) -> Done | Refused:
-    return parts.operators.release(parts.turn.sender)
+    def get_status(self, request: GetStatus) -> StatusReply:
+        return StatusReply(self.state.mirror.status())
 
+    def get_summary(self, request: GetSummary) -> SummaryReply:
+        return SummaryReply(self.state.publisher.summary.now())
 
-@answers_to(GiveControl)
-def _give(parts: Parts, request: GiveControl) -> Done | Refused:
-    return parts.operators.give(request, parts.turn.sender)
+    def start(self, turn: Turn, request: Start) -> StatusReply:
+        return self._status_after(request, turn)
+
+    def stop(self, turn: Turn, request: Stop) -> StatusReply:
+        return self._status_after(request, turn)
+
+    def restart(self, turn: Turn, request: Restart) -> StatusReply:
+        return self._status_after(request, turn)
+
+    def _status_after(self, request: Request[StatusReply], turn: Turn) -> StatusReply:
+        reply = ask_robot(self.state, request, turn)
+        return StatusReply(self.state.mirror.status(), reply.text if isinstance(reply, Done) else "")
+
+    def take_control(self, turn: Turn, request: TakeControl) -> str:
+        return self.state.operators.take(request, turn.sender)
+
+    def release_control(self, turn: Turn, request: ReleaseControl) -> str:
+        return self.state.operators.release(turn.sender)
+
+    def give_control(self, turn: Turn, request: GiveControl) -> str:
+        return self.state.operators.give(request, turn.sender)

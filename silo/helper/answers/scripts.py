@@ -1,124 +1,132 @@
-"""Scripts in the logger's script folder."""
+"""The element table and edits of it, scripts in the logger's script folder, and views of the terminal beside them."""
 
 from pathlib import Path
 
-from silo.helper import script_folder
-from silo.helper.answers.elements import through
-from silo.helper.answers.table import Parts, answers_to, must_live, must_stop
-from silo.helper.lanes import Lane
+from silo.helper import script_folder, view_folder
+from silo.helper.answers.table import Parts, must_live, must_stop, relayed
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.requests import check_edits
-from silo.ipc.messages import (
-    ApplyEdits,
-    DiffScript,
-    Done,
-    EditsApplied,
-    GoesOn,
-    ListScripts,
-    LoadScript,
-    ReadScript,
-    Refused,
-    RefusedWhy,
-    SaveScript,
-    ScriptDiff,
-    Scripts,
-    ScriptText,
-)
 from silo.ipc.published import EventKind
 from silo.model import Edit
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.rpc.serving import Server, Turn
+from silo.scripts import requests
+from silo.scripts.requests import ApplyEdits, EditsApplied, KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
 
 TRIES = 10  # each is in vain only if the robot program changed its table within the milliseconds of that try
 
 
-@answers_to(ListScripts)
-def _list_scripts(parts: Parts, _: ListScripts) -> Scripts:
-    own = _own_script(parts)
-    return Scripts(str(script_folder.folder_of(own)), script_folder.list_scripts(own), own.name)
+class TableServer(Server[Parts], does=[requests]):
+    """Answers with the table and with texts; edits are checked here and done by the robot program."""
 
+    def table(self) -> bytes:
+        return self.state.mirror.now.table_reply
 
-@answers_to(ReadScript)
-def _read_script(parts: Parts, request: ReadScript) -> ScriptText:
-    from silo.settings.script import format_script
+    def apply_edits(self, turn: Turn, request: ApplyEdits) -> EditsApplied:
+        now = self.state.mirror.now
+        must_live(now)
+        must_stop(now)
+        return self._apply(turn, request, now)
 
-    if not request.path:
-        now = parts.mirror.now
-        return ScriptText(str(_own_script(parts)), format_script(now.table.elements, extras=now.robot.extras))
-    path = script_folder.resolve(request.path, _own_script(parts))
-    return ScriptText(str(path), script_folder.read_text(path))
+    def _apply(self, turn: Turn, request: ApplyEdits, now: LoggerSnapshot) -> EditsApplied:
+        check_edits(request, now)
+        if not request.edits and request.extras is None:
+            return EditsApplied(self.state.mirror.now.table.revision, 0)
+        return relayed(self.state, request, turn)
 
+    # -------------------------------------------------------------------------------------------------- scripts
 
-@answers_to(DiffScript)
-def _diff_script(parts: Parts, request: DiffScript) -> ScriptDiff:
-    from silo.settings.extras_diff import diff_extras
-    from silo.settings.script import apply_script, diff_options, parse_script
+    def scripts(self) -> Scripts:
+        own = self._own_script
+        return Scripts(str(script_folder.folder_of(own)), script_folder.list_scripts(own), own.name)
 
-    path = script_folder.resolve(request.path, _own_script(parts))
-    table = parts.mirror.now.table.elements
-    script = parse_script(script_folder.read_text(path), path)
-    plan = apply_script(script, table, parts.mirror.status().frequency_hz)
-    unknown = [str(unknown.name) for unknown in plan.unknown]
-    now = parts.mirror.now.robot.extras
-    extras = diff_extras(now, script.extras_beside(now))
-    return ScriptDiff(str(path), diff_options(table, plan.options), unknown, script.warnings, extras)
+    def read_script(self, path: str) -> ScriptText:
+        from silo.settings.script import format_script
 
+        if not path:
+            now = self.state.mirror.now
+            return ScriptText(str(self._own_script), format_script(now.table.elements, extras=now.robot.extras))
+        found = script_folder.resolve(path, self._own_script)
+        return ScriptText(str(found), script_folder.read_text(found))
 
-@answers_to(LoadScript, lane=Lane.DISK)
-def _load_script(parts: Parts, request: LoadScript) -> EditsApplied | GoesOn | Refused:
-    for _ in range(TRIES):
-        now = parts.mirror.now
-        reply = must_live(now) or must_stop(now) or _load(parts, request, now)
-        overtaken = isinstance(reply, Refused) and reply.why is RefusedWhy.CONFLICT
-        if request.revision != -1 or not overtaken:
-            break
-        # The robot program changed its table on the way, and whoever asks means whatever table there is. The robot
-        # process pushes its table before it answers, so the mirror has it by now: compare the script anew.
-    return reply
+    def diff_script(self, path: str) -> ScriptDiff:
+        from silo.settings.extras_diff import diff_extras
+        from silo.settings.script import apply_script, diff_options, parse_script
 
+        found = script_folder.resolve(path, self._own_script)
+        table = self.state.mirror.now.table.elements
+        script = parse_script(script_folder.read_text(found), found)
+        plan = apply_script(script, table, self.state.mirror.status().frequency_hz)
+        unknown = [str(unknown.name) for unknown in plan.unknown]
+        now = self.state.mirror.now.robot.extras
+        extras = diff_extras(now, script.extras_beside(now))
+        return ScriptDiff(str(found), diff_options(table, plan.options), unknown, script.warnings, extras)
 
-def _load(parts: Parts, request: LoadScript, now: LoggerSnapshot) -> EditsApplied | GoesOn | Refused:
-    from silo.settings.script import apply_script, parse_script
-    from silo.settings.script_extras import extras_text
+    def load_script(self, turn: Turn, path: str, revision: int) -> EditsApplied:
+        for _ in range(TRIES - 1):
+            try:
+                return self._load(turn, path, revision)
+            except RequestRefusedError as refused:  # noqa: PERF203  # once, as a rule
+                if revision != -1 or refused.why is not RefusedWhy.CONFLICT:
+                    raise
+            # The robot program changed its table on the way, and whoever asks means whatever table there is. The robot
+            # process pushes its table before it answers, so the mirror has it by now: compare the script anew.
+        return self._load(turn, path, revision)
 
-    path = script_folder.resolve(request.path, _own_script(parts))
-    script = parse_script(script_folder.read_text(path), path)
-    plan = apply_script(script, now.table.elements, parts.mirror.status().frequency_hz)
-    edits = [
-        Edit(info.name, options)
-        for info, options in zip(now.table.elements, plan.options, strict=True)
-        if options != info.options
-    ]
-    unknown = [name.name for name in plan.unknown]
-    # the edits are based on the table that was just compared, whatever the client has seen
-    based_on = now.table.revision if request.revision == -1 else request.revision
-    wanted = script.extras_beside(now.robot.extras)
-    extras = wanted if wanted != now.robot.extras else None
-    checked = ApplyEdits(revision=based_on, edits=edits, extras=extras, client=request.client)
-    reply = check_edits(checked, now) or through(parts, checked)
-    if not isinstance(reply, EditsApplied):
-        return reply
-    text = f"script {path} loaded: {reply.changed} elements changed"
-    if unknown:
-        text += f", {len(unknown)} names are not in the table"
-    if script.unknown_keys:
-        text += f", {len(script.unknown_keys)} keys are unknown and were left alone"
-    if extras is not None:
-        text += f"; {extras_text(extras)}"
-    parts.events.publish(EventKind.SCRIPT_LOADED, text, by=request.client)
-    return EditsApplied(reply.revision, reply.changed, unknown, script.warnings)
+    def _load(self, turn: Turn, path: str, revision: int) -> EditsApplied:
+        from silo.settings.script import apply_script, parse_script
+        from silo.settings.script_extras import extras_text
 
+        now = self.state.mirror.now
+        must_live(now)
+        must_stop(now)
+        found = script_folder.resolve(path, self._own_script)
+        script = parse_script(script_folder.read_text(found), found)
+        plan = apply_script(script, now.table.elements, self.state.mirror.status().frequency_hz)
+        edits = [
+            Edit(info.name, options)
+            for info, options in zip(now.table.elements, plan.options, strict=True)
+            if options != info.options
+        ]
+        unknown = [name.name for name in plan.unknown]
+        # the edits are based on the table that was just compared, whatever the client has seen
+        based_on = now.table.revision if revision == -1 else revision
+        wanted = script.extras_beside(now.robot.extras)
+        extras = wanted if wanted != now.robot.extras else None
+        applied = self._apply(turn, ApplyEdits(revision=based_on, edits=edits, extras=extras), now)
+        text = f"script {found} loaded: {applied.changed} elements changed"
+        if unknown:
+            text += f", {len(unknown)} names are not in the table"
+        if script.unknown_keys:
+            text += f", {len(script.unknown_keys)} keys are unknown and were left alone"
+        if extras is not None:
+            text += f"; {extras_text(extras)}"
+        self.state.events.publish(EventKind.SCRIPT_LOADED, text, by=turn.by)
+        return EditsApplied(applied.revision, applied.changed, unknown, script.warnings)
 
-@answers_to(SaveScript, lane=Lane.DISK)
-def _save_script(parts: Parts, request: SaveScript) -> Done:
-    from silo.settings.script import kept_text, write_script
+    def save_script(self, turn: Turn, path: str, overwrite: bool) -> str:
+        from silo.settings.script import kept_text, write_script
 
-    path = script_folder.resolve(request.path, _own_script(parts))
-    script_folder.check_target(path, _own_script(parts), overwrite=request.overwrite)
-    now = parts.mirror.now
-    kept = write_script(path, now.table.elements, now.robot.extras)
-    text = f"script saved: {path}{kept_text(kept)}"
-    parts.events.publish(EventKind.SCRIPT_SAVED, text, by=request.client)
-    return Done(text)
+        target = script_folder.resolve(path, self._own_script)
+        script_folder.check_target(target, self._own_script, overwrite=overwrite)
+        now = self.state.mirror.now
+        kept = write_script(target, now.table.elements, now.robot.extras)
+        text = f"script saved: {target}{kept_text(kept)}"
+        self.state.events.publish(EventKind.SCRIPT_SAVED, text, by=turn.by)
+        return text
 
+    @property
+    def _own_script(self) -> Path:
+        return Path(self.state.mirror.now.robot.script)
 
-def _own_script(parts: Parts) -> Path:
-    return Path(parts.mirror.now.robot.script)
+    # ------------------------------------------------------------------------------------------------ kept views
+
+    def kept_views(self) -> KeptViews:
+        return KeptViews(str(view_folder.folder_of(self._own_script)), view_folder.names(self._own_script))
+
+    def kept_view(self, name: str) -> KeptView:
+        path, text = view_folder.read(self._own_script, name)
+        return KeptView(str(path), text)
+
+    def keep_view(self, name: str, text: str, overwrite: bool) -> str:
+        return f"view kept on the robot: {view_folder.keep(self._own_script, name, text, overwrite=overwrite)}"

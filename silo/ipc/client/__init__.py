@@ -14,16 +14,14 @@ from typing import TYPE_CHECKING
 
 from silo.arguments import real, shown, switch, text
 from silo.calls import told, told_class
+from silo.conditions.requests import ConditionRequests
 from silo.display import html_table
 from silo.errors import ElementError, SiloError
 from silo.ipc.addresses import parse_url
 from silo.ipc.client.calling import LONGEST_S
-from silo.ipc.client.conditions import ConditionCalls
 from silo.ipc.client.control import ControlCalls
-from silo.ipc.client.derived import DerivedCalls
 from silo.ipc.client.events import EventCalls
 from silo.ipc.client.files import FileCalls
-from silo.ipc.client.layouts import KeptViewCalls
 from silo.ipc.client.leases import Leases
 from silo.ipc.client.live import LiveCalls
 from silo.ipc.client.moments import MomentCalls
@@ -51,10 +49,8 @@ class Client(
     EventCalls,
     FileCalls,
     RecorderCalls,
-    ConditionCalls,
     ControlCalls,
-    DerivedCalls,
-    KeptViewCalls,
+    ConditionRequests,
 ):
     """A connection to one logger. A context manager."""
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 from silo.arguments import text, texts
 from silo.calls import told_class
 from silo.errors import ConnectionLostError, RefusedError
-from silo.ipc.client.elements import ElementCalls
 from silo.ipc.client.state import StateCalls
 from silo.ipc.messages import OpenStream, OpenView
 from silo.ipc.words import full_name, why_silent
+from silo.scripts.requests import TableRequests
 
 if TYPE_CHECKING:
     from silo.ipc.samples import Stream
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @told_class("client")
-class LiveCalls(StateCalls, ElementCalls):
+class LiveCalls(StateCalls, TableRequests):
     """What comes from now on."""
 
     def view(

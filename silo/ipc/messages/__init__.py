@@ -1,33 +1,37 @@
 # ruff: noqa: I001 - a line per name
-"""What travels between a logger's helper process and its clients.
-
-All are msgspec structs in msgpack. Requests that only read go to the key `ask`, those that change something to `do`:
-two keys, so that roles can be given by access control. Every request gets exactly one reply.
-
-A request says here all that there is to know of it: its fields, its key, its reply, how long its client waits. What is
-done is one handler in `silo.helper.answers` (and, if the robot process does it, one in `silo.logger.answers`); who asks
-calls a method of `silo.ipc.client.Client`. A module per topic; all their names are imported from here.
+"""What travels between a logger's helper process and its clients: all requests and replies, by the names that they have
+on the way. How they are declared: `silo.rpc.declaring`.
 """
 
 import functools
 import operator
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from silo.ipc.messages.base import (
+from silo.conditions.requests import Alarms as Alarms, Triggers as Triggers, TriggerTried as TriggerTried
+from silo.rpc.declaring import (
     Ask as Ask,
     Do as Do,
     Done as Done,
     GoesOn as GoesOn,
-    Refused as Refused,
-    RefusedWhy as RefusedWhy,
     Reply as Reply,
     ReplyT as ReplyT,
     Request as Request,
     RobotRequest as RobotRequest,
     SlowAsk as SlowAsk,
     leaves as leaves,
-    spoken as spoken,
     reply_type as reply_type,
+    spoken as spoken,
+)
+from silo.rpc.refusals import Refused as Refused, RefusedWhy as RefusedWhy
+from silo.scripts.requests import (
+    ApplyEdits as ApplyEdits,
+    EditsApplied as EditsApplied,
+    KeptView as KeptView,
+    KeptViews as KeptViews,
+    ScriptDiff as ScriptDiff,
+    Scripts as Scripts,
+    ScriptText as ScriptText,
+    TableReply as TableReply,
 )
 from silo.ipc.messages.state import (
     GetStatus as GetStatus,
@@ -41,29 +45,6 @@ from silo.ipc.messages.state import (
     SummaryReply as SummaryReply,
     Unsaved as Unsaved,
     unsaved_of as unsaved_of,
-)
-from silo.ipc.messages.elements import (
-    ApplyEdits as ApplyEdits,
-    EditsApplied as EditsApplied,
-    GetTable as GetTable,
-    TableReply as TableReply,
-)
-from silo.ipc.messages.scripts import (
-    DiffScript as DiffScript,
-    ListScripts as ListScripts,
-    LoadScript as LoadScript,
-    ReadScript as ReadScript,
-    SaveScript as SaveScript,
-    ScriptDiff as ScriptDiff,
-    ScriptText as ScriptText,
-    Scripts as Scripts,
-)
-from silo.ipc.messages.layouts import (
-    KeepView as KeepView,
-    KeptView as KeptView,
-    KeptViews as KeptViews,
-    ListKeptViews as ListKeptViews,
-    ReadKeptView as ReadKeptView,
 )
 from silo.ipc.messages.events import (
     AddMark as AddMark,
@@ -123,29 +104,10 @@ from silo.ipc.messages.recorders import (
     StartRecorder as StartRecorder,
     StopRecorder as StopRecorder,
 )
-from silo.ipc.messages.conditions import (
-    Acknowledge as Acknowledge,
-    Alarms as Alarms,
-    ArmTrigger as ArmTrigger,
-    ForceTrigger as ForceTrigger,
-    GetLimits as GetLimits,
-    GetTriggers as GetTriggers,
-    RemoveLimits as RemoveLimits,
-    RemoveTrigger as RemoveTrigger,
-    SetLimits as SetLimits,
-    SetTrigger as SetTrigger,
-    TriggerTried as TriggerTried,
-    Triggers as Triggers,
-    TryTrigger as TryTrigger,
-)
 from silo.ipc.messages.control import (
     GiveControl as GiveControl,
     ReleaseControl as ReleaseControl,
     TakeControl as TakeControl,
-)
-from silo.ipc.messages.derived import (
-    RemoveDerived as RemoveDerived,
-    SetDerived as SetDerived,
 )
 
 if TYPE_CHECKING:
@@ -156,3 +118,12 @@ else:  # the unions of all of them, by whose tags msgspec decodes
     AnyAsk = functools.reduce(operator.or_, leaves(Ask))
     AnyDo = functools.reduce(operator.or_, leaves(Do))
     AnyReply = functools.reduce(operator.or_, leaves(Reply))
+
+
+def __getattr__(name: str) -> type[Request[Any]]:
+    """Return a request that a method declares, by its name on the way: `SetTrigger`."""
+    for kind in leaves(Request):
+        if kind.__name__ == name:
+            found: type[Request[Any]] = kind
+            return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from silo.ipc.messages.base import Do, Done
+from silo.rpc.declaring import Do, Done
 
 
 class TakeControl(Do[Done], frozen=True):

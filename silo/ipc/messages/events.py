@@ -2,8 +2,8 @@
 
 from typing import ClassVar
 
-from silo.ipc.messages.base import Ask, Do, Reply
 from silo.model import LoggedEvent
+from silo.rpc.declaring import Ask, Do, Reply
 
 
 class Events(Reply, frozen=True):

@@ -4,8 +4,8 @@ from typing import ClassVar
 
 import msgspec
 
-from silo.ipc.messages.base import Do, Done, Reply, SlowAsk
 from silo.model import Extras, FileType
+from silo.rpc.declaring import Do, Done, Lane, Reply, SlowAsk
 
 
 class RecordingFile(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -136,5 +136,6 @@ class DeleteRecording(Do[Done], frozen=True):
     """
 
     timeout_s: ClassVar[float] = 30.0
+    lane: ClassVar[Lane] = Lane.DISK
 
     name: str

@@ -4,8 +4,8 @@ import math
 
 import msgspec
 
-from silo.ipc.messages.base import Reply, SlowAsk
 from silo.model import Sought
+from silo.rpc.declaring import Reply, SlowAsk
 
 
 class FoundIn(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -1,9 +1,11 @@
 """Endless recordings."""
 
+from typing import ClassVar
+
 import msgspec
 
-from silo.ipc.messages.base import Ask, Do, Done, Reply
 from silo.model import RecorderState
+from silo.rpc.declaring import Ask, Do, Done, Lane, Reply
 
 
 class RecorderInfo(msgspec.Struct, frozen=True):
@@ -58,6 +60,8 @@ class StartRecorder(Do[RecorderStarted], frozen=True):
     after `split_s`; of all parts `keep_bytes` are kept, the oldest go. 0 is no limit. `name` is drawn if it is empty.
     """
 
+    lane: ClassVar[Lane] = Lane.RECORDERS
+
     name: str = ""
     folder: str = ""
     patterns: list[str] = []
@@ -68,5 +72,7 @@ class StartRecorder(Do[RecorderStarted], frozen=True):
 
 class StopRecorder(Do[Done], frozen=True):
     """Finish the part and end; an empty name is the only one."""
+
+    lane: ClassVar[Lane] = Lane.RECORDERS
 
     name: str = ""

@@ -3,8 +3,8 @@
 import enum
 
 from silo.errors import RefusedError
-from silo.ipc.messages.base import Ask, Done, Reply, SlowAsk
 from silo.ipc.sampled import SampledName, SampledRows
+from silo.rpc.declaring import Ask, Done, Reply, SlowAsk
 
 
 class Columns(Reply, frozen=True, omit_defaults=True):

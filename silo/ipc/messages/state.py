@@ -3,9 +3,9 @@
 import enum
 
 from silo.errors import RefusedError
-from silo.ipc.messages.base import Ask, Reply, RobotRequest
 from silo.ipc.published import Summary
 from silo.model import Status
+from silo.rpc.declaring import Ask, Reply, RobotRequest
 
 
 class HelloReply(Reply, frozen=True):

@@ -1,6 +1,6 @@
 """What a client shows as it happens: views, and surveys of quantities."""
 
-from silo.ipc.messages.base import Ask, Done, Reply, SlowAsk
+from silo.rpc.declaring import Ask, Done, Reply, SlowAsk
 
 
 class ViewOpened(Reply, frozen=True):

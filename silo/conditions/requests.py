@@ -1,32 +1,57 @@
-"""Triggers, limits and their alarms."""
+"""Triggers, limits and their alarms, and signals that are computed from others: what a client may ask."""
 
 from collections.abc import Sequence
 
-from silo.arguments import texts
+from silo.arguments import line, text, texts
 from silo.calls import told_class
-from silo.ipc.client.calling import Calls
-from silo.ipc.messages import (
-    Acknowledge,
-    Alarms,
-    ArmTrigger,
-    ForceTrigger,
-    GetLimits,
-    GetTriggers,
-    RemoveLimits,
-    RemoveTrigger,
-    SetLimits,
-    SetTrigger,
-    Triggers,
-    TriggerTried,
-    TryTrigger,
-)
-from silo.model import SignalLimits, TriggerOptions
+from silo.conditions.standing import LimitStatus, TriggerStatus
+from silo.model import Derived, SignalLimits, TriggerOptions
+from silo.rpc.declaring import Caller, Lane, Reply, ask, change, given
+
+_EXAMPLE = 'client.derive("power", "joints/tau * joints/qd")'
+
+
+class Triggers(Reply, frozen=True):
+    """All triggers, as they stood when `tick` ticks of the `run` were judged."""
+
+    run: str
+    tick: int
+    triggers: list[TriggerStatus]
+
+
+class TriggerTried(Reply, frozen=True, omit_defaults=True):
+    """At which ticks a trigger would have fired: each with its time stamp, the last 1000 of `fires`.
+
+    Judged were the ticks `first` to `last` with time stamps from `begin_ns` to `end_ns`; at `blind` of `judged` of them
+    the condition could not be told. `capture_bytes` is about how large a capture would be, all its files together.
+    """
+
+    fires: int
+    ticks: list[int]
+    time_ns: list[int]
+    first: int
+    last: int
+    begin_ns: int
+    end_ns: int
+    judged: int = 0
+    blind: int = 0
+    capture_bytes: int = 0
+    why: str = ""
+
+
+class Alarms(Reply, frozen=True):
+    """All scalars with limits, worst first."""
+
+    run: str
+    tick: int
+    limits: list[LimitStatus]
 
 
 @told_class("client")
-class ConditionCalls(Calls):
-    """Triggers and limits."""
+class ConditionRequests(Caller):
+    """Triggers, limits, derived signals."""
 
+    @ask("GetTriggers")
     def triggers(self) -> Triggers:
         """Return how the triggers stand.
 
@@ -36,8 +61,8 @@ class ConditionCalls(Calls):
         Raises:
             RefusedError: the helper process is too busy judging rows; ask again in a moment.
         """
-        return self._call(GetTriggers(client=self._name))
 
+    @ask(slow=True)
     def try_trigger(self, trigger: TriggerOptions) -> TriggerTried:
         """Return when a trigger would have fired in all that the buffers hold; nothing is set or captured.
 
@@ -51,8 +76,8 @@ class ConditionCalls(Calls):
         Raises:
             RefusedError: a condition, word or time of it makes no sense, or nothing was logged yet.
         """
-        return self._call(TryTrigger(trigger=trigger, client=self._name))
 
+    @change(robot=True)
     def set_trigger(self, trigger: TriggerOptions, lease_s: float = 0.0) -> str:
         """Add a trigger or replace the one of its name; judged from now on, also while the logger runs.
 
@@ -71,8 +96,8 @@ class ConditionCalls(Calls):
                 message has the size that would do), or the robot program has ended; nothing was changed.
             GoesOnError: the robot program takes longer.
         """
-        return self._call(SetTrigger(trigger=trigger, lease_s=lease_s, client=self._name)).text
 
+    @change(robot=True)
     def remove_trigger(self, name: str) -> str:
         """Forget a trigger, also while the logger runs; a capture that is under way goes on.
 
@@ -86,8 +111,8 @@ class ConditionCalls(Calls):
             RefusedError: there is none of that name, or the robot program has ended; nothing was changed.
             GoesOnError: the robot program takes longer.
         """
-        return self._call(RemoveTrigger(name=name, client=self._name)).text
 
+    @change(lane=Lane.ROBOT)
     def arm_trigger(self, name: str, *, armed: bool = True) -> str:
         """Have a trigger watch again, also after the one capture of mode single, or no more.
 
@@ -105,8 +130,8 @@ class ConditionCalls(Calls):
                 judging rows; the message says which.
             GoesOnError: the robot program takes longer.
         """
-        return self._call(ArmTrigger(name=name, armed=armed, client=self._name)).text
 
+    @change()
     def force_trigger(self, name: str) -> str:
         """Fire a trigger at the newest tick, whatever its condition says, armed or not.
 
@@ -120,8 +145,8 @@ class ConditionCalls(Calls):
             RefusedError: there is none of that name, the logger doesn't run, or the helper process is too busy judging
                 rows.
         """
-        return self._call(ForceTrigger(name=name, client=self._name)).text
 
+    @ask("GetLimits")
     def alarms(self) -> Alarms:
         """Return how the signals with limits stand.
 
@@ -131,8 +156,8 @@ class ConditionCalls(Calls):
         Raises:
             RefusedError: the helper process is too busy judging rows; ask again in a moment.
         """
-        return self._call(GetLimits(client=self._name))
 
+    @change(control=False)
     def acknowledge(self, names: Sequence[str] = (), who: str = "") -> str:
         """Say that somebody has seen alarms; a scalar that is beyond its limits stays so.
 
@@ -147,9 +172,9 @@ class ConditionCalls(Calls):
             RefusedError: the helper process is too busy judging rows; ask again in a moment.
             ElementError: the names are no list of texts; nothing was asked.
         """
-        seen = texts("names", names, "['/log/joints/q_0']")
-        return self._call(Acknowledge(names=seen, who=who, client=self._name)).text
+        return given(names=texts("names", names, "['/log/joints/q_0']"))
 
+    @change(robot=True)
     def set_limits(self, limits: SignalLimits) -> str:
         """Give a signal limits, or other ones than it has; judged from now on, also while the logger runs.
 
@@ -164,8 +189,8 @@ class ConditionCalls(Calls):
                 program has ended; nothing was changed.
             GoesOnError: the robot program takes longer.
         """
-        return self._call(SetLimits(limits=limits, client=self._name)).text
 
+    @change(robot=True)
     def remove_limits(self, name: str) -> str:
         """Forget the limits of a signal, also while the logger runs.
 
@@ -179,4 +204,50 @@ class ConditionCalls(Calls):
             RefusedError: no limits were given to it, or the robot program has ended; nothing was changed.
             GoesOnError: the robot program takes longer.
         """
-        return self._call(RemoveLimits(name=name, client=self._name)).text
+
+    def derive(self, name: str, expression: str, unit: str = "") -> str:
+        """Have a signal computed from others wherever rows are read, also while the logger runs.
+
+            client.derive("power", "joints/tau * joints/qd", unit="W")
+
+        It is watched, plotted and saved as elements are. Given again, it gets a new expression.
+
+        Args:
+            name: with or without the prefix of the logger.
+            expression: may use elements and other derived signals.
+            unit: instead of the one that follows from its signals.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: it can't be computed, and why, or the robot program has ended; nothing was changed.
+            ElementError: name or expression is no text; nothing was changed.
+            GoesOnError: the robot program takes longer.
+        """
+        name, expression = text("the signal's name", name, _EXAMPLE), text("expression", expression, _EXAMPLE)
+        return self._set_derived(Derived(name, expression, line("unit", unit, 'unit="W"')))
+
+    @change(robot=True)
+    def _set_derived(self, derived: Derived) -> str:
+        """Derive a signal from others, or give one of that name another expression; also while the logger runs.
+
+        The name is whole, or without the logger's prefix.
+        """
+
+    @change(robot=True)
+    def remove_derived(self, name: str) -> str:
+        """Forget a derived signal on which nothing stands, also while the logger runs.
+
+        Args:
+            name: with or without the prefix of the logger.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: there is none, or something uses it, or the robot program has ended; nothing was changed.
+            ElementError: the name is no text; nothing was changed.
+            GoesOnError: the robot program takes longer.
+        """
+        return given(name=text("the signal's name", name, 'client.remove_derived("power")'))

@@ -1,0 +1,1 @@
+"""Triggers, limits and derived signals: what is asked, and how they stand."""

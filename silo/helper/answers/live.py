@@ -1,0 +1,125 @@
+"""What clients look at: views and streams as it happens, samples that are held, the event log."""
+
+from collections.abc import Sequence
+
+from silo.helper.answers.table import Parts
+from silo.helper.events import plain
+from silo.helper.history import check_history, history
+from silo.helper.moments import check_moments, check_span, find_moments, measure_span
+from silo.helper.pinned_rows import PinnedRows
+from silo.helper.samples import check_samples, samples
+from silo.ipc import messages
+from silo.ipc.messages import (
+    AddMark,
+    ClosePin,
+    CloseStream,
+    CloseView,
+    Columns,
+    FindMoments,
+    GetEvents,
+    GetHistory,
+    GetSamples,
+    GetSurvey,
+    KeepPin,
+    Marked,
+    MeasureSpan,
+    MomentsFound,
+    OpenPin,
+    OpenStream,
+    OpenView,
+    PinOpened,
+    SampleRows,
+    SpanMeasured,
+    StreamOpened,
+    Survey,
+    ViewOpened,
+)
+from silo.ipc.messages import events as event_requests
+from silo.ipc.messages import moments as moment_requests
+from silo.ipc.messages import samples as sample_requests
+from silo.ipc.messages import views as view_requests
+from silo.ipc.published import EventKind
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.rpc.serving import Server, Turn
+
+MOST_EVENTS_AT_ONCE = 10_000
+MOST_MARK_LETTERS = 200
+WRITTEN_S = 0.5  # a disk that takes longer holds no client up
+
+
+class LiveServer(Server[Parts], does=[view_requests, sample_requests, moment_requests, event_requests]):
+    """Answers what is held, and opens what is sent from now on."""
+
+    def open_view(self, request: OpenView) -> ViewOpened:
+        return self.state.publisher.open_view(request)
+
+    def close_view(self, request: CloseView) -> str:
+        return self.state.publisher.views.close_for(request.view, request.proof)
+
+    def get_survey(self, request: GetSurvey) -> Survey:
+        return self.state.surveyor.answer(request)
+
+    def open_stream(self, request: OpenStream) -> StreamOpened:
+        return self.state.publisher.streams.open(request)
+
+    def close_stream(self, request: CloseStream) -> str:
+        return self.state.publisher.streams.close_for(request.stream, request.proof)
+
+    def open_pin(self, request: OpenPin) -> PinOpened:
+        return self.state.pins.open(request, self.state.mirror.now, self.state.mirror.open_watcher())
+
+    def keep_pin(self, request: KeepPin) -> str:
+        self.state.pins.keep(request.pin)
+        return "kept"
+
+    def close_pin(self, request: ClosePin) -> str:
+        self.state.pins.close(request.pin)
+        return "the pin is closed"
+
+    def get_history(self, request: GetHistory) -> Columns:
+        pinned = self.state.pins.rows(request.pin) if request.pin else None
+        check_history(request)
+        return history(request, self.state.mirror.now, self.state.mirror.open_watcher(), pinned)
+
+    def get_samples(self, request: GetSamples) -> SampleRows:
+        source = self.state.pins.rows(request.pin) if request.pin else self.state.mirror.open_watcher()
+        check_samples(request)
+        return samples(request, self.state.mirror.now, source)
+
+    def find_moments(self, request: FindMoments) -> MomentsFound:
+        check_moments(request)
+        pinned = self._pinned(request.pins)
+        return find_moments(request, self.state.mirror.now, self.state.mirror.open_watcher(), pinned)
+
+    def measure_span(self, request: MeasureSpan) -> SpanMeasured:
+        check_span(request)
+        pinned = self._pinned(request.pins)
+        return measure_span(request, self.state.mirror.now, self.state.mirror.open_watcher(), pinned)
+
+    def _pinned(self, pins: Sequence[str]) -> list[PinnedRows]:
+        return [found for pin in pins if (found := self.state.pins.rows(pin)) is not None]
+
+    def get_events(self, request: GetEvents) -> messages.Events:
+        if not 0 <= request.limit <= MOST_EVENTS_AT_ONCE:
+            text = f"the limit of events must be 0 to {MOST_EVENTS_AT_ONCE}, got {request.limit}"
+            raise RequestRefusedError(RefusedWhy.INVALID, text)
+        return messages.Events(*self.state.events.log.since(request.since, request.limit))
+
+    def add_mark(self, turn: Turn, request: AddMark) -> Marked:
+        events, mirror = self.state.events, self.state.mirror
+        text = plain(request.text, MOST_MARK_LETTERS).strip()
+        status = mirror.status()
+        problem = ""
+        tick = request.tick if request.tick >= 0 else None
+        if not text:
+            problem = "a mark needs some words"
+        elif not -1 <= request.tick < max(status.ticks, 0):
+            there = f"0 to {status.ticks - 1}" if status.ticks else "none yet"
+            problem = f"there is no tick {request.tick} (ticks: {there})"
+        elif request.at_ns and (tick := mirror.tick_at(request.at_ns)) < 0:
+            problem = "no tick of that time is held any more"
+        if problem:
+            raise RequestRefusedError(RefusedWhy.INVALID, f"{problem}; nothing was marked")
+        mark = events.publish(EventKind.MARKER, text, by=turn.by, tick=tick)
+        events.log.wait_written(mark.number, WRITTEN_S)  # what was answered outlives a kill of this process
+        return Marked(mark)

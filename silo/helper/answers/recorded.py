@@ -1,0 +1,58 @@
+"""Saving, the recordings in the logger's own folder, and endless recordings."""
+
+import msgspec
+
+from silo.helper.answers.table import Parts, must_live
+from silo.ipc.messages import (
+    DeleteRecording,
+    GetParts,
+    GetPiece,
+    ListRecorders,
+    ListRecordings,
+    Piece,
+    Recorders,
+    RecorderStarted,
+    RecordingParts,
+    Recordings,
+    Save,
+    SaveStarted,
+    StartRecorder,
+    StopRecorder,
+    files,
+    recorders,
+)
+from silo.ipc.published import EventKind
+from silo.rpc.serving import Server, Turn
+
+
+class RecordingServer(Server[Parts], does=[files, recorders]):
+    """Begins to save and to record, and reads and deletes what was."""
+
+    def save(self, turn: Turn, request: Save) -> SaveStarted:
+        return self.state.saver.save(msgspec.structs.replace(request, client=turn.by))
+
+    def list_recordings(self, request: ListRecordings) -> Recordings:
+        robot = self.state.mirror.now.robot
+        return self.state.recordings.listing(robot.folder, robot.logger, request.most)
+
+    def get_parts(self, request: GetParts) -> RecordingParts:
+        return self.state.recordings.parts(self.state.mirror.now.robot.folder, request.name)
+
+    def get_piece(self, request: GetPiece) -> Piece:
+        return self.state.recordings.piece(self.state.mirror.now.robot.folder, request)
+
+    def delete_recording(self, turn: Turn, request: DeleteRecording) -> str:
+        robot = self.state.mirror.now.robot
+        text = self.state.recordings.delete(robot.folder, robot.logger, request.name)
+        self.state.events.publish(EventKind.DELETED, text, by=turn.by)
+        return text
+
+    def list_recorders(self, request: ListRecorders) -> Recorders:
+        return Recorders(self.state.recording.infos())
+
+    def start_recorder(self, turn: Turn, request: StartRecorder) -> RecorderStarted:
+        must_live(self.state.mirror.now)
+        return self.state.recording.begin(msgspec.structs.replace(request, client=turn.by), left_s=turn.left_s)
+
+    def stop_recorder(self, turn: Turn, request: StopRecorder) -> str:
+        return self.state.recording.end(msgspec.structs.replace(request, client=turn.by), left_s=turn.left_s)

@@ -1,0 +1,198 @@
+"""The element table and edits of it, scripts, and views of the terminal that are kept beside them."""
+
+from collections.abc import Sequence
+
+from silo.arguments import shown
+from silo.calls import told_class
+from silo.errors import ElementError
+from silo.model import Edit, Extras, FieldChange, Table
+from silo.rpc.declaring import Caller, Lane, Reply, RobotRequest, ask, change
+
+
+class TableReply(Reply, frozen=True):
+    """Carries a `Table`."""
+
+    table: Table
+
+
+class EditsApplied(Reply, frozen=True):
+    """`changed` counts elements; `unknown` are names of a script that the table doesn't have.
+
+    `warnings` are `file:line: reason` of keys of the script that silo doesn't know.
+    """
+
+    revision: int
+    changed: int
+    unknown: list[str] = []
+    warnings: list[str] = []
+
+
+class ApplyEdits(RobotRequest[EditsApplied], frozen=True):
+    """All or nothing, and only while stopped. `revision` is the table's that the edits are based on (-1: any)."""
+
+    revision: int
+    edits: list[Edit]
+    extras: Extras | None = None  # derived signals, limits and triggers of a script, None: they stay
+
+
+class Scripts(Reply, frozen=True):
+    """`names` relative to `folder`; `current` is the logger's own."""
+
+    folder: str
+    names: list[str]
+    current: str
+
+
+class ScriptText(Reply, frozen=True):
+    """A script's text; `path` as it stands on the robot."""
+
+    path: str
+    text: str
+
+
+class ScriptDiff(Reply, frozen=True):
+    """What differs between the running configuration (`old`) and a script (`new`); `unknown` names the table lacks.
+
+    `warnings` are `file:line: reason` of keys that silo doesn't know. `extras` are differences of derived signals,
+    limits and triggers, each under a name such as `trigger fall`; without a field for what comes or goes as a whole.
+    """
+
+    path: str
+    changes: list[FieldChange]
+    unknown: list[str]
+    warnings: list[str] = []
+    extras: list[FieldChange] = []
+
+
+class KeptViews(Reply, frozen=True):
+    """The names of the views in `folder`."""
+
+    folder: str
+    names: list[str]
+
+
+class KeptView(Reply, frozen=True):
+    """A view's text, YAML; `path` as it stands on the robot."""
+
+    path: str
+    text: str
+
+
+@told_class("client")
+class TableRequests(Caller):
+    """The element table, its scripts, and kept views."""
+
+    def table(self) -> Table:
+        """Return the element table with its revision."""
+        return self._table().table
+
+    @ask("GetTable")
+    def _table(self) -> TableReply:
+        """Which elements are there, with which options?"""
+
+    def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
+        """Apply edits as one transaction, all or none.
+
+        Args:
+            edits: what to change.
+            revision: that of the table they are based on; -1: whichever.
+
+        Returns:
+            The new revision, and how many elements changed.
+
+        Raises:
+            ElementError: they are no list of edits.
+            RefusedError: the logger runs, the table has changed since, or an edit can't be; nothing was changed.
+        """
+        if isinstance(edits, str) or not isinstance(edits, Sequence):
+            raise ElementError(f"edits must be a list of silo.model.Edit, got {shown(edits)}; nothing was changed")
+        return self._call(ApplyEdits(revision=revision, edits=list(edits)))
+
+    @ask("ListScripts", slow=True)
+    def scripts(self) -> Scripts:
+        """Return the scripts in the logger's script folder."""
+
+    @ask(slow=True)
+    def read_script(self, path: str = "") -> ScriptText:
+        """Return the text of a script on the robot's side.
+
+        Args:
+            path: within the script folder; empty: the running configuration as a script.
+        """
+
+    @ask(slow=True)
+    def diff_script(self, path: str = "") -> ScriptDiff:
+        """Return what loading a script would change.
+
+        Args:
+            path: within the script folder; empty: the logger's own script.
+        """
+
+    @change(lane=Lane.DISK)
+    def load_script(self, path: str = "", revision: int = -1) -> EditsApplied:
+        """Apply a script on the robot's side.
+
+        Args:
+            path: within the script folder; empty: the logger's own.
+            revision: that of the table it is based on; -1: whichever.
+
+        Returns:
+            The new revision, how many elements changed, and the names that the table lacks.
+
+        Raises:
+            RefusedError: the logger runs, or the script has problems; nothing was changed.
+        """
+
+    @change(lane=Lane.DISK, timeout_s=15.0)
+    def save_script(self, path: str = "", overwrite: bool = False) -> str:
+        """Write the configuration to a script on the robot's side.
+
+        Args:
+            path: within the script folder; empty: the logger's own.
+            overwrite: replace a script that is there.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: it is there already, or the system refuses.
+        """
+
+    @ask("ListKeptViews", slow=True)
+    def kept_views(self) -> KeptViews:
+        """Return the names of the views that are kept beside the logger's script.
+
+        Returns:
+            Their names, and the folder on the robot.
+        """
+
+    @ask("ReadKeptView", slow=True)
+    def kept_view(self, name: str) -> KeptView:
+        """Return a view that is kept beside the logger's script.
+
+        Args:
+            name: of the view.
+
+        Returns:
+            Its text, YAML, and its path on the robot.
+
+        Raises:
+            RefusedError: there is none of that name, or it can't be read.
+        """
+
+    @change(control=False, lane=Lane.DISK, timeout_s=15.0)
+    def keep_view(self, name: str, text: str, overwrite: bool = False) -> str:
+        """Keep a view beside the logger's script, for whoever looks at this logger.
+
+        Args:
+            name: letters, digits, `- _ . +` and blanks, at most 80.
+            text: the view, at most 256 kB.
+            overwrite: whether one of that name may be replaced.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: the name or the text can't be, there is one already, or it can't be written; nothing was
+                changed.
+        """
