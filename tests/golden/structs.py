@@ -32,6 +32,7 @@ from silo.model import LoggedEvent
 from silo.recorder.orders import Command, RecordOrder, Report
 from silo.rpc.declaring import RobotRequest, reply_type
 
+SHOWN = "Start"  # of a union of requests, in whatever order modules are imported
 DEPTH = 6  # of samples: `Extras` within `Extras` would have no end
 
 
@@ -188,7 +189,8 @@ def sample(kind: Any, depth: int = 0) -> Any:
         chosen |= {one.name: False for one in kind.fields if getattr(one, "default", None) is True}
         return kind.cls(**chosen)
     if isinstance(kind, inspect.UnionType):
-        return sample(next(one for one in kind.types if not isinstance(one, inspect.NoneType)), depth)
+        kinds = [one for one in kind.types if not isinstance(one, inspect.NoneType)]
+        return sample(next((one for one in kinds if getattr(one, "tag", "") == SHOWN), kinds[0]), depth)
     if isinstance(kind, inspect.DictType):
         return {} if deep else {sample(kind.key_type, depth + 1): sample(kind.value_type, depth + 1)}
     if isinstance(kind, inspect.TupleType):

@@ -118,7 +118,7 @@ def test_what_a_full_buffer_lacks_is_in_the_ring_that_passes_all(robot):
     ],
 )  # fmt: skip
 def test_a_wish_that_makes_no_sense_is_refused_in_words(wrong, words):
-    refused = check_samples(GetSamples(**{"names": ["/log/a"], **wrong}))
+    refused = answered(lambda: check_samples(GetSamples(**{"names": ["/log/a"], **wrong})))
     assert refused.why is RefusedWhy.INVALID
     assert words in refused.text
 
@@ -126,7 +126,7 @@ def test_a_wish_that_makes_no_sense_is_refused_in_words(wrong, words):
 def test_a_continuation_of_other_names_is_refused(robot):
     reply = samples(GetSamples(names=["/log/a"], reply_bytes=4096), robot.now, robot.reader)
     other = GetSamples(names=["/log/a", "/log/b"], run=reply.run, resume=reply.resume)
-    assert samples(other, robot.now, robot.reader).why is RefusedWhy.INVALID
+    assert answered(lambda: samples(other, robot.now, robot.reader)).why is RefusedWhy.INVALID
 
 
 # -------------------------------------------------------------------------------------------------------------- pins
@@ -212,4 +212,4 @@ def test_pins_of_all_clients_share_the_room_and_a_refusal_names_what_would_fit(r
 @pytest.mark.parametrize("name", ["", "../x-1", "a-b", "x" * 40 + "-1"])
 def test_a_pin_of_a_strange_id_is_refused(robot, name):
     request = OpenPin(pin=name, names=["/log/a"], start_ns=0, end_ns=1)
-    assert Pins().open(request, robot.now, robot.reader).why is RefusedWhy.INVALID
+    assert answered(lambda: Pins().open(request, robot.now, robot.reader)).why is RefusedWhy.INVALID
