@@ -16,12 +16,15 @@ import struct
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from silo.errors import SegmentError
 
 SEGMENT_SUFFIX = ".segment"
-UNFINISHED_SUFFIX = f"{SEGMENT_SUFFIX}.new"
+NEW_SUFFIX = ".new"  # of what is made to take the place of another file
+UNFINISHED_SUFFIX = f"{SEGMENT_SUFFIX}{NEW_SUFFIX}"
 DOWN_SUFFIX = ".down"
 HELD_SUFFIX = ".held"  # of a run whose program is done with it, and a consumer is not: `silo.collecting.held`
 RECORDERS_SUFFIX = ".recorders"  # of the list of what records a logger
@@ -178,24 +181,45 @@ def open_own(path: str | os.PathLike[str], flags: int, mode: int = 0o600) -> int
     raise OSError(errno.EINVAL, "it is no file: remove it", str(path))
 
 
-def write_private(path: Path, text: str) -> None:
+def read_own(path: str | os.PathLike[str]) -> bytes:
+    """Return what stands in such a file. Raises OSError."""
+    with os.fdopen(open_own(path, os.O_RDONLY), "rb") as file:
+        return file.read()
+
+
+def write_private(path: Path, data: str | bytes) -> None:
     """Put a file there, whole, that nobody but this user may read, whatever stood there before. Raises OSError."""
-    new = path.with_name(f".{path.name}.{os.getpid()}.new")
-    new.unlink(missing_ok=True)
+    with replaced_file(path) as file:
+        file.write(data.encode() if isinstance(data, str) else data)
+
+
+@contextlib.contextmanager
+def replaced_file(path: Path) -> Iterator[BinaryIO]:
+    """Make a file that nobody but this user may read, and that takes the place of `path` when the block ends well.
+
+    It need not outlive the computer. What a kill leaves of it in the runtime folder is swept. Raises OSError.
+    """
+    new = path.with_name(f".{path.name}.{os.getpid()}{NEW_SUFFIX}")
     try:
-        with os.fdopen(open_own(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL), "w", encoding="utf-8") as file:
+        with os.fdopen(_open_new(new), "wb") as file:
             os.fchmod(file.fileno(), 0o600)  # whatever the umask says
-            file.write(text)
-        new.replace(path)
+            yield file
+            file.flush()
+            new.replace(path)
     except BaseException:
         new.unlink(missing_ok=True)
         raise
 
 
-def read_own(path: str | os.PathLike[str]) -> bytes:
-    """Return what stands in such a file. Raises OSError."""
-    with os.fdopen(open_own(path, os.O_RDONLY), "rb") as file:
-        return file.read()
+def _open_new(path: Path) -> int:
+    """Open a file that was not there, marked as being written: no sweep takes it."""
+    while True:
+        path.unlink(missing_ok=True)
+        descriptor = open_own(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
+        lock_as_writer(descriptor)
+        if is_at(descriptor, path):
+            return descriptor
+        os.close(descriptor)  # a sweep came between
 
 
 # ---------------------------------------------------------------------------------------------- who writes a file
@@ -270,11 +294,14 @@ def open_unfinished(path: Path, file: io.FileIO) -> io.FileIO:
 
 
 def sweep_unfinished(folder: Path) -> list[Path]:
-    """Remove segments that were never finished because their process died while it made them, and marks of dead ones.
+    """Remove what was never finished because its process died while it made it, and marks of dead ones.
 
-    They hold no tick. What is being made is marked by its writer, see `open_unfinished`, and stays.
+    It holds no tick: segments, stubs of runs that are held, states of judges, lists of recorders. What is
+    being made is marked by its writer, see `open_unfinished`, and stays.
     """
-    unfinished = [*folder.glob(f".*{UNFINISHED_SUFFIX}"), *folder.glob(f"*{DOWN_SUFFIX}")]
+    made = (SEGMENT_SUFFIX, HELD_SUFFIX, JUDGE_SUFFIX, RECORDERS_SUFFIX)
+    patterns = [*(f".*{one}*{NEW_SUFFIX}" for one in made), f"*{DOWN_SUFFIX}"]
+    unfinished = [path for pattern in patterns for path in folder.glob(pattern)]
     return [path for path in unfinished if _removed_if_dead(path)]
 
 

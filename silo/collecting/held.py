@@ -32,6 +32,7 @@ from silo.runtime import (
     list_segments,
     pid_namespace,
     process_start,
+    replaced_file,
     runtime_dir,
     withdraw_segment,
 )
@@ -242,18 +243,12 @@ def make_stub(path: Path) -> None:
     Whoever has it open keeps it. Where there is no room even for that it is deleted: the numbers of the runs tell that
     one is missing.
     """
-    new = path.with_name(f".{path.name}.new")
     try:
-        with contextlib.closing(SegmentReader(path)) as reader, open(new, "wb", opener=_private) as file:
+        with contextlib.closing(SegmentReader(path)) as reader, replaced_file(path) as file:
             # zeros too: who looks at a page that isn't there takes one, and ends by SIGBUS where there is none
             file.write(os.pread(reader.fileno(), reader.rows_offset, 0))
             file.truncate(reader.size_bytes)
-            os.pwrite(file.fileno(), (1).to_bytes(8, "little"), reader.control_offset(Control.DROPPED))
-        new.replace(path)
+            file.seek(reader.control_offset(Control.DROPPED))
+            file.write((1).to_bytes(8, "little"))
     except (OSError, SegmentError):
-        new.unlink(missing_ok=True)
         remove(path)
-
-
-def _private(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)

@@ -21,7 +21,7 @@ from silo.helper.limit_judge import LimitMemory
 from silo.judging.evaluation import EvaluatorMemory
 from silo.judging.triggers import Capture, Trigger
 from silo.model import ElementInfo, Extras, TriggerOptions
-from silo.runtime import process_start, runtime_dir
+from silo.runtime import process_start, runtime_dir, write_private
 
 SUFFIX = ".judge"
 _MAGIC = b"silo judge 1\n"
@@ -116,10 +116,7 @@ def state_path(logger: str, run: str) -> Path:
 def store_state(path: Path, state: JudgeState) -> None:
     """Replace the file as a whole. It needs to outlive a process, not the computer. Raises OSError."""
     body = _encoder.encode(state)
-    made = path.with_name(f".{path.name}.new")
-    made.write_bytes(_MAGIC + zlib.crc32(body).to_bytes(4, "little") + body)
-    made.chmod(0o600)
-    made.replace(path)
+    write_private(path, _MAGIC + zlib.crc32(body).to_bytes(4, "little") + body)
 
 
 def begun_state(schema: SegmentSchema) -> JudgeState:

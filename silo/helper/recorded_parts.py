@@ -67,11 +67,10 @@ def part_named(place: int, name: str) -> Part | None:
 
 
 def _parts_of(folder: int, name: str, only: str) -> Iterator[Part]:
-    # a part is called after its recorder: that one's list alone can name it
-    lists = [written_path(Path(), logger_of(only.removesuffix(ENDING))).name] if only else os.listdir(folder)
-    for each in lists:
-        if not each.endswith(WRITTEN_ENDING):
-            continue
+    # a part is called after its recorder, as a rule: the list of that one is looked into first
+    likely = written_path(Path(), logger_of(only.removesuffix(ENDING))).name
+    lists = [each for each in os.listdir(folder) if each.endswith(WRITTEN_ENDING)]
+    for each in sorted(lists, key=lambda each: each != likely):
         with suppress(OSError, msgspec.MsgspecError, UnicodeDecodeError), opened_file(folder, each) as file:
             written = decode_written(os.pread(file, _MOST_LIST_BYTES, 0))
             for entry in written.parts:

@@ -28,6 +28,7 @@ from silo.recorder.orders import (
     encode,
     extras_file,
 )
+from silo.runtime import write_private
 
 # glibc answers each large block that is freed by keeping larger ones: within 3 minutes 54 MB became 68
 HEAP = {"MALLOC_ARENA_MAX": "2", "MALLOC_MMAP_THRESHOLD_": str(2**20), "MALLOC_TRIM_THRESHOLD_": str(2**20)}
@@ -242,13 +243,10 @@ def store(path: Path, kept: list[Kept]) -> None:
     if not kept:
         path.unlink(missing_ok=True)
         return
-    new = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
-        new.write_bytes(encode(kept))
-        new.replace(path)
+        write_private(path, encode(kept))
     except OSError:
         log.exception("recorders would not outlive this helper process")
-        new.unlink(missing_ok=True)
 
 
 def stored(path: Path) -> list[Kept]:

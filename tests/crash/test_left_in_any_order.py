@@ -186,10 +186,14 @@ class Left(RuleBasedStateMachine):
         path.write_bytes(data[: int(at * 4000)])
         self.stays[path] = path.read_bytes()
 
-    @rule(written=st.booleans(), size=st.integers(0, 5000))
-    def leave_a_segment_that_was_being_made(self, written, size):
+    @rule(
+        of=st.sampled_from(["1.segment", "1.held.7", "c0ffee.judge.7", "c0ffee.judge", "c0ffee.recorders.7"]),
+        written=st.booleans(),
+        size=st.integers(0, 5000),
+    )
+    def leave_what_was_being_made(self, of, written, size):
         self.number += 1
-        path = self.runtime / f".bot.{os.getpid()}.{self.number}.segment.new"
+        path = self.runtime / f".bot.{self.number}.{of}.new"
         path.write_bytes(bytes(size))
         if written:
             self.open.append(os.open(path, os.O_RDWR | os.O_CLOEXEC))
