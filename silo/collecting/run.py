@@ -55,10 +55,13 @@ class Run:
         extras: Extras = NO_EXTRAS,
         before: "Run | None" = None,
         number: int = 0,
+        *,
+        served: bool = False,
     ) -> None:
         """Lay out the buffers. Raises SegmentError where there can be none.
 
-        before: the logger's last run, whose layout is taken where the table is the same; number: of this one.
+        before: the logger's last run, whose layout is taken where the table is the same; number: of this one; served:
+        whether its logger has a helper process, or is to get one again.
         """
         unchanged = before is not None and before._elements is elements
         plan = before.plan.again() if before and unchanged else _laid_out(options, elements)
@@ -72,7 +75,7 @@ class Run:
         self._reader: SegmentReader | None = None
         self.segment = Segment(
             path,
-            self._schema(options, plan, extras, number),
+            self._schema(options, plan, extras, number, served=served),
             plan.first_rows,
             options.memory_limit_mb * 1_000_000,
             in_memory=options.storage is not Storage.FILE,
@@ -120,7 +123,7 @@ class Run:
         return next(path for path in map(folder.joinpath, names) if not path.exists() and not held_name(path).exists())
 
     @staticmethod
-    def _schema(options: LoggerOptions, plan: Plan, extras: Extras, number: int) -> SegmentSchema:
+    def _schema(options: LoggerOptions, plan: Plan, extras: Extras, number: int, *, served: bool) -> SegmentSchema:
         pid = os.getpid()
         return SegmentSchema(
             logger=options.name,
@@ -145,6 +148,7 @@ class Run:
             pid_namespace=pid_namespace(),
             extras=extras,
             number=number,
+            served=served,
         )
 
     @property

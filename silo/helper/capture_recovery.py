@@ -19,6 +19,7 @@ from silo.files.manifest import CaptureList
 from silo.helper.capture_files import write_capture
 from silo.helper.judge_memory import lost_news, untold
 from silo.helper.judge_state import SUFFIX, JudgeState, Untold, all_states, begun_state, read_state, state_path
+from silo.helper.left_recordings import log_start
 from silo.helper.segment_judge import SegmentJudge
 from silo.ipc.published import EventKind
 from silo.model import Extras, LoggedEvent, SavedFile
@@ -26,6 +27,7 @@ from silo.recovery.segments import claimed
 from silo.runtime import HELD_SUFFIX, list_held, list_segments
 
 WHY = "the program and its helper process died"
+_OF_RECORDINGS = {kind.value for kind in (EventKind.STARTED, EventKind.RECORDING, EventKind.RECORDING_FAILED)}
 GONE = "program and helper process died before it was written, and its memory is gone"
 
 Tell = Callable[[EventKind, str, list[SavedFile]], object]
@@ -82,16 +84,20 @@ def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
 def unseen(reader: SegmentReader) -> JudgeState | None:
     """Return what is known of a run that no helper process ever saw, and has something to judge; None for any other.
 
-    One that was seen was judged to its end, where nothing is left of that.
+    One that was seen was judged to its end, where nothing is left of that. That it was started, or recorded, is told by
+    who completes recordings, too.
     """
     schema = reader.schema
     if not (schema.extras.triggers or schema.extras.limits) or not _was_served(reader):
         return None
-    return None if read_events(schema.folder, schema.logger, schema.run) else begun_state(schema)
+    seen = {event.kind for event in read_events(schema.folder, schema.logger, schema.run)} - _OF_RECORDINGS
+    return None if seen else begun_state(schema)
 
 
 def _was_served(reader: SegmentReader) -> bool:
-    """Whether its logger had a helper process: what has none judges nothing, and holds no run for it."""
+    """Whether its logger had a helper process: what has none judges nothing. Of an older silo that held runs tell."""
+    if reader.schema.served:
+        return True
     held = [reader, *held_runs(reader.schema.logger, reader.schema.logger_id)]
     for one in held[1:]:
         one.close()
@@ -104,7 +110,8 @@ def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: Rec
     judge = SegmentJudge(reader, [*(one.info for one in schema.elements), *state.off], state.extras, state.until)
     whole = judge.recall(state)
     step = judge.end(WHY)
-    news = [*_untold_start(reader), *state.untold, *untold(step)]
+    log_start(reader)
+    news = [*state.untold, *untold(step)]
     listed = CaptureList(folder, schema.logger)
     for spool in [*whole, *step.whole]:
         capture = spool.capture
@@ -123,13 +130,6 @@ def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: Rec
         found.texts.append(text)
         news.append(Untold(kind.value, text, capture.fires[0].tick, capture.fires[0].time_ns))
     return news
-
-
-def _untold_start(reader: SegmentReader) -> list[Untold]:
-    """That the run was started, where nobody was there to say so."""
-    schema, kind = reader.schema, EventKind.STARTED.value
-    known = read_events(schema.folder, schema.logger, schema.run)
-    return [] if any(event.kind == kind for event in known) else [Untold(kind, "started", 0, reader.stamp_of(0))]
 
 
 def recover_left(tell: Tell, wanted: Callable[[str, str], bool], home: str = "") -> None:

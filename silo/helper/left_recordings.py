@@ -5,6 +5,7 @@ and the rows are in the runs that are held, and in the last one. A recorder goes
 """
 
 import contextlib
+import logging
 import os
 import select
 from collections.abc import Callable, Sequence
@@ -15,8 +16,10 @@ import msgspec
 from silo.collecting.held import Program, held_runs, is_live, number_of
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
+from silo.files.event_log import append_events, newest_number, read_events
 from silo.helper.recorder_process import Kept, RecorderProcess, store, stored
-from silo.model import RecorderState
+from silo.ipc.published import EventKind
+from silo.model import LoggedEvent, RecorderState
 from silo.recovery.left import claimed_file
 from silo.runtime import RECORDERS_SUFFIX, list_segments, process_start, runtime_dir
 
@@ -24,6 +27,8 @@ DIED = "the program ended without close(), and its helper process with it; recor
 MOST_LIVES = 3  # of a recorder that dies again and again
 
 Tell = Callable[[str], object]
+
+log = logging.getLogger("silo")
 
 
 def left_lists() -> list[tuple[Path, list[Kept]]]:
@@ -84,8 +89,22 @@ def _complete(path: Path, kept: Sequence[Kept], tell: Tell) -> list[str]:
                 problems.append(problem)
             else:
                 rest.remove(one)
+        for reader in runs:
+            log_start(reader)
     store(path, rest)
     return problems
+
+
+def log_start(reader: SegmentReader) -> None:
+    """Have the event log say that a run was started, where nobody was there to say so."""
+    schema, kind = reader.schema, EventKind.STARTED.value
+    try:
+        if not any(event.kind == kind for event in read_events(schema.folder, schema.logger, schema.run)):
+            number, stamp_ns = newest_number(schema.folder, schema.logger) + 1, reader.stamp_of(0)
+            started = LoggedEvent(kind, "started", schema.started_ns, 0, stamp_ns, schema.logger, schema.run, number)
+            append_events(schema.folder, schema.logger, [started])
+    except OSError as error:
+        log.warning("the event log in %s can't be written (%s)", schema.folder, error.strerror)
 
 
 def _runs_of(program: Program, closing: contextlib.ExitStack) -> list[SegmentReader]:

@@ -214,6 +214,7 @@ class Logger(Logged):
                 self.extras,
                 self._present.run,
                 number=self._present.runs + 1,
+                served=self._serving is not None,
             )
             run = self._present.replace(make, self.options, self.extras, self._let_go, self._hand_over, self._is_wanted)
             self._new_values = NewValuesReader()

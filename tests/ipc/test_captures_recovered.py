@@ -152,3 +152,30 @@ def test_a_state_whose_program_and_memory_are_gone_is_told_and_forgotten_by_reco
     assert any("capture 1 of 'fall'" in text and "is lost" in text for text in texts)
     assert any(text.startswith("triggers and limits are blind for run") for text in texts)
     assert not list(runtime.glob("*.judge"))
+
+
+@pytest.mark.parametrize("comes", ["recover", "start"])
+def test_a_run_that_no_helper_process_saw_is_judged_and_its_start_told(robots, tmp_path, runtime, comes) -> None:
+    folder = tmp_path / "logs"
+    robot = robots("bot")
+    with Client.connect("bot") as client:
+        client.set_trigger(TriggerOptions("fall", "x % 100 == 50", pre_s=0.01, post_s=0.01))
+        first = client.triggers().run
+        client.restart(unsaved="discard")
+        wait_until(lambda: client.triggers().run != first and client.triggers().triggers[0].fires)
+        second = client.triggers().run
+    for pid in (robot.helper_pid, robot.pid):
+        os.kill(pid, 9)
+    robot.kill()
+    # as if it had been started while there was no helper process
+    wait_until(lambda: not psutil.pid_exists(robot.helper_pid))
+    for path in [*runtime.glob("*.judge"), *folder.glob("*_fall_*"), *folder.glob(".bot.*"), *runtime.glob("*.held")]:
+        path.unlink()
+    if comes == "recover":
+        assert run(["recover", str(folder)]) == 0
+    else:
+        robots("bot")
+    fires = wait_until(lambda: [one for one in read_events(folder, "bot", second) if one.kind == "captured"])
+    assert [one.kind for one in read_events(folder, "bot", second)].count("started") == 1
+    assert len(fires) == len(list(folder.glob("bot_*_fall_*.silo")))
+    wait_until(lambda: not list(runtime.glob("*.held")))
