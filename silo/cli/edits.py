@@ -26,7 +26,7 @@ from silo.settings.words import Settings, apply_settings, completions, help_rows
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
-    from silo.model import FieldChange, Table
+    from silo.model import ElementOptions, FieldChange, Table
 
 MOST_CHANGES = 100  # of 10,000 elements, nobody reads each; `--dry-run` shows all
 
@@ -104,8 +104,6 @@ def _set(
     places = select([element.name for element in table.elements], patterns)
     chosen = [table.elements[place] for place in places]
     options = apply_settings(settings, [(element.name, element.options) for element in chosen], status.frequency_hz)
-    if words := rate_words(settings, options[0].divider, status.frequency_hz):
-        click.echo(words, err=True)
     changes = diff_options(chosen, options)
     edits = [Edit(e.name, new) for e, new in zip(chosen, options, strict=True) if e.options != new]
     what = f"{many(len(edits), 'element')} of {len(chosen)} that match"
@@ -113,6 +111,7 @@ def _set(
         click.echo(f"nothing to change: {many(len(chosen), 'element')} already as asked for")
         return
     if dry_run:
+        _tell_rate(settings, options, status.frequency_hz)
         show_changes(changes)
         click.echo(f"would change {what}")
         return
@@ -136,10 +135,19 @@ def _set(
     finally:
         if runs:
             client.start(keep, say_saved)
+    _tell_rate(settings, options, status.frequency_hz)
+    for warning in applied.warnings:
+        click.echo(warning, err=True)
     show_changes(changes[:MOST_CHANGES])
     if len(changes) > MOST_CHANGES:
         click.echo(f"... and {len(changes) - MOST_CHANGES} more changes")
     click.echo(f"changed {what} (revision {applied.revision}){'; logging again' if runs else ''}")
+
+
+def _tell_rate(settings: Settings, options: "Sequence[ElementOptions]", frequency_hz: float) -> None:
+    """What became of a rate; not before it is known that it becomes that."""
+    if words := rate_words(settings, options[0].divider, frequency_hz):
+        click.echo(words, err=True)
 
 
 def _refuse_derived(table: "Table", patterns: Sequence[str]) -> None:

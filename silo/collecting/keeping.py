@@ -1,8 +1,14 @@
 """Which samples a buffer keeps: the one place where its type is turned into rows. Several elements share a ring."""
 
+import functools
+from collections.abc import Iterable
 from typing import Protocol
 
-from silo.model import BufferType
+import numpy as np
+
+from silo.model import BufferType, ElementInfo
+
+LARGE_BYTES = 1_000_000_000  # of one run: so much takes seconds to allocate and to touch, and not every robot has it
 
 
 class Buffer(Protocol):
@@ -29,3 +35,28 @@ def kept_rows(options: Buffer, begin: int, end: int) -> tuple[int, int]:
 def most_kept(options: Buffer) -> int:
     """Return how many samples the buffer can keep; a number beyond any for one that grows."""
     return 2**62 if options.buffer_type is BufferType.GROWING else options.buffer_size
+
+
+def buffer_bytes(info: ElementInfo) -> int:
+    """Return what the samples of an element's buffer take, one that grows at its begin; 0 where it isn't logged."""
+    if not info.options.enabled:
+        return 0
+    return info.options.buffer_size * sum(_item_bytes(entry.dtype) for entry in info.entries)
+
+
+@functools.lru_cache(maxsize=256)
+def _item_bytes(dtype: str) -> int:
+    return np.dtype(dtype).itemsize
+
+
+def large_text(infos: Iterable[ElementInfo]) -> str:
+    """Return how much memory a run of these elements takes, fit to show; empty where that is nothing to speak of."""
+    sizes = sorted(((buffer_bytes(info), info.name) for info in infos), reverse=True)
+    total = sum(size for size, _ in sizes)
+    if total < LARGE_BYTES:
+        return ""
+    size, name = sizes[0]
+    return (
+        f"the buffers take {total / 1e9:.1f} GB from the next start on, which takes the longer for it "
+        f"(most: {name}, {size / 1e9:.2f} GB): make buffers smaller unless that is meant"
+    )

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 import msgspec
 
+from silo.collecting.keeping import large_text
 from silo.collecting.run import Run
 from silo.conditions import requests as conditions
 from silo.errors import SaveError, ScriptError, StateError
@@ -138,7 +139,8 @@ class RobotServer(Server[Served], does=[requests, conditions, state], robot=True
             if request.extras is not None:
                 logger.apply_extras(request.extras, request.edits)  # first, as it may be refused
             changed = logger.apply(request.edits)
-            return EditsApplied(logger.revision, changed)
+            large = large_text(logger.elements) if changed else ""
+            return EditsApplied(logger.revision, changed, warnings=[large] if large else [])
 
     def start(self, request: Start) -> str:
         logger = self.state

@@ -18,6 +18,7 @@ from silo.arguments import line, switch, text
 from silo.arguments import path as file_path
 from silo.calls import told_class, unknown_argument
 from silo.collecting.arena import Arena
+from silo.collecting.keeping import large_text
 from silo.collecting.plan import Element
 from silo.collecting.sources import reads
 from silo.collecting.traits import describe, kind_of, label_map
@@ -47,6 +48,8 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack  # known to type checkers without being installed
 
 log = logging.getLogger("silo")
+
+DEFAULT_SCRIPT = "logger.yaml"  # that nobody asked for by name
 
 
 @told_class("log")
@@ -210,8 +213,6 @@ class Configuration(metaclass=HidesOtherNames):
         options = new_options(
             full, self.options.frequency_hz, self.options.max_time_s, enabled, divider, action, buffer_type, buffer_size
         )
-        if isinstance(divider, str):
-            self._tell_rate(full, read_options({"divider": divider}, full), options.divider)
         parts = describe(source, full, attr=attr, kind=kind, labels=label_map(labels), string_bytes=room)
         entries = parts[0].entries() if len(parts) == 1 else tuple(one for part in parts for one in part.entries())
         if labels and not any(entry.labels for entry in entries):
@@ -234,6 +235,8 @@ class Configuration(metaclass=HidesOtherNames):
             extras = self._extras if limits is None else self._limited(info, limits)
             self._table.add(Element(info, tuple(parts)))
             self._extras = extras
+        if isinstance(divider, str):
+            self._tell_rate(full, read_options({"divider": divider}, full), options.divider)
         tell_of_element(type(self), full.rpartition("/")[2])
         if any(letter.isspace() for letter in full):
             log.warning(
@@ -319,6 +322,11 @@ class Configuration(metaclass=HidesOtherNames):
             self._table.adopt()
             if read_script and Path(self.options.script).exists():
                 self.load_script()
+            elif read_script and not self._updated and Path(self.options.script).name != DEFAULT_SCRIPT:
+                log.warning(
+                    "%s: there is no script %s, all elements are logged as the program says (log.save_script() writes "
+                    "one, W in silo-tui too)", self.options.name, self.options.script,
+                )  # fmt: skip
             self._updated, self._reads_script = True, read_script
             self._tell()
 
@@ -361,8 +369,13 @@ class Configuration(metaclass=HidesOtherNames):
             changed = self._table.change(dict(zip(places, made, strict=True)))
             if made:
                 self._tell_rate(rows[0][0], settings, made[0].divider)
+            self._warn_of_size(changed)
             self._tell()
             return changed
+
+    def _warn_of_size(self, changed: int) -> None:
+        if changed and (large := large_text(self._table.infos)):
+            log.warning("%s: %s", self.options.name, large)
 
     def remove(self, name: str) -> int:
         """Forget an element or a whole namespace.
@@ -436,6 +449,7 @@ class Configuration(metaclass=HidesOtherNames):
             if problems:
                 raise ElementError(refusal(problems))
             changed = self._table.apply(edits)
+            self._warn_of_size(changed)
             self._tell()
             return changed
 

@@ -80,3 +80,43 @@ def test_a_logger_that_is_made_needs_no_init(new_logger):
         UnknownNameError, match=r"a logger has no 'init': silo.init\('robot'\) makes the default logger"
     ):
         new_logger().init("robot")
+
+
+# ------------------------------------------------------------------------------------- what a newcomer is told in time
+
+
+def test_a_script_that_is_not_there_is_told_of_once(tmp_path, caplog):
+    with silo.Logger("test", folder=tmp_path, script=tmp_path / "robot.yaml") as logger:
+        logger.update()
+        logger.update()
+        logger.close()
+    (record,) = caplog.records
+    assert f"test: there is no script {tmp_path / 'robot.yaml'}" in record.getMessage()
+
+
+def test_of_the_script_that_nobody_named_nothing_is_said(new_logger, caplog):
+    new_logger().update()
+    assert caplog.records == []
+
+
+def test_what_became_of_a_rate_is_not_told_of_an_element_that_is_refused(new_logger, caplog):
+    logger = new_logger()
+    with pytest.raises(SiloError):
+        logger.add([1, 2], "q", divider="30Hz")
+    assert caplog.records == []
+    logger.add(np.zeros(2), "q", divider="30Hz")
+    assert any("divider=30Hz became 3" in record.getMessage() for record in caplog.records)
+
+
+def test_buffers_that_take_gigabytes_are_told_of_when_they_are_set(new_logger, caplog):
+    logger = new_logger()
+    logger.array("q", 12)
+    logger.array("n", 10, dtype="i4", buffer_size=1_000_000)
+    logger.update()
+    logger.set("q", size="10M")
+    (record,) = caplog.records
+    assert "the buffers take 1.0 GB from the next start on" in record.getMessage()
+    assert "most: /log/q, 0.96 GB" in record.getMessage()
+    caplog.clear()
+    logger.set("q", size="10k")
+    assert caplog.records == []

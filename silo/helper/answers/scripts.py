@@ -102,7 +102,7 @@ class TableServer(Server[Parts], does=[requests]):
         if extras is not None:
             text += f"; {extras_text(extras)}"
         self.state.events.publish(EventKind.SCRIPT_LOADED, text, by=turn.by)
-        return EditsApplied(applied.revision, applied.changed, unknown, script.warnings)
+        return EditsApplied(applied.revision, applied.changed, unknown, [*script.warnings, *applied.warnings])
 
     def save_script(self, turn: Turn, path: str, overwrite: bool) -> str:
         from silo.settings.script import kept_text, write_script
