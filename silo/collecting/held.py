@@ -37,7 +37,7 @@ from silo.runtime import (
     withdraw_segment,
 )
 
-HELD_RUNS = 16  # with their rows
+HELD_RUNS = 64  # with their rows; each takes two descriptors of the helper process, as do stubs, of 1024
 HELD_BYTES = 1_000_000_000  # and no more than a quarter of the file system
 HELD_SHARE = 0.25
 STUBS = 100  # of 4 kB and more, by which is known what is missing

@@ -37,6 +37,7 @@ class CurrentRun:
         self._held: list[Path] = []  # runs before this one that somebody still has to read
         self.saved_before = ""  # where the run before this one was saved, if that was done at the start of this one
         self._lost_at_end = 0
+        self._gone = self._gone_first = 0  # of those, since each start does so, and at the first of these
 
     def replace(
         self,
@@ -138,13 +139,21 @@ class CurrentRun:
     def _trim(self, *, in_memory: bool, room_bytes: int) -> None:
         """Keep to the bound of what may be held."""
         self._held = [path for path in self._held if path.exists()]
-        gone = trim(self._held, in_memory=in_memory, room_bytes=room_bytes) if self._held else []
-        if gone:
+        self._tell_gone(len(trim(self._held, in_memory=in_memory, room_bytes=room_bytes)) if self._held else 0)
+
+    def _tell_gone(self, count: int) -> None:
+        """Tell of runs that made room: once when that begins, and in one number when it is over."""
+        if count and not self._gone:
             log.warning(
-                "%d runs before this one were not read to their end by a recorder or by triggers, and their memory was "
-                "needed: what was not recorded of them is lost, and is told as lost where they are recorded",
-                len(gone),
+                "%s before this one made room before recorders or triggers had read it to its end: what was not "
+                "recorded is lost, and is told where it is recorded; how many do is told when it is over",
+                "1 run" if count == 1 else f"{count} runs",
             )
+        elif not count and self._gone > self._gone_first:
+            log.warning("%d runs in all made room before recorders or triggers had read them to their end", self._gone)
+        if count and not self._gone:
+            self._gone_first = count
+        self._gone = self._gone + count if count else 0
 
     def drop(self, wanted: Callable[[Run], bool]) -> bool:
         """Free the memory of all runs; the counts of the last one stay, and the files of those that are `wanted`.
@@ -152,6 +161,7 @@ class CurrentRun:
         Returns whether the last one is.
         """
         self._let_go_of_others(wanted)
+        self._tell_gone(0)
         if self.run is None or self.run not in self._own:
             return False
         self._lost_at_end = self.lost

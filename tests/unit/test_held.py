@@ -181,3 +181,19 @@ def test_a_segment_of_a_log_folder_is_held_there_and_found_by_its_link(new_logge
     assert (list_held(), list_segments(tmp_path)) == ([path], [])
     held.remove(path)
     assert list_held() == []
+
+
+def test_of_runs_that_make_room_at_each_start_is_told_once_and_in_one_number_when_it_is_over(
+    new_logger, monkeypatch, caplog
+) -> None:
+    monkeypatch.setattr(held, "bound_of", lambda _: Bound(1, 1 << 40))
+    log = new_logger("bot", frequency=1000, max_time=0)
+    log.array("x", 1, buffer_type="looping", buffer_size=100)
+    wanted = [True] * 6 + [False] * 2
+    monkeypatch.setattr(log, "_is_wanted", lambda _: wanted.pop(0))
+    for _ in range(8):
+        log.start()
+        log.collect()
+        log.stop()
+    told = [record.getMessage().partition(" before")[0] for record in caplog.records if "made room" in record.message]
+    assert told == ["1 run", "5 runs in all made room"]
