@@ -122,7 +122,7 @@ def nursery() -> Iterator[Nursery]:
 @pytest.fixture
 def warm_helpers(nursery: Nursery, monkeypatch: pytest.MonkeyPatch) -> None:
     """Helper processes of loggers in this process start warm."""
-    monkeypatch.setattr("silo.logger.helper_process.subprocess", nursery.subprocess)
+    monkeypatch.setattr("silo.child.subprocess", nursery.subprocess)
 
 
 @pytest.fixture

@@ -31,7 +31,9 @@ class Nursery:
         self._asking = threading.Lock()
 
     def popen(self, command: Sequence[str], **options: Any) -> Any:
-        """Start a helper process: what `silo.logger.helper_process` has of `subprocess.Popen`."""
+        """Start a process: what `silo.child` has of `subprocess.Popen`. Helper processes alone start warm."""
+        if command[2] != "silo.helper":
+            return subprocess.Popen(command, **options)
         environment, descriptors = options["env"], options["pass_fds"]
         with self._asking:
             if self._process is None and command[0] == sys.executable:
@@ -67,8 +69,9 @@ class Nursery:
 
     @property
     def subprocess(self) -> SimpleNamespace:
-        """What stands for the module in `silo.logger.helper_process`."""
-        return SimpleNamespace(Popen=self.popen, DEVNULL=subprocess.DEVNULL, TimeoutExpired=subprocess.TimeoutExpired)
+        """What stands for the module in `silo.child`."""
+        names = ("DEVNULL", "PIPE", "TimeoutExpired")
+        return SimpleNamespace(Popen=self.popen, **{name: getattr(subprocess, name) for name in names})
 
 
 class WarmProcess:

@@ -4,8 +4,6 @@ import contextlib
 import logging
 import os
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -13,6 +11,7 @@ from pathlib import Path
 
 import msgspec
 
+from silo.child import PIPE, ChildProcess
 from silo.collecting.held import Program
 from silo.collecting.segment_reader import SegmentReader
 from silo.files.manifest import Sums, read_written
@@ -71,13 +70,7 @@ class Spare:
         """Start it. Raises OSError."""
         self.socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", "silo.recorder", str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
-                env=os.environ | HEAP,
-                start_new_session=True,
-                stdin=subprocess.DEVNULL,
-            )
+            self.child = ChildProcess("silo.recorder", [theirs.fileno()], [theirs.fileno()], environment=HEAP)
         except BaseException:
             self.socket.close()
             raise
@@ -87,12 +80,12 @@ class Spare:
     @property
     def is_there(self) -> bool:
         """Whether it lives."""
-        return self.process.poll() is None
+        return self.child.is_there
 
     def end(self) -> None:
         """Have it end without an order."""
         self.socket.close()
-        self.process.wait()
+        self.child.wait()
 
 
 class RecorderProcess:
@@ -126,7 +119,7 @@ class RecorderProcess:
     def start(self, order: RecordOrder, spare: Spare | None = None) -> None:
         """Start a process, or have one that is there do it. Raises OSError."""
         fresh = spare if spare is not None and spare.is_there else Spare()
-        self.socket, self._process = fresh.socket, fresh.process
+        self.socket, self._child = fresh.socket, fresh.child
         self.socket.setblocking(False)
         self.again_s = 0.0
         self.started_s = time.monotonic()
@@ -143,7 +136,7 @@ class RecorderProcess:
     @property
     def pid(self) -> int:
         """Process id."""
-        return self._process.pid
+        return self._child.pid
 
     @property
     def is_live(self) -> bool:
@@ -214,7 +207,7 @@ class RecorderProcess:
     def reap(self) -> int:
         """Return the exit code of a process that closed its socket."""
         self.socket.close()
-        return self._process.wait()
+        return self._child.wait()
 
     def sums(self) -> Sums:
         """Return what became of it, by its ledger; by its last words where that can't be read."""
@@ -231,11 +224,8 @@ def _recorded(extras: Extras) -> tuple[object, ...]:
 
 def close_left(folder: str) -> list[str]:
     """Close the parts that killed recorders left in a folder, in a process of its own; returns what was done."""
-    command = [sys.executable, "-m", "silo.recorder", "--close", folder]
-    done = subprocess.run(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, start_new_session=True, check=False
-    )
-    return done.stdout.splitlines()
+    with ChildProcess("silo.recorder", ["--close", folder], stdout=PIPE) as child:
+        return child.stdout.read().decode().splitlines()
 
 
 def store(path: Path, kept: list[Kept]) -> None:

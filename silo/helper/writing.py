@@ -6,14 +6,15 @@ deletes it, and is nice to the control loop, unless that waits for it: beside tw
 3.6 s then, that takes 0.7 s.
 """
 
+import contextlib
 import os
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
 
+from silo.child import PIPE, ChildProcess
 from silo.collecting.holdings import Holdings, segment_holdings
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
@@ -110,25 +111,19 @@ def write_apart(
     It keeps up the `claims`, descriptors of what nobody else may write meanwhile, should this process be killed.
     """
     segments = [reader.fileno()] if reader is not None else []
-    command = [sys.executable, "-m", "silo.helper.writing", *map(str, segments)]
     decoder = msgspec.json.Decoder(WriteReport)
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=[*segments, *claims], start_new_session=True
-    ) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        try:
-            process.stdin.write(msgspec.json.encode(order))
-            process.stdin.close()
-        except BrokenPipeError:
-            process.wait()  # its exit code, below, says more
-        for line in process.stdout:
+    with ChildProcess("silo.helper.writing", segments, [*segments, *claims], stdin=PIPE, stdout=PIPE) as child:
+        with contextlib.suppress(BrokenPipeError):  # its exit code, below, says more
+            child.stdin.write(msgspec.json.encode(order))
+            child.stdin.close()
+        for line in child.stdout:
             report = decoder.decode(line)
             if report.done:
                 return report
             progress(report.progress)
+        code = child.wait()
     raise SaveError(
-        f"the process that wrote the log ended with exit code {process.returncode}, out of memory perhaps; "
+        f"the process that wrote the log ended with exit code {code}, out of memory perhaps; "
         "save as .silo, which needs least, or make room and try again"
     )
 

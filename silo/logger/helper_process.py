@@ -1,14 +1,12 @@
 """One helper process from the robot program's side: started, asked whether it is ready, ended."""
 
-import os
 import select
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from silo.child import ChildProcess
 from silo.errors import ConnectionLostError
 from silo.ipc.messages import Done, Refused
 from silo.link.channel import LinkChannel
@@ -18,12 +16,10 @@ from silo.link.messages import LinkReply
 READY_TIMEOUT_S = 15.0  # without a sign of life; a start takes 0.7 s of processor time, which may be long in coming
 LONGEST_START_S = 300.0  # a computer that takes this long for it serves nobody
 _PROCESS_CLOCK = 2  # of another process, see clock_getcpuclockid(3)
-ENDING_S = 2.0  # how long one may take from closing its channel to its end
 HELPER_ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
     "PYTHONMALLOC": "malloc",  # gives freed memory back, see silo/helper/heap.py
-    "PYTHONSAFEPATH": "1",  # `-m` puts the present folder first: a `queue.py` of the robot's would be the helper's, too
 }
 
 
@@ -36,17 +32,10 @@ class HelperProcess:
         self.runs, their_runs = handover_pair()
         self.channel = LinkChannel(self.link)
         descriptors = [theirs.fileno(), their_runs.fileno()]
-        command = [sys.executable, "-m", "silo.helper", "--fd", str(descriptors[0]), "--runs-fd", str(descriptors[1])]
-        home = str(Path(__file__).resolve().parents[2])
-        paths = [home, *filter(None, [os.environ.get("PYTHONPATH")])]
+        channels: list[str | int] = ["--fd", descriptors[0], "--runs-fd", descriptors[1]]
         try:
-            # a session of its own: Ctrl-C in the robot's terminal must not end the helper before the data is saved
-            self._process = subprocess.Popen(
-                [*command, *arguments],
-                pass_fds=descriptors,
-                env=dict(os.environ, PYTHONPATH=os.pathsep.join(paths), **HELPER_ENVIRONMENT),
-                start_new_session=True,
-                stdin=subprocess.DEVNULL,
+            self._child = ChildProcess(
+                "silo.helper", [*channels, *arguments], descriptors, environment=HELPER_ENVIRONMENT
             )
         except BaseException:
             self.let_go()
@@ -58,7 +47,7 @@ class HelperProcess:
     @property
     def pid(self) -> int:
         """Its process id."""
-        return self._process.pid
+        return self._child.pid
 
     def wait_until_ready(self) -> str:
         """Return the path of its socket once clients can come. Raises ConnectionLostError with its reason."""
@@ -103,21 +92,17 @@ class HelperProcess:
     def end(self) -> int:
         """Let one that ended, or is about to, do so; kill it if it doesn't. Return its exit code."""
         self.let_go()
-        try:
-            return self._process.wait(ENDING_S)
-        except subprocess.TimeoutExpired:
-            return self.kill()
+        return self._child.end()
 
     def kill(self) -> int:
         """End it at once, if it hasn't; return its exit code."""
         self.let_go()
-        self._process.kill()
-        return self._process.wait()
+        return self._child.kill()
 
     def wait(self) -> int:
         """Wait until it ended by itself; kill it if it takes too long. Return its exit code, then 0."""
-        try:
-            return self._process.wait(READY_TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            self.kill()
-            return 0
+        code = self._child.wait_within(READY_TIMEOUT_S)
+        if code is not None:
+            return code
+        self.kill()
+        return 0

@@ -282,7 +282,7 @@ def test_while_there_is_no_helper_process_the_program_saves_by_itself(served, un
     serving = log.serve()
     log.start()
     log.collect()
-    monkeypatch.setattr("silo.logger.helper_process.sys.executable", "/bin/false")
+    monkeypatch.setattr("silo.child.sys.executable", "/bin/false")
     os.kill(serving.helper_pid, signal.SIGKILL)
     until(lambda: "no helper process:" in caplog.text)
     (file,) = log.save()

@@ -1,0 +1,103 @@
+"""A process of silo's own beside this one: how it is started, what of this one it gets, how it is ended.
+
+It is a module of silo, found where this one was, whatever stands in the present folder. It is in a session of its own:
+Ctrl-C in a terminal reaches this process alone, which ends its children in order.
+"""
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import IO
+
+ENDING_S = 2.0  # how long one may take from closing its channel to its end
+NONE, PIPE = subprocess.DEVNULL, subprocess.PIPE
+
+
+class ChildProcess:
+    """A process that was started. Of those with pipes a `with` closes these, and waits for its end."""
+
+    def __init__(
+        self,
+        module: str,
+        arguments: Sequence[str | int],
+        descriptors: Sequence[int] = (),
+        *,
+        environment: Mapping[str, str] | None = None,
+        stdin: int = NONE,
+        stdout: int | None = None,
+    ) -> None:
+        """Start `python -m module` with these arguments, these descriptors by their numbers, and this environment more.
+
+        Raises OSError.
+        """
+        # `-m` puts the present folder first: a `queue.py` of the robot's would be the child's, too
+        own = {"PYTHONPATH": _search(), "PYTHONSAFEPATH": "1"}
+        self._process: subprocess.Popen[bytes] = subprocess.Popen(
+            [sys.executable, "-m", module, *map(str, arguments)],
+            pass_fds=descriptors,
+            env=dict(os.environ, **own, **(environment or {})),
+            start_new_session=True,
+            stdin=stdin,
+            stdout=stdout,
+        )
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it lives."""
+        return self._process.poll() is None
+
+    @property
+    def stdin(self) -> IO[bytes]:
+        """What it reads, where that is a pipe."""
+        assert self._process.stdin is not None, "it was started without"
+        return self._process.stdin
+
+    @property
+    def stdout(self) -> IO[bytes]:
+        """What it says, where that is a pipe."""
+        assert self._process.stdout is not None, "it was started without"
+        return self._process.stdout
+
+    def wait(self) -> int:
+        """Wait for its end, which was asked for; return its exit code."""
+        return self._process.wait()
+
+    def wait_within(self, timeout_s: float = ENDING_S) -> int | None:
+        """Return its exit code; None where it still lives after that time."""
+        try:
+            return self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            return None
+
+    def kill(self) -> int:
+        """End it at once, if it hasn't; return its exit code."""
+        self._process.kill()
+        return self._process.wait()
+
+    def end(self, timeout_s: float = ENDING_S) -> int:
+        """Let one that is about to end do so; kill it if it doesn't. Return its exit code."""
+        code = self.wait_within(timeout_s)
+        return self.kill() if code is None else code
+
+    def __enter__(self) -> "ChildProcess":
+        return self
+
+    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                pipe.close()
+        self._process.wait()
+
+
+def _search() -> str:
+    """Where a child looks for modules: first where this silo is."""
+    home = str(Path(__file__).resolve().parents[1])
+    return os.pathsep.join(dict.fromkeys([home, *os.environ.get("PYTHONPATH", "").split(os.pathsep)])).strip(os.pathsep)
