@@ -98,8 +98,9 @@ def test_one_that_was_started_again_is_not_missed(site, capsys) -> None:
 def test_who_begins_to_follow_takes_nobody_who_is_there_for_one_that_is_gone(site) -> None:
     with SimulatedRobots(site.desk, ["rob1"]):
         with Fleet(site.desk) as fleet:
-            waited(fleet, "anymal", lambda one: one.here)
-        wait_until(lambda: remembered(site.desk))
+            # what was behind a way before is replaced once that was tried
+            wait_until(lambda: fleet.now().ready and fleet.now().members)
+        assert remembered(site.desk)
         with Fleet(site.desk) as fleet:
             number, words = -1, set()
             while not fleet.now().ready:
@@ -112,7 +113,7 @@ def test_who_begins_to_follow_takes_nobody_who_is_there_for_one_that_is_gone(sit
 @pytest.mark.slow
 def test_who_looks_anew_in_silo_tui_forgets_them(site) -> None:
     with SimulatedRobots(site.desk, ["rob1"]), Fleet(site.desk) as fleet:
-        waited(fleet, "anymal", lambda one: one.here)
+        wait_until(lambda: fleet.now().ready and fleet.now().members)
     with Fleet(site.desk) as fleet:
         waited(fleet, "anymal", lambda one: one.lost and one.unwatched)
         fleet.look_again()
