@@ -306,7 +306,9 @@ class Mirror:
         robot, options = now.robot, now.options
         control, one_operator = self.control()
         with self._lock:
+            # all within: another thread closes the reader of a run that is replaced
             reader, durable, problem = self._reader, self.durable_ticks(self.run), ""
+            size_bytes, started_ns = (reader.size_bytes, reader.schema.started_ns) if reader else (0, 0)
             try:
                 read = _read(reader, self._kept)
                 saved = reader is None or read.ticks <= self._saved_ticks(reader)
@@ -323,7 +325,7 @@ class Mirror:
             frequency_hz=options.frequency_hz,
             measured_hz=self.measured_hz if now.state is State.RUNNING else 0.0,
             ticks=read.ticks,
-            started_ns=reader.schema.started_ns if reader else 0,
+            started_ns=started_ns,
             last_tick_ns=read.last_tick_ns,
             lost=read.lost,
             elements=len(now.table.elements),
@@ -334,14 +336,14 @@ class Mirror:
             folder=robot.folder,
             script=robot.script,
             reason="; ".join(filter(None, (now.died or robot.reason, problem))),
-            segment_bytes=reader.size_bytes if reader else 0,
+            segment_bytes=size_bytes,
             saved=saved,
             held_samples=read.held.samples,
             held_s=read.held.seconds,
             durable_ticks=durable if options.storage is Storage.DISK else -1,
             recorders=self.recorders,
             derived=len(now.table.derived),
-            room_bytes=_room(self.segment, reader.size_bytes if reader else 0),
+            room_bytes=_room(self.segment, size_bytes),
             disk_free_bytes=self.disk[0],
             disk_bytes=self.disk[1],
             alarm=self.alarm[0],
