@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pytest
 
 from silo.files.manifest import CaptureEntry, CaptureFile, CaptureList
-from silo.helper.waiting_captures import MOST_WAITING, WaitingCaptures
+from silo.helper.capture_writer import MOST_WAITING, WaitingCaptures
 from silo.judging.triggers import Capture
 from silo.model import TriggerOptions
 
