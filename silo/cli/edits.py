@@ -26,7 +26,7 @@ from silo.settings.words import Settings, apply_settings, completions, help_rows
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
-    from silo.model import ElementOptions, FieldChange, Table
+    from silo.model import ElementInfo, ElementOptions, FieldChange, Table
 
 MOST_CHANGES = 100  # of 10,000 elements, nobody reads each; `--dry-run` shows all
 
@@ -72,6 +72,19 @@ def select(names: Sequence[str], patterns: Sequence[str]) -> list[int]:
             raise ElementError(f"no element matches '{pattern}'{hint}")
         chosen.update(found)
     return sorted(chosen)
+
+
+def of_entries(elements: "Sequence[ElementInfo]", patterns: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Patterns with the element in place of an entry of it (`joints/q_3`), and what is to be told of that."""
+    names = [one.name for one in elements]
+    owners = [(f"{one.name}{entry.suffix}", one.name) for one in elements for entry in one.entries if entry.suffix]
+    made, told = [], []
+    for pattern in patterns:
+        found = [] if places(names, pattern) else places([entry for entry, _ in owners], pattern)
+        owner = list(dict.fromkeys(owners[place][1] for place in found))
+        made += owner or [pattern]
+        told += [f"'{pattern}' is of '{one}', which is shown as a whole" for one in owner]
+    return made, told
 
 
 @click.command("set", help=_HELP)

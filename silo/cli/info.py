@@ -58,8 +58,11 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
         table = client.table() if patterns or all_elements or as_json else None
         elements = [*table.elements, *table.derived] if table is not None else []
     if patterns:
-        from silo.cli.edits import select
+        from silo.cli.edits import of_entries, select
 
+        patterns, told = of_entries(elements, patterns)
+        for text in told:
+            click.echo(text, err=True)
         elements = [elements[place] for place in select([e.name for e in elements], patterns)]
     if as_json:
         show_json({"status": status, "elements": elements})

@@ -18,7 +18,7 @@ from silo.cli.common import (
     split_logger,
     unknown_logger,
 )
-from silo.cli.edits import select
+from silo.cli.edits import of_entries, select
 from silo.display import printable
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.ipc.published import NOT_LIVE_TEXTS
@@ -119,6 +119,9 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
 def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | None, *, as_json: bool) -> None:
     found = client.table()
     table = [*found.elements, *found.derived]
+    patterns, told = of_entries(table, patterns)
+    for text in told:
+        click.echo(text, err=True)
     chosen = [table[place] for place in select([e.name for e in table], patterns)] if patterns else table
     blind = [e for e in chosen if e.expression and not e.options.enabled]
     silent = [e.name for e in chosen if not e.options.enabled and not e.expression]

@@ -144,6 +144,7 @@ def _read_by_index(file: Path, data: memoryview, index: Index | None) -> Recordi
         times = unpack_times(_attached(data, index, TIME_ATTACHMENT))
     except DAMAGE as error:
         raise _LostFactsError(told_damage(error)) from error
+    _check(facts, len(times))
     counts = index.counts
     if facts.version != FACTS_VERSION or any(
         counts.get(entry.channel, 0) != element.count - entry.absent
@@ -158,6 +159,14 @@ def _read_by_index(file: Path, data: memoryview, index: Index | None) -> Recordi
 def _attached(data: memoryview, index: Index, name: str) -> bytes:
     at, _ = index.attachments[name]
     return attachment(record_at(data, at, Opcode.ATTACHMENT))[2]
+
+
+def _check(facts: RecordingFacts, ticks: int) -> None:
+    """Raise `_LostFactsError` for samples without a time stamp."""
+    for one in facts.elements:
+        last = one.first + (one.count - 1) * one.divider
+        if one.count < 0 or one.divider < 1 or (one.count and not 0 <= one.first <= last < ticks):
+            raise _LostFactsError(f"'{one.name}' has samples without a time stamp")
 
 
 class _LostFactsError(ValueError):
@@ -206,6 +215,7 @@ def _read(data: memoryview) -> Recording:  # noqa: PLR0912  # a branch per recor
             elif name == TIME_ATTACHMENT:
                 times = content
             if facts is not None and times is not None and not elements:
+                _check(facts, len(times))
                 # a message takes at least an index entry
                 most = len(data) // INDEX_ENTRY.itemsize
                 elements = [Values(element, most, len(times)) for element in facts.elements]

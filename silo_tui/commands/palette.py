@@ -23,7 +23,7 @@ class CommandProvider(Provider):
     async def search(self, query: str) -> Hits:
         """Return what matches."""
         matcher = self.matcher(query)
-        for title, words, do in self._offers():
+        for title, words, do in (*self._offers(), *self._of_large_plots()):
             score = max(matcher.match(title), matcher.match(words))
             if score > 0:
                 yield Hit(score, matcher.highlight(title), do, help=words)
@@ -47,3 +47,25 @@ class CommandProvider(Provider):
             for word in typed.words if command.id not in there else typed.words[:1]:
                 words = typed.help or command.help
                 yield f":{typed.usage.lstrip(':') or word}", words, partial(screen.begin_command, word)
+
+    def _of_large_plots(self) -> Iterator[tuple[str, str, Callable[[], None]]]:
+        """Yield what there is in large plots alone, as spectra: chosen elsewhere, it leads one step there."""
+        screen = self.screen
+        if not isinstance(screen, SiloScreen):
+            return
+        keys = screen.context.settings.keys
+        here = {command.id for command in commands_for(screen.scope, keys)}
+        way = next((id_ for id_ in ("detail", "monitor", "plot") if id_ in here), "")
+        large = "file_detail" if screen.scope in FILE_SCOPES else "detail"
+        if not way or screen.scope == large:
+            return
+        for command in commands_for(large, keys):
+            if command.group != "Detail plot" or command.id in here or command.hidden:
+                continue
+            steps = f"large plot, {command.key_text}"
+            note = f"{command.label}: {command.key_text}, once one plot is large"
+            yield f"{command.label}  ({steps})", command.help, partial(self._lead, screen, way, note)
+
+    def _lead(self, screen: SiloScreen, way: str, note: str) -> None:
+        screen.action_command(way)
+        screen.context.say(note if way == "detail" else f"{note}: Enter makes it so")

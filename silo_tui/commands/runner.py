@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -275,6 +276,9 @@ class CommandRunner:
         self._context.say(f"picture of the screen: {path.absolute()}{note}")
 
 
+CONTROL_WORDS = "take, force (from whoever has it), release, give NAME; alone, who is connected"
+
+
 async def control_flow(context: Context, words: Sequence[str]) -> None:
     """Take, release or give away control, or tell who has it. RefusedError where somebody else has it."""
     session = context.session
@@ -287,8 +291,12 @@ async def control_flow(context: Context, words: Sequence[str]) -> None:
     if not words:
         await session.refresh_status()
         context.say(people_words(session.status, session.identity))
-    elif words[0] not in jobs or len(words) != (2 if words[0] == "give" else 1):
-        raise RefusedError("control: take, force (from whoever has it), release, give NAME; alone, who is connected")
+    elif words[0] not in jobs:
+        near = get_close_matches(words[0], jobs, 1)
+        hint = f"did you mean {near[0]}?" if near else CONTROL_WORDS
+        raise RefusedError(f"control: there is no {words[0]!r}; {hint}")
+    elif len(words) != (2 if words[0] == "give" else 1):
+        raise RefusedError(f"control: {CONTROL_WORDS}")
     elif context.may_write("Control"):
         context.say(await session.control(jobs[words[0]]))
 

@@ -39,6 +39,9 @@ Start one:
 or press D for the demo. q quits."""
 
 
+STARTING = "The demo is starting: a simulated legged robot, which opens here by itself."
+
+
 class LoggersScreen(FilteredScreen):
     """A list, or what to do when it would be empty."""
 
@@ -79,10 +82,12 @@ class LoggersScreen(FilteredScreen):
         self._width = 0
         self.call_after_refresh(self.draw)
 
-    def show(self, found: Sequence[FoundLogger], forbidden: Sequence[str], problem: str = "") -> None:
-        """Show what was found."""
+    def show(
+        self, found: Sequence[FoundLogger], forbidden: Sequence[str], problem: str = "", *, starting: bool = False
+    ) -> None:
+        """Show what was found; `starting`: the demo is on its way."""
         self._found = tuple(found)
-        advice = "" if found else WAITING
+        advice = STARTING if starting else "" if found else WAITING
         if len(found) > 1 and self._wanted and all(one.is_meant_by(self._wanted) for one in found):
             last = found[-1]
             one = f"{last.name}.{last.pid}" if last.pid else last.where

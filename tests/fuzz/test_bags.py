@@ -38,7 +38,7 @@ TYPES = {
     "sensor_msgs/msg/Temperature": "",
 }
 HUGE = [0, 1, 255, 2**16, 2**24, 2**26, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1]
-TARGETS = ["mcap", "json", "sqlite", "folder"]
+TARGETS = ["mcap", "json", "sqlite", "folder", "pages"]
 
 
 def packed(code, *values):
@@ -158,7 +158,7 @@ def write_mcap(path, target, rng):
 
 
 def write_rosbag(path, target, rng):
-    plugin = StoragePlugin.SQLITE3 if target == "sqlite" else StoragePlugin.MCAP
+    plugin = StoragePlugin.SQLITE3 if target in ("sqlite", "pages") else StoragePlugin.MCAP
     writer = Writer(path, version=8, storage_plugin=plugin)
     if rng.random() < 0.3:
         writer.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
@@ -204,6 +204,35 @@ def announced(data, rng):
     return data[:place] + chunk * rng.choice([1, 1, 30]) + data[end:]
 
 
+def other_pages(data, rng):
+    """A database of SQLite with pages, cells or a head that say something else of themselves."""
+    size = int.from_bytes(data[16:18], "big") or 4096
+    made = bytearray(data)
+    for _ in range(rng.choice([1, 1, 2, 5])):
+        page = rng.randrange(max(1, len(data) // size))
+        head = page * size + (100 if page == 0 else 0)
+        cells = int.from_bytes(made[head + 3 : head + 5], "big")
+        cell = head + 8 + 2 * rng.randrange(max(1, min(cells, size // 4)))
+        how = rng.randrange(7)
+        if how == 0:  # of the file: page size, versions, free pages, schema, encoding
+            place, width = rng.choice([(16, 2), (18, 1), (20, 1), (28, 4), (32, 4), (44, 4), (56, 4), (96, 4)])
+        elif how == 1:  # of a page: kind, free block, cells, where they begin, fragments, right child
+            place, width = rng.choice([(0, 1), (1, 2), (3, 2), (5, 2), (7, 1), (8, 4)])
+            place += head
+        elif how == 2:  # where a cell is
+            place, width = cell, 2
+        elif how < 6:  # in a cell: its size, its number, the sizes of its columns
+            begin = page * size + int.from_bytes(made[cell : cell + 2], "big")
+            place, width = begin + rng.randrange(24), rng.choice([1, 1, 2, 9])
+        else:
+            other = rng.randrange(max(1, len(data) // size))
+            made[page * size : (page + 1) * size] = data[other * size : (other + 1) * size]
+            continue
+        value = rng.choice([b"\0" * 9, b"\xff" * 9, b"\x80" * 8 + b"\1", b"\x7f" * 9, rng.randbytes(9)])
+        made[place : place + width] = value[:width]
+    return bytes(made[: len(data)])
+
+
 def flipped(data, rng):
     for _ in range(rng.choice([1, 1, 3, 20])):
         place = rng.randrange(len(data))
@@ -222,12 +251,16 @@ def flipped(data, rng):
 def make(target, number):
     """The bag of this number, in the working folder."""
     rng = random.Random(f"bags {SEED} {target} {number}")
-    path = Path("bag" if target in ("sqlite", "folder") else "bag.mcap")
+    path = Path("bag" if target in ("sqlite", "folder", "pages") else "bag.mcap")
     if path.is_dir():
         shutil.rmtree(path)
     (write_mcap if path.suffix else write_rosbag)(path, target, rng)
     hurt_file = path if path.suffix else rng.choice(sorted(path.iterdir())[-1:] + sorted(path.iterdir()))
     data = hurt_file.read_bytes()
+    if target == "pages":
+        hurt_file = next(path.glob("*.db3"))
+        hurt_file.write_bytes(other_pages(hurt_file.read_bytes(), rng))
+        return path
     how = rng.randrange(6)
     if how == 0 and data[:5] == b"\x89MCAP":
         hurt_file.write_bytes(announced(data, rng))

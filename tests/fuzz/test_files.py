@@ -11,16 +11,25 @@ import re
 import resource
 import shutil
 import warnings
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
+import zstandard
+from mcap.opcode import Opcode
 
+import silo.files.bag
 from silo.analysis.opening import open_log
 from silo.errors import SiloError
+from silo.files.bag_facts import FACTS_ATTACHMENT, RecordingFacts, unpack_facts
+from silo.files.bag_index import read_index, record_at
 from silo.files.formats import FORMATS, writer_for
+from silo.files.part_scan import attachment
 from silo.kinds import struct_text
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
@@ -54,8 +63,19 @@ WORDS = [
     b"<M8[D]",
     b"O",
 ]
-TARGETS = ["silo", "csv", "mcap", "sidecar", "rows", "checked", "bag"]
-ENDINGS = {"sidecar": "csv", "rows": "csv", "checked": "silo"}
+TARGETS = ["silo", "csv", "mcap", "sidecar", "rows", "checked", "bag", "dashes", "dashes beside", "attached", "told"]
+ENDINGS = {
+    "sidecar": "csv", "rows": "csv", "checked": "silo", "dashes": "silo", "dashes beside": "csv", "attached": "mcap",
+    "told": "mcap",
+}  # fmt: skip
+SIZES = [0, 1, 7, 255, 2**16, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1]
+WILD = [
+    "{}", "null", "5", "-1", "[]", '""', '"<i8"', "true", "1e400", "99999999999999999999", '{"0":1}', '{"-1":3}',
+    '{"0":-5}', '{"999999999999":1}', '{"0":1000000000000}', '{"0":99999999999999999999}', '{"x":1}', '{"0":"a"}',
+    '{"0":null}', '{"dtype":"<i8"}', '{"dtype":"<i8","fill":3}', '{"dtype":"|V9","fill":0}', '{"dtype":"O"}',
+    '{"dtype":"<u1","fill":-1}', '{"dtype":"<i1","fill":99999999999999999999}', '{"fill":1}',
+    '{"dtype":"(9999999,)i8"}',
+]  # fmt: skip
 WAYS = 10  # in which a log is damaged before the next one is written, which takes longer than to read it
 
 
@@ -121,6 +141,51 @@ def damaged(data: bytes, rng: random.Random) -> bytes:
     return data
 
 
+def with_told(recording: Recording) -> Recording:
+    """The recording with texts that end in dashes and whole numbers that are missing: the file says which."""
+    (first, *_) = recording.elements
+    count = first.count
+    texts = np.array([b"phase-", b"--", b"plain", b""] * count)[:count]
+    numbers = np.ma.masked_array(np.arange(count) + 2**60, np.arange(count) % 3 == 0)
+    made = [
+        RecordedEntry(f"/log/{name}", Entry("", values.dtype.str), values)
+        for name, values in (("texts", texts), ("numbers", numbers), ("small", numbers - 2**60))
+    ]
+    more = [replace(first, name=one.name, kind="scalar", shape=(), entries=(one,), dtype="") for one in made]
+    return replace(recording, elements=[*recording.elements, *more])
+
+
+def changed_facts(data: bytes, rng: random.Random) -> bytes:
+    """JSON of facts with another value of one key, mostly of those that say what values are."""
+    keys = [b"dashes", b"missing", b"fill", b"absent", b"count", b"first", b"divider", b"shape", b"channel", b"offset"]
+    key = rng.choice([*keys[:4] * 3, *keys])
+    found = list(re.finditer(rb'"' + key + rb'":\s*(\{[^{}]*\}|\[[^\[\]]*\]|[^,{}\[\]\s]+)', data))
+    if not found:
+        return data
+    one = rng.choice(found)
+    return data[: one.start(1)] + rng.choice(WILD).encode() + data[one.end(1) :]
+
+
+def changed_attachment(data: bytes, rng: random.Random) -> bytes:
+    """An MCAP file one of whose attachments, or what its summary says of one, announces something else."""
+    at, places = 8, []
+    while at + 9 <= len(data) - 8:
+        if data[at] in (9, 10):
+            places.append(at)
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    at = rng.choice(places)
+    size = int.from_bytes(data[at + 1 : at + 9], "little")
+    field = rng.choice([at + 1, at + 9, at + 17, at + 25, at + 9 + rng.randrange(max(1, size)), at + 9 + size - 12])
+    width = rng.choice([4, 8])
+    data = data[:field] + (rng.choice(SIZES) % 2 ** (8 * width)).to_bytes(width, "little") + data[field + width :]
+    if data[at] == 9 and rng.random() < 0.5 and at + 9 + size <= len(data):
+        check = zlib.crc32(data[at + 9 : at + 5 + size])
+        data = data[: at + 5 + size] + check.to_bytes(4, "little") + data[at + 9 + size :]
+    if rng.random() < 0.8:  # no checksum of the summary
+        data = data[:-12] + bytes(4) + data[-8:]
+    return data if rng.random() < 0.8 else data[: rng.randrange(at, len(data))]
+
+
 def with_right_checksum(data: bytes) -> bytes:
     """A `.silo` file that is wrong, with a header whose checksum is right: for readers that trust it."""
     from silo.files import silo_format as form
@@ -148,7 +213,10 @@ def little_room() -> Iterator[None]:
 @functools.lru_cache(maxsize=1)
 def whole(target: str, number: int) -> tuple[Path, dict[Path, bytes]]:
     """The log of this number, and its files, in the working folder: a `.silo` file holds its path, so it is short."""
-    recording = a_recording(random.Random(f"{target} {number}"))
+    rng = random.Random(f"{target} {number}")
+    recording = a_recording(rng)
+    if target in ("dashes", "dashes beside", "attached", "told"):
+        recording = with_told(recording)
     path = Path("bag" if target == "bag" else f"x.{ENDINGS.get(target, target)}")
     if path.is_dir():
         shutil.rmtree(path)
@@ -174,12 +242,33 @@ def make(target: str, number: int) -> Path:
     if target == "bag":
         damage_bag(sorted(files), rng)
         return path
+    if target == "told":
+        with pytest.MonkeyPatch.context() as patch:
+            packed = changed_facts(msgspec.json.encode(facts_of(path)), rng)
+            patch.setattr(silo.files.bag, "pack_facts", lambda _: zstandard.compress(packed))
+            path.unlink()
+            writer_for(path)(with_told(a_recording(random.Random(f"{target} {number // WAYS}"))), path, None)
+        return path
+    if target in ("dashes", "dashes beside", "attached"):
+        hurt = Path("x.csv.json") if target == "dashes beside" else path
+        data = (changed_attachment if target == "attached" else changed_facts)(files[hurt], rng)
+        hurt.write_bytes(with_right_checksum(data) if target == "dashes" else data)
+        return path
     hurt = Path("x.csv.json") if target == "sidecar" else path
     data = damaged(files[hurt], rng)
     hurt.write_bytes(with_right_checksum(data) if target == "checked" else data)
     if target in ("csv", "rows") and number % 2:
         Path("x.csv.json").unlink()
     return path
+
+
+def facts_of(path: Path) -> RecordingFacts:
+    """What a bag of ours says of itself."""
+    data = memoryview(path.read_bytes())
+    index = read_index(data)
+    assert index is not None
+    at, _ = index.attachments[FACTS_ATTACHMENT]
+    return unpack_facts(attachment(record_at(data, at, Opcode.ATTACHMENT))[2])
 
 
 def damage_bag(files: list[Path], rng: random.Random) -> None:

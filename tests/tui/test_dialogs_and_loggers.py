@@ -225,6 +225,24 @@ async def test_the_palette_finds_a_command_by_what_it_does(fake, opened):
         await screen.shows("Undo")
 
 
+async def test_the_palette_finds_a_spectrum_from_the_table_and_from_the_plots_and_leads_there(fake, opened):
+    async with opened(fake, size=(120, 40)) as screen:
+        await screen.press("ctrl+p")
+        await screen.type("spectrum")
+        await screen.shows("(large plot, Tab v)")
+        await screen.press("enter")
+        await screen.shows("Enter makes it so")
+        await screen.press("ctrl+p")
+        await screen.type("spectrum")
+        await screen.shows("(large plot, Tab v)")
+        await screen.press("enter")
+        await screen.shows("once one plot is large")
+        await screen.press("ctrl+p")
+        await screen.type("spectrum")
+        await screen.shows("over time, x-y, spectrum, histogram")
+        assert "large plot," not in screen.text
+
+
 async def test_the_palette_finds_what_can_only_be_typed_and_goes_on_in_the_command_line(fake, opened):
     async with opened(fake, size=(100, 40)) as screen:
         await screen.press("ctrl+p")
@@ -438,3 +456,31 @@ async def test_every_choice_is_on_the_screen_however_few_words_stand_above(fake,
         await screen.press("pagedown")
         for choice in choices:
             assert choice in screen.text
+
+
+class SlowDemo:
+    """A demo whose logger isn't there yet; `said` is why it ended."""
+
+    said, farewell = "", ""
+
+    def start(self):
+        pass
+
+    def stop(self):
+        pass
+
+    def owns(self, pid):
+        return False
+
+    def ended(self):
+        return self.said
+
+
+async def test_while_the_demo_starts_nobody_is_told_that_no_logger_runs(opened):
+    demo = SlowDemo()
+    async with opened(demo=demo, ready=False) as screen:
+        await screen.shows("The demo is starting")
+        assert "No logger is running" not in screen.text
+        demo.said = "The demo ended with exit code 1:\nno room"
+        await screen.shows("The demo ended with exit code 1")
+        await screen.shows("No logger is running")

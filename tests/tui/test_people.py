@@ -1,5 +1,7 @@
 """Who did what, who is connected, who has control: as the screens tell it."""
 
+import pytest
+
 from silo.model import Present
 from silo_tui.model.people import head_words, people_words
 
@@ -63,3 +65,19 @@ def test_words_of_who_is_there(fake):
     fake.clients = [Present("anna (proven) from desk2, silo-tui 2", 1, "anna"), Present("bob@desk3 silo 3", 2)]
     assert people_words(fake.status(), "anna") == "nobody has control; connected: anna (proven), bob@desk3 looks"
     assert head_words(fake.status(), "anna") == ("", "+1 other")
+
+
+@pytest.mark.parametrize(
+    ("typed", "told"),
+    [
+        ("tkae", "control: there is no 'tkae'; did you mean take?"),
+        ("relase", "control: there is no 'relase'; did you mean release?"),
+        ("xyz", "control: there is no 'xyz'; take, force"),
+        ("give", "control: take, force"),
+    ],
+)
+async def test_a_word_of_control_that_is_mistyped_is_told_with_the_one_that_is_near(fake, opened, typed, told):
+    async with opened(fake, size=(160, 50)) as screen:
+        await screen.type(f":control {typed}")
+        await screen.press("enter")
+        await screen.shows(told)
