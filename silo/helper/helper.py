@@ -381,8 +381,10 @@ class Helper:
             self._held.let_go(held_alone=message.held_alone)
         if not message.held_alone:
             if self._marks is not None:
-                self._marks.let_go()
+                self._marks.take()
             mirror.let_go()
+            if self._marks is not None:
+                self._marks.take_run()
 
     def _record(self, number: int, request: StartRecorder | StopRecorder) -> None:
         recording = self._recording

@@ -17,6 +17,7 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
+from silo.helper.run_follower import RunFollower
 from silo.ipc.published import EventKind
 from silo.model import Storage
 
@@ -33,9 +34,9 @@ class Journaling:
         self._mirror, self._events = mirror, events
         self._ended = threading.Event()
         self._writer: JournalWriter | None = None
-        self._reader: SegmentReader | None = None
+        self._run = RunFollower(mirror)
         self._told = ""
-        self._thread = threading.Thread(target=self._run, name="journal")
+        self._thread = threading.Thread(target=self._watch, name="journal")
 
     def start(self) -> None:
         """Start the thread."""
@@ -49,7 +50,7 @@ class Journaling:
         self._ended.set()
         self._thread.join()
 
-    def _run(self) -> None:
+    def _watch(self) -> None:
         wait_s = PERIOD_S
         while not self._ended.wait(wait_s):
             wait_s = self._guarded_step()
@@ -71,18 +72,18 @@ class Journaling:
         return RETRY_S
 
     def _step(self) -> None:
-        if self._reader is None or self._reader.schema.run != self._mirror.run:
+        if self._run.look():
             self._close()
-            self._reader = self._mirror.open_reader()
-            if self._reader is None:
-                return
-        run = self._reader.schema.run
+        reader = self._run.reader
+        if reader is None:
+            return
+        run = reader.schema.run
         if self._writer is None:
-            self._writer = self._begin(self._reader)
-        ticks = self._writer.append(self._reader)
+            self._writer = self._begin(reader)
+        ticks = self._writer.append(reader)
         if ticks and not self._mirror.durable_ticks(run):
             # from its first commit on this journal holds all that the one of an earlier helper process held
-            remove_journals(self._reader.schema, but=self._writer.path)
+            remove_journals(reader.schema, but=self._writer.path)
         self._mirror.durable = run, ticks
         if self._told:
             self._told = ""
@@ -125,9 +126,6 @@ class Journaling:
         if self._writer is not None:
             self._writer.close()
             self._writer = None
-        if self._reader is not None:
-            self._reader.close()
-            self._reader = None
 
 
 def _remove_earlier_runs(schema: SegmentSchema) -> None:

@@ -10,6 +10,7 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
+from silo.helper.run_follower import RunFollower
 from silo.ipc.published import EventKind
 from silo.recording import unheld_text
 
@@ -25,7 +26,7 @@ class Marks:
     def __init__(self, mirror: Mirror, events: Events) -> None:
         self._mirror, self._events = mirror, events
         self._lock = threading.Lock()
-        self._reader: SegmentReader | None = None
+        self._run = RunFollower(mirror)
         self._known: set[tuple[int, int, str]] = set()  # marks that a helper process before this one took
         self._taken = 0
         self._unheld: set[str] = set()  # elements that were told of
@@ -47,16 +48,15 @@ class Marks:
     def take_run(self) -> None:
         """Take what is left of the run before, whose memory is still mapped here, and follow the mirror's run."""
         self.take()
-        try:
-            reader = self._mirror.open_reader()
-        except SegmentError:
-            log.exception("the marks of a run can't be read")
-            reader = None
         with self._lock:
-            if reader is None or self._reader is None or reader.schema.run != self._reader.schema.run:
+            before = self._run.run
+            try:
+                self._run.look()
+            except SegmentError:
+                log.exception("the marks of a run can't be read")
+            if self._run.run != before:
                 self._taken, self._unheld = 0, set()
-                self._known = self._events.log.marks_of(reader.schema.run) if reader is not None else set()
-            self._reader = reader
+                self._known = self._events.log.marks_of(self._run.run) if self._run.run else set()
 
     def take_left(self, reader: SegmentReader) -> None:
         """Take those of a run that ended while there was no helper process."""
@@ -65,18 +65,9 @@ class Marks:
             if (mark.time_ns, mark.tick, mark.text) not in known:
                 self._events.publish_mark(mark)
 
-    def let_go(self) -> None:
-        """Take what is left of the run and free its memory."""
-        self.take()
-        with self._lock:
-            self._reader = None
-
     def _watch(self) -> None:
         while not self._ended.wait(PERIOD_S):
-            reader = self._reader
-            if self._mirror.run != (reader.schema.run if reader is not None else ""):
-                self.take_run()  # one that was not handed over
-            self.take()
+            self.take_run()  # maybe one that was not handed over
 
     def take(self) -> None:
         """Take what there is now."""
@@ -85,13 +76,14 @@ class Marks:
 
     def _take_unheld(self) -> None:
         with self._lock:
-            if self._reader is None:
+            reader = self._run.reader
+            if reader is None:
                 return
             try:
-                found = self._reader.unheld()
+                found = reader.unheld()
             except SegmentError:  # somebody cut it short, which others tell
                 return
-            run, fresh = self._reader.schema.run, sorted(found.keys() - self._unheld)
+            run, fresh = reader.schema.run, sorted(found.keys() - self._unheld)
             self._unheld |= found.keys()
             if not fresh:
                 return
@@ -106,10 +98,11 @@ class Marks:
 
     def _take_marks(self) -> None:
         with self._lock:
-            if self._reader is None:
+            reader = self._run.reader
+            if reader is None:
                 return
             try:
-                marks = self._reader.stamped_marks(self._taken)
+                marks = reader.stamped_marks(self._taken)
             except SegmentError:  # somebody cut it short, which others tell
                 return
             if not marks:
@@ -119,6 +112,6 @@ class Marks:
             fresh = [mark for mark in marks if (mark.time_ns, mark.tick, mark.text) not in self._known]
         if lost > 0 and not self._known:
             text = f"{lost} marks of the program were overwritten before they could be read: it marks too often"
-            self._events.publish(EventKind.LOST, text)
+            self._events.publish(EventKind.LOST, text, run=reader.schema.run)
         for mark in fresh:
             self._events.publish_mark(mark)

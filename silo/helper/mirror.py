@@ -26,7 +26,7 @@ from silo.ipc.messages import TableReply
 from silo.judging.derived import derived_infos
 from silo.link.handover import RunOffer
 from silo.link.messages import RobotState
-from silo.model import Control, Derived, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
+from silo.model import Control, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
 from silo.runtime import disk_room, runtime_dir, user_name
 
 MOST_CLIENTS = 20
@@ -214,11 +214,6 @@ class Mirror:
             return self._reader
         finally:
             os.close(descriptor)
-
-    @property
-    def watched(self) -> tuple[str, tuple[Derived, ...]]:
-        """What a watcher shows: while it is the same, there is no need to open another one."""
-        return self.segment, self.now.robot.extras.derived
 
     def open_watcher(self) -> SegmentReader | None:
         """The same with the present derived signals, computed while rows are read: what clients see of a run."""

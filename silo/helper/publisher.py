@@ -18,6 +18,7 @@ from silo.helper.events import Events
 from silo.helper.feeds import Round
 from silo.helper.mirror import Mirror
 from silo.helper.pins import Pins
+from silo.helper.run_follower import RunFollower
 from silo.helper.streams import Streams
 from silo.helper.summary import DiskWatch, SummaryFeed
 from silo.helper.topics import Topics
@@ -31,7 +32,6 @@ IDLE_S = 0.1
 TOPIC_PERIOD_S = 0.05
 HZ_WINDOW_S = 2.0
 LOST_PERIOD_S = 2.0
-RELEASE_PERIOD_S = 2.0  # a segment of 16 MB that is followed made the process 14 MB larger within 10 s
 MAX_CLIENTS = 1_000
 
 log = logging.getLogger("silo.helper")
@@ -59,16 +59,13 @@ class Publisher:
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._ending = False
-        self._reader: SegmentReader | None = None
-        self._reader_path = ""
-        self._watcher: SegmentReader | None = None  # the same run with derived signals
-        self._watched: object = None
+        self._present = RunFollower(mirror)
+        self._derived = RunFollower(mirror, derived=True)  # the same run, where anything is derived
         self._told = ""
         self._ticks: deque[tuple[float, int]] = deque()
         self._idle_s = 0.0  # since the last tick
         self._lost_seen, self._lost_due_s = 0, 0.0
         self._topics_due_s = 0.0
-        self._release_due_s = 0.0
         self._thread = threading.Thread(target=self._run, name="publisher")
 
     def start(self) -> None:
@@ -121,36 +118,33 @@ class Publisher:
                 if str(error) != self._told:
                     self._told = str(error)
                     log.warning("publishing failed, trying again: %s", error)
-                self._reader_path = ""
-                due_s = began_s + 1.0
+                due_s = self._begin_anew(began_s)
             except zenoh.ZError:
                 log.exception("publishing failed, trying again")  # the session closes: the next round sees why
-                self._reader_path = ""
-                due_s = began_s + 1.0
+                due_s = self._begin_anew(began_s)
             except Exception:
                 # whatever it is, the views and topics of all others go on
                 log.exception("publishing failed for a reason that silo doesn't know, trying again")
-                self._reader_path = ""
-                due_s = began_s + 1.0
+                due_s = self._begin_anew(began_s)
             busy_s = time.monotonic() - began_s
             self._wake.wait(max(due_s - time.monotonic(), busy_s, 0.001))
             self._wake.clear()
         self.views.stop()
         self.streams.stop()
 
+    def _begin_anew(self, now_s: float) -> float:
+        """Open the run anew in the next round; return when that is."""
+        self._present.forget()
+        self._derived.forget()
+        return now_s + 1.0
+
     def _round(self, now_s: float) -> float:
         """Do what is due and say when to come again."""
         self.pins.expire()
-        self._follow_segment()
-        self._follow_derived()
+        self._follow_run()
         self._follow_clients()
         self._measure(now_s)
         self.summary.send(now_s)
-        if now_s >= self._release_due_s and self._reader is not None:
-            self._release_due_s = now_s + RELEASE_PERIOD_S
-            self._reader.release_pages()
-            if self._watcher is not None:
-                self._watcher.release_pages()
         due_s = now_s + IDLE_S
         if self._topics.wanted():
             if now_s >= self._topics_due_s:
@@ -163,26 +157,21 @@ class Publisher:
         this = Round(self._mirror.now, self._watcher, now_s, self._mirror.measured_hz, self._idle_s)
         return min(self.streams.send(this, due_s), self.views.send(this, due_s))
 
-    def _follow_segment(self) -> None:
-        path = self._mirror.segment
-        if path == self._reader_path:
-            return
-        if self._reader is not None:
-            self._reader.close()
-        self._reader = self._mirror.open_reader()
-        # a segment that can't be opened was replaced already; what the robot pushes next names the new one
-        self._reader_path = path if self._reader is not None else ""
-        self._topics.adopt(self._reader)
-        self._ticks.clear()
-        self._lost_seen = lost_samples(self._reader) if self._reader else 0
+    def _follow_run(self) -> None:
+        if self._present.look():
+            reader = self._present.reader
+            self._topics.adopt(reader)
+            self._ticks.clear()
+            self._lost_seen = lost_samples(reader) if reader is not None else 0
+        if self._mirror.now.table.derived:
+            self._derived.look()
+        else:
+            self._derived.forget()
 
-    def _follow_derived(self) -> None:
-        watched = (self._reader, self._mirror.watched)
-        if watched == self._watched:
-            return
-        derived = self._reader is not None and self._mirror.now.table.derived
-        # who still reads the one before keeps what is mapped
-        self._watcher, self._watched = (self._mirror.open_watcher() if derived else self._reader), watched
+    @property
+    def _watcher(self) -> SegmentReader | None:
+        """What views and streams read: without derived signals there is one reader of all."""
+        return self._derived.reader or self._present.reader
 
     def _follow_clients(self) -> None:
         before = set(self._clients)
@@ -201,7 +190,7 @@ class Publisher:
             self._name_clients()
 
     def _measure(self, now_s: float) -> None:
-        reader = self._reader
+        reader = self._present.reader
         if reader is None or self._mirror.now.state is not State.RUNNING:
             self._ticks.clear()
             self._mirror.measured_hz = 0.0

@@ -23,6 +23,7 @@ from silo.columns import Floats
 from silo.errors import SegmentError
 from silo.helper.mirror import Mirror
 from silo.helper.newest import NewestValues
+from silo.helper.run_follower import RunFollower
 from silo.ipc.messages import GetSurvey, Survey
 from silo.ipc.surveys import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.model import BufferType, State
@@ -376,7 +377,7 @@ class Surveyor:
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._tally: Tally | None = None
-        self._watched: object = None
+        self._run = RunFollower(mirror, derived=True)
         self._askers: Leases[str, _Asker] = Leases(MAX_CLIENTS)
         self._thread: threading.Thread | None = None
         self._stopped = False
@@ -446,17 +447,18 @@ class Surveyor:
                 try:
                     self._round(time.monotonic())
                 except SegmentError:
-                    self._tally, self._watched = None, None  # it was replaced; the next round opens the new one
+                    self._let_go()  # it was replaced; the next round opens the new one
                 except Exception as error:
                     log.exception("the statistics failed; they begin anew")
-                    self._tally, self._watched = None, None
+                    self._let_go()
                     for one in self._askers.all():
                         one.value.failed = (
                             f"the statistics failed and begin anew: {type(error).__name__}: {error}; the helper "
                             "process has logged where; values and plots go on"
                         )
                 if not self._askers.all():
-                    self._thread, self._tally, self._watched = None, None, None
+                    self._thread = None
+                    self._let_go()
                     return
 
     def _round(self, now_s: float) -> None:
@@ -467,12 +469,13 @@ class Surveyor:
 
     def _follow_run(self) -> None:
         """Go over to a new run; its statistics are its own. With other derived signals all of them begin anew."""
-        watched = self._mirror.watched
-        if watched == self._watched and self._tally is not None:
+        if not self._run.look() and self._tally is not None:
             return
-        reader = self._mirror.open_watcher()
-        self._tally = Tally(reader) if reader is not None else None
-        self._watched = watched if reader is not None else None
+        self._tally = Tally(self._run.reader) if self._run.reader is not None else None
         if self._tally is not None:
             for one in self._askers.all():
                 one.value.sums = self._tally.sums()
+
+    def _let_go(self) -> None:
+        self._tally = None
+        self._run.forget()
