@@ -20,8 +20,7 @@ from pathlib import Path
 
 import zenoh
 
-from silo.collecting.segment_reader import SegmentReader
-from silo.errors import ConnectionLostError, SegmentError, SiloError
+from silo.errors import ConnectionLostError, SiloError
 from silo.helper.answers.answering import Answers
 from silo.helper.control import Control
 from silo.helper.crash import after_crash
@@ -29,7 +28,7 @@ from silo.helper.denials import Denials
 from silo.helper.door import Door
 from silo.helper.event_log import EventLog
 from silo.helper.events import Events, plain
-from silo.helper.held_runs import HeldRuns, tell_left
+from silo.helper.held_runs import HeldRuns
 from silo.helper.journaling import Journaling
 from silo.helper.judge import Judge
 from silo.helper.marks import Marks
@@ -39,6 +38,7 @@ from silo.helper.predecessor import PredecessorRecovery
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.robot import Robot, ending
+from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
 from silo.ipc.configuration import robot_named
 from silo.ipc.folders import group_folder, share_socket
@@ -52,7 +52,6 @@ from silo.ipc.messages import (
 )
 from silo.ipc.published import EventKind
 from silo.ipc.session import close, dead_mark, forget, open_server
-from silo.link.handover import RunOffer
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
 from silo.model import Derived, Extras, FileType, State
 from silo.rpc.clocks import clock_s
@@ -103,13 +102,7 @@ class Helper:
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._term_s = 0.0  # when SIGTERM came
         self._gave_up = False  # SIGTERM came, and the robot program goes on
-        self._deleted = ""  # the run whose files somebody deleted
         self._exit_code = 0
-        self._judge: Judge | None = None
-        self._recording: Recording | None = None
-        self._held: HeldRuns | None = None
-        self._marks: Marks | None = None
-        self._operators: Operators | None = None
         self._denials = Denials()
 
     def run(self) -> int:
@@ -153,7 +146,7 @@ class Helper:
 
     def _people(self, path: Path, mirror: Mirror, events: Events) -> tuple[Door, Operators]:
         one, door = self._serving.control == "one", self._door(path)
-        operators = self._operators = Operators(events, mirror, self._name, one=one, closed=lambda: door.closed)
+        operators = Operators(events, mirror, self._name, one=one, closed=lambda: door.closed)
         mirror.control = lambda: (operators.control, operators.one)
         mirror.denied = lambda: self._denials.count
         self._denials.tell = lambda text, who: events.publish(EventKind.DENIED, text, by=who)
@@ -161,17 +154,18 @@ class Helper:
 
     def _serve(self, session: zenoh.Session, path: Path, first: RobotState) -> None:
         mirror = Mirror(first, self._root.host)
-        held = self._held = HeldRuns(mirror, self._poke)
-        self._take_runs(mirror)
+        held = HeldRuns(mirror, self._poke)
+        early = list(taken_over(self._robot, mirror, held))
         held.take()  # one that was not handed over
         events = Events(session, self._root, mirror, EventLog(first.folder, first.logger))
-        marks = self._marks = Marks(mirror, events)
+        marks = Marks(mirror, events)
         publisher = Publisher(session, self._root, mirror, events)
         saver = Saver(mirror, events, self._robot)
         journaling = Journaling(mirror, events)
-        judge = self._judge = Judge(mirror, events)
-        recording = self._recording = Recording(mirror, events, held)
-        self._begin_with(held, mirror, events, judge, recording)
+        judge = Judge(mirror, events)
+        recording = Recording(mirror, events, held)
+        runs = Runs(self._robot, mirror, held, events, marks, judge, recording, early)
+        runs.begin()
         people = self._people(path, mirror, events)
         answers = Answers(mirror, events, publisher, saver, self._robot, judge, recording, people[1])
         control = Control(session, self._root, answers, *people, publisher.name_client, self._denials)
@@ -182,9 +176,8 @@ class Helper:
         self._robot.send(LinkReply(READY, Done(str(path))))
         predecessors.start()
         with contextlib.ExitStack() as at_end:  # the last one first
-            for stop in (events.log.stop, marks.stop):
+            for stop in (events.log.stop, marks.stop, publisher.stop):
                 at_end.callback(stop)
-            at_end.callback(publisher.stop)
             at_end.callback(held.release, at_end=True)
             for wait in (saver.stop, predecessors.stop, recording.wait):
                 at_end.callback(wait, SAVE_GRACE_S)
@@ -193,8 +186,8 @@ class Helper:
             at_end.callback(judge.stop, "the helper process ended", within_s=CAPTURES_GRACE_S)
             at_end.callback(self._robot.lost)
             at_end.callback(token.undeclare)
-            ended = self._follow_robot(mirror, events, saver, path)
-            self._look_at_held(events, at_end=True)  # the program may have gone on while this process started
+            ended = self._follow_robot(runs, events, saver, people[1], path)
+            runs.look(at_end=True)  # the program may have gone on while this process started
             if ended is _Ended.DIED:
                 _tell_death(path, publisher)
             marks.stop()  # recordings have them, too
@@ -219,10 +212,10 @@ class Helper:
 
     # ------------------------------------------------------------------------------------------- while it lives
 
-    def _follow_robot(self, mirror: Mirror, events: Events, saver: Saver, path: Path) -> "_Ended":
+    def _follow_robot(self, runs: Runs, events: Events, saver: Saver, operators: Operators, path: Path) -> "_Ended":
         """Take in what the robot process pushes, until one of its ends."""
-        link, runs = self._robot.socket.fileno(), self._robot.runs.fileno()
-        waited = [link, runs, self._wake]
+        link, handed_over = self._robot.socket.fileno(), self._robot.runs.fileno()
+        waited = [link, handed_over, self._wake]
         while True:
             timeout_s = WATCH_PERIOD_S
             if self._term_s:
@@ -231,20 +224,19 @@ class Helper:
             if self._wake in readable:
                 os.eventfd_read(self._wake)
             if self._wake in readable or not readable:
-                self._look_at_held(events)
-            if self._operators is not None:
-                self._operators.watch()
+                runs.look()
+            operators.watch()
             self._denials.watch()
             if not readable and self._term_s and time.monotonic() >= self._term_s + TERM_GRACE_S:
                 log.warning("ended by SIGTERM; the robot program goes on")
                 self._gave_up = True
                 return _Ended.GOODBYE
             # a run first: what comes after it on the link may be about it, and it outlives the robot process
-            if not self._take_runs(mirror) and runs in readable:
+            if not runs.take() and handed_over in readable:
                 waited = [link, self._wake]  # that channel is closed
-            if not readable and mirror.files_deleted() and _ready(waited):
+            if not readable and runs.mirror.files_deleted() and _ready(waited):
                 continue  # the robot process says first what it deletes itself
-            if not readable and self._files_deleted(mirror, events, saver, path):
+            if not readable and _files_deleted(runs, events, saver, path):
                 return _Ended.FILES_DELETED
             if link not in readable:
                 continue
@@ -254,99 +246,30 @@ class Helper:
                 log.exception("the link to the robot program is broken")
                 return _Ended.DIED
             if message is None or isinstance(message, Goodbye):
-                self._take_runs(mirror)
+                runs.take()
                 return _Ended.DIED if message is None else _Ended.GOODBYE
-            self._handle(message, mirror, events, saver)
-
-    def _take_runs(self, mirror: Mirror) -> bool:
-        """Take over all runs that were handed over; False if there was none."""
-        taken = self._robot.taken_runs()
-        for offer, descriptor in taken:
-            _take_run(mirror, offer, descriptor)
-            if self._held is not None:
-                self._held.take()
-            if self._marks is not None:
-                self._marks.take_run()
-            if self._judge is not None:
-                self._judge.take_run()
-            if self._recording is not None:
-                self._recording.follow_present()
-            self._deleted = "" if offer.named else offer.run
-        return bool(taken)
-
-    def _look_at_held(self, events: Events, *, at_end: bool = False) -> None:
-        """Let go of runs that nobody needs any more, and take in those that came by no message."""
-        if self._held is not None:
-            self._take_left(self._held.find(), events)
-            self._held.tell_starts(events, at_end=at_end)
-            self._held.release()
-
-    def _take_left(self, left: list[SegmentReader], events: Events) -> None:
-        """Have runs read that ended while there was no helper process."""
-        for reader in left:
-            if self._judge is not None:
-                self._judge.take_left(reader)  # first: what was told to have begun is judged by a successor, too
-            tell_left(reader, events)
-            if self._marks is not None:
-                self._marks.take_left(reader)
-            if self._recording is not None:
-                self._recording.follow_present()
-
-    def _begin_with(self, held: HeldRuns, mirror: Mirror, events: Events, judge: Judge, recording: Recording) -> None:
-        """Take in what went on while there was no helper process: runs that are over, and the present one.
-
-        Runs that are over may have come by the link, too: their program went on while this process started.
-        """
-        held.add(recording.needs)
-        held.add(judge.needs)
-        held.find()
-        for run in held.ids():
-            with contextlib.suppress(SegmentError):
-                reader = held.open(run)
-                if reader is None:
-                    continue
-                with contextlib.closing(reader):
-                    if run != mirror.run:
-                        self._take_left([reader], events)
-                        continue
-                    judge.take_run()  # also should the run be over before the judge looks
-                    tell_left(reader, events)
+            self._handle(message, runs, events, saver)
 
     def _poke(self) -> None:
         with contextlib.suppress(BlockingIOError):
             os.eventfd_write(self._wake, 1)
 
-    def _files_deleted(self, mirror: Mirror, events: Events, saver: Saver, path: Path) -> bool:
-        """Save what somebody deleted the names of; True if clients can't find this process any more either."""
-        if mirror.run != self._deleted and mirror.files_deleted():
-            self._deleted = mirror.run
-            text = (
-                "somebody deleted this logger's files from the runtime folder (a cleanup job, or systemd's RemoveIPC "
-                "at logout); logging goes on, and what was logged is saved now, but a kill of both the program and "
-                "its helper process would lose what follows until the next start"
-            )
-            log.warning("%s", text)
-            events.publish(EventKind.FILES_DELETED, text)
-            if not mirror.is_saved():
-                saver.save(Save(types=[FileType.SILO], client="silo, because its files were deleted"))
-        return not path.exists()
-
     def _handle(
         self,
         message: RobotState | LinkRequest | LinkReply | LinkSaved | LetGo | Beat,
-        mirror: Mirror,
+        runs: Runs,
         events: Events,
         saver: Saver,
     ) -> None:
         if isinstance(message, RobotState):
-            self._take_state(message, mirror, events)
+            _take_state(message, runs, events)
         elif isinstance(message, Beat):
             self._robot.send(message)
         elif isinstance(message, LinkRequest) and 0 < message.request.until_s < clock_s():
             refused = Refused(RefusedWhy.FAILED, "it came too late: the helper process stood still; nothing was done")
             self._robot.send(LinkReply(message.number, refused, late=True))
         elif isinstance(message, LetGo):
-            self._let_go(message, mirror)
+            runs.let_go(message)
         elif isinstance(message, LinkReply):
             late = self._robot.answered(message)
             if late is not None:
@@ -354,7 +277,8 @@ class Helper:
                 events.publish(EventKind.ENDED, text, by=late.client, job=message.number)
         elif isinstance(message, LinkRequest) and isinstance(message.request, StartRecorder | StopRecorder):
             # its answer takes as long as a process takes to start, or to finish a part
-            threading.Thread(target=self._record, args=(message.number, message.request), name="record").start()
+            wanted = (runs.recording, message.number, message.request)
+            threading.Thread(target=self._record, args=wanted, name="record").start()
         elif isinstance(message, LinkRequest) and isinstance(message.request, Save):
             try:
                 job = saver.prepare(message.request, for_robot=True)
@@ -364,32 +288,7 @@ class Helper:
             self._robot.send(LinkReply(message.number, SaveStarted(job.number)))
             saver.submit(job)
 
-    def _take_state(self, message: RobotState, mirror: Mirror, events: Events) -> None:
-        before, now = mirror.take(message)
-        if self._held is not None:
-            self._held.take()
-        if self._marks is not None and now.robot.state is State.STOPPED:
-            self._marks.take()  # nothing of a run is told after its end
-        if self._recording is not None:
-            self._recording.follow_present()
-        _tell_changes(events, before, now)
-        if now.robot.segment != before.robot.segment:
-            self._look_at_held(events)
-
-    def _let_go(self, message: LetGo, mirror: Mirror) -> None:
-        if self._held is not None:
-            self._held.let_go(held_alone=message.held_alone)
-        if not message.held_alone:
-            if self._marks is not None:
-                self._marks.take()
-            mirror.let_go()
-            if self._marks is not None:
-                self._marks.take_run()
-
-    def _record(self, number: int, request: StartRecorder | StopRecorder) -> None:
-        recording = self._recording
-        assert recording is not None
-
+    def _record(self, recording: Recording, number: int, request: StartRecorder | StopRecorder) -> None:
         def done() -> Reply:
             if isinstance(request, StartRecorder):
                 return recording.begin(request, anywhere=True)
@@ -436,16 +335,33 @@ def _tell_end(events: Events, publisher: Publisher) -> None:
     publisher.summary.close()
 
 
+def _files_deleted(runs: Runs, events: Events, saver: Saver, path: Path) -> bool:
+    """Save what somebody deleted the names of; True if clients can't find this process any more either."""
+    mirror = runs.mirror
+    if mirror.run != runs.deleted and mirror.files_deleted():
+        runs.deleted = mirror.run
+        text = (
+            "somebody deleted this logger's files from the runtime folder (a cleanup job, or systemd's RemoveIPC "
+            "at logout); logging goes on, and what was logged is saved now, but a kill of both the program and "
+            "its helper process would lose what follows until the next start"
+        )
+        log.warning("%s", text)
+        events.publish(EventKind.FILES_DELETED, text)
+        if not mirror.is_saved():
+            saver.save(Save(types=[FileType.SILO], client="silo, because its files were deleted"))
+    return not path.exists()
+
+
 def _ready(descriptors: list[int]) -> bool:
     return bool(select.select(descriptors, [], [], 0)[0])
 
 
-def _take_run(mirror: Mirror, offer: RunOffer, descriptor: int) -> None:
-    try:
-        mirror.take_run(offer, descriptor)
-    except SegmentError:
-        os.close(descriptor)
-        log.exception("a run can't be taken over")
+def _take_state(message: RobotState, runs: Runs, events: Events) -> None:
+    before, now = runs.mirror.take(message)
+    runs.take_state(now)
+    _tell_changes(events, before, now)
+    if now.robot.segment != before.robot.segment:
+        runs.look()
 
 
 def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -> None:

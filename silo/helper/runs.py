@@ -1,0 +1,112 @@
+"""Runs as they begin, end and are let go of: the main thread tells all who follow them here, in one order.
+
+A run is held before anybody reads it, its marks are taken before it is over for others, and it is judged before it is
+told to have begun. Who reads the present run by itself looks for another one by `silo.helper.run_follower`.
+"""
+
+import contextlib
+import logging
+import os
+from collections.abc import Iterable, Iterator, Sequence
+
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SegmentError
+from silo.helper.events import Events
+from silo.helper.held_runs import HeldRuns, tell_left
+from silo.helper.judge import Judge
+from silo.helper.marks import Marks
+from silo.helper.mirror import LoggerSnapshot, Mirror
+from silo.helper.recorders import Recording
+from silo.helper.robot import Robot
+from silo.link.handover import RunOffer
+from silo.link.messages import LetGo
+from silo.model import State
+
+log = logging.getLogger("silo.helper")
+
+
+def taken_over(robot: Robot, mirror: Mirror, held: HeldRuns) -> Iterator[RunOffer]:
+    """Take over the runs that the robot process handed over, each by itself: it is the present one until the next."""
+    for offer, descriptor in robot.taken_runs():
+        try:
+            mirror.take_run(offer, descriptor)
+        except SegmentError:
+            os.close(descriptor)
+            log.exception("a run can't be taken over")
+        held.take()
+        yield offer
+
+
+class Runs:
+    """Who follows runs, and what each is told. For the main thread alone."""
+
+    def __init__(
+        self, robot: Robot, mirror: Mirror, held: HeldRuns, events: Events, marks: Marks, judge: Judge,
+        recording: Recording, early: Sequence[RunOffer],
+    ) -> None:  # fmt: skip
+        """`early` were taken over before anybody was there to follow them."""
+        self.mirror, self.recording = mirror, recording
+        # the run whose files somebody deleted
+        self.deleted = early[-1].run if early and not early[-1].named else ""
+        self._robot, self._held, self._events = robot, held, events
+        self._marks, self._judge = marks, judge
+        held.add(recording.needs)
+        held.add(judge.needs)
+
+    def take(self) -> bool:
+        """Take over all runs that were handed over; False if there was none."""
+        taken = False
+        for offer in taken_over(self._robot, self.mirror, self._held):
+            taken = True
+            self._marks.take_run()
+            self._judge.take_run()
+            self.recording.follow_present()
+            self.deleted = "" if offer.named else offer.run
+        return taken
+
+    def take_state(self, now: LoggerSnapshot) -> None:
+        """Take in that the robot process told another state of its run, or of one that could not be handed over."""
+        self._held.take()
+        if now.robot.state is State.STOPPED:
+            self._marks.take()  # nothing of a run is told after its end
+        self.recording.follow_present()
+
+    def look(self, *, at_end: bool = False) -> None:
+        """Let go of runs that nobody needs any more, and take in those that came by no message."""
+        self._take_left(self._held.find())
+        self._held.tell_starts(self._events, at_end=at_end)
+        self._held.release()
+
+    def let_go(self, message: LetGo) -> None:
+        """Free the memory of runs: the robot process needs it for the next one."""
+        self._held.let_go(held_alone=message.held_alone)
+        if not message.held_alone:
+            self._marks.take()
+            self.mirror.let_go()
+            self._marks.take_run()
+
+    def begin(self) -> None:
+        """Take in what went on while there was no helper process: runs that are over, and the present one.
+
+        Runs that are over may have come by the link, too: their program went on while this process started.
+        """
+        self._held.find()
+        for run in self._held.ids():
+            with contextlib.suppress(SegmentError):
+                reader = self._held.open(run)
+                if reader is None:
+                    continue
+                with contextlib.closing(reader):
+                    if run != self.mirror.run:
+                        self._take_left([reader])
+                        continue
+                    self._judge.take_run()  # also should the run be over before the judge looks
+                    tell_left(reader, self._events)
+
+    def _take_left(self, left: Iterable[SegmentReader]) -> None:
+        """Have runs read that ended while there was no helper process."""
+        for reader in left:
+            self._judge.take_left(reader)  # first: what was told to have begun is judged by a successor, too
+            tell_left(reader, self._events)
+            self._marks.take_left(reader)
+            self.recording.follow_present()
