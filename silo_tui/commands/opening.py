@@ -240,7 +240,7 @@ class Opener:
             return next((each for each in loggers if self.demo.owns(each.pid)), None)
         named = self._named(loggers)
         # who has seen several, and is left with one, chose none of them
-        gone = any(not each.is_there and each.is_meant_by(self._wanted) for each in loggers)
+        gone = any(each.has_gone and each.is_meant_by(self._wanted) for each in loggers)
         only = named[0] if len(named) == 1 and not gone else None
         return only if only is not None and time.monotonic() >= self._again_s.get(only.key, 0.0) else None
 

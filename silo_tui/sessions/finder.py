@@ -45,6 +45,11 @@ class FoundLogger:
         return self.member is None or self.member.here
 
     @property
+    def has_gone(self) -> bool:
+        """Whether it was there while we looked, and isn't any more; of those that went before that nothing was told."""
+        return not self.is_there and self.member is not None and self.member.summary is not None
+
+    @property
     def where(self) -> str:
         """Whom it belongs to: a process and its user on this computer, the address elsewhere."""
         return f"pid {self.pid}  {self.user}" if self.pid else self.addresses[-1] if self.addresses else self.host

@@ -224,6 +224,22 @@ async def test_who_has_seen_several_is_not_taken_to_the_one_that_is_left(robots,
 
 
 @pytest.mark.slow
+async def test_those_that_were_gone_before_we_came_keep_nobody_from_the_only_one(
+    robots, opened, new_finder, monkeypatch
+):
+    find = new_finder.find
+
+    def found(self):
+        for name in ("base", "legs"):
+            self.members[name] = Member(member(name).found, here=False, problem="it can't be reached")
+        return find(self)
+
+    monkeypatch.setattr(new_finder, "find", found)
+    async with opened(*robots, ready=False) as screen:
+        await screen.until(lambda: screen.app.context.has_session, "the only one")
+
+
+@pytest.mark.slow
 async def test_summaries_rest_while_a_logger_is_open_and_come_again_with_the_list(robots, opened):
     async with opened(*robots, ready=False) as screen:
         await screen.shows("3 loggers")
