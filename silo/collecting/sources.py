@@ -183,14 +183,19 @@ class HeldArrays:
     """
 
     def __init__(self, references: Sequence[Reference]) -> None:
-        self._held = [[id(array) for array in _arrays(reference)] for reference in references]
-        arrays = list({id(array): array for one in references for array in _arrays(one)}.values())
+        of_each = [_arrays(reference) for reference in references]
+        self._held = [list(map(id, some)) for some in of_each]
+        arrays = list({id(array): array for some in of_each for array in some}.values())
+        del of_each  # which refers to each once more
+        plain = [array for array in arrays if _is_plain(array.base)]
         owed = Counter(map(id, itertools.chain.from_iterable(reference.holds for reference in references)))
         owed.update([id(reference.view) for reference in references])
         owed.update([id(array.base) for array in arrays])
-        # each stands in one list of ours, besides
-        self._parts = [arrays[begin : begin + COUNTED_AT_ONCE] for begin in range(0, len(arrays), COUNTED_AT_ONCE)]
-        self._owed = [[owed[id(array)] + 1 for array in part] for part in self._parts]
+        # the count of a fresh object tells what one list of ours, in which each stands besides, and counting itself add
+        (added,) = map(sys.getrefcount, [object()])
+        self._parts = [plain[begin : begin + COUNTED_AT_ONCE] for begin in range(0, len(plain), COUNTED_AT_ONCE)]
+        self._ids = [list(map(id, part)) for part in self._parts]
+        self._owed = [[owed[id(array)] + added for array in part] for part in self._parts]
 
     def abandoned(self, pause: Callable[[], None] | None = None) -> list[bool]:
         """Of each reference: whether nobody else refers to the array any more, so that it can't change.
@@ -199,11 +204,10 @@ class HeldArrays:
         `pause` is called before every 0.2 ms of it.
         """
         ours: set[int] = set()
-        for part, owed in zip(self._parts, self._owed, strict=True):
+        for part, ids, owed in zip(self._parts, self._ids, self._owed, strict=True):
             if pause is not None:
                 pause()
-            alone = map(operator.le, _reference_counts(part), owed)
-            ours.update(id(array) for array in itertools.compress(part, alone) if _is_plain(array.base))
+            ours.update(itertools.compress(ids, map(operator.le, map(sys.getrefcount, part), owed)))
         found: list[bool] = []
         for begin in range(0, len(self._held), COUNTED_AT_ONCE):
             if pause is not None:
@@ -230,12 +234,6 @@ def _is_plain(base: object) -> bool:
 
 def _arrays(reference: Reference) -> list[NDArray[Any]]:
     return [held for held in reference.holds if isinstance(held, np.ndarray)]
-
-
-def _reference_counts(objects: Sequence[object]) -> list[int]:
-    """How often each is referred to. The count of a fresh object tells what the counting itself adds."""
-    (added,) = [sys.getrefcount(one) - 1 for one in [object()]]
-    return [sys.getrefcount(one) - added for one in objects]
 
 
 def _cant_refer(value: object, name: str) -> str:
