@@ -61,7 +61,8 @@ def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
         path = state_path(schema.logger, schema.run)
         state = read_state(path) if path.exists() else unseen(reader)
     except OSError:
-        return found  # it can't be read now
+        found.is_whole = False  # it can't be read now
+        return found
     except SegmentError as error:
         if not is_live(program_of(schema)):  # nobody will read it: it would keep the run for ever
             found.texts.append(f"what triggers captured of it is lost: {error}")
@@ -75,6 +76,7 @@ def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
         _log(schema.folder, schema.logger, schema.run, news)
     except (SiloError, OSError) as error:  # the run is saved nevertheless
         found.texts.append(f"what triggers captured of it stays for the next `silo recover`: {error}")
+        found.is_whole = False
         return found
     if found.is_whole:
         path.unlink(missing_ok=True)

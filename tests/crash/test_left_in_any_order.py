@@ -27,7 +27,7 @@ from silo.collecting.journal import Head, free_name
 from silo.collecting.journal_writer import JournalWriter
 from silo.collecting.schema import Control
 from silo.collecting.segment_reader import SegmentReader
-from silo.files.event_log import append_events, read_events
+from silo.files.event_log import append_events, event_log_path, read_events
 from silo.files.formats import read_recording
 from silo.files.part_scan import scan_part
 from silo.helper import writing
@@ -295,6 +295,18 @@ def test_the_next_helper_process_judges_a_run_that_none_ever_saw(left) -> None:
     left.recover_as_helper()
     left.check()
     assert len(left.fired) == 2
+
+
+def test_a_run_that_can_not_be_judged_now_is_held_until_it_can(left) -> None:
+    left.leave_a_run_that_is_held(50, "another boot", watched=True, state="unseen")
+    planted = event_log_path(left.logs, "bot")
+    planted.symlink_to(left.place / "elsewhere")
+    left.recover()
+    left.recover_as_helper()
+    assert [path.suffix for path in left.runtime.iterdir()] == [".held"]
+    planted.unlink()
+    left.recover_as_helper()
+    left.check()
 
 
 @pytest.mark.parametrize("journal", [False, True])
