@@ -255,11 +255,12 @@ def complete_words(ctx: click.Context, param: click.Parameter, incomplete: str) 
 def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem]:
     """Complete names of elements; namespaces where there would be too many."""
     from silo.ipc.exchange import ask_once
-    from silo.ipc.messages import GetTable
+    from silo.rpc.declaring import request_of
+    from silo.scripts.requests import TableRequests
 
     try:
         found = find_logger(logger)
-        reply = ask_once(found, GetTable(), 1.0)
+        reply = ask_once(found, request_of(TableRequests._table), 1.0)
     except (SiloError, click.UsageError):
         return []
     names = [info.name for info in (*reply.table.elements, *reply.table.derived)]
@@ -269,13 +270,14 @@ def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem
 def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Complete a logger, or a script on its side."""
     from silo.ipc.exchange import ask_once
-    from silo.ipc.messages import ListScripts
+    from silo.rpc.declaring import request_of
+    from silo.scripts.requests import TableRequests
 
     words = ctx.params.get(param.name or "") or ()
     loggers = [] if words else complete_logger(ctx, param, incomplete)
     try:
         found = find_logger(split_logger(words)[0])
-        reply = ask_once(found, ListScripts(), 1.0)
+        reply = ask_once(found, request_of(TableRequests.scripts), 1.0)
     except (SiloError, click.UsageError):
         return loggers
     return loggers + [CompletionItem(name) for name in reply.names if name.startswith(incomplete)]

@@ -38,11 +38,12 @@ def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) 
     """Complete the names of files of the logger that was typed before."""
     from silo.cli.common import find_logger
     from silo.ipc.exchange import ask_once
-    from silo.ipc.messages import ListRecordings
+    from silo.ipc.messages.recordings import RecordingRequests
+    from silo.rpc.declaring import request_of
 
     try:
         found = find_logger(ctx.params.get("logger"))
-        reply = ask_once(found, ListRecordings(most=200), 1.0)
+        reply = ask_once(found, request_of(RecordingRequests.recordings, most=200), 1.0)
     except (SiloError, click.UsageError):
         return []
     names = [file.name for one in reply.recordings for file in one.files if not one.unfinished]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from silo.errors import SiloError
 from silo.ipc.client import Client
-from silo.ipc.client.calling import LONGEST_S
+from silo.ipc.client.client import LONGEST_S
 from silo.ipc.found import Found
 from silo.ipc.messages import Unsaved
 from silo.model import FileType, SavedFile, Status

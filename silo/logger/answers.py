@@ -14,7 +14,7 @@ from silo.collecting.keeping import large_text
 from silo.collecting.run import Run
 from silo.conditions import requests as conditions
 from silo.errors import SaveError, ScriptError, StateError
-from silo.ipc.messages import Restart, Start, Stop, Unsaved, state
+from silo.ipc.messages import Unsaved, state
 from silo.ipc.refusals import check_revision, refused_running
 from silo.link.messages import RobotState
 from silo.logger.keywords import UnsavedWord
@@ -142,22 +142,22 @@ class RobotServer(Server[Served], does=[requests, conditions, state], robot=True
             large = large_text(logger.elements) if changed else ""
             return EditsApplied(logger.revision, changed, warnings=[large] if large else [])
 
-    def start(self, request: Start) -> str:
+    def start(self, unsaved: Unsaved) -> str:
         logger = self.state
         with logger.lock:
             if logger.is_running:
                 text = "the logger runs already: restart it, or stop it first"
                 raise RequestRefusedError(RefusedWhy.RUNNING, text)
-            logger.start(unsaved=_UNSAVED[request.unsaved])
+            logger.start(unsaved=_UNSAVED[unsaved])
             return logger.saved_before_start
 
-    def stop(self, request: Stop) -> str:
+    def stop(self) -> str:
         self.state.stop()
         return ""
 
-    def restart(self, request: Restart) -> str:
+    def restart(self, unsaved: Unsaved) -> str:
         with self.state.lock:
-            self.state.restart(unsaved=_UNSAVED[request.unsaved])
+            self.state.restart(unsaved=_UNSAVED[unsaved])
             return self.state.saved_before_start
 
     def set_trigger(self, trigger: TriggerOptions, lease_s: float) -> str:

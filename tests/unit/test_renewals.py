@@ -6,7 +6,7 @@ import msgspec
 
 from silo.helper.door import Sender
 from silo.helper.operators import CONTROL, Operators
-from silo.ipc.client.holding import Held
+from silo.ipc.client.leases import Held
 from silo.ipc.client.leases import Leases as Renewals
 from silo.ipc.messages import Done, Refused, RefusedWhy, TakeControl
 from silo.rpc.leases import Leases
@@ -37,7 +37,7 @@ class Link:
 
 def renewed(link: Link, lost: list[str]) -> None:
     """Renew control until there is no answer left, or nothing is asked any more."""
-    renewals, held = Renewals(link, "me"), Held(TakeControl(lease_s=15.0, renew=True), lost.append)
+    renewals, held = Renewals(link, lambda: "me"), Held(TakeControl(lease_s=15.0, renew=True), lost.append)
     renewals.add(held)
     for _ in range(2 * len(link.replies)):
         if not link.replies:

@@ -4,24 +4,22 @@ from silo.helper.answers.table import Parts, ask_robot
 from silo.helper.events import plain
 from silo.ipc.keys import may_use
 from silo.ipc.messages import (
-    GetStatus,
     GetSummary,
     GiveControl,
     Hello,
     HelloReply,
     ReleaseControl,
-    Restart,
-    Start,
     StatusReply,
-    Stop,
     SummaryReply,
     TakeControl,
+    Unsaved,
     control,
     state,
 )
+from silo.ipc.messages.state import StateRequests
 from silo.ipc.versions import OLDEST, PROTOCOL
 from silo.rpc.clocks import clock_s
-from silo.rpc.declaring import Done, Request
+from silo.rpc.declaring import Done, Request, request_of
 from silo.rpc.serving import Server, Turn
 from silo.version import VERSION
 
@@ -37,20 +35,20 @@ class ControlServer(Server[Parts], does=[state, control]):
         status, closed = mirror.status(), self.state.operators.closed()
         return HelloReply(PROTOCOL, VERSION, mirror.user, True, status, OLDEST, closed, clock_s())
 
-    def get_status(self, request: GetStatus) -> StatusReply:
+    def get_status(self) -> StatusReply:
         return StatusReply(self.state.mirror.status())
 
     def get_summary(self, request: GetSummary) -> SummaryReply:
         return SummaryReply(self.state.publisher.summary.now())
 
-    def start(self, turn: Turn, request: Start) -> StatusReply:
-        return self._status_after(request, turn)
+    def start(self, turn: Turn, unsaved: Unsaved) -> StatusReply:
+        return self._status_after(request_of(StateRequests._start, unsaved), turn)
 
-    def stop(self, turn: Turn, request: Stop) -> StatusReply:
-        return self._status_after(request, turn)
+    def stop(self, turn: Turn) -> StatusReply:
+        return self._status_after(request_of(StateRequests._stop), turn)
 
-    def restart(self, turn: Turn, request: Restart) -> StatusReply:
-        return self._status_after(request, turn)
+    def restart(self, turn: Turn, unsaved: Unsaved) -> StatusReply:
+        return self._status_after(request_of(StateRequests._restart, unsaved), turn)
 
     def _status_after(self, request: Request[StatusReply], turn: Turn) -> StatusReply:
         reply = ask_robot(self.state, request, turn)

@@ -10,13 +10,11 @@ from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import check_samples, samples
 from silo.ipc import messages
 from silo.ipc.messages import (
-    AddMark,
     ClosePin,
     CloseStream,
     CloseView,
     Columns,
     FindMoments,
-    GetEvents,
     GetHistory,
     GetSamples,
     GetSurvey,
@@ -99,27 +97,26 @@ class LiveServer(Server[Parts], does=[view_requests, sample_requests, moment_req
     def _pinned(self, pins: Sequence[str]) -> list[PinnedRows]:
         return [found for pin in pins if (found := self.state.pins.rows(pin)) is not None]
 
-    def get_events(self, request: GetEvents) -> messages.Events:
-        if not 0 <= request.limit <= MOST_EVENTS_AT_ONCE:
-            text = f"the limit of events must be 0 to {MOST_EVENTS_AT_ONCE}, got {request.limit}"
+    def get_events(self, since: int, limit: int) -> messages.Events:
+        if not 0 <= limit <= MOST_EVENTS_AT_ONCE:
+            text = f"the limit of events must be 0 to {MOST_EVENTS_AT_ONCE}, got {limit}"
             raise RequestRefusedError(RefusedWhy.INVALID, text)
-        return messages.Events(*self.state.events.log.since(request.since, request.limit))
+        return messages.Events(*self.state.events.log.since(since, limit))
 
-    def add_mark(self, turn: Turn, request: AddMark) -> Marked:
+    def add_mark(self, turn: Turn, text: str, tick: int, at_ns: int) -> Marked:
         events, mirror = self.state.events, self.state.mirror
-        text = plain(request.text, MOST_MARK_LETTERS).strip()
+        words = plain(text, MOST_MARK_LETTERS).strip()
         status = mirror.status()
-        problem = ""
-        tick = request.tick if request.tick >= 0 else None
-        if not text:
+        problem, meant = "", tick if tick >= 0 else None
+        if not words:
             problem = "a mark needs some words"
-        elif not -1 <= request.tick < max(status.ticks, 0):
+        elif not -1 <= tick < max(status.ticks, 0):
             there = f"0 to {status.ticks - 1}" if status.ticks else "none yet"
-            problem = f"there is no tick {request.tick} (ticks: {there})"
-        elif request.at_ns and (tick := mirror.tick_at(request.at_ns)) < 0:
+            problem = f"there is no tick {tick} (ticks: {there})"
+        elif at_ns and (meant := mirror.tick_at(at_ns)) < 0:
             problem = "no tick of that time is held any more"
         if problem:
             raise RequestRefusedError(RefusedWhy.INVALID, f"{problem}; nothing was marked")
-        mark = events.publish(EventKind.MARKER, text, by=turn.by, tick=tick)
+        mark = events.publish(EventKind.MARKER, words, by=turn.by, tick=meant)
         events.log.wait_written(mark.number, WRITTEN_S)  # what was answered outlives a kill of this process
         return Marked(mark)

@@ -4,11 +4,7 @@ import msgspec
 
 from silo.helper.answers.table import Parts, must_live
 from silo.ipc.messages import (
-    DeleteRecording,
-    GetParts,
     GetPiece,
-    ListRecorders,
-    ListRecordings,
     Piece,
     Recorders,
     RecorderStarted,
@@ -18,36 +14,35 @@ from silo.ipc.messages import (
     SaveStarted,
     StartRecorder,
     StopRecorder,
-    files,
-    recorders,
+    recordings,
 )
 from silo.ipc.published import EventKind
 from silo.rpc.serving import Server, Turn
 
 
-class RecordingServer(Server[Parts], does=[files, recorders]):
+class RecordingServer(Server[Parts], does=[recordings]):
     """Begins to save and to record, and reads and deletes what was."""
 
     def save(self, turn: Turn, request: Save) -> SaveStarted:
         return self.state.saver.save(msgspec.structs.replace(request, client=turn.by))
 
-    def list_recordings(self, request: ListRecordings) -> Recordings:
+    def recordings(self, most: int) -> Recordings:
         robot = self.state.mirror.now.robot
-        return self.state.recordings.listing(robot.folder, robot.logger, request.most)
+        return self.state.recordings.listing(robot.folder, robot.logger, most)
 
-    def get_parts(self, request: GetParts) -> RecordingParts:
-        return self.state.recordings.parts(self.state.mirror.now.robot.folder, request.name)
+    def parts_of(self, name: str) -> RecordingParts:
+        return self.state.recordings.parts(self.state.mirror.now.robot.folder, name)
 
     def get_piece(self, request: GetPiece) -> Piece:
         return self.state.recordings.piece(self.state.mirror.now.robot.folder, request)
 
-    def delete_recording(self, turn: Turn, request: DeleteRecording) -> str:
+    def delete_recording(self, turn: Turn, name: str) -> str:
         robot = self.state.mirror.now.robot
-        text = self.state.recordings.delete(robot.folder, robot.logger, request.name)
+        text = self.state.recordings.delete(robot.folder, robot.logger, name)
         self.state.events.publish(EventKind.DELETED, text, by=turn.by)
         return text
 
-    def list_recorders(self, request: ListRecorders) -> Recorders:
+    def list_recorders(self) -> Recorders:
         return Recorders(self.state.recording.infos())
 
     def start_recorder(self, turn: Turn, request: StartRecorder) -> RecorderStarted:

@@ -4,7 +4,9 @@ import itertools
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import msgspec
 
 from silo.ipc.asking import Pending
 from silo.ipc.connection import Connection
@@ -26,20 +28,36 @@ from silo.ipc.messages import (
 )
 
 if TYPE_CHECKING:
-    from silo.ipc.client.holding import Held
     from silo.ipc.samples import Pin, Stream
     from silo.ipc.view import View
 
-Leased: TypeAlias = "View | Stream | Pin | Held"
 
 RENEW_S = 2.0  # a third of a view's lease
 GONE = (RefusedWhy.NOT_FOUND, RefusedWhy.CONTROL, RefusedWhy.FORBIDDEN)  # it is no more, or somebody else has it
 
 
+class Held:
+    """Control that a client renews until it gives it up, or somebody takes it."""
+
+    refused = ""
+
+    def __init__(self, renewal: TakeControl, on_lost: Callable[[str], None] | None) -> None:
+        self.renewal, self._on_lost = renewal, on_lost
+
+    def refuse(self, why: str) -> None:
+        """Somebody else has it."""
+        self.refused = why
+        if self._on_lost is not None:
+            self._on_lost(why)
+
+
+Leased: TypeAlias = "View | Stream | Pin | Held"
+
+
 class Leases:
     """Renews them while the connection is up, and opens them anew with another helper process."""
 
-    def __init__(self, connection: Connection, name: str) -> None:
+    def __init__(self, connection: Connection, name: Callable[[], str]) -> None:
         self._connection = connection
         self._name = name
         self._lock = threading.Lock()
@@ -68,15 +86,18 @@ class Leases:
         if known is not None and self._connection.connected:
             # nobody waits for the answer: if it gets lost, the lease ends the view
             request = self._closing(view)
-            self._connection.ask_later(request, 1.0)
+            self._connection.ask_later(self._signed(request), 1.0)
 
     def _closing(self, leased: "View | Stream | Pin") -> Request[Done]:
         renewal = leased.renewal
         if isinstance(renewal, OpenView):
-            return CloseView(view=renewal.view, proof=renewal.proof, client=self._name)
+            return CloseView(view=renewal.view, proof=renewal.proof)
         if isinstance(renewal, OpenStream):
-            return CloseStream(stream=renewal.stream, proof=renewal.proof, client=self._name)
-        return ClosePin(pin=renewal.pin, client=self._name)
+            return CloseStream(stream=renewal.stream, proof=renewal.proof)
+        return ClosePin(pin=renewal.pin)
+
+    def _signed(self, request: Request[Any]) -> Request[Any]:
+        return msgspec.structs.replace(request, client=self._name())
 
     def renew_soon(self, view: Leased) -> None:
         """Renew a lease in the next round."""
@@ -102,7 +123,7 @@ class Leases:
                 self._take_renewal(view, payload)
         for view in due:
             request = view.renewal
-            pending = self._connection.ask_later(request, request.timeout_s)
+            pending = self._connection.ask_later(self._signed(request), request.timeout_s)
             with self._lock:
                 if view in self._due_s:
                     self._renewals[view] = pending

@@ -23,6 +23,32 @@ from silo.rpc.declaring import (
     spoken as spoken,
 )
 from silo.rpc.refusals import Refused as Refused, RefusedWhy as RefusedWhy
+from silo.ipc.messages.events import Events as Events, Marked as Marked
+from silo.ipc.messages.recordings import (
+    GetPiece as GetPiece,
+    PartOfRecording as PartOfRecording,
+    Piece as Piece,
+    RecorderInfo as RecorderInfo,
+    RecorderStarted as RecorderStarted,
+    Recorders as Recorders,
+    RecordingFile as RecordingFile,
+    RecordingParts as RecordingParts,
+    Recordings as Recordings,
+    Save as Save,
+    SaveStarted as SaveStarted,
+    SavedRecording as SavedRecording,
+    StartRecorder as StartRecorder,
+    StopRecorder as StopRecorder,
+)
+from silo.ipc.messages.state import (
+    GetSummary as GetSummary,
+    Hello as Hello,
+    HelloReply as HelloReply,
+    StatusReply as StatusReply,
+    SummaryReply as SummaryReply,
+    Unsaved as Unsaved,
+    unsaved_of as unsaved_of,
+)
 from silo.scripts.requests import (
     ApplyEdits as ApplyEdits,
     EditsApplied as EditsApplied,
@@ -32,25 +58,6 @@ from silo.scripts.requests import (
     Scripts as Scripts,
     ScriptText as ScriptText,
     TableReply as TableReply,
-)
-from silo.ipc.messages.state import (
-    GetStatus as GetStatus,
-    GetSummary as GetSummary,
-    Hello as Hello,
-    HelloReply as HelloReply,
-    Restart as Restart,
-    Start as Start,
-    StatusReply as StatusReply,
-    Stop as Stop,
-    SummaryReply as SummaryReply,
-    Unsaved as Unsaved,
-    unsaved_of as unsaved_of,
-)
-from silo.ipc.messages.events import (
-    AddMark as AddMark,
-    Events as Events,
-    GetEvents as GetEvents,
-    Marked as Marked,
 )
 from silo.ipc.messages.samples import (
     By as By,
@@ -81,28 +88,6 @@ from silo.ipc.messages.views import (
     OpenView as OpenView,
     Survey as Survey,
     ViewOpened as ViewOpened,
-)
-from silo.ipc.messages.files import (
-    DeleteRecording as DeleteRecording,
-    GetParts as GetParts,
-    GetPiece as GetPiece,
-    ListRecordings as ListRecordings,
-    PartOfRecording as PartOfRecording,
-    Piece as Piece,
-    RecordingFile as RecordingFile,
-    RecordingParts as RecordingParts,
-    Recordings as Recordings,
-    Save as Save,
-    SaveStarted as SaveStarted,
-    SavedRecording as SavedRecording,
-)
-from silo.ipc.messages.recorders import (
-    ListRecorders as ListRecorders,
-    RecorderInfo as RecorderInfo,
-    RecorderStarted as RecorderStarted,
-    Recorders as Recorders,
-    StartRecorder as StartRecorder,
-    StopRecorder as StopRecorder,
 )
 from silo.ipc.messages.control import (
     GiveControl as GiveControl,

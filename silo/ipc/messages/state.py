@@ -1,11 +1,13 @@
 """Who is there, the logger's state, and starting and stopping it."""
 
 import enum
+from collections.abc import Callable
 
+from silo.calls import told_class
 from silo.errors import RefusedError
 from silo.ipc.published import Summary
 from silo.model import Status
-from silo.rpc.declaring import Ask, Reply, RobotRequest
+from silo.rpc.declaring import Ask, Caller, Reply, ask, change
 
 
 class HelloReply(Reply, frozen=True):
@@ -44,10 +46,6 @@ class Hello(Ask[HelloReply], frozen=True):
     proof: str = ""
 
 
-class GetStatus(Ask[StatusReply], frozen=True):
-    """What is the logger's state?"""
-
-
 class SummaryReply(Reply, frozen=True):
     """Carries a `Summary`."""
 
@@ -75,17 +73,72 @@ def unsaved_of(word: Unsaved | str) -> Unsaved:
         raise RefusedError(f"unsaved must be one of {words}, got {word!r}; nothing was changed") from None
 
 
-class Start(RobotRequest[StatusReply], frozen=True):
-    """Clear the buffers and log."""
+@told_class("client")
+class StateRequests(Caller):
+    """The state of the logger, starting and stopping it."""
 
-    unsaved: Unsaved = Unsaved.REFUSE
+    def status(self) -> Status:
+        """Return the logger at a glance."""
+        return self._get_status().status
+
+    def start(self, unsaved: Unsaved | str = Unsaved.REFUSE, told: Callable[[str], None] | None = None) -> Status:
+        """Start the logger; the buffers are cleared.
+
+        Args:
+            unsaved: what becomes of unsaved data: `"refuse"` (why: UNSAVED), `"save"` or `"discard"`.
+            told: called with where it was saved, in words.
+
+        Returns:
+            The logger at a glance, as it is then.
+
+        Raises:
+            RefusedError: it runs already, or holds unsaved data.
+            GoesOnError: the robot program takes longer.
+        """
+        return _status(self._start(unsaved_of(unsaved)), told)
+
+    def stop(self) -> Status:
+        """Stop the logger; stopping a stopped one succeeds.
+
+        Returns:
+            The logger at a glance, as it is then.
+        """
+        return self._stop().status
+
+    def restart(self, unsaved: Unsaved | str = Unsaved.REFUSE, told: Callable[[str], None] | None = None) -> Status:
+        """Stop and start the logger.
+
+        Args:
+            unsaved: as for `start`.
+            told: as for `start`.
+
+        Returns:
+            The logger at a glance, as it is then.
+
+        Raises:
+            RefusedError: it holds unsaved data.
+            GoesOnError: the robot program takes longer.
+        """
+        return _status(self._restart(unsaved_of(unsaved)), told)
+
+    @ask()
+    def _get_status(self) -> StatusReply:
+        """What is the logger's state?"""
+
+    @change(robot=True)
+    def _start(self, unsaved: Unsaved = Unsaved.REFUSE) -> StatusReply:
+        """Clear the buffers and log."""
+
+    @change(robot=True)
+    def _stop(self) -> StatusReply:
+        """Stop logging. Stopping a stopped logger succeeds."""
+
+    @change(robot=True)
+    def _restart(self, unsaved: Unsaved = Unsaved.REFUSE) -> StatusReply:
+        """Stop and start."""
 
 
-class Stop(RobotRequest[StatusReply], frozen=True):
-    """Stop logging. Stopping a stopped logger succeeds."""
-
-
-class Restart(RobotRequest[StatusReply], frozen=True):
-    """Stop and start."""
-
-    unsaved: Unsaved = Unsaved.REFUSE
+def _status(reply: StatusReply, told: Callable[[str], None] | None) -> Status:
+    if reply.text and told is not None:
+        told(reply.text)
+    return reply.status

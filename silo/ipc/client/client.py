@@ -1,0 +1,735 @@
+"""The client of one logger, as one class: what is declared by features, and what takes more than a request.
+
+Views, streams, pins and control are leases that it renews; the connection comes back by itself.
+"""
+
+import contextlib
+import secrets
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from silo.arguments import path, real, shown, switch, text, texts, whole
+from silo.calls import told_class
+from silo.conditions.requests import ConditionRequests
+from silo.display import html_table
+from silo.errors import ConnectionLostError, ElementError, RefusedError, SiloError
+from silo.ipc.client.leases import Held, Leases
+from silo.ipc.client.saves import Saves
+from silo.ipc.connection import Connection
+from silo.ipc.discovery import discover
+from silo.ipc.exchange import NoAnswerError, client_name
+from silo.ipc.found import Found
+from silo.ipc.messages import (
+    AnyReply,
+    By,
+    FindMoments,
+    GetHistory,
+    GetSamples,
+    GetSurvey,
+    GiveControl,
+    Hello,
+    HelloReply,
+    KeepPin,
+    MeasureSpan,
+    OpenPin,
+    OpenStream,
+    OpenView,
+    ReleaseControl,
+    Survey,
+    TakeControl,
+    by_of,
+)
+from silo.ipc.messages.events import EventRequests
+from silo.ipc.messages.recordings import RecordingRequests
+from silo.ipc.messages.state import StateRequests
+from silo.ipc.published import Event
+from silo.ipc.senders import READ_ONLY, read_only_words, viewer_words
+from silo.ipc.words import full_name, why_silent
+from silo.model import SavedFile, Sought
+from silo.rpc.declaring import Ask, Do, ReplyT, Request
+from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked
+from silo.scripts.requests import TableRequests
+from silo.version import VERSION
+
+if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
+    from silo.columns import HistoryColumns
+    from silo.ipc.samples import Pin, Samples, Stream
+    from silo.ipc.topic import Topic
+    from silo.ipc.view import View
+    from silo.judging.between import Between
+    from silo.judging.moments import Found as FoundMoments
+
+LEASE_S = 15.0  # of control that is renewed: seven renewals, or 15 s of a link that is away
+LONGEST_LEASE_S = 24 * 3600.0
+LONGEST_S = 1e6  # that anybody waits
+
+
+@told_class("client", make="Client")
+class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, ConditionRequests):
+    """A connection to one logger. A context manager."""
+
+    _held: Held | None = None
+
+    def __init__(self, found: Found, timeout_s: float = Ask.timeout_s, *, read_only: bool = False) -> None:
+        """Connect to a logger that was found; `connect` looks for it.
+
+        Args:
+            found: which logger.
+            timeout_s: how long to wait for an answer, at least.
+            read_only: send nothing that changes something.
+
+        Raises:
+            ConnectionLostError: nobody answers.
+            ElementError: that is no logger that was found.
+        """
+        if not isinstance(found, Found):
+            raise ElementError(f"a client is made by silo.connect('robot'), got {shown(found)}")
+        self._timeout_s = timeout_s
+        self.read_only = read_only
+        self._name = client_name()
+        self._saves = Saves()
+        self._connection = Connection(found, timeout_s, self._name, self._renew)
+        self._leases = Leases(self._connection, lambda: self._name)
+        self._connection.on_event(self._saves.note)
+        self._connection.on_link(self._saves.note_link)
+        self._connection.watch()
+
+    @classmethod
+    def connect(
+        cls,
+        logger: "str | Found" = "",
+        timeout_s: float = Ask.timeout_s,
+        config: str = "",
+        *,
+        read_only: bool = False,
+    ) -> "Client":
+        """Connect to a logger.
+
+        Args:
+            logger: what `discover` found, an address (`robot3/anymal`; a bare name, where only one has it, `name.pid`
+                of several on this computer, `host~id/name` of several hosts of one name), or empty for the only one.
+            timeout_s: how long to wait for an answer, at least.
+            config: a remote or a Zenoh configuration, to look there alone; `local` for this computer alone.
+            read_only: send nothing that changes something, whatever the role; calls that would raise RefusedError.
+
+        Returns:
+            A client; close it, or use it as a context manager.
+
+        Raises:
+            ConnectionLostError: there is none, or several could be meant; the message says what to do.
+        """
+        switch("read_only", read_only)
+        timeout_s = real("timeout_s", timeout_s, 0, LONGEST_S, "s", include_low=False)
+        if isinstance(logger, Found):
+            return cls(logger, timeout_s, read_only=read_only)
+        text("logger", logger, 'Client.connect("robot")')
+        text("config", config, 'Client.connect("robot", config="client.json5")')
+        with ExitStack() as holding:
+            return cls(discover(timeout_s, config, holding).one(logger), timeout_s, read_only=read_only)
+
+    def act_for(self, caller: str) -> None:
+        """Say of changes for whom they are made: as a bridge does, whose own users the robot can't know.
+
+        Args:
+            caller: in words; events have them behind the name of who is connected.
+        """
+        self._name = f"{client_name()} for {caller}"
+
+    def __repr__(self) -> str:
+        found = self.found
+        where = f" on {found.host}" if found.config else ""
+        return f"<Client of {found.label}{where}: {self._state_word}>"
+
+    def _repr_html_(self) -> str:
+        found = self.found
+        where = found.host if found.config else "this one"
+        rows = [("logger", found.label), ("user", found.user), ("host", where), ("state", self._state_word)]
+        return html_table(f"Client of {found.label}", ("", ""), rows)
+
+    @property
+    def _state_word(self) -> str:
+        return "closed" if self._connection.closed else "connected" if self.connected else "not connected"
+
+    @property
+    def found(self) -> Found:
+        """Which logger this is; changes when the robot program was started anew."""
+        return self._connection.found
+
+    @property
+    def identity(self) -> str:
+        """By which the logger tells this user from other operators: its name over a network; empty without a link."""
+        return self._connection.identity
+
+    @property
+    def connected(self) -> bool:
+        """Whether the helper process answers."""
+        return self._connection.connected
+
+    def on_event(self, callback: Callable[[Event], None]) -> None:
+        """Call back for every event, in a thread of its own.
+
+        Args:
+            callback: must not wait long.
+        """
+        self._connection.on_event(callback)
+
+    def on_link(self, callback: Callable[[bool], None]) -> None:
+        """Call back when the connection is lost or there again.
+
+        Args:
+            callback: gets False when the helper process is gone, True when one is there again.
+        """
+        self._connection.on_link(callback)
+
+    def try_now(self) -> None:
+        """Look for the helper process at once, where the link is lost.
+
+        It is looked for by itself five times a second. This returns before it is found: `connected` and `on_link` tell.
+        """
+        self._connection.try_now()
+
+    def close(self) -> None:
+        """End views and connection, and release control; closing twice is fine."""
+        if self._held is not None and self.connected:
+            with contextlib.suppress(SiloError):  # else its lease ends it
+                self.release_control()
+        self._connection.close()
+        self._saves.wake()
+
+    def _renew(self) -> None:
+        self._leases.renew()  # which need the connection first
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # --------------------------------------------------------------------------------------------------------- asking
+
+    def _call(self, request: Request[ReplyT]) -> ReplyT:
+        changes = request.key == Do.key
+        if changes and self.read_only:
+            raise RequestRefusedError(RefusedWhy.FORBIDDEN, read_only_words(type(request).__name__))
+        request = msgspec.structs.replace(request, client=self._name)
+        try:
+            reply = self._connection.exchange(request, max(request.timeout_s, self._timeout_s))
+        except NoAnswerError:
+            if not changes:
+                raise
+            reply = self._told_why(request)
+        except (OverflowError, UnicodeEncodeError) as error:
+            raise ElementError(f"{type(request).__name__} can't be sent: {error}; nothing was asked") from None
+        return checked(request, reply)
+
+    def _told_why(self, request: Request[ReplyT]) -> AnyReply:
+        """Ask under the key for those whom rules keep from `do`: the robot says why, and tells who sits before it."""
+        with contextlib.suppress(NoAnswerError):  # a robot, or rules, of before
+            return self._connection.exchange(request, self._timeout_s, refused=True)
+        return Refused(RefusedWhy.FORBIDDEN, self._why_not())
+
+    def _why_not(self) -> str:
+        """Return why this user's changes get no answer, from a logger that answers what reads; raises if it doesn't."""
+        question = Hello(version=VERSION, client=self._name)
+        reply = checked(question, self._connection.exchange(question, self._timeout_s))
+        return reply.why_not or viewer_words(self._connection.user, self._connection.root.address)
+
+    def hello(self) -> HelloReply:
+        """Return who is there, whether this user may change anything, and why not."""
+        question = Hello(version=VERSION, client=self._name)
+        reply = self._call(question)
+        why_not = self._why_no_changes()
+        if not why_not:
+            return reply
+        return msgspec.structs.replace(reply, may_edit=False, why_not=why_not)
+
+    def _why_no_changes(self) -> str:
+        if self.read_only:
+            return READ_ONLY
+        mine = self._connection.mine
+        question = Hello(version=VERSION, client=self._name, id=mine.id, proof=mine.proof)
+        try:
+            reply = self._connection.exchange(question, self._timeout_s, as_change=True)
+        except NoAnswerError:
+            return self._why_not()  # access control swallows what isn't allowed: no answer on this key is the answer
+        return reply.text if isinstance(reply, Refused) else ""
+
+    # -------------------------------------------------------------------------------------------------------- control
+
+    def take_control(
+        self,
+        *,
+        force: bool = False,
+        lease_s: float | None = None,
+        on_lost: Callable[[str], None] | None = None,
+    ) -> str:
+        """Take control: from now on nobody else changes anything, until it is released, given away or taken.
+
+        It is kept while this client lives and its link does, and ends 15 s after; with a `lease_s` of your own it goes
+        on without this client.
+
+        Args:
+            force: take it from whoever has it; everybody is told.
+            lease_s: how long it lasts without being renewed, 1 s to a day; None: renewed by this client.
+            on_lost: called with the reason when somebody else has it by now; in a thread of the connection.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: somebody else has it, since when, and the way out; or this user may not change anything.
+        """
+        switch("force", force)
+        if lease_s is not None:
+            lease_s = real("lease_s", lease_s, 1.0, LONGEST_LEASE_S, "s")
+        words = self._call(TakeControl(lease_s=lease_s or LEASE_S, force=force)).text
+        if lease_s is None:
+            self._let_go()
+            self._held = Held(TakeControl(lease_s=LEASE_S, renew=True), on_lost)
+            self._leases.add(self._held)
+        return words
+
+    def release_control(self) -> str:
+        """Give control up.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: somebody else has it.
+        """
+        self._let_go()
+        return self._call(ReleaseControl()).text
+
+    def hand_over(self, to: str) -> str:
+        """Give control to another operator who is connected.
+
+        Args:
+            to: the user's name, as `status().clients` has it.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: nobody of that name is connected, or somebody else has control.
+        """
+        text("to", to, 'client.hand_over("anna")')
+        words = self._call(GiveControl(to=to)).text
+        self._let_go()
+        return words
+
+    def _let_go(self) -> None:
+        """Renew it no more."""
+        if self._held is not None:
+            self._leases.drop(self._held)
+        self._held = None
+
+    # ---------------------------------------------------------------------------------------------------------- files
+
+    def wait_saved(
+        self, job: int, timeout_s: float = 600.0, progress: Callable[[float], None] | None = None
+    ) -> list[SavedFile]:
+        """Wait for the end of a save.
+
+        Args:
+            job: the number that `save` returned.
+            timeout_s: how long to wait, s.
+            progress: called with the fraction done, 0 to 1.
+
+        Returns:
+            The files: path, size in bytes.
+
+        Raises:
+            SaveError: it failed, with the reason, or takes too long.
+            ConnectionLostError: the connection is lost.
+        """
+        whole("job (the number that save() returned)", job, 0, 2**63 - 1)
+        wait_s = real("timeout_s", timeout_s, 0, LONGEST_S, "s")
+        return self._saves.wait(job, wait_s, progress, lambda: self._connection.connected)
+
+    def fetch(
+        self,
+        name: str,
+        folder: "str | os.PathLike[str]" = ".",
+        progress: Callable[[int, int], None] | None = None,
+        *,
+        replace: bool = False,
+        patience_s: float = 30.0,
+    ) -> "Path":
+        """Copy a recording of the logger's folder (a file, or a bag folder) into a folder of this machine.
+
+        In pieces, each with a checksum. When the link is cut it goes on as soon as the link is back within
+        `patience_s`; what came until then is kept as `<name>.part`, and the same call later goes on behind it.
+
+        Args:
+            name: of the file or bag folder with its ending, as `recordings` has it.
+            folder: where to; made where it isn't there.
+            progress: called with the bytes that are here and the bytes of all of it, also while the link is cut; what
+                it raises ends the call.
+            replace: take the place of a file of this name that is there already.
+            patience_s: how long to wait for a link that is cut, s.
+
+        Returns:
+            The path of the copy.
+
+        Raises:
+            SaveError: it is there already (without `replace`) or being fetched by another program, the disk is full, or
+                the system refuses.
+            ConnectionLostError: the link is cut for longer than `patience_s`, or what comes makes no sense.
+            RefusedError: there is no such recording, or it was written anew meanwhile.
+            ElementError: an argument makes no sense; nothing was asked.
+        """
+        from silo.ipc.fetching import Fetch
+
+        wait_s = real("patience_s", patience_s, 0, LONGEST_S, "s")
+        ask = Fetch(self._parts_of, self._piece_of, lambda: self._connection.connected, wait_s)
+        return ask.run(
+            text("name", name, "client.fetch('robot_..._00007.silo')"), path("folder", folder), progress, replace
+        )
+
+    # ----------------------------------------------------------------------------------------- what comes from now on
+
+    def view(
+        self,
+        values: Sequence[str] = (),
+        plots: Sequence[str] = (),
+        rate_hz: float = 5.0,
+        column_ns: int = 100_000_000,
+    ) -> "View":
+        """Open a view: newest values and fill of elements, minimum and maximum per column of entries.
+
+        It goes on across reconnections until it is closed.
+
+        Args:
+            values: the elements.
+            plots: the entries.
+            rate_hz: frames per second.
+            column_ns: width of a column.
+
+        Returns:
+            The view; its `read()` gives frames.
+
+        Raises:
+            RefusedError: a name or number is out of range.
+            ConnectionLostError: nobody answers.
+        """
+        from silo.ipc.view import View
+
+        request = OpenView(
+            view="",
+            values=texts("values", values, "['/log/joints/q']"),
+            plots=texts("plots", plots, "['/log/joints/q_0']"),
+            rate_hz=rate_hz,
+            column_ns=column_ns,
+        )
+        view = View(request, next(self._leases.numbers), lambda: self._leases.renew_soon(view), self._leases.forget)
+        self._connection.attach(view)
+        try:
+            view.accept(self._call(view.request))
+        except (RefusedError, ConnectionLostError):
+            view.close()
+            raise
+        self._leases.add(view)
+        return view
+
+    def topic(self, element: str) -> "Topic":
+        """Subscribe to every sample of a published element: `for batch in client.topic("joints/q"): ...`.
+
+        Args:
+            element: its full name, or the name after the prefix.
+
+        Returns:
+            The subscription; close it, or use it as a context manager.
+
+        Raises:
+            ElementError: there is no such element.
+        """
+        return self._topic(element, self._connection.forget)
+
+    def _topic(self, element: str, on_close: Callable[["Topic"], None]) -> "Topic":
+        from silo.ipc.topic import Topic
+
+        text("element", element, "client.topic('/log/joints/q')")
+        name = full_name(element, self.status(), self.table())
+        topic = Topic(name, on_close, lambda: why_silent(name, self.status(), self.table()))
+        self._connection.attach(topic)
+        return topic
+
+    def stream(self, names: Sequence[str], period_s: float = 0.05) -> "Stream":
+        """Subscribe to every sample of elements or entries from now on, whatever their action; iterate over it.
+
+        It goes on across reconnections and new starts until it is closed. Numbered: what this reader is too slow for is
+        counted, and never holds up the helper process.
+
+        Args:
+            names: elements or entries, at least one.
+            period_s: time between two deliveries, s.
+
+        Returns:
+            The stream, of batches with `Samples` by name; close it, or use it as a context manager.
+
+        Raises:
+            RefusedError: a name is unknown, a number out of range, or too many streams are open.
+            ConnectionLostError: nobody answers.
+            ElementError: the names are no list of texts; nothing was asked.
+        """
+        from silo.ipc.samples import Stream
+
+        wished = texts("names", names, "['/log/joints/q']")
+        request = OpenStream(stream="", names=wished, period_s=period_s)
+        stream = Stream(
+            request, next(self._leases.numbers), lambda: self._leases.renew_soon(stream), self._leases.forget
+        )
+        self._connection.attach(stream)
+        try:
+            stream.accept(self._call(stream.request))
+        except (RefusedError, ConnectionLostError):
+            stream.close()
+            raise
+        self._leases.add(stream)
+        return stream
+
+    # --------------------------------------------------------------------------------------------------- what is held
+
+    def history(
+        self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int, pin: "Pin | None" = None
+    ) -> "HistoryColumns":
+        """Return past samples as minimum and maximum per column, straight from the buffers or of a pin.
+
+        Args:
+            names: 1 to 64 entries.
+            start_ns: the first time stamp.
+            end_ns: the time stamp after the last.
+            column_ns: width of a column; there may be at most 4096.
+            pin: what to read instead of the buffers.
+
+        Returns:
+            Columns of all names, of which column k covers the time stamps from `k * column_ns` to before the next.
+
+        Raises:
+            RefusedError: a name is unknown, a number out of range, or the pin is no more.
+            ElementError: the names are no list of texts; nothing was asked.
+        """
+        from silo.ipc.view import history_columns
+
+        request = GetHistory(
+            names=texts("names", names, "['/log/joints/q_0']"),
+            start_ns=start_ns,
+            end_ns=end_ns,
+            column_ns=column_ns,
+            pin=pin.id if pin is not None else "",
+        )
+        return history_columns(self._call(request))
+
+    def samples(
+        self,
+        names: Sequence[str],
+        start: int = -(2**62),
+        end: int = 2**62,
+        by: By | str = By.TIME,
+        pin: "Pin | None" = None,
+        reply_bytes: int = 2**20,
+        told: Callable[[float], None] | None = None,
+    ) -> "dict[str, Samples]":
+        """Return all samples that the buffers (or a pin) hold of elements or entries, with `start <= ... < end`.
+
+        What comes while it is read is left out.
+
+        Args:
+            names: elements or entries, 1 to 10 000.
+            start: the first, see `by`.
+            end: the one after the last, see `by`.
+            by: `"time"`: the ends are time stamps in ns; `"tick"`: ticks since start; `"row"`: numbers of samples since
+                start.
+            pin: what to read instead of the buffers.
+            reply_bytes: size of the pieces in which they are asked for, 4096 to 4 MiB.
+            told: called with the share that has come, 0 to 1.
+
+        Returns:
+            By name: `ticks` and `time_ns` of shape `(n,)`, `values` of shape `(n, *shape of the element)`, oldest
+            first; of a name without samples `why` there are none.
+
+        Raises:
+            RefusedError: the logger was started anew meanwhile, a name or `by` is unknown, a number out of range, or
+                the pin is no more.
+            ElementError: the names are no list of texts; nothing was asked.
+        """
+        from silo.ipc.samples import Gathering
+
+        request = GetSamples(
+            names=texts("names", names, "['/log/joints/q']"),
+            start=start,
+            end=end,
+            by=by_of(by),
+            reply_bytes=reply_bytes,
+            pin=pin.id if pin is not None else "",
+        )
+        gathering = Gathering(request.names)
+        while True:
+            reply = self._call(request)
+            gathering.take(reply)
+            if told is not None:
+                told(gathering.share)
+            if all(row >= stop for row, stop in reply.resume):
+                return gathering.samples()
+            request = GetSamples(
+                names=request.names, by=request.by, reply_bytes=reply_bytes, pin=request.pin, run=reply.run,
+                resume=reply.resume,
+            )  # fmt: skip
+
+    def survey(
+        self,
+        quantities: Sequence[str],
+        names: Sequence[str] = (),
+        *,
+        reset: bool = False,
+        derived: bool = False,
+        some: Sequence[str] = (),
+        some_quantities: Sequence[str] = (),
+    ) -> Survey:
+        """Return quantities of elements or entries, with statistics over all samples since this client asked first.
+
+        The statistics end when it hasn't asked for a minute.
+
+        Args:
+            quantities: one or several of `silo.ipc.surveys.QUANTITIES`, such as `"mean"`, `"std"`, `"rate"` (Hz).
+            names: elements or entries, at most 20 000; all elements of the table where it is empty.
+            reset: begin the statistics anew.
+            derived: without names, the table's derived signals follow its elements.
+            some: elements or entries of which more is wanted, of the same samples as the others.
+            some_quantities: what is wanted of these.
+
+        Returns:
+            The survey; its `values` are the bytes of float64 of shape `(quantities, names)`, NaN where a quantity isn't
+            known; `some` those of `(some_quantities, some)`.
+
+        Raises:
+            RefusedError: a quantity is unknown, there are too many names, or too many clients have statistics.
+            ElementError: one of both is no list of texts; nothing was asked.
+        """
+        request = GetSurvey(
+            quantities=texts("quantities", quantities, "['mean', 'std']"),
+            names=texts("names", names, "['/log/joints/q']"),
+            reset=reset,
+            derived=derived,
+            some=texts("some", some, "['/log/joints/q']"),
+            some_quantities=texts("some_quantities", some_quantities, "['mean', 'std']"),
+        )
+        return self._call(request)
+
+    def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> "Pin":
+        """Have the helper process keep a copy of what the buffers hold, whatever they overwrite.
+
+        `samples` and `history` read it until it is closed. Where not all fits the newest part is kept: 64 MiB for all
+        clients together.
+
+        Args:
+            names: elements or entries, 1 to 10 000.
+            start_ns: the first time stamp.
+            end_ns: the last time stamp.
+
+        Returns:
+            The pin; its `opened` says what is held: time stamps in ns, `size_bytes`, and of names without rows why.
+
+        Raises:
+            RefusedError: nothing of it fits, a name is unknown, a number out of range, or too many pins are open.
+            ElementError: the names are no list of texts; nothing was asked.
+        """
+        from silo.ipc.samples import Pin
+
+        request = OpenPin(
+            pin=f"{secrets.token_hex(8)}-1",  # of its own, because it outlives the session
+            names=texts("names", names, "['/log/joints/q']"),
+            start_ns=start_ns,
+            end_ns=end_ns,
+        )
+        opened = self._call(request)
+        pin = Pin(request.names, opened, KeepPin(pin=opened.pin), self._leases.forget)
+        self._connection.attach(pin)
+        self._leases.add(pin)
+        return pin
+
+    def find(
+        self,
+        names: Sequence[str],
+        what: Sought | str,
+        level: float = 0.0,
+        direction: int = 0,
+        bounds: Sequence[tuple[float | None, float | None]] = (),
+        start_ns: int = -(2**62),
+        end_ns: int = 2**62,
+        around_ns: int = 0,
+        most: int = 100,
+        pins: "Sequence[Pin]" = (),
+        run: str = "",
+    ) -> "dict[str, FoundMoments]":
+        """Look for something in every sample that buffers and pins hold; the helper process looks, nothing is fetched.
+
+        Args:
+            names: 1 to 64 entries.
+            what: `"highest"`, `"lowest"`, `"crossing"`, `"edge"`, `"change"`, `"not finite"`, `"outside"`, `"hole"`.
+            level: what is crossed.
+            direction: 1 for a rising crossing, -1 for a falling one, 0 for either.
+            bounds: of each name the smallest and the largest value that isn't outside, None for none.
+            start_ns: the first time stamp.
+            end_ns: the last time stamp.
+            around_ns: the moments next to this one are in the answer.
+            most: how many of each name; all names together have at most 10 000.
+            pins: what is looked through beside the buffers, where it has what these have no more.
+            run: the run that it is about, as pins name it; the newest where it is empty.
+
+        Returns:
+            By name: `total` moments, of which `before` come before those that are here as `time_ns` and `values`, both
+            of shape `(n,)`; `begin_ns` and `end_ns` say what was looked through, `why` why nothing was.
+
+        Raises:
+            RefusedError: a name or `what` is unknown, a number out of range, or a pin is no more.
+            ElementError: the names are no list of texts; nothing was asked.
+        """
+        from silo.ipc.moments import found_of
+
+        try:
+            sought = Sought(what)
+        except ValueError:
+            words = ", ".join(f"'{one.value}'" for one in Sought)
+            raise RefusedError(f"one can look for {words}, got {what!r}; nothing was asked") from None
+        request = FindMoments(
+            names=texts("names", names, "['/log/joints/q_0']"), what=sought, level=level, direction=direction,
+            bounds=list(bounds), start_ns=start_ns, end_ns=end_ns, around_ns=around_ns, most=most,
+            pins=[pin.id for pin in pins], run=run,
+        )  # fmt: skip
+        return found_of(self._call(request))
+
+    def measure(
+        self, names: Sequence[str], a_ns: int, b_ns: int, pins: "Sequence[Pin]" = (), run: str = ""
+    ) -> "dict[str, Between]":
+        """Measure signals between two moments in every sample that is held; the helper process adds up.
+
+        Args:
+            names: 1 to 64 entries.
+            a_ns: a time stamp.
+            b_ns: another one, later or earlier.
+            pins: what is added up beside the buffers, where it has what these have no more.
+            run: the run that it is about, as pins name it; the newest where it is empty.
+
+        Returns:
+            By name: what held at A and at B, difference and slope per second, mean, standard deviation, root mean
+            square, smallest and largest of the finite samples between, both ends included, and how many there are.
+
+        Raises:
+            RefusedError: a name is unknown, a number out of range, or a pin is no more.
+            ElementError: the names are no list of texts; nothing was asked.
+        """
+        from silo.ipc.moments import between_of
+
+        request = MeasureSpan(
+            names=texts("names", names, "['/log/joints/q_0']"), a_ns=a_ns, b_ns=b_ns, pins=[pin.id for pin in pins],
+            run=run,
+        )  # fmt: skip
+        return between_of(self._call(request), a_ns, b_ns)
