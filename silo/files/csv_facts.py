@@ -20,6 +20,7 @@ from silo.recording import RecordedElement, RecordedEntry, Recording, masked
 SIDECAR = ".json"
 VERSION = 1
 _LARGEST = 256 << 20
+_LARGEST_TICK = 2**62
 _QUOTE = b'"'
 _MASKED = "biuV"  # what has no NaN: an empty cell is a value that is missing
 
@@ -165,6 +166,8 @@ def _element(facts: CsvElement, columns: Any, ticks: int) -> RecordedElement:
 def _in_step(places: NDArray[np.intp], facts: CsvElement, ticks: int) -> NDArray[np.intp] | None:
     """Which samples of an element stand in these rows; None where one of them is none."""
     first, divider = facts.first or 0, facts.divider
+    if max(abs(first), divider, facts.count) >= _LARGEST_TICK:
+        return None
     last = first + (facts.count - 1) * divider
     if divider < 1 or facts.count < len(places) or first < 0 or (facts.count and last >= ticks):
         return None

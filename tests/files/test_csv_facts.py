@@ -9,7 +9,8 @@ from silo.files.convert import convert
 from silo.files.csv_file import write_csv
 from silo.files.csv_reader import read_csv
 from silo.files.silo_reader import read_silo
-from silo.model import BufferType
+from silo.model import BufferType, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
 
 UNKNOWN = "units, labels, types and buffers of the log are not known"
 
@@ -109,3 +110,15 @@ def test_a_table_with_its_facts_becomes_a_log_without_a_word(path):
     again = read_silo(path.with_suffix(".silo"))
     assert again.warnings == ()
     assert facts_of(again) == facts_of(read_csv(path))
+
+
+@pytest.mark.parametrize("key", ["first", "divider", "count"])
+def test_ticks_that_no_integer_of_64_bits_holds_are_those_of_no_table(tmp_path, key):
+    entry = RecordedEntry("/log/n", Entry("", "<i8"), np.arange(1))
+    element = RecordedElement("/log/n", "-", "scalar", (), 1, BufferType.GROWING, 0, (entry,))
+    path = tmp_path / "x.csv"
+    write_csv(Recording("run", np.arange(1) * 10**9, 1, (element,)), path)
+    facts = json.loads((tmp_path / "x.csv.json").read_bytes())
+    facts["elements"][0][key] = 99999999999999999999
+    (tmp_path / "x.csv.json").write_text(json.dumps(facts))
+    assert "is not of this table" in read_csv(path).warnings[0]

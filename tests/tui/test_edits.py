@@ -34,6 +34,15 @@ one_edit = st.sampled_from(Field).flatmap(
 )
 
 
+one_option = st.one_of(
+    st.fixed_dictionaries({"enabled": st.booleans()}),
+    st.fixed_dictionaries({"divider": st.integers(1, 4)}),
+    st.fixed_dictionaries({"action": st.sampled_from(Action)}),
+    st.fixed_dictionaries({"buffer_type": st.sampled_from(BufferType)}),
+    st.fixed_dictionaries({"buffer_size": st.integers(1, 4)}),
+)
+
+
 def table(revision: int, *given: ElementOptions) -> Table:
     elements = [
         ElementInfo(f"/log/e{row}", "-", "scalar", (), (Entry("", "<f8"),), each) for row, each in enumerate(given)
@@ -115,6 +124,7 @@ class Edited(RuleBasedStateMachine):
     def __init__(self):
         super().__init__()
         self.state = fresh()
+        self.theirs = [ElementOptions()] * COUNT
         self.book = {}  # (field, row) -> (wanted, the logger's value that it was wanted instead of)
         self.steps = []  # the book of the rows of each step, before it; what was told, at which revision
 
@@ -154,9 +164,11 @@ class Edited(RuleBasedStateMachine):
             if mine:
                 self.book[cell] = wanted, self.server(cell)
 
-    @rule(theirs=st.lists(options, min_size=COUNT, max_size=COUNT))
-    def somebody_else_changes_it(self, theirs):
-        self.state.load(table(self.state.revision + 1, *theirs))
+    @rule(row=st.integers(0, COUNT - 1), theirs=one_option)
+    def somebody_else_changes_it(self, row, theirs):
+        # one option of one element: conflicts come of it as of more, and it is made up in less time
+        self.theirs[row] = msgspec.structs.replace(self.theirs[row], **theirs)
+        self.state.load(table(self.state.revision + 1, *self.theirs))
         self.book = {cell: each for cell, each in self.book.items() if each[0] != self.server(cell)}
 
     @rule()
