@@ -474,7 +474,7 @@ class Ledger:
         if known is None:
             self.written.runs.append(entry)
         else:
-            known.channels, known.extras = entry.channels, entry.extras
+            known.channels, known.extras, known.gone = entry.channels, entry.extras, ""
         self.written.fold()
         self._store()
 

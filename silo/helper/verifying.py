@@ -33,7 +33,7 @@ from silo.runtime import list_segments, read_own
 # what tells of a loss, once "0 lost" is taken out
 _LOSS = re.compile(
     r"lost|missing|not recorded|left out|could not|couldn't|gone|overwritten|deleted|blind|not saved|"
-    r"not written|nothing of this run|stays in memory"
+    r"not written|nothing of this run|stays in memory|in no file"
 )
 _NO_LOSS = re.compile(r"\b0 (samples )?lost\b")
 _TELL_LOSS = frozenset(
@@ -47,6 +47,7 @@ _TOTALS = re.compile(
 _LOST_AT = re.compile(r"recording '(?P<name>[^']+)': (?P<lost>\d+) samples were lost, of ticks")
 _ENDED = re.compile(r"recording '(?P<name>[^']+)'.*(ended|stopped|files, \d+ samples)")
 _BEGUN = re.compile(r"recording '(?P<name>[^']+)' of .* to (?P<folder>/.*)")
+_UNCOUNTED = re.compile(r"lost, and the end of (a run|\d+ runs)")
 _FULL = "come to an end when their buffers are full"
 _FIRED = re.compile(r"trigger '(?P<name>[^']+)' fired")
 _CAPTURED = re.compile(r"capture (?P<number>\d+) of '(?P<name>[^']+)', ticks (?P<first>\d+) to (?P<last>\d+)")
@@ -381,15 +382,15 @@ def _is_under_way(run: _Run, name: str, there: _Folder) -> bool:
     return bool(before) and before[-1]
 
 
-def _ends_in(run: _Run, name: str) -> list[str]:
-    """What is told of ends of a recording in a run."""
-    texts = [event.text for event in run.events]
-    return [text for text in texts if (found := _ENDED.match(text)) and found["name"] == name]
+def _ends_in(run: _Run, name: str) -> list[LoggedEvent]:
+    """The events of a run that tell of ends of a recording."""
+    return [event for event in run.events if (found := _ENDED.match(event.text)) and found["name"] == name]
 
 
 def _is_closed(run: _Run, name: str) -> bool:
-    """Whether a recording ended with the logger: then it was to have the run to its end."""
-    return any(CLOSED in text for text in _ends_in(run, name))
+    """Whether a recording ended with the logger, or failed: it was to have the run to its end."""
+    failed = EventKind.RECORDING_FAILED.value
+    return any(CLOSED in event.text or event.kind == failed for event in _ends_in(run, name))
 
 
 def _is_from_begin(run: _Run, name: str, parts: list[_Part], there: _Folder) -> bool:
@@ -455,7 +456,7 @@ def _totals(runs: Iterable[_Run]) -> Iterator[Verdict]:
         for event in run.events:
             if (found := _LOST_AT.match(event.text)) is not None:
                 where[run.logger, found["name"]] += int(found["lost"])
-            elif (found := _TOTALS.match(event.text)) is not None:
+            elif (found := _TOTALS.match(event.text)) is not None and "stays in memory" not in event.text:
                 counts = int(found["parts"]), int(found["samples"]), int(found["lost"])
                 told[run.logger, found["name"]] = _Total(event, *counts)
     for (logger, name), total in told.items():
@@ -467,6 +468,8 @@ def _totals(runs: Iterable[_Run]) -> Iterator[Verdict]:
         text = ""
         if there != total.samples:
             text = f"{total.samples} samples were told (event {number}), its parts have {there}"
+        elif _UNCOUNTED.search(total.event.text):
+            continue  # how much that was nobody could count
         elif total.lost < missing:
             text = f"{total.lost} samples were told to be lost (event {number}), and {missing} are in no part"
         elif total.lost > max(missing, where[logger, name]):

@@ -413,6 +413,9 @@ class Writing:
             self._finish_part()
         except OSError as error:
             text += f"; the last part can't be finished now ({reason(error)}): `silo recover {self._folder}` does it"
+        if self._layout is not None:  # what came after the last row, and still comes, nobody counts
+            with contextlib.suppress(OSError):
+                self._ledger.end_run(self._layout.schema.run, {}, done=False, gone=text)
         self.totals.text = text
         self.totals.state = RecorderState.FAILED
 

@@ -86,6 +86,7 @@ def test_a_recording_stops_with_words_before_the_disk_is_full(robot, tmp_path, t
     assert totals.state is RecorderState.FAILED
     assert "nearly full: 2 MB are free, and 2 MB of it are left to others" in totals.text
     assert truth.span(read_bag(parts(tmp_path)[0])) == (0, 300)
+    assert "0 lost, and the end of a run" in direct.ledger.written.sums().text  # what was collected after that
 
 
 def test_two_percent_of_a_small_disk_and_a_gigabyte_of_a_large_one_are_left_free() -> None:

@@ -189,6 +189,14 @@ def test_the_end_of_a_run_that_was_closed_under_a_recording_is_missing(kept):
     assert kept.found()[0] == [("missing", ((300, 339),))]
 
 
+def test_what_comes_after_a_recording_failed_is_missing_and_told_by_that(kept):
+    kept.recorded(300, stopped=False)
+    text = "the disk is nearly full; the end of 1 run is in no file; 1 files, 960 samples, 0 lost, and the end of a run"
+    kept.happens("recording failed", f"recording 'bot' ended: {text}", 339)
+    kept.happens("stopped", "stopped", 339)
+    assert kept.found() == [[], [("missing", ((300, 339),))]]
+
+
 @pytest.mark.parametrize(("lost", "text"), [(0, ""), (7, "7 samples were told to be lost (event 3), and of 0 alone")])
 def test_samples_that_are_told_to_be_lost_at_the_end_are_held_against_where(kept, lost, text):
     kept.recorded(300)
