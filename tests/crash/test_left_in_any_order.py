@@ -128,7 +128,10 @@ class Left(RuleBasedStateMachine):
         with contextlib.closing(SegmentReader(path)) as reader:
             schema = reader.schema
             if watched:
-                store_state(state_path("bot", schema.run), begun_state(schema))
+                known = state_path("bot", schema.run)
+                store_state(known, begun_state(schema))
+                if "lives" in owner:
+                    self.stays[known] = known.read_bytes()
             if journal:
                 self.write_journal(path, reader)
             if saved:
@@ -227,10 +230,10 @@ class Left(RuleBasedStateMachine):
     def recover_the_folder(self):
         assert run(["recover", str(self.logs)]) in ((0, EXIT_FAILED) if self.stays else (0,))
 
-    @rule()
-    def recover_as_helper(self):
+    @rule(logger=st.sampled_from(["bot", "another"]))
+    def recover_as_helper(self, logger="bot"):
         told: list[str] = []
-        options = LoggerOptions(name="bot", folder=str(self.logs))
+        options = LoggerOptions(name=logger, folder=str(self.logs))
         mirror = SimpleNamespace(now=SimpleNamespace(options=options))
         events = SimpleNamespace(publish=lambda kind, text, **_: told.append(text))
         PredecessorRecovery(mirror, events)._run()
@@ -257,7 +260,7 @@ class Left(RuleBasedStateMachine):
         told = Counter((event.run, event.kind, event.text) for event in events)
         assert [one for one, count in told.items() if count > 1] == []
         assert {path: path.read_bytes() for path in self.stays} == self.stays
-        left = {path for path in self.runtime.iterdir() if path.suffix in (".segment", ".held", ".new")}
+        left = {path for path in self.runtime.iterdir() if path.suffix in (".segment", ".held", ".judge", ".new")}
         assert left <= set(self.stays), "nothing that nobody needs is left"
         closed = {path.name: messages(path) for path in (self.logs / "recordings").glob("*.mcap")}
         assert closed == dict(self.parts)
@@ -292,6 +295,7 @@ def left():
 
 def test_the_next_helper_process_judges_a_run_that_none_ever_saw(left) -> None:
     left.leave_a_run_that_is_held(50, "another boot", watched=True, state="unseen")
+    left.recover_as_helper("another")
     left.recover_as_helper()
     left.check()
     assert len(left.fired) == 2
