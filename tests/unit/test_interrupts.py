@@ -80,7 +80,7 @@ def test_an_interrupt_anywhere_leaves_no_file_and_no_descriptor_after_close(tmp_
         del logger
         folders = runtime, tmp_path / "logs"
         if any(left_over(folders)) and gc.collect() and any(left := left_over(folders)):
-            kept.append((place[0].co_qualname, place[1], left))
+            kept.append((place[0].co_name, place[1], left))
             for path in left[0]:
                 path.unlink()
     assert len(places) > 100
