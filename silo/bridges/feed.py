@@ -16,7 +16,7 @@ from silo.ipc.samples import Batch, Samples, Stream
 from silo.model import ElementInfo, State
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client
+    from silo.ipc.client.client import Client
 
 PERIOD_S = 0.05
 TABLE_PERIOD_S = 1.0

@@ -10,8 +10,8 @@ from silo.cli.codes import EXIT_BLIND, EXIT_FAILED
 from silo.cli.common import connect, json_option, logger_argument, show_duration, show_json, show_rows
 
 if TYPE_CHECKING:
+    from silo.conditions.requests import Alarms
     from silo.conditions.standing import LimitStatus
-    from silo.ipc.messages import Alarms
 
 EXIT_VIOLATED = EXIT_FAILED
 FOLLOW_S = 0.5

@@ -16,7 +16,7 @@ from silo.files.formats import SAVED_NAMES, file_type
 from silo.model import FileType
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client
+    from silo.ipc.client.client import Client
     from silo.ipc.discovery import Discovery
     from silo.ipc.found import Found
     from silo.model import ElementInfo, Status
@@ -186,7 +186,7 @@ def tell_unreachable(unreachable: Mapping[str, str]) -> None:
 def connect(name: str | None) -> "Client":
     """Return a client of the logger; close it, or use it as a context manager."""
     found = find_logger(name)
-    from silo.ipc.client import Client
+    from silo.ipc.client.client import Client
 
     return Client.connect(found, read_only=read_only())
 

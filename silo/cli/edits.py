@@ -25,7 +25,7 @@ from silo.patterns import matching, places
 from silo.settings.words import Settings, apply_settings, completions, help_rows, is_setting, rate_words, read_settings
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client
+    from silo.ipc.client.client import Client
     from silo.model import ElementInfo, ElementOptions, FieldChange, Table
 
 MOST_CHANGES = 100  # of 10,000 elements, nobody reads each; `--dry-run` shows all

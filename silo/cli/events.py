@@ -14,7 +14,7 @@ from silo.files.formats import means_log
 from silo.model import LoggedEvent
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client
+    from silo.ipc.client.client import Client
 
 FOLLOW_S = 0.2
 MOST = 10_000

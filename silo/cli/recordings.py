@@ -14,8 +14,8 @@ from silo.cli.common import TypedPath, complete_logger, connect, json_option, ma
 from silo.errors import RefusedError, SiloError
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client
-    from silo.ipc.messages import Recordings, SavedRecording
+    from silo.ipc.client.client import Client
+    from silo.ipc.messages.recordings import Recordings, SavedRecording
 
 MOST_LOOKS = 60  # each looks into as many files as fit into a second
 

@@ -21,7 +21,7 @@ from silo.cli.common import (
 from silo.cli.edits import show_changes
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client
+    from silo.ipc.client.client import Client
 
 
 @click.group()

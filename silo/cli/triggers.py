@@ -18,8 +18,8 @@ from silo.cli.common import (
 from silo.files.formats import SAVED_NAMES
 
 if TYPE_CHECKING:
+    from silo.conditions.requests import TriggerTried
     from silo.conditions.standing import TriggerStatus
-    from silo.ipc.messages import TriggerTried
     from silo.model import TriggerOptions
 
 MOST_TIMES = 10

@@ -25,7 +25,7 @@ from silo.ipc.published import NOT_LIVE_TEXTS
 from silo.model import State
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client
+    from silo.ipc.client.client import Client
     from silo.ipc.frames import Frame
     from silo.ipc.view import View
     from silo.model import ElementInfo, Entry

@@ -15,7 +15,8 @@ from silo.errors import SegmentError
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.topics import matching
 from silo.ipc import keys
-from silo.ipc.messages import OpenStream, OpenView
+from silo.ipc.messages.samples import OpenStream
+from silo.ipc.messages.views import OpenView
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 

@@ -44,12 +44,7 @@ from silo.ipc.configuration import robot_named
 from silo.ipc.folders import group_folder, share_socket
 from silo.ipc.keys import Root
 from silo.ipc.logins import asks_for_passwords, watch_logins
-from silo.ipc.messages import (
-    Save,
-    SaveStarted,
-    StartRecorder,
-    StopRecorder,
-)
+from silo.ipc.messages.recordings import Save, SaveStarted, StartRecorder, StopRecorder
 from silo.ipc.published import EventKind
 from silo.ipc.session import close, dead_mark, forget, open_server
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState

@@ -8,7 +8,7 @@ from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import RingSource, first_row
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.views import MIN_COLUMN_NS
-from silo.ipc.messages import By, Columns, GetHistory
+from silo.ipc.messages.samples import By, Columns, GetHistory
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 MAX_NAMES = 64

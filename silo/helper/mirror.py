@@ -22,12 +22,12 @@ from silo.collecting.losses import lost_samples
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
-from silo.ipc.messages import TableReply
 from silo.judging.derived import derived_infos
 from silo.link.handover import RunOffer
 from silo.link.messages import RobotState
 from silo.model import Control, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
 from silo.runtime import disk_room, runtime_dir, user_name
+from silo.scripts.requests import TableReply
 
 MOST_CLIENTS = 20
 FAILED_NAMES = 10  # of the status, which goes with every event

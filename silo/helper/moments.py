@@ -16,15 +16,8 @@ from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import Group, Picked, RingSource, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import unknown
-from silo.ipc.messages import (
-    By,
-    FindMoments,
-    FoundIn,
-    MeasureSpan,
-    MomentsFound,
-    SpanFacts,
-    SpanMeasured,
-)
+from silo.ipc.messages.moments import FindMoments, FoundIn, MeasureSpan, MomentsFound, SpanFacts, SpanMeasured
+from silo.ipc.messages.samples import By
 from silo.judging.between import HELD_PERIODS, Between, Measuring
 from silo.judging.moments import Finder, Looking
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError

@@ -11,7 +11,7 @@ from typing import Any
 from silo.amounts import duration
 from silo.helper.events import Events, plain
 from silo.helper.mirror import Mirror
-from silo.ipc.messages import GiveControl, TakeControl
+from silo.ipc.messages.control import GiveControl, TakeControl
 from silo.ipc.published import EventKind
 from silo.ipc.senders import name_of
 from silo.model import Control

@@ -11,7 +11,7 @@ from silo.collecting.row_picker import STAMPS, moved, words_with
 from silo.collecting.rows import Rows, Words, stored_type
 from silo.collecting.schema import ElementSchema, EntrySchema, SegmentSchema
 from silo.helper.mirror import LoggerSnapshot
-from silo.ipc.messages import By
+from silo.ipc.messages.samples import By
 from silo.ipc.sampled import SampledEntry, SampledName
 from silo.model import BufferType
 

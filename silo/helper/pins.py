@@ -18,7 +18,7 @@ from silo.helper.picking import Group, Picked, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import MAX_NAMES, unknown
 from silo.ipc.keys import VIEW_ID
-from silo.ipc.messages import By, OpenPin, PinOpened
+from silo.ipc.messages.samples import By, OpenPin, PinOpened
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 

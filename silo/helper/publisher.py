@@ -24,7 +24,7 @@ from silo.helper.summary import DiskWatch, SummaryFeed
 from silo.helper.topics import Topics
 from silo.helper.views import Views
 from silo.ipc import keys
-from silo.ipc.messages import OpenView, ViewOpened
+from silo.ipc.messages.views import OpenView, ViewOpened
 from silo.ipc.published import EventKind
 from silo.model import Present, State
 

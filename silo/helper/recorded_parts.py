@@ -19,7 +19,7 @@ from silo.files.manifest import WRITTEN_ENDING, decode_written, own_status, writ
 from silo.files.naming import logger_of
 from silo.files.summaries import Summary, opened_file, opened_folder
 from silo.ipc.fetching import mark_of
-from silo.ipc.messages import RecordingFile, SavedRecording
+from silo.ipc.messages.recordings import RecordingFile, SavedRecording
 from silo.model import FileType
 
 ENDING = ".mcap"

@@ -27,7 +27,7 @@ from silo.helper.held_runs import HeldRuns
 from silo.helper.mirror import Mirror
 from silo.helper.recorder_process import Kept, RecorderProcess, Spare, close_left, store, stored
 from silo.helper.recording_folder import recording_folder
-from silo.ipc.messages import RecorderInfo, RecorderStarted, StartRecorder, StopRecorder
+from silo.ipc.messages.recordings import RecorderInfo, RecorderStarted, StartRecorder, StopRecorder
 from silo.ipc.published import EventKind
 from silo.model import BufferType, RecorderState
 from silo.patterns import matching

@@ -25,7 +25,7 @@ from silo.files.summaries import Summary, opened_file, opened_folder, read_summa
 from silo.helper.recorded_parts import ENDING as RECORDED
 from silo.helper.recorded_parts import Part, part_named, part_summary, parts_below, row_of
 from silo.ipc.fetching import mark_of
-from silo.ipc.messages import (
+from silo.ipc.messages.recordings import (
     GetPiece,
     PartOfRecording,
     Piece,

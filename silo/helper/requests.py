@@ -6,7 +6,8 @@ from typing import Any
 import msgspec
 
 from silo.helper.mirror import LoggerSnapshot
-from silo.ipc.messages import AnyAsk, AnyDo, Hello
+from silo.ipc.messages import AnyAsk, AnyDo
+from silo.ipc.messages.state import Hello
 from silo.ipc.refusals import check_revision
 from silo.ipc.versions import client_problem
 from silo.model import Edit, Problem

@@ -3,7 +3,7 @@
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import Picked, RingSource, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows
-from silo.ipc.messages import GetSamples, SampleRows
+from silo.ipc.messages.samples import GetSamples, SampleRows
 from silo.ipc.sampled import SampledRows
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 

@@ -12,7 +12,7 @@ from silo.helper.events import Events, plain
 from silo.helper.heap import trim_heap
 from silo.helper.mirror import Mirror
 from silo.helper.robot import Robot
-from silo.ipc.messages import Save, SaveStarted
+from silo.ipc.messages.recordings import Save, SaveStarted
 from silo.ipc.published import EventKind
 from silo.link.messages import LinkSaved
 from silo.model import Extras, SavedFile

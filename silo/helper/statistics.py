@@ -24,7 +24,7 @@ from silo.errors import SegmentError
 from silo.helper.mirror import Mirror
 from silo.helper.newest import NewestValues
 from silo.helper.run_follower import RunFollower
-from silo.ipc.messages import GetSurvey, Survey
+from silo.ipc.messages.views import GetSurvey, Survey
 from silo.ipc.surveys import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.model import BufferType, State
 from silo.rpc.leases import Leases

@@ -15,7 +15,7 @@ from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.picking import Group, pick, unknown_name
 from silo.helper.samples import MAX_NAMES, unknown
 from silo.ipc import keys
-from silo.ipc.messages import OpenStream, StreamOpened
+from silo.ipc.messages.samples import OpenStream, StreamOpened
 from silo.ipc.sampled import SampledRows, StreamFrame
 
 MIN_PERIOD_S, MAX_PERIOD_S = 0.01, 10.0

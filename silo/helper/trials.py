@@ -6,9 +6,9 @@ import numpy as np
 
 from silo.collecting.schema import TIME_RING
 from silo.collecting.segment_reader import SegmentReader
+from silo.conditions.requests import TriggerTried
 from silo.errors import ElementError
 from silo.helper.judged_rows import JudgedRows
-from silo.ipc.messages import TriggerTried
 from silo.judging.evaluation import UNOBSERVABLE, Evaluator
 from silo.judging.extras import trigger_rule
 from silo.judging.off import trigger_conditions

@@ -22,7 +22,7 @@ from silo.helper.liveness import Liveness
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.newest import NewestValues
 from silo.ipc.keys import VIEW_ID, Root
-from silo.ipc.messages import OpenView, ViewOpened
+from silo.ipc.messages.views import OpenView, ViewOpened
 from silo.ipc.published import ViewFrame
 from silo.rpc.refusals import RefusedWhy
 

@@ -10,9 +10,9 @@ import zenoh
 from silo.errors import ConnectionLostError
 from silo.ipc.exchange import encoded, key_of, payload_of
 from silo.ipc.keys import Root
-from silo.ipc.messages import Do, Request
 from silo.ipc.sessions import Borrowed
 from silo.rpc.clocks import UNKNOWN, TheirClock
+from silo.rpc.declaring import Do, Request
 
 AT_ONCE = 256  # a window of 64 cost a fleet of 100 a second round trip
 POLL_S = 0.002

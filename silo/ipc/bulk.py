@@ -10,10 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from silo.errors import SiloError
-from silo.ipc.client import Client
-from silo.ipc.client.client import LONGEST_S
+from silo.ipc.client.client import LONGEST_S, Client
 from silo.ipc.found import Found
-from silo.ipc.messages import Unsaved
+from silo.ipc.messages.state import Unsaved
 from silo.model import FileType, SavedFile, Status
 
 AT_ONCE = 32

@@ -26,13 +26,15 @@ from silo.ipc.discovery import namesakes
 from silo.ipc.exchange import exchange, root_at
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign
 from silo.ipc.found import Found
-from silo.ipc.messages import AnyReply, Do, Hello, HelloReply, Request
+from silo.ipc.messages import AnyReply
+from silo.ipc.messages.state import Hello, HelloReply
 from silo.ipc.near import seen_now
 from silo.ipc.published import Event
 from silo.ipc.session import owner_is_gone
 from silo.ipc.sessions import Borrowed, borrow, give_back, undeclare
 from silo.model import State
 from silo.rpc.clocks import TheirClock
+from silo.rpc.declaring import Do, Request
 from silo.version import VERSION
 
 POLL_S = 0.05

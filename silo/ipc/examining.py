@@ -7,7 +7,7 @@ from silo.ipc.configuration import find_file, from_file, user_of
 from silo.ipc.discovery import discover
 from silo.ipc.exchange import ask_once, exchange
 from silo.ipc.found import Found, told_apart
-from silo.ipc.messages import Hello, HelloReply
+from silo.ipc.messages.state import Hello, HelloReply
 from silo.ipc.probing import Layer, LayerError, reach, tls_problem
 from silo.ipc.sessions import borrowed
 from silo.version import VERSION

@@ -13,16 +13,12 @@ from silo.errors import ConnectionLostError, VersionError
 from silo.ipc import keys
 from silo.ipc.foreign import NOT_UNDERSTOOD
 from silo.ipc.found import Found
-from silo.ipc.messages import (
-    AnyReply,
-    Do,
-    HelloReply,
-    ReplyT,
-    Request,
-)
+from silo.ipc.messages import AnyReply
+from silo.ipc.messages.state import HelloReply
 from silo.ipc.sessions import Borrowed, borrowed
 from silo.ipc.versions import PROTOCOL, robot_problem
 from silo.rpc.clocks import UNKNOWN, TheirClock
+from silo.rpc.declaring import Do, ReplyT, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked
 from silo.runtime import user_name
 

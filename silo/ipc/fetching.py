@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import BinaryIO, TypeVar
 
 from silo.errors import ConnectionLostError, SaveError
-from silo.ipc.messages import PartOfRecording, Piece, RecordingParts
+from silo.ipc.messages.recordings import PartOfRecording, Piece, RecordingParts
 from silo.runtime import disk_room
 
 FIRST_PIECE = 64 << 10

@@ -17,7 +17,7 @@ from silo.ipc.fleet_way import FOLLOWING, Change, Plan, Way
 from silo.ipc.found import Found
 from silo.ipc.keys import Root
 from silo.ipc.member import HELPER_DOWN, Member
-from silo.ipc.messages import Hello
+from silo.ipc.messages.state import Hello
 from silo.ipc.near import Near, down_text, near_loggers
 from silo.ipc.remotes import LOCAL, remotes
 from silo.ipc.routers import RouterTold

@@ -25,11 +25,12 @@ from silo.ipc.fleet_memory import remembered
 from silo.ipc.foreign import NOT_UNDERSTOOD
 from silo.ipc.found import Found
 from silo.ipc.member import NO_ANSWER, OTHER_SILO, Member
-from silo.ipc.messages import Ask, GetSummary, HelloReply, SummaryReply
+from silo.ipc.messages.state import GetSummary, HelloReply, SummaryReply
 from silo.ipc.probing import REACH_S, Layer, LayerError
 from silo.ipc.published import Summary
 from silo.ipc.routers import AskedRouters, RouterTold, told_of
 from silo.ipc.sessions import Borrowed, borrowed, undeclare
+from silo.rpc.declaring import Ask
 from silo.rpc.refusals import checked
 
 POLL_S = 0.1

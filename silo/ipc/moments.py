@@ -4,7 +4,7 @@ import numpy as np
 
 from silo.errors import ConnectionLostError
 from silo.ipc.foreign import NOT_UNDERSTOOD
-from silo.ipc.messages import FoundIn, MomentsFound, SpanFacts, SpanMeasured
+from silo.ipc.messages.moments import FoundIn, MomentsFound, SpanFacts, SpanMeasured
 from silo.judging.between import NAN, Between
 from silo.judging.moments import Found
 

@@ -1,7 +1,7 @@
 """Refusals that both the helper process and the robot program give: what can be told early is, with the same words."""
 
-from silo.ipc.messages import ApplyEdits
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.scripts.requests import ApplyEdits
 
 
 def refused_running() -> RequestRefusedError:

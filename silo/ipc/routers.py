@@ -18,7 +18,7 @@ import zenoh
 from silo.errors import SiloError
 from silo.ipc import keys
 from silo.ipc.exchange import decode_reply, encoded
-from silo.ipc.messages import GetSummary, SummaryReply
+from silo.ipc.messages.state import GetSummary, SummaryReply
 from silo.ipc.published import MOST_REASON, Summary
 from silo.ipc.sessions import Borrowed
 from silo.model import State

@@ -17,7 +17,7 @@ from silo.collecting.row_picker import Packer, shaped
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign, understood
 from silo.ipc.keys import ClientId, Root
-from silo.ipc.messages import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
+from silo.ipc.messages.samples import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
 from silo.ipc.sampled import SampledName, SampledRows, StreamFrame
 from silo.ipc.sessions import undeclare
 

@@ -13,7 +13,8 @@ from silo.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign, understood
 from silo.ipc.frames import Frame
 from silo.ipc.keys import ClientId, Root
-from silo.ipc.messages import Columns, OpenView, ViewOpened
+from silo.ipc.messages.samples import Columns
+from silo.ipc.messages.views import OpenView, ViewOpened
 from silo.ipc.published import ViewFrame
 from silo.ipc.sessions import undeclare
 

@@ -14,7 +14,8 @@ from silo.collecting.keeping import large_text
 from silo.collecting.run import Run
 from silo.conditions import requests as conditions
 from silo.errors import SaveError, ScriptError, StateError
-from silo.ipc.messages import Unsaved, state
+from silo.ipc.messages import state
+from silo.ipc.messages.state import Unsaved
 from silo.ipc.refusals import check_revision, refused_running
 from silo.link.messages import RobotState
 from silo.logger.keywords import UnsavedWord

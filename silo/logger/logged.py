@@ -282,7 +282,7 @@ class Logged(Conditions):
                 just being started anew.
         """
         from silo.amounts import read_keep, read_split
-        from silo.ipc.messages import StartRecorder
+        from silo.ipc.messages.recordings import StartRecorder
 
         split_bytes, split_s = read_split(split)
         request = StartRecorder(

@@ -21,7 +21,8 @@ import msgspec
 
 from silo.calls import told_class
 from silo.errors import ConnectionLostError, SaveError, SiloError
-from silo.ipc.messages import AnyReply, Done, RecorderStarted, Refused, Save, SaveStarted, StartRecorder, StopRecorder
+from silo.ipc.messages import AnyReply
+from silo.ipc.messages.recordings import RecorderStarted, Save, SaveStarted, StartRecorder, StopRecorder
 from silo.link.handover import RunOffer, offer_run
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
 from silo.logger.answers import Served, answer, robot_state
@@ -33,6 +34,8 @@ from silo.logger.patience import FROZEN_ROUNDS, ROUND_S, Patience
 from silo.logger.viewers import FoxgloveProcess
 from silo.model import FileType, SavedFile
 from silo.rpc.clocks import clock_s
+from silo.rpc.declaring import Done
+from silo.rpc.refusals import Refused
 
 log = logging.getLogger("silo")
 

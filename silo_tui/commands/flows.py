@@ -10,8 +10,9 @@ from rich.text import Text
 
 from silo.amounts import duration
 from silo.errors import RefusedError
-from silo.ipc.messages import RefusedWhy, Unsaved
+from silo.ipc.messages.state import Unsaved
 from silo.model import FieldChange
+from silo.rpc.refusals import RefusedWhy
 from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.model.changes import cost_of

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
-from silo.ipc.messages import RefusedWhy
+from silo.rpc.refusals import RefusedWhy
 from silo.settings.words import Settings, completions, read_settings
 from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
 from silo_tui.commands import flows
@@ -28,7 +28,7 @@ from silo_tui.settings.themes import THEMES
 from silo_tui.theme import theme_name
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client
+    from silo.ipc.client.client import Client
 
 LOST = "lost"  # the view of what a lost terminal showed, unless there is one of that name
 ROBOT = "robot:"  # in front of the name of a view that the robot keeps

@@ -5,8 +5,8 @@ import time
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
+from silo.conditions.requests import TriggerTried
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
-from silo.ipc.messages import TriggerTried
 from silo.model import ElementInfo, FileType, TriggerOptions
 from silo_tui.model import text
 

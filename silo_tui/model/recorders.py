@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from silo.ipc.messages import RecorderInfo
+from silo.ipc.messages.recordings import RecorderInfo
 from silo.model import RecorderState
 from silo.patterns import matching
 from silo_tui.model import text

@@ -6,7 +6,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, TypeAlias
 
 from silo.errors import SiloError
-from silo.ipc.messages import RecordingFile
+from silo.ipc.messages.recordings import RecordingFile
 from silo.model import SavedFile
 from silo_tui.context import Context
 from silo_tui.model import text

@@ -6,7 +6,7 @@ from textual.widgets import Input
 
 from silo.amounts import duration, read_keep, read_split
 from silo.errors import SiloError
-from silo.ipc.messages import RecorderInfo
+from silo.ipc.messages.recordings import RecorderInfo
 from silo.patterns import matching
 from silo_tui.context import Context
 from silo_tui.model import text

@@ -9,8 +9,8 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from silo.errors import SiloError
-from silo.ipc.messages import ScriptDiff, Scripts
 from silo.model import FieldChange
+from silo.scripts.requests import ScriptDiff, Scripts
 from silo.settings.extras_diff import NONE
 from silo_tui.context import Later
 from silo_tui.model import text

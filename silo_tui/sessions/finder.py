@@ -12,7 +12,7 @@ from silo.ipc.member import Member
 if TYPE_CHECKING:
     from silo.ipc import found
     from silo.ipc.bulk import Job, Outcome
-    from silo.ipc.client import Client
+    from silo.ipc.client.client import Client
     from silo.ipc.fleet import Fleet
 
 FIRST_LOOK_S = 10.0
@@ -140,6 +140,6 @@ class ClientFinder:
 
     def connect(self, logger: FoundLogger) -> "Client":
         """Connect to a logger that was found. ConnectionLostError says what to do when it doesn't answer."""
-        from silo.ipc.client import Client
+        from silo.ipc.client.client import Client
 
         return Client.connect(self._seen[logger.key], read_only=self._read_only)

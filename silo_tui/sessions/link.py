@@ -19,7 +19,7 @@ from silo.ipc.frames import Frame
 from silo.ipc.published import Event
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client
+    from silo.ipc.client.client import Client
     from silo.ipc.view import View
 
 Result = TypeVar("Result")

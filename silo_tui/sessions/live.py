@@ -13,9 +13,11 @@ import numpy as np
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.errors import RefusedError
 from silo.ipc.frames import Frame
-from silo.ipc.messages import RecorderInfo, Recordings, RefusedWhy, Unsaved
+from silo.ipc.messages.recordings import RecorderInfo, Recordings
+from silo.ipc.messages.state import Unsaved
 from silo.ipc.published import Event, EventKind
 from silo.model import LoggedEvent, SavedFile, State, Status
+from silo.rpc.refusals import RefusedWhy
 from silo.settings.words import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import Facts
@@ -32,7 +34,7 @@ from silo_tui.sessions.link import Link, ViewRequest
 from silo_tui.sessions.recordings import Fetching
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client
+    from silo.ipc.client.client import Client
 
 Result = TypeVar("Result")
 

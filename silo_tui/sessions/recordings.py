@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from silo.ipc.messages import RecordingFile
+from silo.ipc.messages.recordings import RecordingFile
 from silo.model import FileType
 from silo_tui.model import text
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client
+    from silo.ipc.client.client import Client
 
 CACHED_BYTES = 4_000_000_000
 

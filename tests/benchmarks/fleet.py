@@ -22,7 +22,7 @@ from pathlib import Path
 import psutil
 from terminal import Link, Terminal, cpu_s, shows
 
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.fleet import Fleet, surveyed
 from silo.ipc.member import Member
 from silo.model import State

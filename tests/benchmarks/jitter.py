@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 import silo
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.model import Action, FileType
 from silo.runtime import shared_memory_root
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import silo
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.judging.binding import Catalogue, Known, bind
 from silo.judging.evaluation import Evaluator, SourceRows
 from silo.model import Entry

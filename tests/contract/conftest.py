@@ -13,7 +13,7 @@ import pytest
 
 import silo
 from silo.files import write
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.published import Event, EventKind
 from silo.model import BufferType, Edit, ElementInfo, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording

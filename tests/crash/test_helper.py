@@ -13,12 +13,12 @@ import pytest
 
 import silo
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.discovery import discover
 from silo.ipc.fleet import surveyed
-from silo.ipc.messages import RefusedWhy
 from silo.ipc.published import Event, EventKind
 from silo.model import FileType, State
+from silo.rpc.refusals import RefusedWhy
 from tests.waiting import freeze, wait_until
 
 

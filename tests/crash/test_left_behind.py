@@ -23,7 +23,7 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
 from silo.helper.recovery import recover
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.ipc.session import owner_is_gone, sweep
 from silo.recovery.segments import find_stale, sweep_segments

@@ -23,7 +23,7 @@ from silo.collecting.journal import SCHEMA_FILE
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.recovery.journals import find_stale_journals, is_written
 from silo.runtime import process_start

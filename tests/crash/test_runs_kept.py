@@ -18,7 +18,7 @@ import pytest
 import silo
 from silo.collecting.held import bytes_of
 from silo.errors import SegmentError, StateError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.link.handover import offer_run
 from silo.runtime import list_held

@@ -22,7 +22,7 @@ from silo.collecting.schema import RingSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import RefusedError, SaveError
 from silo.files.formats import SAVED
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.model import BufferType, FileType
 from silo.runtime import shared_memory_root

@@ -16,7 +16,9 @@ import pytest
 from silo.errors import ConnectionLostError, SiloError
 from silo.ipc.exchange import decode_reply
 from silo.ipc.foreign import MOST, Foreign
-from silo.ipc.messages import Columns, FoundIn, MomentsFound, OpenStream, OpenView, SampleRows, StreamOpened, ViewOpened
+from silo.ipc.messages.moments import FoundIn, MomentsFound
+from silo.ipc.messages.samples import Columns, OpenStream, SampleRows, StreamOpened
+from silo.ipc.messages.views import OpenView, ViewOpened
 from silo.ipc.moments import found_of
 from silo.ipc.published import Event, EventKind, NotLive, Summary, ViewFrame
 from silo.ipc.sampled import SampledEntry, SampledName, SampledRows, StreamFrame

@@ -36,69 +36,52 @@ from silo.ipc.keys import Root
 from silo.ipc.messages import (
     Acknowledge,
     AddMark,
-    ApplyEdits,
     ArmTrigger,
-    By,
-    ClosePin,
-    CloseStream,
-    CloseView,
-    Columns,
     DeleteRecording,
     DiffScript,
-    FindMoments,
     ForceTrigger,
     GetEvents,
-    GetHistory,
     GetLimits,
     GetParts,
-    GetPiece,
-    GetSamples,
     GetStatus,
-    GetSummary,
-    GetSurvey,
     GetTable,
     GetTriggers,
-    GiveControl,
-    Hello,
-    HelloReply,
-    KeepPin,
     KeepView,
     ListKeptViews,
     ListRecorders,
     ListRecordings,
     ListScripts,
     LoadScript,
-    MeasureSpan,
-    OpenPin,
-    OpenStream,
-    OpenView,
     ReadKeptView,
     ReadScript,
-    Refused,
-    RefusedWhy,
-    ReleaseControl,
     RemoveDerived,
     RemoveLimits,
     RemoveTrigger,
-    Request,
     Restart,
-    Save,
     SaveScript,
     SetDerived,
     SetLimits,
     SetTrigger,
     Start,
-    StartRecorder,
-    StatusReply,
     Stop,
-    StopRecorder,
-    TableReply,
-    TakeControl,
     TryTrigger,
-    Unsaved,
-    ViewOpened,
-    leaves,
 )
+from silo.ipc.messages.control import GiveControl, ReleaseControl, TakeControl
+from silo.ipc.messages.moments import FindMoments, MeasureSpan
+from silo.ipc.messages.recordings import GetPiece, Save, StartRecorder, StopRecorder
+from silo.ipc.messages.samples import (
+    By,
+    ClosePin,
+    CloseStream,
+    Columns,
+    GetHistory,
+    GetSamples,
+    KeepPin,
+    OpenPin,
+    OpenStream,
+)
+from silo.ipc.messages.state import GetSummary, Hello, HelloReply, StatusReply, Unsaved
+from silo.ipc.messages.views import CloseView, GetSurvey, OpenView, ViewOpened
 from silo.ipc.published import Event, EventKind
 from silo.ipc.session import close, open_server
 from silo.link.channel import LinkChannel
@@ -117,7 +100,9 @@ from silo.model import (
     Table,
     TriggerOptions,
 )
-from silo.rpc.refusals import answered
+from silo.rpc.declaring import Request, leaves
+from silo.rpc.refusals import Refused, RefusedWhy, answered
+from silo.scripts.requests import ApplyEdits, TableReply
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 NASTY: list[Any] = [

@@ -15,7 +15,7 @@ import zenoh
 import silo
 from silo.cli.main import EXIT_USAGE, run
 from silo.errors import ConnectionLostError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.discovery import Discovery, SeveralError, discover
 from silo.ipc.fleet import Fleet as Followed
 from silo.ipc.found import Found, is_glob, told_apart

@@ -10,7 +10,7 @@ import silo
 from silo.bridges.services import pinned, services
 from silo.cli.main import EXIT_FAILED, run
 from silo.ipc.access import access_control
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 
 
 @pytest.mark.parametrize(("command", "extra"), [("foxglove", "foxglove"), ("ros2", "ros2")])

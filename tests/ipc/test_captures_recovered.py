@@ -13,7 +13,7 @@ from silo.cli.main import run
 from silo.errors import SaveError
 from silo.files.event_log import read_events
 from silo.helper.recovery import recover
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.model import FileType, TriggerOptions
 from silo.runtime import list_segments

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from silo.cli.main import cli
 from silo.errors import RefusedError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.exchange import client_name
 from silo.ipc.published import EventKind
 from tests.ipc.conftest import Heard

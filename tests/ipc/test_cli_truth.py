@@ -10,7 +10,7 @@ import pytest
 import silo
 from silo.cli.main import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, run
 from silo.errors import ElementError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.model import State
 from tests.waiting import freeze
 

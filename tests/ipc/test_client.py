@@ -15,7 +15,7 @@ import pytest
 import silo
 from silo.errors import ConnectionLostError
 from silo.ipc.asking import Asking
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.connection import Connection
 from silo.ipc.discovery import discover
 from silo.ipc.fleet import surveyed

@@ -3,7 +3,7 @@
 import pytest
 
 from silo.errors import SiloError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.model import FileType
 
 MISTAKES = {

@@ -8,7 +8,7 @@ import silo
 from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
 from silo.conditions.standing import LimitWord, TriggerWord
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.model import SignalLimits, TriggerOptions
 from silo.settings.script import read_script

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from silo.errors import RefusedError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.model import FileType, State
 from silo.rpc.refusals import RequestRefusedError

@@ -9,8 +9,8 @@ import pytest
 import silo
 from silo.cli.main import run as silo_command
 from silo.errors import RefusedError
-from silo.ipc.client import Client
-from silo.ipc.messages import OpenPin
+from silo.ipc.client.client import Client
+from silo.ipc.messages.samples import OpenPin
 from silo.ipc.published import EventKind
 from silo.ipc.surveys import QUANTITIES
 from silo.model import Edit, RecorderState, State

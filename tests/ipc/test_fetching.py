@@ -13,7 +13,7 @@ from silo.errors import ConnectionLostError, SaveError
 from silo.helper.recordings import RecordingFolder
 from silo.ipc import fetching
 from silo.ipc.fetching import Fetch
-from silo.ipc.messages import GetPiece, PartOfRecording, Piece, RecordingParts
+from silo.ipc.messages.recordings import GetPiece, PartOfRecording, Piece, RecordingParts
 from silo.rpc.refusals import RequestRefusedError
 from tests.ipc.test_recordings import recording, saved
 

@@ -17,7 +17,7 @@ import pytest
 
 import silo
 from silo.helper.summary import differs, room_of
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.discovery import discover
 from silo.ipc.fleet import Fleet
 from silo.ipc.member import Member

@@ -23,7 +23,7 @@ import silo
 from silo.bridges.feed import Feed
 from silo.bridges.listening import bound
 from silo.bridges.services import services
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.exchange import client_name
 from silo.model import Edit, ElementOptions, State
 from tests import chromium

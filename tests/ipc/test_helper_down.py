@@ -12,12 +12,13 @@ from silo.errors import ConnectionLostError
 from silo.files.event_log import read_events
 from silo.helper.streams import Stream
 from silo.helper.views import View
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.discovery import Discovery, Found, discover
-from silo.ipc.messages import OpenStream, OpenView, Refused, StreamOpened, ViewOpened
+from silo.ipc.messages.samples import OpenStream, StreamOpened
+from silo.ipc.messages.views import OpenView, ViewOpened
 from silo.logger import helper_process, serving
 from silo.logger.down import DownMark
-from silo.rpc.refusals import answered
+from silo.rpc.refusals import Refused, answered
 from silo.runtime import down_mark, down_marks, sweep_unfinished
 from tests.fuzz.test_wire import Bench as Parts
 from tests.waiting import freeze, wait_until

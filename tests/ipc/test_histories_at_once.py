@@ -9,7 +9,7 @@ import zenoh
 
 from silo.columns import MAX_COLUMNS
 from silo.ipc.exchange import decode_reply, encoded
-from silo.ipc.messages import Columns, GetHistory
+from silo.ipc.messages.samples import Columns, GetHistory
 from silo.ipc.session import close, open_client
 from tests.waiting import DEADLINE_S
 

@@ -4,8 +4,7 @@ import pytest
 
 from silo.helper import view_folder
 from silo.helper.script_folder import list_scripts
-from silo.ipc.messages import RefusedWhy
-from silo.rpc.refusals import RequestRefusedError
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 
 @pytest.fixture

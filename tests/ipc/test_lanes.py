@@ -14,26 +14,15 @@ from silo.helper.denials import Denials
 from silo.helper.door import Door
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.keys import LOCAL_SENDER, Root
-from silo.ipc.messages import (
-    AddMark,
-    AnyReply,
-    ApplyEdits,
-    DeleteRecording,
-    Done,
-    GoesOn,
-    KeepView,
-    Refused,
-    RefusedWhy,
-    ReleaseControl,
-    Request,
-    Start,
-    StopRecorder,
-    spoken,
-)
+from silo.ipc.messages import AddMark, AnyReply, DeleteRecording, KeepView, Start
+from silo.ipc.messages.control import ReleaseControl
+from silo.ipc.messages.recordings import StopRecorder
 from silo.ipc.session import close, open_client, open_server
 from silo.rpc.clocks import clock_s
-from silo.rpc.declaring import Lane
+from silo.rpc.declaring import Done, GoesOn, Lane, Request, spoken
+from silo.rpc.refusals import Refused, RefusedWhy
 from silo.rpc.serving import Sender, Turn
+from silo.scripts.requests import ApplyEdits
 from tests.waiting import DEADLINE_S, wait_until
 
 ROOT = Root("robot", "walker", "1f")

@@ -4,7 +4,7 @@ import pytest
 
 from silo.conditions.standing import TriggerWord
 from silo.errors import RefusedError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.model import TriggerOptions
 from tests.ipc.test_conditions import judged, trigger
 from tests.waiting import wait_until

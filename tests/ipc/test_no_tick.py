@@ -8,7 +8,7 @@ import pytest
 
 from silo.cli.ls import _ls_row
 from silo.helper.summary import differs
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.found import Found
 from silo.ipc.member import Member, Stands
 from silo.ipc.published import Summary

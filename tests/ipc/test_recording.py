@@ -12,12 +12,11 @@ from silo.cli.main import EXIT_USAGE, run
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError, StateError
 from silo.files.bag_read import read_bag
 from silo.helper.recording_folder import recording_folder
-from silo.ipc.client import Client
-from silo.ipc.messages import Refused, RefusedWhy
+from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.model import BufferType, RecorderState
 from silo.recovery.parts import left_parts
-from silo.rpc.refusals import RequestRefusedError, answered
+from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from tests.waiting import wait_until
 
 RESTING = 50  # ticks of the robot program in which x is 0

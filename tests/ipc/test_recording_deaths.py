@@ -20,7 +20,7 @@ from silo.collecting.held import held_runs, recorders_path
 from silo.files.bag_read import read_bag
 from silo.files.manifest import read_written
 from silo.helper.recorder_process import stored
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.model import RecorderState
 from silo.runtime import list_held, list_segments, runtime_dir
 from tests.waiting import answered, freeze, wait_until

@@ -13,10 +13,10 @@ from silo.files.bag import write_bag
 from silo.files.convert import convert
 from silo.helper import recordings as module
 from silo.helper.recordings import RecordingFolder
-from silo.ipc.messages import GetPiece, RefusedWhy
+from silo.ipc.messages.recordings import GetPiece
 from silo.model import BufferType, Entry, FileType, LoggedEvent
 from silo.recording import RecordedElement, RecordedEntry, Recording
-from silo.rpc.refusals import RequestRefusedError
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 SECOND = 10**9
 BEGIN = 1_700_000_000 * SECOND

@@ -13,12 +13,23 @@ from silo.conditions.requests import ConditionRequests
 from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, SaveError, StateError, UnsavedError
 from silo.helper.answers.answering import SERVERS
 from silo.ipc import access, messages
-from silo.ipc.client import Client
-from silo.ipc.messages import Ask, Do, Done, GoesOn, Refused, Reply, Request, RobotRequest, leaves, reply_type
+from silo.ipc.client.client import Client
 from silo.logger.answers import RobotServer
 from silo.model import Problem, TriggerOptions
-from silo.rpc.declaring import method_of, request_of
-from silo.rpc.refusals import RefusedWhy, RequestRefusedError, answered, checked
+from silo.rpc.declaring import (
+    Ask,
+    Do,
+    Done,
+    GoesOn,
+    Reply,
+    Request,
+    RobotRequest,
+    leaves,
+    method_of,
+    reply_type,
+    request_of,
+)
+from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered, checked
 from silo.rpc.serving import Dispatch, Sender, Server, Turn
 
 REQUESTS = leaves(Request)

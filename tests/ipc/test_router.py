@@ -20,11 +20,11 @@ from silo.cli.authority import Made, make_network
 from silo.cli.follow import screen_lines
 from silo.cli.main import run
 from silo.errors import ConnectionLostError, RefusedError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.discovery import discover
 from silo.ipc.exchange import exchange
 from silo.ipc.fleet import Fleet
-from silo.ipc.messages import Hello
+from silo.ipc.messages.state import Hello
 from silo.ipc.session import close, open_router
 from silo.ipc.sessions import borrowed
 from silo.version import VERSION

@@ -5,9 +5,10 @@ import pytest
 
 import silo
 from silo.errors import RefusedError
-from silo.ipc.client import Client
-from silo.ipc.messages import ClosePin, RefusedWhy
+from silo.ipc.client.client import Client
+from silo.ipc.messages.samples import ClosePin
 from silo.model import BufferType, Edit, ElementOptions
+from silo.rpc.refusals import RefusedWhy
 from tests.waiting import wait_until
 
 LOOPING, FIXED = BufferType.LOOPING, BufferType.FIXED

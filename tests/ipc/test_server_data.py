@@ -7,10 +7,11 @@ import pytest
 
 import silo
 from silo.errors import RefusedError, SaveError
-from silo.ipc.client import Client
-from silo.ipc.messages import OpenView, Refused, RefusedWhy, ViewOpened
+from silo.ipc.client.client import Client
+from silo.ipc.messages.views import OpenView, ViewOpened
 from silo.ipc.published import EventKind, NotLive
 from silo.model import BufferType, Edit, ElementOptions, FileType, State
+from silo.rpc.refusals import Refused, RefusedWhy
 
 COLUMN_NS = 100_000_000
 

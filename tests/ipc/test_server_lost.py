@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import silo
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 
 pytestmark = pytest.mark.slow

@@ -12,7 +12,7 @@ import pytest
 import silo
 from silo.cli.main import run
 from silo.errors import ConnectionLostError, RefusedError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.discovery import discover
 from silo.model import State
 

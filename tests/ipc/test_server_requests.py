@@ -11,13 +11,17 @@ from hypothesis import strategies as st
 
 import silo
 from silo.errors import RefusedError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.exchange import encoded
 from silo.ipc.keys import ANY_ALIVE
-from silo.ipc.messages import ApplyEdits, GetHistory, OpenView, RefusedWhy, Save
+from silo.ipc.messages.recordings import Save
+from silo.ipc.messages.samples import GetHistory
+from silo.ipc.messages.views import OpenView
 from silo.ipc.published import EventKind
 from silo.ipc.session import close, open_client
 from silo.model import Edit, ElementOptions, FileType, State
+from silo.rpc.refusals import RefusedWhy
+from silo.scripts.requests import ApplyEdits
 from tests.examples import examples
 from tests.waiting import DEADLINE_S
 

@@ -13,7 +13,7 @@ from silo.helper import writing
 from silo.helper.mirror import Mirror
 from silo.helper.saver import Saver
 from silo.helper.writing import WriteOrder, WriteReport, write_log
-from silo.ipc.messages import Save
+from silo.ipc.messages.recordings import Save
 from silo.logger.answers import robot_state
 from silo.model import FileType
 

@@ -7,8 +7,8 @@ import silo
 from silo.collecting.segment_reader import SegmentReader
 from silo.columns import ColumnGrid, ColumnStore, Hole, Mark, holes_of
 from silo.helper.history import _fill
-from silo.ipc.client import Client
-from silo.ipc.messages import GetHistory
+from silo.ipc.client.client import Client
+from silo.ipc.messages.samples import GetHistory
 from silo.model import BufferType, Edit, ElementOptions
 from tests.waiting import wait_until
 

@@ -13,12 +13,15 @@ from silo.collecting.holdings import segment_holdings
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import GoesOnError, RefusedError
 from silo.files.event_log import read_events
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.exchange import encoded
-from silo.ipc.messages import ApplyEdits, OpenView, RefusedWhy, Stop
+from silo.ipc.messages import Stop
+from silo.ipc.messages.views import OpenView
 from silo.ipc.published import EventKind
 from silo.ipc.session import MAX_MESSAGE_BYTES, close, open_client
 from silo.model import Edit, ElementOptions, State
+from silo.rpc.refusals import RefusedWhy
+from silo.scripts.requests import ApplyEdits
 from tests.waiting import DEADLINE_S, freeze, wait_until
 
 

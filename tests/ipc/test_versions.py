@@ -12,14 +12,16 @@ import silo
 from silo.cli.main import EXIT_NO_LOGGER, run
 from silo.errors import ConnectionLostError, RefusedError, VersionError
 from silo.helper.requests import decode_ask, decode_do
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.fleet import surveyed
-from silo.ipc.messages import Done, GetStatus, Hello, Refused, RefusedWhy, Request, Start, Unsaved, leaves
+from silo.ipc.messages import GetStatus, Start
+from silo.ipc.messages.state import Hello, Unsaved
 from silo.ipc.published import Event, EventKind, ViewFrame
 from silo.ipc.session import close, open_client
 from silo.ipc.versions import PROTOCOL, client_problem, robot_problem
-from silo.rpc.refusals import answered, checked
+from silo.rpc.declaring import Done, Request, leaves
+from silo.rpc.refusals import Refused, RefusedWhy, answered, checked
 from tests.waiting import DEADLINE_S, wait_until
 
 FIRST = json.loads((Path(__file__).parents[1] / "data" / "protocol_1.json").read_text())

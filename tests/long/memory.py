@@ -17,7 +17,7 @@ from functools import partial
 import psutil
 from processes import Peak, connected, memory_of, show, wait_until, workplace
 
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.model import FileType
 
 NAME = "weighed"

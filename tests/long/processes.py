@@ -17,7 +17,7 @@ from types import TracebackType
 import psutil
 
 from silo.errors import ConnectionLostError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 
 HERE = Path(__file__).resolve().parent
 ROBOT = HERE / "robot.py"

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 import silo
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.model import FileType
 
 NAME = "soaked"

@@ -11,20 +11,8 @@ from silo.conditions.standing import TriggerStatus, TriggerWord
 from silo.errors import ScriptError
 from silo.helper.recordings import RecordingFolder
 from silo.ipc.fetching import Fetch
-from silo.ipc.messages import (
-    EditsApplied,
-    GetPiece,
-    KeptView,
-    KeptViews,
-    RecorderInfo,
-    RecorderStarted,
-    Recordings,
-    RefusedWhy,
-    ScriptDiff,
-    Scripts,
-    ScriptText,
-    Unsaved,
-)
+from silo.ipc.messages.recordings import GetPiece, RecorderInfo, RecorderStarted, Recordings
+from silo.ipc.messages.state import Unsaved
 from silo.ipc.published import EventKind
 from silo.model import (
     Edit,
@@ -36,6 +24,8 @@ from silo.model import (
     State,
     Status,
 )
+from silo.rpc.refusals import RefusedWhy
+from silo.scripts.requests import EditsApplied, KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
 from silo.settings.extras_diff import diff_extras
 from silo.settings.rules import edit_problems, refusal
 from silo.settings.script import Script, ScriptPlan, apply_script, diff_options, format_script, parse_script

@@ -2,14 +2,9 @@
 
 from collections.abc import Sequence
 
+from silo.conditions.requests import Alarms, Triggers, TriggerTried
 from silo.conditions.standing import TriggerStatus, TriggerWord
 from silo.errors import ElementError
-from silo.ipc.messages import (
-    Alarms,
-    RefusedWhy,
-    Triggers,
-    TriggerTried,
-)
 from silo.judging.extras import with_derived, without_derived
 from silo.model import (
     Derived,
@@ -17,6 +12,7 @@ from silo.model import (
     TriggerOptions,
     join_name,
 )
+from silo.rpc.refusals import RefusedWhy
 from tests.stand_ins.fake_signals import refused
 
 

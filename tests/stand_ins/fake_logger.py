@@ -15,10 +15,8 @@ from silo.errors import ConnectionLostError, SiloError
 from silo.helper.recordings import RecordingFolder
 from silo.ipc.bulk import Outcome
 from silo.ipc.member import Member
-from silo.ipc.messages import (
-    HelloReply,
-    RecorderInfo,
-)
+from silo.ipc.messages.recordings import RecorderInfo
+from silo.ipc.messages.state import HelloReply
 from silo.ipc.published import Event, EventKind
 from silo.ipc.senders import viewer_words
 from silo.ipc.versions import PROTOCOL

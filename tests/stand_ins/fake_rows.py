@@ -9,11 +9,8 @@ import numpy as np
 
 from silo.columns import ColumnGrid, HistoryColumns, bins_of
 from silo.ipc.frames import Frame
-from silo.ipc.messages import (
-    PinOpened,
-    RefusedWhy,
-    Survey,
-)
+from silo.ipc.messages.samples import PinOpened
+from silo.ipc.messages.views import Survey
 from silo.ipc.published import NotLive
 from silo.ipc.samples import Samples
 from silo.ipc.surveys import QUANTITIES
@@ -25,6 +22,7 @@ from silo.model import (
     ElementInfo,
     Sought,
 )
+from silo.rpc.refusals import RefusedWhy
 from tests.stand_ins.fake_signals import HZ, held_ticks, refused, signal
 
 

@@ -6,9 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from silo.ipc.messages import (
-    RefusedWhy,
-)
 from silo.model import (
     Action,
     BufferType,
@@ -17,7 +14,7 @@ from silo.model import (
     Entry,
     Problem,
 )
-from silo.rpc.refusals import RequestRefusedError
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 START_NS = 1_790_000_000_000_000_000
 HZ = 400.0

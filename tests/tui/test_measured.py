@@ -201,7 +201,7 @@ async def test_a_table_that_grows_wide_has_the_inspector_beside_it_again(fake, o
 
 async def test_a_logger_that_knows_no_surveys_is_shown_all_the_same(fake, opened):
     fake.run()
-    from silo.ipc.messages import RefusedWhy
+    from silo.rpc.refusals import RefusedWhy
     from tests.stand_ins.fake_signals import refused
 
     def survey(*arguments, **options):

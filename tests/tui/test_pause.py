@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from silo.ipc.messages import PinOpened
+from silo.ipc.messages.samples import PinOpened
 from silo.model import BufferType
 from tests.stand_ins.fake_signals import HZ, START_NS, scalar, signal
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from silo.ipc.messages import RecorderInfo
+from silo.ipc.messages.recordings import RecorderInfo
 from silo.model import RecorderState
 from silo_tui.model.recorders import Pace, head, row
 

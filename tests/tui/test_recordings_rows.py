@@ -1,6 +1,6 @@
 """The list of recordings as rows of text: names, dates, widths, filter."""
 
-from silo.ipc.messages import RecordingFile, SavedRecording
+from silo.ipc.messages.recordings import RecordingFile, SavedRecording
 from silo.model import FileType
 from silo_tui.model import recordings as rows
 

@@ -8,7 +8,7 @@ import pytest
 import silo
 from silo.cli.main import EXIT_FAILED, run
 from silo.errors import ElementError, RefusedError, ScriptError
-from silo.ipc.client import Client
+from silo.ipc.client.client import Client
 from silo.model import Action, BufferType, Edit, ElementOptions
 from silo.settings.words import find_option
 from silo_tui.commands.runner import CommandRunner

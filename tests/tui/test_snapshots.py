@@ -11,7 +11,7 @@ from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, Trig
 from silo.files.silo_writer import write_silo
 from silo.ipc.found import Found
 from silo.ipc.member import Member
-from silo.ipc.messages import RecorderInfo, RecordingFile, Recordings, SavedRecording
+from silo.ipc.messages.recordings import RecorderInfo, RecordingFile, Recordings, SavedRecording
 from silo.ipc.published import Summary
 from silo.ipc.surveys import FROZEN, NOT_FINITE
 from silo.model import BufferType, Entry, FileType, RecorderState, State, TriggerOptions

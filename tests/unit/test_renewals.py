@@ -8,8 +8,10 @@ from silo.helper.door import Sender
 from silo.helper.operators import CONTROL, Operators
 from silo.ipc.client.leases import Held
 from silo.ipc.client.leases import Leases as Renewals
-from silo.ipc.messages import Done, Refused, RefusedWhy, TakeControl
+from silo.ipc.messages.control import TakeControl
+from silo.rpc.declaring import Done
 from silo.rpc.leases import Leases
+from silo.rpc.refusals import Refused, RefusedWhy
 
 
 class Answered:

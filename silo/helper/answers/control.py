@@ -3,20 +3,9 @@
 from silo.helper.answers.table import Parts, ask_robot
 from silo.helper.events import plain
 from silo.ipc.keys import may_use
-from silo.ipc.messages import (
-    GetSummary,
-    GiveControl,
-    Hello,
-    HelloReply,
-    ReleaseControl,
-    StatusReply,
-    SummaryReply,
-    TakeControl,
-    Unsaved,
-    control,
-    state,
-)
-from silo.ipc.messages.state import StateRequests
+from silo.ipc.messages import control, state
+from silo.ipc.messages.control import GiveControl, ReleaseControl, TakeControl
+from silo.ipc.messages.state import GetSummary, Hello, HelloReply, StateRequests, StatusReply, SummaryReply, Unsaved
 from silo.ipc.versions import OLDEST, PROTOCOL
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Request, request_of

@@ -9,33 +9,26 @@ from silo.helper.moments import check_moments, check_span, find_moments, measure
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import check_samples, samples
 from silo.ipc import messages
-from silo.ipc.messages import (
-    ClosePin,
-    CloseStream,
-    CloseView,
-    Columns,
-    FindMoments,
-    GetHistory,
-    GetSamples,
-    GetSurvey,
-    KeepPin,
-    Marked,
-    MeasureSpan,
-    MomentsFound,
-    OpenPin,
-    OpenStream,
-    OpenView,
-    PinOpened,
-    SampleRows,
-    SpanMeasured,
-    StreamOpened,
-    Survey,
-    ViewOpened,
-)
 from silo.ipc.messages import events as event_requests
 from silo.ipc.messages import moments as moment_requests
 from silo.ipc.messages import samples as sample_requests
 from silo.ipc.messages import views as view_requests
+from silo.ipc.messages.events import Marked
+from silo.ipc.messages.moments import FindMoments, MeasureSpan, MomentsFound, SpanMeasured
+from silo.ipc.messages.samples import (
+    ClosePin,
+    CloseStream,
+    Columns,
+    GetHistory,
+    GetSamples,
+    KeepPin,
+    OpenPin,
+    OpenStream,
+    PinOpened,
+    SampleRows,
+    StreamOpened,
+)
+from silo.ipc.messages.views import CloseView, GetSurvey, OpenView, Survey, ViewOpened
 from silo.ipc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn

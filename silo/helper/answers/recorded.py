@@ -3,7 +3,8 @@
 import msgspec
 
 from silo.helper.answers.table import Parts, must_live
-from silo.ipc.messages import (
+from silo.ipc.messages import recordings
+from silo.ipc.messages.recordings import (
     GetPiece,
     Piece,
     Recorders,
@@ -14,7 +15,6 @@ from silo.ipc.messages import (
     SaveStarted,
     StartRecorder,
     StopRecorder,
-    recordings,
 )
 from silo.ipc.published import EventKind
 from silo.rpc.serving import Server, Turn

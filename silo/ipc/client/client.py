@@ -22,29 +22,14 @@ from silo.ipc.connection import Connection
 from silo.ipc.discovery import discover
 from silo.ipc.exchange import NoAnswerError, client_name
 from silo.ipc.found import Found
-from silo.ipc.messages import (
-    AnyReply,
-    By,
-    FindMoments,
-    GetHistory,
-    GetSamples,
-    GetSurvey,
-    GiveControl,
-    Hello,
-    HelloReply,
-    KeepPin,
-    MeasureSpan,
-    OpenPin,
-    OpenStream,
-    OpenView,
-    ReleaseControl,
-    Survey,
-    TakeControl,
-    by_of,
-)
+from silo.ipc.messages import AnyReply
+from silo.ipc.messages.control import GiveControl, ReleaseControl, TakeControl
 from silo.ipc.messages.events import EventRequests
+from silo.ipc.messages.moments import FindMoments, MeasureSpan
 from silo.ipc.messages.recordings import RecordingRequests
-from silo.ipc.messages.state import StateRequests
+from silo.ipc.messages.samples import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream, by_of
+from silo.ipc.messages.state import Hello, HelloReply, StateRequests
+from silo.ipc.messages.views import GetSurvey, OpenView, Survey
 from silo.ipc.published import Event
 from silo.ipc.senders import READ_ONLY, read_only_words, viewer_words
 from silo.ipc.words import full_name, why_silent

@@ -11,21 +11,11 @@ import msgspec
 from silo.ipc.asking import Pending
 from silo.ipc.connection import Connection
 from silo.ipc.exchange import decode_reply
-from silo.ipc.messages import (
-    ClosePin,
-    CloseStream,
-    CloseView,
-    Done,
-    KeepPin,
-    OpenStream,
-    OpenView,
-    Refused,
-    RefusedWhy,
-    Request,
-    StreamOpened,
-    TakeControl,
-    ViewOpened,
-)
+from silo.ipc.messages.control import TakeControl
+from silo.ipc.messages.samples import ClosePin, CloseStream, KeepPin, OpenStream, StreamOpened
+from silo.ipc.messages.views import CloseView, OpenView, ViewOpened
+from silo.rpc.declaring import Done, Request
+from silo.rpc.refusals import Refused, RefusedWhy
 
 if TYPE_CHECKING:
     from silo.ipc.samples import Pin, Stream
