@@ -378,3 +378,6 @@ class ColumnStore:
         if other.column_ns == self.column_ns and not other.empty:
             bases = dict(enumerate(other._grid.bases))
             self.merge(other.names, other.first, other.low, other.high, other.marks, bases)
+
+
+MIN_COLUMN_NS = 1_000

@@ -7,9 +7,9 @@ from silo.collecting.holdings import segment_holdings
 from silo.collecting.journal import remove_journals
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, SiloError
+from silo.files.saving import describe
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
-from silo.helper.saver import describe
 from silo.ipc.published import EventKind
 from silo.model import SavedFile
 from silo.recovery.left import BusyError, SavedMeanwhileError, save_reader

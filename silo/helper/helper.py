@@ -47,7 +47,8 @@ from silo.ipc.logins import asks_for_passwords, watch_logins
 from silo.ipc.messages.recordings import Save, SaveStarted, StartRecorder, StopRecorder
 from silo.ipc.published import EventKind
 from silo.ipc.session import close, dead_mark, forget, open_server
-from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
+from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
+from silo.link.robot_state import RobotState
 from silo.model import Derived, Extras, FileType, State
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Reply

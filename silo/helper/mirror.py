@@ -24,7 +24,7 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.judging.derived import derived_infos
 from silo.link.handover import RunOffer
-from silo.link.messages import RobotState
+from silo.link.robot_state import RobotState
 from silo.model import Control, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
 from silo.runtime import disk_room, runtime_dir, user_name
 from silo.scripts.requests import TableReply

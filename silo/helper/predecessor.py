@@ -9,10 +9,10 @@ import logging
 import threading
 
 from silo.errors import SiloError, StateError
+from silo.files.saving import describe
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.recovery import recover, settle_left
-from silo.helper.saver import describe
 from silo.ipc.published import EventKind
 from silo.model import SavedFile
 from silo.recovery.left import LeftRun

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, SiloError
+from silo.files.saving import describe
 from silo.helper.events import Events, plain
 from silo.helper.heap import trim_heap
 from silo.helper.mirror import Mirror
@@ -184,18 +185,3 @@ def _why(request: Save) -> str:
     user, _, program = request.client.partition(" ")
     who = user if "@" in user and program else request.client
     return plain(request.why, MAX_WHY) or plain(f"saved by {who}" if who else "saved", MAX_WHY)
-
-
-def describe(files: list[SavedFile]) -> str:
-    """Return paths with sizes, fit to show."""
-    return ", ".join(f"{file.path} ({size_text(file.size_bytes)})" for file in files) or "nothing"
-
-
-def size_text(size_bytes: int) -> str:
-    """Return a size as people read it: `3.2 MB`."""
-    size = float(size_bytes)
-    for unit in ("bytes", "kB", "MB"):
-        if size < 1000:
-            return f"{size:.0f} {unit}" if unit == "bytes" else f"{size:.1f} {unit}"
-        size /= 1000
-    return f"{size:.2f} GB"

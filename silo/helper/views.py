@@ -16,7 +16,7 @@ from silo.collecting.row_picker import RowPicker
 from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.columns import MAX_COLUMNS, ColumnGrid, bins_of
+from silo.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, bins_of
 from silo.helper.feeds import Feed, Feeds, Round
 from silo.helper.liveness import Liveness
 from silo.helper.mirror import LoggerSnapshot, Mirror
@@ -27,7 +27,6 @@ from silo.ipc.published import ViewFrame
 from silo.rpc.refusals import RefusedWhy
 
 MIN_RATE_HZ, MAX_RATE_HZ = 0.1, 30.0
-MIN_COLUMN_NS = 1_000
 MAX_VALUES = 20_000
 MAX_PLOTS = 256
 MAX_NAMES_IN_VIEWS = 60_000

@@ -3,27 +3,10 @@
 import msgspec
 
 from silo.ipc.messages import AnyDo, AnyReply
-from silo.model import NO_EXTRAS, Extras, SavedFile, State, Table
+from silo.link.robot_state import RobotState
+from silo.model import SavedFile
 
 FILES_DELETED = 75  # exit code of a helper process that ends so that its successor makes its socket anew
-
-
-class RobotState(msgspec.Struct, frozen=True, tag=True):
-    """Robot to helper: pushed at connection and after every change. `table` only when its revision changed."""
-
-    logger: str
-    pid: int
-    state: State
-    revision: int
-    options_json: bytes  # LoggerOptions
-    folder: str  # absolute
-    script: str  # absolute
-    segment: str  # path of the current or last segment, empty before the first start
-    reason: str
-    by: str
-    table: Table | None = None
-    extras: Extras = NO_EXTRAS
-    saved: str = ""  # where the run before this one was saved, if its start did that; fit to show
 
 
 class LinkRequest(msgspec.Struct, frozen=True, tag=True):

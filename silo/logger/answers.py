@@ -17,7 +17,7 @@ from silo.errors import SaveError, ScriptError, StateError
 from silo.ipc.messages import state
 from silo.ipc.messages.state import Unsaved
 from silo.ipc.refusals import check_revision, refused_running
-from silo.link.messages import RobotState
+from silo.link.robot_state import RobotState
 from silo.logger.keywords import UnsavedWord
 from silo.model import (
     Derived,

@@ -24,7 +24,8 @@ from silo.errors import ConnectionLostError, SaveError, SiloError
 from silo.ipc.messages import AnyReply
 from silo.ipc.messages.recordings import RecorderStarted, Save, SaveStarted, StartRecorder, StopRecorder
 from silo.link.handover import RunOffer, offer_run
-from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
+from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
+from silo.link.robot_state import RobotState
 from silo.logger.answers import Served, answer, robot_state
 from silo.logger.consumers import has_conditions, has_left
 from silo.logger.down import DownMark

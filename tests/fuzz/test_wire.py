@@ -86,7 +86,8 @@ from silo.ipc.published import Event, EventKind
 from silo.ipc.session import close, open_server
 from silo.link.channel import LinkChannel
 from silo.link.handover import handover_pair
-from silo.link.messages import LinkReply, LinkRequest, RobotState
+from silo.link.messages import LinkReply, LinkRequest
+from silo.link.robot_state import RobotState
 from silo.logger.answers import answer, robot_state
 from silo.model import (
     Derived,

@@ -10,7 +10,8 @@ import pytest
 import silo
 from silo.errors import SaveError
 from silo.link.channel import LinkChannel
-from silo.link.messages import Beat, Goodbye, RobotState
+from silo.link.messages import Beat, Goodbye
+from silo.link.robot_state import RobotState
 from silo.logger import patience
 from silo.logger.patience import DEAF_ROUNDS, FROZEN_ROUNDS, Patience
 from silo.model import State
