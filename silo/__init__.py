@@ -42,7 +42,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         StateError as StateError,
     )
     from silo.judging.tokens import ExpressionError as ExpressionError
-    from silo.kinds import vector_at_position as vector_at_position
+    from silo.core.kinds import vector_at_position as vector_at_position
     from silo.logger.default import (
         add as add,
         array as array,
@@ -66,7 +66,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
     from silo.logger.new_values import NewValues as NewValues
     from silo.logger.serving import Serving as Serving
     from silo.logger.null import NullLogger as NullLogger
-    from silo.model import (
+    from silo.core.elements import (
         Action as Action,
         BufferType as BufferType,
         Edit as Edit,
@@ -78,7 +78,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         Storage as Storage,
         Threads as Threads,
     )
-    from silo.recording import Recording as Recording
+    from silo.core.recording import Recording as Recording
 
 __version__ = VERSION
 
@@ -100,14 +100,14 @@ _HOMES = {
     "silo.logger.logger": "Logger",
     "silo.logger.new_values": "NewValues",
     "silo.logger.serving": "Serving",
-    "silo.model": (
+    "silo.core.elements": (
         "Action BufferType Edit ElementInfo ElementOptions FileType LoggerOptions SavedFile Storage Threads"
     ),
     "silo.logger.null": "NullLogger",
-    "silo.recording": "Recording",
+    "silo.core.recording": "Recording",
     "silo.collecting.traits": "register",
     "silo.judging.tokens": "ExpressionError",
-    "silo.kinds": "vector_at_position",
+    "silo.core.kinds": "vector_at_position",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from silo.runtime import shared_memory_root
+from silo.core.runtime import shared_memory_root
 from tests.examples import load_profile
 from tests.waiting import wait_until
 from tests.warm import Nursery
@@ -122,7 +122,7 @@ def nursery() -> Iterator[Nursery]:
 @pytest.fixture
 def warm_helpers(nursery: Nursery, monkeypatch: pytest.MonkeyPatch) -> None:
     """Helper processes of loggers in this process start warm."""
-    monkeypatch.setattr("silo.child.subprocess", nursery.subprocess)
+    monkeypatch.setattr("silo.core.child.subprocess", nursery.subprocess)
 
 
 @pytest.fixture

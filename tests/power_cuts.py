@@ -20,12 +20,12 @@ from silo.collecting.journal import Head
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.journal_writer import JournalWriter
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import BufferType
+from silo.core.recording import Recording
 from silo.errors import SegmentError
 from silo.files.formats import read_recording
 from silo.helper.recovery import recover
 from silo.logger.logger import Logger
-from silo.model import BufferType
-from silo.recording import Recording
 from silo.recovery.journals import is_journal
 
 SECTOR = 512

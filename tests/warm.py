@@ -31,7 +31,7 @@ class Nursery:
         self._asking = threading.Lock()
 
     def popen(self, command: Sequence[str], **options: Any) -> Any:
-        """Start a process: what `silo.child` has of `subprocess.Popen`. Helper processes alone start warm."""
+        """Start a process: what `silo.core.child` has of `subprocess.Popen`. Helper processes alone start warm."""
         if command[2] != "silo.helper":
             return subprocess.Popen(command, **options)
         environment, descriptors = options["env"], options["pass_fds"]
@@ -69,7 +69,7 @@ class Nursery:
 
     @property
     def subprocess(self) -> SimpleNamespace:
-        """What stands for the module in `silo.child`."""
+        """What stands for the module in `silo.core.child`."""
         names = ("DEVNULL", "PIPE", "TimeoutExpired")
         return SimpleNamespace(Popen=self.popen, **{name: getattr(subprocess, name) for name in names})
 

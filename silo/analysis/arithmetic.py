@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo import units
 from silo.analysis.samples import Samples, in_order
-from silo.arguments import shown
+from silo.core import units
+from silo.core.arguments import shown
 from silo.errors import ElementError, LogWarning
 
 One = TypeVar("One", bound=Samples)

@@ -15,9 +15,9 @@ from silo.analysis.picking import Picked, pick, window
 from silo.analysis.plotting import Chart, Curve
 from silo.analysis.samples import Samples
 from silo.analysis.spectra import lines_of, longest_piece
+from silo.core.arrays.values import numbers
+from silo.core.recording import Recording
 from silo.errors import ElementError
-from silo.recording import Recording
-from silo.values import numbers
 
 
 @dataclass(frozen=True)

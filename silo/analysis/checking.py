@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from silo.analysis.expressions import RecordingJudge, narrowed
+from silo.core.elements import SignalLimits
+from silo.core.recording import Recording
 from silo.errors import ElementError
 from silo.judging.binding import bind
 from silo.judging.evaluation import FALSE, TRUE, UNOBSERVABLE
 from silo.judging.extras import bind_limits, rule_of, scalar_names
 from silo.judging.limits import Level, Limit, Violation
-from silo.model import SignalLimits
-from silo.recording import Recording
 
 UNCHANGED = "; nothing was changed"  # of errors that are none here
 

@@ -10,17 +10,17 @@ from typing import Any, Literal
 
 import numpy as np
 
-from silo import units
 from silo.analysis.arithmetic import in_common
 from silo.analysis.log import Log
 from silo.analysis.reports import table
 from silo.analysis.samples import in_order
 from silo.analysis.signals import Signal
-from silo.arguments import real, shown, text
-from silo.calls import told, told_class
-from silo.display import html_table
+from silo.core import units
+from silo.core.arguments import real, shown, text
+from silo.core.arrays.values import with_nan
+from silo.core.calls import told, told_class
+from silo.core.printing import html_table
 from silo.errors import ElementError
-from silo.values import with_nan
 
 Event = Callable[[Log], "Signal | float"]
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.samples import Samples
+from silo.core.arrays.values import missing_in, with_nan
+from silo.core.recording import places_on
 from silo.errors import ElementError
 from silo.files.extras import need
-from silo.recording import places_on
-from silo.values import missing_in, with_nan
 
 _WHAT = "tables"
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from silo.analysis.arithmetic import together
 from silo.analysis.samples import XYZW, Samples, in_order
-from silo.arguments import shown, text
+from silo.core.arguments import shown, text
 from silo.errors import ElementError
 from silo.files.extras import need
 

@@ -10,11 +10,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from silo import units
 from silo.analysis.arithmetic import combined, compared, wide
 from silo.analysis.samples import Samples
+from silo.core import units
+from silo.core.arrays.values import with_nan
 from silo.errors import ElementError
-from silo.values import with_nan
 
 One = TypeVar("One", bound=Samples)
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from silo.recording import Recording
+from silo.core.recording import Recording
 
 MOST_SHOWN = 20
 

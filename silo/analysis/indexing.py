@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from silo.analysis.samples import Samples
-from silo.arguments import shown
+from silo.core.arguments import shown
+from silo.core.recording import within
 from silo.errors import ElementError
-from silo.recording import within
 
 One = TypeVar("One", bound=Samples)
 

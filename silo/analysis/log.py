@@ -26,16 +26,16 @@ from silo.analysis.lookup import Names
 from silo.analysis.recordings import clipped, resampled
 from silo.analysis.shapes import assembled, component_names
 from silo.analysis.signals import Signal
-from silo.arguments import INT64, real, shown, switch, text
-from silo.arguments import path as file_path
-from silo.calls import told_class
-from silo.display import html_table
+from silo.core.arguments import INT64, real, shown, switch, text
+from silo.core.arguments import path as file_path
+from silo.core.calls import told_class
+from silo.core.elements import NO_EXTRAS
+from silo.core.kinds import SCALAR
+from silo.core.printing import html_table
+from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, stamps_of
 from silo.errors import ElementError, LogWarning, SaveError, UnknownNameError
 from silo.files.formats import writer_for
 from silo.judging.derived import bound_derived
-from silo.kinds import SCALAR
-from silo.model import NO_EXTRAS
-from silo.recording import RecordedElement, Recording, common_axis, has_own_stamps, stamps_of
 
 __all__ = ["Log", "LogWarning", "Signal", "UnknownSignalError"]
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from functools import cached_property
 
+from silo.core.recording import RecordedElement
 from silo.files.bag_index import BagElements
 from silo.files.silo_whole import FileElements
-from silo.recording import RecordedElement
 
 
 class Names:

@@ -13,13 +13,13 @@ from collections.abc import Callable
 from typing import Literal
 
 from silo.analysis.log import Log
-from silo.arguments import path as file_path
-from silo.arguments import shown, whole
-from silo.calls import told
+from silo.core.arguments import path as file_path
+from silo.core.arguments import shown, whole
+from silo.core.calls import told
+from silo.core.recording import has_own_stamps
 from silo.errors import ElementError, LogWarning
 from silo.files.formats import read_recording
 from silo.files.naming import find_log, find_logs
-from silo.recording import has_own_stamps
 
 MOST_RUNS = 10**9
 

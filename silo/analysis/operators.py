@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from silo.analysis import functions
 from silo.analysis.arithmetic import combined, compared, wide
 from silo.analysis.samples import Samples
-from silo.calls import told_class
+from silo.core.calls import told_class
 from silo.errors import ElementError
 
 Self = TypeVar("Self", bound="Operators")

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from silo.analysis.calculus import Floats
 from silo.analysis.expressions import RecordingJudge, is_expression, labels_of, narrowed
-from silo.display import printable
+from silo.core.arrays.values import as_floats
+from silo.core.arrays.values import text_of as value_text
+from silo.core.printing import printable
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamps_of
 from silo.errors import ElementError
-from silo.recording import RecordedElement, RecordedEntry, Recording, stamps_of
-from silo.values import as_floats
-from silo.values import text_of as value_text
 
 _MOST_NAMES = 50
 
@@ -41,7 +41,7 @@ class Picked:
     def as_numbers(self) -> tuple[Floats, Mapping[int, str]]:
         """Return the values as float64, and names of values: labels of an enumeration, or a number per distinct string.
 
-        Dates become seconds since 1970; of all else `silo.values` tells what it counts as.
+        Dates become seconds since 1970; of all else `silo.core.arrays.values` tells what it counts as.
         """
         values = self.values
         kind = values.dtype.kind

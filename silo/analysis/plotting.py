@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.limit_lines import Level
-from silo.columns import bins_at, reduce
+from silo.core.arrays.columns import bins_at, reduce
 from silo.errors import SiloError
 from silo.files.extras import whole_file
 

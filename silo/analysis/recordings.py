@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.arguments import INT64
-from silo.model import BufferType
-from silo.recording import (
+from silo.core.arguments import INT64
+from silo.core.elements import BufferType
+from silo.core.recording import (
     RecordedElement,
     RecordedEntry,
     Recording,

@@ -16,8 +16,8 @@ from silo.analysis.arithmetic import in_common
 from silo.analysis.happened import LogEvent, event_lines, events_of
 from silo.analysis.picking import Picked, picked, text_of
 from silo.analysis.samples import Samples
+from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, stamps_of
 from silo.errors import ElementError
-from silo.recording import NO_FAILURES, Failures, RecordedElement, Recording, stamps_of
 
 
 class ElementReport(msgspec.Struct, frozen=True):

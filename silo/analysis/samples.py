@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.shapes import scalars
-from silo.arguments import INT64, shown, whole
-from silo.calls import told_class
+from silo.core.arguments import INT64, shown, whole
+from silo.core.arrays.values import missing_in, with_nan
+from silo.core.calls import told_class
+from silo.core.recording import NO_FAILURES, Failures, falls
 from silo.errors import ElementError
-from silo.recording import NO_FAILURES, Failures, falls
-from silo.values import missing_in, with_nan
 
 XYZW = ("x", "y", "z", "w")
 MOST_SAMPLES = 100_000_000  # of a resampled signal
@@ -38,7 +38,7 @@ class Samples:
             NaN, as in bags of others.
         time_ns: shape `(m,)`: time stamps, ns.
         unit: `-` for none.
-        kind: how the components belong together (`silo.kinds`).
+        kind: how the components belong together (`silo.core.kinds`).
         divider: that of the element when it was logged.
         start_ns: where `times` counts from: the first stamp of the log.
         components: names of the scalars of one sample (`x y z w`).

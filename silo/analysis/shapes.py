@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.kinds import STRUCT, is_complex, struct_fields
-from silo.recording import RecordedElement, RecordedEntry
+from silo.core.kinds import STRUCT, is_complex, struct_fields
+from silo.core.recording import RecordedElement, RecordedEntry
 
 
 def assembled(element: RecordedElement) -> NDArray[Any]:

@@ -11,7 +11,7 @@ from silo.analysis.charts import chart_of
 from silo.analysis.picking import Picked
 from silo.analysis.plotting import Chart, draw_axes, draw_png, draw_text
 from silo.analysis.samples import Samples
-from silo.arguments import shown
+from silo.core.arguments import shown
 from silo.errors import ElementError
 from silo.files.extras import need
 

@@ -17,17 +17,17 @@ from typing import TYPE_CHECKING, Any, Literal, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from silo import units
 from silo.analysis import calculus, exports, frames, indexing, spectra
 from silo.analysis.arithmetic import warn_outside, wide
 from silo.analysis.operators import Operators
 from silo.analysis.samples import new_times
-from silo.arguments import INT64, shown, text
-from silo.calls import told_class
-from silo.display import html_table
+from silo.core import units
+from silo.core.arguments import INT64, shown, text
+from silo.core.arrays.values import with_nan
+from silo.core.calls import told_class
+from silo.core.printing import html_table
+from silo.core.recording import within
 from silo.errors import ElementError, UnknownNameError
-from silo.recording import within
-from silo.values import with_nan
 
 # what others call it
 _OTHER_NAMES = {

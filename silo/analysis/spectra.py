@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.values import Floats, as_floats
+from silo.core.arrays.values import Floats, as_floats
 
 LEAST_SAMPLES = 64  # to show one
 FEWEST_SAMPLES = 4  # to compute one

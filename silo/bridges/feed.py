@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from silo.core.elements import ElementInfo, State
 from silo.errors import ConnectionLostError, RefusedError, SiloError
 from silo.ipc.samples import Batch, Samples, Stream
-from silo.model import ElementInfo, State
 
 if TYPE_CHECKING:
     from silo.ipc.client.client import Client

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.arrays.wide import to_wire
+from silo.core.elements import BufferType, ElementInfo
+from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import SaveError
 from silo.files.bag import utf8_entry
 from silo.files.ros_types import ENCAPSULATION, STRING, Channel, channels_of
-from silo.files.wide import to_wire
 from silo.ipc.samples import Samples
-from silo.model import BufferType, ElementInfo
-from silo.recording import RecordedElement, RecordedEntry
 
 SECOND_NS = 1_000_000_000
 Head = Sequence[tuple[str, str]]

@@ -7,8 +7,8 @@ from typing import Any
 import click
 
 from silo.cli.common import TypedPath, complete_words, connect, discovered, json_option, show_json, split_logger
+from silo.core.runtime import write_private
 from silo.errors import SaveError
-from silo.runtime import write_private
 
 SECRET = ("password", "_private_key_base64")  # how keys end whose values are nobody else's
 LEFT_OUT = "..."

@@ -12,7 +12,7 @@ from silo.errors import SiloError
 
 if TYPE_CHECKING:
     from silo.analysis.checking import Finding
-    from silo.model import SignalLimits
+    from silo.core.elements import SignalLimits
 
 EXIT_VIOLATED = EXIT_FAILED
 
@@ -65,7 +65,7 @@ def check_command(
 
 
 def _limits(text: str, when: str) -> "SignalLimits":
-    from silo.model import SignalLimits
+    from silo.core.elements import SignalLimits
 
     name, sign, rest = text.rpartition("=")
     words = [word.strip() for word in rest.split(",")]

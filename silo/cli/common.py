@@ -10,16 +10,16 @@ import click
 from click.shell_completion import CompletionItem
 from click.types import StringParamType
 
-from silo.display import printable
+from silo.core.elements import FileType
+from silo.core.printing import printable
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo.files.formats import SAVED_NAMES, file_type
-from silo.model import FileType
 
 if TYPE_CHECKING:
+    from silo.core.elements import ElementInfo, Status
     from silo.ipc.client.client import Client
     from silo.ipc.discovery import Discovery
     from silo.ipc.found import Found
-    from silo.model import ElementInfo, Status
 
 MOST_COMPLETIONS = 100
 TRY_AGAIN_S = 1.0

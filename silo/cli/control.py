@@ -4,8 +4,8 @@ import time
 
 import click
 
-from silo.amounts import duration, read_seconds
 from silo.cli.common import complete_logger, connect, json_option, logger_argument, show_json
+from silo.core.quantities import duration, read_seconds
 from silo.ipc.senders import name_of
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import click
 from click.shell_completion import CompletionItem
 
-from silo.amounts import duration
 from silo.cli.common import (
     complete_words,
     connect,
@@ -20,13 +19,14 @@ from silo.cli.common import (
     unsaved,
     unsaved_options,
 )
+from silo.core.names import matching, places
+from silo.core.quantities import duration
 from silo.errors import ElementError, RefusedError
-from silo.patterns import matching, places
 from silo.settings.words import Settings, apply_settings, completions, help_rows, is_setting, rate_words, read_settings
 
 if TYPE_CHECKING:
+    from silo.core.elements import ElementInfo, ElementOptions, FieldChange, Table
     from silo.ipc.client.client import Client
-    from silo.model import ElementInfo, ElementOptions, FieldChange, Table
 
 MOST_CHANGES = 100  # of 10,000 elements, nobody reads each; `--dry-run` shows all
 
@@ -109,7 +109,7 @@ def set_command(words: tuple[str, ...], dry_run: bool, restart: bool, save_first
 def _set(
     client: "Client", patterns: Sequence[str], settings: Settings, *, dry_run: bool, restart: bool, keep: str
 ) -> None:
-    from silo.model import Edit, State
+    from silo.core.elements import Edit, State
     from silo.settings.script import diff_options
 
     status, table = client.status(), client.table()

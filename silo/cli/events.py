@@ -9,9 +9,9 @@ import click
 import msgspec
 
 from silo.cli.common import LogWord, complete_logger, connect, find_logger, json_option
+from silo.core.elements import LoggedEvent
 from silo.errors import LogNotFoundError, SiloError
 from silo.files.formats import means_log
-from silo.model import LoggedEvent
 
 if TYPE_CHECKING:
     from silo.ipc.client.client import Client

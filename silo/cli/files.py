@@ -26,7 +26,7 @@ from silo.files.formats import readable, writable
 if TYPE_CHECKING:
     # NumPy takes 150 ms, which commands without a log don't have to wait
     from silo.analysis.picking import Picked
-    from silo.recording import Recording
+    from silo.core.recording import Recording
 
 _Params = ParamSpec("_Params")
 _Result = TypeVar("_Result")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from silo.cli.common import configuration, many, show_duration, show_json
-from silo.display import printable
+from silo.core.printing import printable
 
 if TYPE_CHECKING:
     from silo.ipc.fleet import Fleet, FleetNow
@@ -108,8 +108,8 @@ def screen_lines(found: "FleetNow", chosen: "Sequence[Member]", room: int, now_s
 
 
 def _cells(one: "Member", name: str, now_s: float, now_ns: int) -> tuple[str, ...]:
+    from silo.core.stalls import idle_words
     from silo.ipc.member import size
-    from silo.pace import idle_words
 
     told, run_s, unseen_s = one.summary, one.run_s(now_ns), one.unseen_s(now_s)
     if told is None:
@@ -199,8 +199,8 @@ def changed(found: "FleetNow", chosen: "Sequence[Member]", known: "dict[str, Kno
 
 def sentence(one: "Member") -> str:
     """Return all that is known of a logger in a line."""
+    from silo.core.stalls import idle_words
     from silo.ipc.member import size
-    from silo.pace import idle_words
 
     told = one.summary
     if told is None:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.amounts import duration
 from silo.cli.common import (
     LogWord,
     complete_words,
@@ -21,12 +20,13 @@ from silo.cli.common import (
     split_logger,
     type_of,
 )
+from silo.core.quantities import duration
+from silo.core.stalls import idle_words, is_stalled
 from silo.errors import ConnectionLostError
 from silo.files.formats import is_bag_folder, means_log
-from silo.pace import idle_words, is_stalled
 
 if TYPE_CHECKING:
-    from silo.model import ElementInfo, Status
+    from silo.core.elements import ElementInfo, Status
 
 
 def _is_log(word: str) -> bool:
@@ -79,7 +79,7 @@ def _telling_what_was_left(logger: str | None) -> Iterator[None]:
     try:
         yield
     except ConnectionLostError as error:
-        from silo.runtime import orphaned_segments
+        from silo.core.runtime import orphaned_segments
 
         if configuration() or not orphaned_segments():
             raise

@@ -23,7 +23,7 @@ from silo.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from silo.model import Status
+    from silo.core.elements import Status
 
 
 @click.command()

@@ -18,7 +18,7 @@ from silo.cli.common import (
     show_rows,
     tell_unreachable,
 )
-from silo.display import printable
+from silo.core.printing import printable
 from silo.errors import ConnectionLostError
 from silo.ipc.remotes import LOCAL
 
@@ -194,9 +194,9 @@ def _facts(answers: "list[Member]") -> list[dict[str, object]]:
 
 def _sweep() -> None:
     """Sockets of helpers that died, and segments without an unsaved tick."""
+    from silo.core.runtime import orphaned_segments, runtime_dir, sweep_unfinished
     from silo.ipc.folders import own_folders
     from silo.ipc.session import sweep
-    from silo.runtime import orphaned_segments, runtime_dir, sweep_unfinished
 
     for folder in own_folders():
         sweep(folder)
@@ -227,7 +227,7 @@ def _sweep_parts(folders: Iterable[str]) -> None:
 
 def _tell_orphans(answers: "list[Member]") -> None:
     """What programs left behind that nobody would find without being told."""
-    from silo.runtime import orphaned_segments
+    from silo.core.runtime import orphaned_segments
 
     count = len(orphaned_segments())
     if count:
@@ -253,7 +253,7 @@ def _tell_journals(folder: str) -> None:
 
 
 def _ls_row(one: "Member") -> tuple[str, ...]:
-    from silo.pace import whole_duration
+    from silo.core.stalls import whole_duration
 
     found, status = one.found, one.status
     if status is None:

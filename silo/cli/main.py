@@ -11,8 +11,8 @@ import click
 
 from silo.cli.codes import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_NO_LOGGER, EXIT_PIPE, EXIT_USAGE
 from silo.cli.common import READ_ONLY, config_option
+from silo.core.runtime import FOLDER_GONE, is_folder_gone
 from silo.errors import ConnectionLostError, SiloError
-from silo.runtime import FOLDER_GONE, is_folder_gone
 from silo.version import VERSION
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.common import TypedPath, file_types, json_option, many, show_json, types_option
+from silo.core.elements import FileType
 from silo.errors import SaveError, SegmentError, SiloError
-from silo.model import FileType
 
 if TYPE_CHECKING:
     from silo.helper.recorder_process import Kept
@@ -50,7 +50,7 @@ def recover(
       silo recover /data/logs
       silo recover --folder logs -t silo -t csv
     """
-    from silo.runtime import list_segments
+    from silo.core.runtime import list_segments
 
     chosen = file_types(types)
     single, stale = _meant(paths, look_in)
@@ -83,7 +83,7 @@ def recover(
 
 def _incomplete(paths: Sequence[Path], single: Sequence[Path]) -> "list[Kept]":
     """Endless recordings of programs that are gone: all, or those into the folders that are named."""
-    from silo.runtime import RECORDERS_SUFFIX, runtime_dir
+    from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 
     if not any(runtime_dir().glob(f"*{RECORDERS_SUFFIX}")):
         return []
@@ -99,7 +99,7 @@ def _settle(left: "list[Kept]", paths: Sequence[Path], single: Sequence[Path], a
 
     All, or those whose folders are named. Returns whether there was anything to tell.
     """
-    from silo.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
+    from silo.core.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
 
     if not left and not any(path.suffix in (HELD_SUFFIX, JUDGE_SUFFIX) for path in runtime_dir().iterdir()):
         return False
@@ -197,11 +197,11 @@ def _known_folders() -> list[Path]:
 
 def _sweep(folders: Sequence[Path]) -> bool:
     """Remove rests that hold no data; returns whether a bag has its name again."""
+    from silo.core.runtime import runtime_dir, sweep_unfinished
     from silo.files.atomic import put_back, sweep_parts
     from silo.ipc.folders import own_folders
     from silo.ipc.session import sweep
     from silo.recovery.journals import sweep_journals
-    from silo.runtime import runtime_dir, sweep_unfinished
 
     for own in own_folders():
         sweep(own)

@@ -20,7 +20,7 @@ from silo.files.formats import SAVED_NAMES
 if TYPE_CHECKING:
     from silo.conditions.requests import TriggerTried
     from silo.conditions.standing import TriggerStatus
-    from silo.model import TriggerOptions
+    from silo.core.elements import TriggerOptions
 
 MOST_TIMES = 10
 
@@ -75,8 +75,8 @@ def _rule_options(command: "click.decorators.FC") -> "click.decorators.FC":
 
 def _made(name: str, when: str, pre: str, post: str, edge: str, rearm: str, persist: str, holdoff: str,
           mode: str = "normal", types: tuple[str, ...] = ("silo",), keep: int = 0) -> "TriggerOptions":  # fmt: skip
+    from silo.core.elements import TriggerOptions
     from silo.judging.extras import MOST_TRIGGER_S, seconds
-    from silo.model import TriggerOptions
 
     def given(what: str, text: str) -> float:
         try:

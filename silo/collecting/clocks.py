@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from silo.arguments import INT64, shown
+from silo.core.arguments import INT64, shown
 from silo.errors import ElementError, StateError
 
 logger = logging.getLogger("silo")

@@ -12,7 +12,7 @@ A stretch joins failures at due ticks that follow one another.
 
 from collections.abc import Sequence
 
-from silo.recording import NO_FAILURES, Failures
+from silo.core.recording import NO_FAILURES, Failures
 
 BLOCK_WORDS = 32
 _COUNT, _SPANS, _FIRST = 0, 1, 2

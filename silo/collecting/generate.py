@@ -30,8 +30,8 @@ from silo.collecting.scratch import Slot, packer
 from silo.collecting.segment import Segment
 from silo.collecting.slow_reads import SlowReads
 from silo.collecting.sources import Expression
+from silo.core.elements import BufferType
 from silo.errors import StateError
-from silo.model import BufferType
 
 INLINE_DIVIDERS = 4  # with more distinct ones, rows wait in a table for the tick at which they are due
 

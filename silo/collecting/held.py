@@ -18,8 +18,7 @@ import msgspec
 
 from silo.collecting.schema import Control, Header, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.errors import SegmentError
-from silo.runtime import (
+from silo.core.runtime import (
     HELD_SUFFIX,
     JUDGE_SUFFIX,
     RECORDERS_SUFFIX,
@@ -36,6 +35,7 @@ from silo.runtime import (
     runtime_dir,
     withdraw_segment,
 )
+from silo.errors import SegmentError
 
 HELD_RUNS = 64  # with their rows; each takes two descriptors of the helper process, as do stubs, of 1024
 HELD_BYTES = 1_000_000_000  # and no more than a quarter of the file system

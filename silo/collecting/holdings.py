@@ -7,13 +7,13 @@ segment of gigabytes while it is written.
 from collections import Counter
 from dataclasses import dataclass
 
-from silo.amounts import duration
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.keeping import kept_rows
 from silo.collecting.schema import TIME_RING, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.model import BufferType
-from silo.recording import Recording
+from silo.core.elements import BufferType
+from silo.core.quantities import duration
+from silo.core.recording import Recording
 
 
 @dataclass(frozen=True)

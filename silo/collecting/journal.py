@@ -9,7 +9,7 @@ wait for the disk. So rows are copied out of the segment, some times a second, i
 
 Its name is `.<logger>.<logger id>-<run>.<number>.journal`; a second helper process of a run writes a second journal and
 drops the first once its own holds as much. Whoever writes a journal holds a lock on its schema file, see
-`silo.runtime.lock_as_writer`.
+`silo.core.runtime.lock_as_writer`.
 
 A file is a run of records: eight words (see `_Word`), then a payload. ROWS are some rows of one ring; a COMMIT closes
 all rows up to one tick. Readers take whole records in order, as far as each one's checksum holds, and of them those
@@ -29,8 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.collecting.schema import SegmentSchema
-from silo.recording import Failures
-from silo.runtime import has_writer, open_own
+from silo.core.recording import Failures
+from silo.core.runtime import has_writer, open_own
 
 JOURNAL_SUFFIX = ".journal"
 GONE_SUFFIX = ".gone"  # added to the name of one that is being deleted

@@ -37,10 +37,10 @@ from silo.collecting.reasons import LostWhy
 from silo.collecting.rows import Rows
 from silo.collecting.schema import STAMP_WORDS, ElementSchema, RingSchema, decode_description
 from silo.collecting.snapshot import snapshot
+from silo.core.elements import BufferType, LoggedEvent
+from silo.core.recording import NO_FAILURES, Failures, Recording
+from silo.core.runtime import boot_id, open_own, read_own
 from silo.errors import SegmentError
-from silo.model import BufferType, LoggedEvent
-from silo.recording import NO_FAILURES, Failures, Recording
-from silo.runtime import boot_id, open_own, read_own
 
 READ_BYTES = 1 << 20
 SPOOL_BYTES = 16 << 20  # rows that take more are read into a file

@@ -28,8 +28,8 @@ from silo.collecting.journal import (
 )
 from silo.collecting.schema import RingSchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.model import BufferType
-from silo.runtime import is_at, lock_as_writer
+from silo.core.elements import BufferType
+from silo.core.runtime import is_at, lock_as_writer
 
 BLOCK_BYTES = 1 << 20  # payload of a record at most, so that a copy never takes much memory
 

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from silo.model import BufferType, ElementInfo
+from silo.core.elements import BufferType, ElementInfo
 
 LARGE_BYTES = 1_000_000_000  # of one run: so much takes seconds to allocate and to touch, and not every robot has it
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.model import MARKER, LoggedEvent
+from silo.core.elements import MARKER, LoggedEvent
 
 SLOTS = 1024  # the newest that are kept for readers; a power of two
 TEXT_BYTES = 224

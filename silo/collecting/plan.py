@@ -20,7 +20,7 @@ from silo.collecting.scratch import Scratch
 from silo.collecting.segment import chunk_bytes_for
 from silo.collecting.sources import Expression, Reference
 from silo.collecting.traits import Part, expand
-from silo.model import BufferType, ElementInfo, ElementOptions, Entry
+from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
 
 LIVE_SECONDS = 2.0  # how long a sample must stay readable for the helper process to publish it
 SLACK_SECONDS = 0.25  # rows kept beyond a looping buffer, so that a snapshot during collection loses none

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from silo.collecting.rows import HasPlace, Placed, Rows, Words, placed, stored_type, strided
 from silo.collecting.schema import STAMP_WORDS, EntrySchema
-from silo.values import Floats, as_floats
+from silo.core.arrays.values import Floats, as_floats
 
 STAMPS: Words = np.arange(STAMP_WORDS)
 

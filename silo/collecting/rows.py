@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from silo.collecting.reasons import LostWhy
 from silo.collecting.schema import ElementSchema, EntrySchema, RingSchema, SegmentSchema
-from silo.model import LoggedEvent
-from silo.recording import Failures
+from silo.core.elements import LoggedEvent
+from silo.core.recording import Failures
 
 Words = NDArray[np.intp]  # places in a row, ascending
 

@@ -25,9 +25,8 @@ from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment import Segment
 from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.unheld import Unheld, Watched
-from silo.errors import SegmentError
-from silo.model import NO_EXTRAS, Extras, LoggerOptions, Storage, Threads
-from silo.runtime import (
+from silo.core.elements import NO_EXTRAS, Extras, LoggerOptions, Storage, Threads
+from silo.core.runtime import (
     SEGMENT_SUFFIX,
     announce_segment,
     boot_id,
@@ -37,6 +36,7 @@ from silo.runtime import (
     user_name,
     withdraw_segment,
 )
+from silo.errors import SegmentError
 
 logger = logging.getLogger("silo")
 _numbers = itertools.count()

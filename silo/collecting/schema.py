@@ -22,7 +22,7 @@ from typing import TypeVar
 
 import msgspec
 
-from silo.model import NO_EXTRAS, BufferType, ElementInfo, ElementOptions, Entry, Extras
+from silo.core.elements import NO_EXTRAS, BufferType, ElementInfo, ElementOptions, Entry, Extras
 
 MAGIC = int.from_bytes(b"SILOSEG1", "little")
 LAYOUT_VERSION = 2

@@ -35,9 +35,8 @@ from silo.collecting.schema import (
     SegmentState,
     page_up,
 )
-from silo.errors import NoRoomError, SegmentError
-from silo.model import BufferType
-from silo.runtime import (
+from silo.core.elements import BufferType
+from silo.core.runtime import (
     available_memory_bytes,
     disk_room,
     is_at,
@@ -46,6 +45,7 @@ from silo.runtime import (
     orphaned_segments,
     unopened,
 )
+from silo.errors import NoRoomError, SegmentError
 
 CHUNK_BYTES = 1 << 20
 SPARE_CHUNKS = 4096  # words of the directory for time stamps past the memory limit: 268 million ticks

@@ -39,10 +39,10 @@ from silo.collecting.schema import (
     decode_description,
 )
 from silo.collecting.snapshot import snapshot
+from silo.core.elements import BufferType, LoggedEvent
+from silo.core.recording import NO_FAILURES, Failures, Recording
+from silo.core.runtime import boot_id, has_writer, open_into, pid_namespace, process_start, unopened
 from silo.errors import SegmentError
-from silo.model import BufferType, LoggedEvent
-from silo.recording import NO_FAILURES, Failures, Recording
-from silo.runtime import boot_id, has_writer, open_into, pid_namespace, process_start, unopened
 
 # the writer may be filling the row after the head, whose slot holds an old row; elsewhere than on x86 one row further
 UNSAFE_ROWS = 1 if ORDERED_STORES else 2

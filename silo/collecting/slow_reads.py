@@ -15,7 +15,7 @@ from silo.collecting.plan import Plan, RingPlan
 from silo.collecting.schema import STAMP_WORDS, RingControl
 from silo.collecting.scratch import Slot
 from silo.collecting.segment import Segment
-from silo.model import BufferType
+from silo.core.elements import BufferType
 
 
 class SlowReads:

@@ -10,8 +10,8 @@ from silo.collecting.losses import lost_samples
 from silo.collecting.reasons import LOST_TEXTS
 from silo.collecting.rows import Rows, RowSource
 from silo.collecting.schema import TIME_RING, ElementSchema
-from silo.model import BufferType
-from silo.recording import (
+from silo.core.elements import BufferType
+from silo.core.recording import (
     KEPT_ALIKE,
     NEVER_CHANGED,
     RecordedElement,

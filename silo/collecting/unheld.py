@@ -20,8 +20,8 @@ from silo.collecting.schema import ElementSchema
 from silo.collecting.segment import Segment
 from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.sources import HeldArrays, Reference
-from silo.model import ElementInfo
-from silo.recording import KEPT_ALIKE, NEVER_CHANGED, unheld_text
+from silo.core.elements import ElementInfo
+from silo.core.recording import KEPT_ALIKE, NEVER_CHANGED, unheld_text
 
 logger = logging.getLogger("silo")
 

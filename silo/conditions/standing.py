@@ -4,7 +4,7 @@ import enum
 
 import msgspec
 
-from silo.model import SignalLimits, TriggerOptions
+from silo.core.elements import SignalLimits, TriggerOptions
 
 
 class TriggerWord(str, enum.Enum):

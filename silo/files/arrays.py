@@ -14,12 +14,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, stamps_of
 from silo.errors import SaveError
 from silo.files.extras import need, whole_file
 from silo.files.missing import filled, in_doubles, is_masked
 from silo.files.silo_format import FilledEntry
 from silo.files.texts import presentable
-from silo.recording import Progress, RecordedElement, RecordedEntry, Recording, stamps_of
 
 # MATLAB cuts longer names
 _MATLAB_NAME = 63

@@ -17,8 +17,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from silo.core.runtime import disk_room
 from silo.errors import SaveError
-from silo.runtime import disk_room
 
 PART_ENDING = ".part"
 SWAP_ENDING = ".swap"  # a folder in which a new one is made that takes the name of an old one

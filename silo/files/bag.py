@@ -19,6 +19,7 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 from numpy.typing import NDArray
 
+from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, atomic_folder
 from silo.files.bag_events import LOG_TYPE, EventGroup, events_topic
@@ -38,7 +39,6 @@ from silo.files.missing import filled
 from silo.files.ros_types import Channel, MessageType, channels_of, is_text
 from silo.files.silo_format import FilledEntry, markers_of
 from silo.files.texts import presentable
-from silo.recording import Progress, RecordedElement, RecordedEntry, Recording
 
 MAX_CHANNELS = 65535
 # builtin_interfaces/Time counts seconds in an int32

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.arrays.wide import from_wire
+from silo.core.recording import masked
 from silo.files.bag_facts import ElementFacts, EntryFacts, RecordingFacts
 from silo.files.bag_groups import RECORD_HEAD
 from silo.files.mcap_chunks import RECORD, walked
 from silo.files.mcap_write import MESSAGE_OPCODE
 from silo.files.ros_types import STRING
 from silo.files.silo_format import dtype_from
-from silo.files.wide import from_wire
-from silo.recording import masked
 
 _SEQUENCE_AT = RECORD.size + 2  # in a message record
 _SEQUENCE = np.dtype("<u4")

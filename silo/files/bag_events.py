@@ -10,11 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.elements import LoggedEvent
+from silo.core.recording import Recording
 from silo.files.bag_groups import RECORD_HEAD
 from silo.files.mcap_write import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
 from silo.files.ros_types import ENCAPSULATION, Channel, MessageType, free_topic
-from silo.model import LoggedEvent
-from silo.recording import Recording
 
 LEVELS = ("DEBUG=10", "INFO=20", "WARN=30", "ERROR=40", "FATAL=50")
 INFO, WARN, ERROR = 20, 30, 40

@@ -9,10 +9,10 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from silo.core.elements import NO_EXTRAS, BufferType, Entry, Extras, LoggedEvent
+from silo.core.recording import NO_FAILURES, Failures
 from silo.files.mcap_chunks import MOST_RATIO, MOST_ROOM
 from silo.files.silo_format import Missing
-from silo.model import NO_EXTRAS, BufferType, Entry, Extras, LoggedEvent
-from silo.recording import NO_FAILURES, Failures
 
 FACTS_ATTACHMENT = "silo/recording.json.zst"
 TIME_ATTACHMENT = "silo/time_ns.zst"

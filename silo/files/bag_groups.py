@@ -13,11 +13,11 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
+from silo.core.arrays.wide import to_wire
+from silo.core.recording import RecordedElement, Recording
 from silo.files.mcap_write import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
 from silo.files.ros_types import ENCAPSULATION, STRING, Channel, Part
 from silo.files.silo_format import FilledEntry
-from silo.files.wide import to_wire
-from silo.recording import RecordedElement, Recording
 
 # of a message record: opcode 1, length 8, channel 2, sequence 4, log time 8, publish time 8
 RECORD_HEAD = 31

@@ -23,12 +23,12 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Statistics
 from numpy.typing import NDArray
 
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, failures_at
 from silo.errors import FileFormatError, LogWarning
 from silo.files.bag_channels import Values, are_right, channel_readers
 from silo.files.bag_facts import RecordingFacts
 from silo.files.mcap_chunks import INDEX_ENTRY, unpack_chunk
 from silo.files.mcap_write import MAGIC
-from silo.recording import RecordedElement, RecordedEntry, Recording, failures_at
 
 ALONE = 3  # so many elements are read one by one; each costs about as much as unpacking all chunks
 _HEAD = struct.Struct("<BQ")  # of a record: opcode, length

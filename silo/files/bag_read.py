@@ -17,6 +17,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from silo.core.recording import RecordedElement, Recording
 from silo.errors import FileFormatError, LogNotFoundError, SiloError
 from silo.files.atomic import reason
 from silo.files.bag_channels import ChannelReader, Values, channel_readers
@@ -46,7 +47,6 @@ from silo.files.mcap_write import MAGIC
 from silo.files.part_facts import PART_ATTACHMENT, unpack_part
 from silo.files.part_read import read_part
 from silo.files.part_scan import attachment
-from silo.recording import RecordedElement, Recording
 
 
 def read_bag(path: str | os.PathLike[str]) -> Recording:

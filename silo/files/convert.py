@@ -8,11 +8,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from silo.arguments import path as checked_path
+from silo.core.arguments import path as checked_path
+from silo.core.recording import Progress, Recording
 from silo.errors import FileFormatError, SaveError
 from silo.files.atomic import replaced_folder
 from silo.files.formats import format_of, is_bag_folder, read_recording, writer_for
-from silo.recording import Progress, Recording
 
 CONVERTED = "converted"  # why such a file is there, instead of why its source was saved
 

@@ -12,10 +12,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.elements import Entry, LoggedEvent
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, masked
 from silo.files import silo_format as form
 from silo.files.csv_fast import Filled
-from silo.model import Entry, LoggedEvent
-from silo.recording import RecordedElement, RecordedEntry, Recording, masked
 
 SIDECAR = ".json"
 VERSION = 1

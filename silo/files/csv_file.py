@@ -15,12 +15,12 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.recording import Progress, RecordedElement, Recording
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, write_all
 from silo.files.csv_facts import pack, sidecar_of
 from silo.files.csv_reader import TIME_NS, read_csv
 from silo.files.missing import is_masked
-from silo.recording import Progress, RecordedElement, Recording
 
 __all__ = ["Layout", "read_csv", "write_csv"]
 

@@ -15,14 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.elements import BufferType, Entry
+from silo.core.kinds import regroup
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, masked
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
 from silo.files.csv_facts import Column, NotThisTableError, restored, sidecar_of, types_of, unpack
 from silo.files.csv_fast import Filled, Numbers, read_numbers
 from silo.files.silo_format import decode_text, first_stamp
-from silo.kinds import regroup
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording, masked
 
 TIME_NS = "time_ns"  # the last column: the first one in whole nanoseconds
 _ROUNDED_NS = 1000  # by which seconds that went through a double may be off

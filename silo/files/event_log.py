@@ -14,10 +14,10 @@ from pathlib import Path
 
 import msgspec
 
+from silo.core.elements import DAMAGED, LoggedEvent
+from silo.core.recording import Recording, with_events
+from silo.core.runtime import open_own
 from silo.files.atomic import lock
-from silo.model import DAMAGED, LoggedEvent
-from silo.recording import Recording, with_events
-from silo.runtime import open_own
 
 MOST_BYTES = 4_000_000
 ENDING = ".events.jsonl"

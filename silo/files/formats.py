@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from silo.core.elements import FileType
 from silo.errors import FileFormatError, LogNotFoundError, SaveError
-from silo.model import FileType
 
 if TYPE_CHECKING:
     import os
 
-    from silo.recording import Progress, Recording
+    from silo.core.recording import Progress, Recording
 
     Writer = Callable[[Recording, Path, Progress | None], None]
     Reader = Callable[[Path], Recording]
@@ -80,7 +80,7 @@ class Format(msgspec.Struct, frozen=True):
         function = _function(self.writer)
 
         def write(recording: "Recording", path: Path, progress: "Progress | None") -> None:
-            from silo.recording import has_own_stamps, read_whole
+            from silo.core.recording import has_own_stamps, read_whole
 
             if not self.own_times and has_own_stamps(recording):
                 raise SaveError(

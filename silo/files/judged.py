@@ -12,10 +12,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.judging.binding import Bound, Catalogue, Known, bind
-from silo.judging.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
-from silo.model import Derived, Entry
-from silo.recording import (
+from silo.core.arrays.values import as_floats
+from silo.core.elements import Derived, Entry
+from silo.core.recording import (
     RecordedElement,
     RecordedEntry,
     Recording,
@@ -23,7 +22,8 @@ from silo.recording import (
     has_own_stamps,
     places_on,
 )
-from silo.values import as_floats
+from silo.judging.binding import Bound, Catalogue, Known, bind
+from silo.judging.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
 
 BATCH_TICKS = 16_384  # what is computed at once stays in the cache
 

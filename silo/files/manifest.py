@@ -22,11 +22,11 @@ from pathlib import Path
 
 import msgspec
 
+from silo.core.elements import Extras
+from silo.core.runtime import open_own, read_own
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, reason
 from silo.files.formats import OPEN_PART_ENDING
-from silo.model import Extras
-from silo.runtime import open_own, read_own
 
 MOST_BYTES = 200_000
 MOST_BEGUN = 20  # captures without files that are remembered: of a process one is under way, others failed

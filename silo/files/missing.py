@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.recording import RecordedElement, RecordedEntry, plain_element
 from silo.files.silo_format import FilledEntry, Missing
-from silo.recording import RecordedElement, RecordedEntry, plain_element
 
 _EXACT = 2**53
 

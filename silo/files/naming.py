@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterable
 from datetime import datetime
 from pathlib import Path
 
+from silo.core.runtime import FOLDER_GONE, is_folder_gone, open_own
 from silo.errors import LogNotFoundError, SaveError
 from silo.files.atomic import lock, reason
 from silo.files.formats import LOG_ENDINGS, is_bag_folder
-from silo.runtime import FOLDER_GONE, is_folder_gone, open_own
 
 _STEM = re.compile(r"(?P<logger>.+)_(?P<when>\d{8}_\d\d-\d\d-\d\d)_(?P<run>\d{5,})")
 _OF_TRIGGER = re.compile(r"_.+_\d+")  # behind the stem: a capture

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from silo.core.elements import LoggedEvent
 from silo.files.bag_events import event_index, event_record
 from silo.files.bag_groups import RECORD_HEAD
 from silo.files.mcap_chunks import INDEX_ENTRY
 from silo.files.mcap_write import IndexBlock
 from silo.files.part_facts import SEQUENCES, row_of
 from silo.files.ros_types import ENCAPSULATION
-from silo.model import LoggedEvent
 
 _HEAD = struct.Struct("<BQHIQQ")
 _FIXED_BYTES = 9  # stamp and level, before the texts

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.kinds import KINDS, STRUCT, Kind, kind_named
+from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import SaveError
-from silo.kinds import KINDS, STRUCT, Kind, kind_named
-from silo.recording import RecordedElement, RecordedEntry
 
 PACKAGE = "signal_logger_msgs/msg/"
 ENCAPSULATION = b"\x00\x01\x00\x00"  # CDR version 1, little-endian

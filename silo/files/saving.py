@@ -11,13 +11,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
+from silo.core.elements import Extras, FileType, LoggedEvent, SavedFile
+from silo.core.recording import Progress, Recording, with_events
 from silo.errors import SaveError
 from silo.files.atomic import reason
 from silo.files.event_log import with_happened
 from silo.files.formats import SAVED, SAVED_NAMES, file_type
 from silo.files.naming import custom_path, log_path, next_run_number
-from silo.model import Extras, FileType, LoggedEvent, SavedFile
-from silo.recording import Progress, Recording, with_events
 
 
 class PartlySavedError(SaveError):

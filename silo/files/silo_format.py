@@ -16,9 +16,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.kinds import SCALAR
-from silo.model import MARKER, NO_EXTRAS, BufferType, Extras, LoggedEvent
-from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, masked
+from silo.core.elements import MARKER, NO_EXTRAS, BufferType, Extras, LoggedEvent
+from silo.core.kinds import SCALAR
+from silo.core.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, masked
 
 BANNER = (
     b"#  ---------------------------------------------------------- #\n"

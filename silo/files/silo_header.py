@@ -11,9 +11,9 @@ from typing import TypeVar
 
 import msgspec
 
+from silo.core.elements import LoggedEvent
 from silo.errors import FileFormatError
 from silo.files import silo_format as form
-from silo.model import LoggedEvent
 
 # A table of 100,000 entries with facts is 20 MB; a longer header is no header.
 _LONGEST_HEADER = 256 << 20

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.arrays.wide import from_wire
+from silo.core.elements import Entry
+from silo.core.recording import RecordedEntry, Recording
 from silo.files import silo_format as form
-from silo.files.wide import from_wire
-from silo.model import Entry
-from silo.recording import RecordedEntry, Recording
 
 Type = np.dtype[Any]
 

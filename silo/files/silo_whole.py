@@ -14,11 +14,11 @@ from typing import NamedTuple, overload
 
 import msgspec
 
+from silo.core.elements import Entry, LoggedEvent
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError
 from silo.files import silo_format as form
 from silo.files.silo_values import Type, file_entry, file_recording, time_stamps, types_of
-from silo.model import Entry, LoggedEvent
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 # larger ones are fresh memory, whose page faults take longer than the copy
 _PIECE = 1 << 16

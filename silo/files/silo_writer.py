@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.arrays.wide import to_wire
+from silo.core.recording import Progress, RecordedEntry, Recording
 from silo.errors import SaveError
 from silo.files import silo_format as form
 from silo.files.atomic import atomic_file, write_all
 from silo.files.missing import in_doubles
-from silo.files.wide import to_wire
-from silo.recording import Progress, RecordedEntry, Recording
 
 TILE_COLUMNS = 16
 TILE_ROWS = 16384

@@ -13,10 +13,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording
 from silo.files.extras import need, whole_file
 from silo.files.ros_types import is_text
 from silo.files.texts import presentable
-from silo.recording import Progress, RecordedElement, RecordedEntry, Recording
 
 # cells of a row group: 64 MB of doubles
 _GROUP_CELLS = 8_000_000

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import msgspec
 
+from silo.core.elements import Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.silo_format import event_facts, plain_text
-from silo.model import Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 
 def presentable(recording: Recording) -> Recording:

@@ -13,6 +13,8 @@ from pathlib import Path
 
 from silo.collecting.held import held_runs, is_due, is_live, program_of, remove
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import Extras, LoggedEvent, SavedFile
+from silo.core.runtime import HELD_SUFFIX, list_held, list_segments
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import append_events, newest_number, read_events
 from silo.files.manifest import CaptureList
@@ -22,9 +24,7 @@ from silo.helper.judge_state import SUFFIX, JudgeState, Untold, all_states, begu
 from silo.helper.left_recordings import log_start
 from silo.helper.segment_judge import SegmentJudge
 from silo.ipc.published import EventKind
-from silo.model import Extras, LoggedEvent, SavedFile
 from silo.recovery.segments import claimed
-from silo.runtime import HELD_SUFFIX, list_held, list_segments
 
 WHY = "the program and its helper process died"
 _OF_RECORDINGS = {kind.value for kind in (EventKind.STARTED, EventKind.RECORDING, EventKind.RECORDING_FAILED)}

@@ -12,12 +12,12 @@ from collections import OrderedDict, deque
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from silo.core.elements import SavedFile
 from silo.errors import SaveError, SiloError
 from silo.files.manifest import CaptureList
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.ipc.published import EventKind
-from silo.model import SavedFile
 
 if TYPE_CHECKING:
     from silo.helper.spool import Spool

@@ -11,9 +11,9 @@ from collections import deque
 
 import msgspec
 
+from silo.core.elements import MARKER, LoggedEvent
+from silo.core.recording import MOST_EVENTS
 from silo.files.event_log import append_events, read_events
-from silo.model import MARKER, LoggedEvent
-from silo.recording import MOST_EVENTS
 
 RETRY_S = 5.0
 

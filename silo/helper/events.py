@@ -11,12 +11,12 @@ from collections.abc import Sequence
 import msgspec
 import zenoh
 
+from silo.core.elements import LoggedEvent, SavedFile, Status
 from silo.helper.event_log import EventLog
 from silo.helper.mirror import Mirror
 from silo.ipc.keys import Root
 from silo.ipc.published import Event, EventKind
 from silo.ipc.senders import came_by_network
-from silo.model import LoggedEvent, SavedFile, Status
 
 MAX_BY = 120
 

@@ -12,12 +12,12 @@ from pathlib import Path
 
 from silo.collecting.held import bound_of, bytes_of, held_name, held_runs, number_of, remove
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import Extras
+from silo.core.runtime import HELD_SUFFIX, is_at, list_held, runtime_dir
 from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import HeldNow, Mirror
 from silo.ipc.published import EventKind
-from silo.model import Extras
-from silo.runtime import HELD_SUFFIX, is_at, list_held, runtime_dir
 
 
 class HeldRuns:

@@ -20,6 +20,8 @@ from pathlib import Path
 
 import zenoh
 
+from silo.core.elements import Derived, Extras, FileType, State
+from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError
 from silo.helper.answers.answering import Answers
 from silo.helper.control import Control
@@ -49,11 +51,9 @@ from silo.ipc.published import EventKind
 from silo.ipc.session import close, dead_mark, forget, open_server
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.link.robot_state import RobotState
-from silo.model import Derived, Extras, FileType, State
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Reply
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
-from silo.runtime import runtime_dir
 
 READY = 0  # number of the LinkReply that says that clients can come, or why they can't
 TERM_GRACE_S = 5.0

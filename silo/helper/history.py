@@ -3,7 +3,7 @@
 from silo.collecting.row_picker import RowPicker
 from silo.collecting.schema import TIME_RING, ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, Hole, bins_of
+from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, Hole, bins_of
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import RingSource, first_row
 from silo.helper.pinned_rows import PinnedRows

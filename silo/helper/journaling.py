@@ -14,12 +14,12 @@ from silo.collecting.journal_folders import remember_folder
 from silo.collecting.journal_writer import JournalWriter
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import Storage
 from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.run_follower import RunFollower
 from silo.ipc.published import EventKind
-from silo.model import Storage
 
 PERIOD_S = 0.2
 RETRY_S = 5.0

@@ -21,14 +21,14 @@ import msgspec
 
 from silo.collecting.segment_reader import SegmentReader
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
+from silo.core.elements import NO_EXTRAS, Extras, TriggerOptions
+from silo.core.runtime import runtime_dir
 from silo.errors import ElementError, SegmentError, SiloError
 from silo.helper.capture_writer import CaptureWriter
 from silo.helper.events import Events
 from silo.helper.leased_triggers import LeasedTriggers
 from silo.helper.mirror import Mirror
 from silo.ipc.published import EventKind
-from silo.model import NO_EXTRAS, Extras, TriggerOptions
-from silo.runtime import runtime_dir
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need

@@ -16,12 +16,12 @@ import numpy as np
 
 from silo.collecting.held import Program, is_live, program_of
 from silo.collecting.schema import SegmentSchema
+from silo.core.elements import ElementInfo, Extras, TriggerOptions
+from silo.core.runtime import process_start, runtime_dir, write_private
 from silo.errors import SegmentError
 from silo.helper.limit_judge import LimitMemory
 from silo.judging.evaluation import EvaluatorMemory
 from silo.judging.triggers import Capture, Trigger
-from silo.model import ElementInfo, Extras, TriggerOptions
-from silo.runtime import process_start, runtime_dir, write_private
 
 SUFFIX = ".judge"
 _MAGIC = b"silo judge 1\n"

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from silo.collecting.row_picker import RowPicker
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import BufferType, Derived, ElementInfo
 from silo.judging.binding import OFF, Bound, Catalogue, Column, Known
 from silo.judging.evaluation import SourceRows
-from silo.model import BufferType, Derived, ElementInfo
 
 
 @dataclass(frozen=True)

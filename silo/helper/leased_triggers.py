@@ -8,9 +8,9 @@ from collections.abc import Sequence
 
 import msgspec
 
-from silo.arguments import real
+from silo.core.arguments import real
+from silo.core.elements import ElementInfo, Extras, LoggerOptions, TriggerOptions
 from silo.errors import ElementError
-from silo.model import ElementInfo, Extras, LoggerOptions, TriggerOptions
 from silo.rpc.leases import Leases
 
 SHORTEST_S, LONGEST_S = 0.5, 600.0

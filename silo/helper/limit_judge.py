@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.conditions.standing import LimitStatus, LimitWord
+from silo.core.elements import SignalLimits
 from silo.errors import ElementError
 from silo.helper.judged_rows import JudgedRows
 from silo.judging.binding import OFF, Bound, Column, Signal, meaning
 from silo.judging.evaluation import Evaluator, EvaluatorMemory, SourceRows
 from silo.judging.extras import bind_limits, scalar_names
 from silo.judging.limits import EntryState, Level, Limit, LimitRule, Violation
-from silo.model import SignalLimits
 
 TELL_AGAIN_S = 1.0  # a scalar that flutters is one event in so long
 MOST_NEWS = 20  # events of one look; the others wait for the next ones

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from silo.collecting.schema import ElementSchema
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import BufferType
 from silo.ipc.published import NotLive
-from silo.model import BufferType
 
 
 class Liveness:

@@ -21,12 +21,12 @@ from silo.collecting.holdings import Holdings, Kept, kept_alike, segment_holding
 from silo.collecting.losses import lost_samples
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import Control, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
+from silo.core.runtime import disk_room, runtime_dir, user_name
 from silo.errors import SegmentError
 from silo.judging.derived import derived_infos
 from silo.link.handover import RunOffer
 from silo.link.robot_state import RobotState
-from silo.model import Control, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
-from silo.runtime import disk_room, runtime_dir, user_name
 from silo.scripts.requests import TableReply
 
 MOST_CLIENTS = 20

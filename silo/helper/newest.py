@@ -9,7 +9,7 @@ from silo.collecting.keeping import most_kept
 from silo.collecting.row_picker import RowPicker
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.values import Floats, newest_values
+from silo.core.arrays.values import Floats, newest_values
 
 
 class NewestValues:

@@ -8,13 +8,13 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from silo.amounts import duration
+from silo.core.elements import Control
+from silo.core.quantities import duration
 from silo.helper.events import Events, plain
 from silo.helper.mirror import Mirror
 from silo.ipc.messages.control import GiveControl, TakeControl
 from silo.ipc.published import EventKind
 from silo.ipc.senders import name_of
-from silo.model import Control
 from silo.rpc.declaring import Do, Request
 from silo.rpc.leases import Lease, Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError

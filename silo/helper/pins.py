@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silo.amounts import duration
 from silo.collecting.rows import Rows, Words
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.quantities import duration
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import Group, Picked, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows

@@ -8,13 +8,13 @@ import contextlib
 import logging
 import threading
 
+from silo.core.elements import SavedFile
 from silo.errors import SiloError, StateError
 from silo.files.saving import describe
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.recovery import recover, settle_left
 from silo.ipc.published import EventKind
-from silo.model import SavedFile
 from silo.recovery.left import LeftRun
 from silo.recovery.runs import left_of, sweep
 

@@ -13,6 +13,7 @@ import zenoh
 
 from silo.collecting.losses import lost_samples
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import Present, State
 from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.feeds import Round
@@ -26,7 +27,6 @@ from silo.helper.views import Views
 from silo.ipc import keys
 from silo.ipc.messages.views import OpenView, ViewOpened
 from silo.ipc.published import EventKind
-from silo.model import Present, State
 
 IDLE_S = 0.1
 TOPIC_PERIOD_S = 0.05

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import msgspec
 
+from silo.core.elements import FileType
 from silo.files.manifest import WRITTEN_ENDING, decode_written, own_status, written_path
 from silo.files.naming import logger_of
 from silo.files.summaries import Summary, opened_file, opened_folder
 from silo.ipc.fetching import mark_of
 from silo.ipc.messages.recordings import RecordingFile, SavedRecording
-from silo.model import FileType
 
 ENDING = ".mcap"
 MOST_FOLDERS = 1000

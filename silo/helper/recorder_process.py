@@ -11,11 +11,12 @@ from pathlib import Path
 
 import msgspec
 
-from silo.child import PIPE, ChildProcess
 from silo.collecting.held import Program
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.child import PIPE, ChildProcess
+from silo.core.elements import NO_EXTRAS, Extras, RecorderState
+from silo.core.runtime import write_private
 from silo.files.manifest import Sums, read_written
-from silo.model import NO_EXTRAS, Extras, RecorderState
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
     Conditions,
@@ -27,7 +28,6 @@ from silo.recorder.orders import (
     encode,
     extras_file,
 )
-from silo.runtime import write_private
 
 # glibc answers each large block that is freed by keeping larger ones: within 3 minutes 54 MB became 68
 HEAP = {"MALLOC_ARENA_MAX": "2", "MALLOC_MMAP_THRESHOLD_": str(2**20), "MALLOC_TRIM_THRESHOLD_": str(2**20)}

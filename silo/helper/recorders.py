@@ -19,6 +19,9 @@ from typing import Any
 import msgspec
 
 from silo.collecting.held import child_of, recorders_path
+from silo.core.elements import BufferType, RecorderState
+from silo.core.names import matching
+from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.errors import SegmentError
 from silo.files.manifest import Sums
 from silo.files.naming import check_name
@@ -29,11 +32,8 @@ from silo.helper.recorder_process import Kept, RecorderProcess, Spare, close_lef
 from silo.helper.recording_folder import recording_folder
 from silo.ipc.messages.recordings import RecorderInfo, RecorderStarted, StartRecorder, StopRecorder
 from silo.ipc.published import EventKind
-from silo.model import BufferType, RecorderState
-from silo.patterns import matching
 from silo.recorder.orders import CLOSED, RecordOrder
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
-from silo.runtime import RECORDERS_SUFFIX, runtime_dir
 
 MOST_RECORDERS = 8
 MOST_PATTERNS, MOST_PATTERN_LETTERS = 1000, 50_000
@@ -445,7 +445,7 @@ def _info(recorder: RecorderProcess) -> RecorderInfo:
 
 
 def _wrong_numbers(request: StartRecorder) -> str:
-    from silo.amounts import LEAST_SPLIT_BYTES, LEAST_SPLIT_S, MOST_BYTES, MOST_SPLIT_S
+    from silo.core.quantities import LEAST_SPLIT_BYTES, LEAST_SPLIT_S, MOST_BYTES, MOST_SPLIT_S
     from silo.errors import SaveError
 
     if request.name:

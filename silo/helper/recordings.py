@@ -16,6 +16,8 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
+from silo.core.elements import FileType
+from silo.core.runtime import disk_room
 from silo.files.atomic import PART_ENDING, reason
 from silo.files.convert import CONVERTED
 from silo.files.csv_facts import SIDECAR
@@ -34,9 +36,7 @@ from silo.ipc.messages.recordings import (
     Recordings,
     SavedRecording,
 )
-from silo.model import FileType
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
-from silo.runtime import disk_room
 
 MAX_LISTED = 10_000
 MAX_VISITED = 100_000

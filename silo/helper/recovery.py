@@ -14,14 +14,14 @@ from silo.collecting.held import held_runs, is_due, is_live, judge_path, program
 from silo.collecting.holdings import Holdings
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import Extras, FileType, SavedFile
+from silo.core.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
 from silo.errors import SegmentError
 from silo.helper.left_recordings import complete_recordings
 from silo.helper.recorder_process import Kept
 from silo.ipc.published import EventKind
-from silo.model import Extras, FileType, SavedFile
 from silo.recovery.left import RECOVERED, RunReader, has_unsaved, missing, save_reader
 from silo.recovery.runs import claimed_run, let_go
-from silo.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need

@@ -5,12 +5,12 @@ from typing import Any
 
 import msgspec
 
+from silo.core.elements import Edit, Problem
 from silo.helper.mirror import LoggerSnapshot
 from silo.ipc.messages import AnyAsk, AnyDo
 from silo.ipc.messages.state import Hello
 from silo.ipc.refusals import check_revision
 from silo.ipc.versions import client_problem
-from silo.model import Edit, Problem
 from silo.rpc.declaring import Ask, Do, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.scripts.requests import ApplyEdits

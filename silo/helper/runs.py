@@ -10,6 +10,7 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import State
 from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.held_runs import HeldRuns, tell_left
@@ -20,7 +21,6 @@ from silo.helper.recorders import Recording
 from silo.helper.robot import Robot
 from silo.link.handover import RunOffer
 from silo.link.messages import LetGo
-from silo.model import State
 
 log = logging.getLogger("silo.helper")
 

@@ -7,6 +7,7 @@ import time
 from dataclasses import dataclass
 
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import Extras, SavedFile
 from silo.errors import SegmentError, SiloError
 from silo.files.saving import describe
 from silo.helper.events import Events, plain
@@ -16,7 +17,6 @@ from silo.helper.robot import Robot
 from silo.ipc.messages.recordings import Save, SaveStarted
 from silo.ipc.published import EventKind
 from silo.link.messages import LinkSaved
-from silo.model import Extras, SavedFile
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 MAX_WAITING = 4

@@ -13,6 +13,7 @@ from silo.collecting.held import program_of
 from silo.collecting.schema import TIME_RING
 from silo.collecting.segment_reader import SegmentReader
 from silo.conditions.standing import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
+from silo.core.elements import ElementInfo, Extras, TriggerOptions
 from silo.errors import ElementError
 from silo.helper.judge_state import JudgeState, KeptCapture, KeptTrigger, Untold
 from silo.helper.judged_rows import JudgedRows
@@ -23,7 +24,6 @@ from silo.judging.evaluation import Evaluator
 from silo.judging.extras import trigger_rule
 from silo.judging.off import trigger_conditions
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Mode, Trigger, TriggerState, longest_capture
-from silo.model import ElementInfo, Extras, TriggerOptions
 
 BATCH_TICKS = 2_048  # between which is looked whether there is time for more
 MOST_SPOOL_BYTES = 512 * 2**20  # of all captures that are under way, or wait to be written

@@ -10,9 +10,9 @@ from silo.collecting.rows import Rows
 from silo.collecting.schema import TIME_RING, ElementSchema, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.snapshot import snapshot
+from silo.core.elements import BufferType, CaptureFacts, Extras, LoggedEvent, TriggerOptions
+from silo.core.recording import Failures, Recording
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, longest_capture
-from silo.model import BufferType, CaptureFacts, Extras, LoggedEvent, TriggerOptions
-from silo.recording import Failures, Recording
 
 
 def bytes_per_tick(schema: SegmentSchema) -> float:

@@ -19,14 +19,14 @@ from silo.collecting.row_picker import RowPicker
 from silo.collecting.rows import Rows, Words
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.columns import Floats
+from silo.core.arrays.columns import Floats
+from silo.core.elements import BufferType, State
 from silo.errors import SegmentError
 from silo.helper.mirror import Mirror
 from silo.helper.newest import NewestValues
 from silo.helper.run_follower import RunFollower
 from silo.ipc.messages.views import GetSurvey, Survey
 from silo.ipc.surveys import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
-from silo.model import BufferType, State
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 

@@ -11,13 +11,13 @@ from pathlib import Path
 import msgspec
 import zenoh
 
+from silo.core.elements import State
+from silo.core.runtime import disk_room
+from silo.core.stalls import is_stalled
 from silo.helper.mirror import Mirror
 from silo.helper.topics import matching
 from silo.ipc.keys import Root
 from silo.ipc.published import Summary
-from silo.model import State
-from silo.pace import is_stalled
-from silo.runtime import disk_room
 
 PERIOD_S = 1.0
 AGAIN_S = 10.0

@@ -7,13 +7,13 @@ import numpy as np
 from silo.collecting.schema import TIME_RING
 from silo.collecting.segment_reader import SegmentReader
 from silo.conditions.requests import TriggerTried
+from silo.core.elements import Derived, ElementInfo, TriggerOptions
 from silo.errors import ElementError
 from silo.helper.judged_rows import JudgedRows
 from silo.judging.evaluation import UNOBSERVABLE, Evaluator
 from silo.judging.extras import trigger_rule
 from silo.judging.off import trigger_conditions
 from silo.judging.triggers import Fire, Trigger
-from silo.model import Derived, ElementInfo, TriggerOptions
 
 BATCH_TICKS = 16_384
 MOST_FIRES = 1000

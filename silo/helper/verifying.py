@@ -18,6 +18,9 @@ import zstandard
 
 from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.spans import Span, doubled, merged, spans_text, without
+from silo.core.elements import DAMAGED, BufferType, LoggedEvent
+from silo.core.recording import Recording
+from silo.core.runtime import list_segments, read_own
 from silo.errors import LogNotFoundError, SegmentError, SiloError
 from silo.files.event_log import event_log_path, loggers_with_events, older_event_log, read_events
 from silo.files.formats import read_recording
@@ -25,10 +28,7 @@ from silo.files.manifest import CaptureEntry, read_captures
 from silo.files.naming import find_logs
 from silo.files.part_scan import PartScan, scan_part
 from silo.ipc.published import EventKind
-from silo.model import DAMAGED, BufferType, LoggedEvent
 from silo.recorder.orders import CLOSED
-from silo.recording import Recording
-from silo.runtime import list_segments, read_own
 
 # what tells of a loss, once "0 lost" is taken out
 _LOSS = re.compile(

@@ -16,7 +16,7 @@ from silo.collecting.row_picker import RowPicker
 from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, bins_of
+from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, bins_of
 from silo.helper.feeds import Feed, Feeds, Round
 from silo.helper.liveness import Liveness
 from silo.helper.mirror import LoggerSnapshot, Mirror

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import msgspec
 
-from silo.child import PIPE, ChildProcess
 from silo.collecting.holdings import Holdings, segment_holdings
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.child import PIPE, ChildProcess
+from silo.core.elements import Extras, FileType, LoggedEvent, SavedFile
 from silo.errors import SaveError, SiloError
 from silo.files import LogOfRun, PartlySavedError, write, write_run
-from silo.model import Extras, FileType, LoggedEvent, SavedFile
 from silo.recovery.left import RECOVERED, RunReader, missing
 
 NICER = 5

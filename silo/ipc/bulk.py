@@ -9,11 +9,11 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from silo.core.elements import FileType, SavedFile, Status
 from silo.errors import SiloError
 from silo.ipc.client.client import LONGEST_S, Client
 from silo.ipc.found import Found
 from silo.ipc.messages.state import Unsaved
-from silo.model import FileType, SavedFile, Status
 
 AT_ONCE = 32
 

@@ -19,6 +19,7 @@ from typing import Any, Protocol
 import msgspec
 import zenoh
 
+from silo.core.elements import State
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
 from silo.ipc.asking import Pending
@@ -32,7 +33,6 @@ from silo.ipc.near import seen_now
 from silo.ipc.published import Event
 from silo.ipc.session import owner_is_gone
 from silo.ipc.sessions import Borrowed, borrow, give_back, undeclare
-from silo.model import State
 from silo.rpc.clocks import TheirClock
 from silo.rpc.declaring import Do, Request
 from silo.version import VERSION

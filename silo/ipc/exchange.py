@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import zenoh
 
+from silo.core.runtime import user_name
 from silo.errors import ConnectionLostError, VersionError
 from silo.ipc import keys
 from silo.ipc.foreign import NOT_UNDERSTOOD
@@ -20,7 +21,6 @@ from silo.ipc.versions import PROTOCOL, robot_problem
 from silo.rpc.clocks import UNKNOWN, TheirClock
 from silo.rpc.declaring import Do, ReplyT, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked
-from silo.runtime import user_name
 
 _encoder = msgspec.msgpack.Encoder()
 _reply_decoder = msgspec.msgpack.Decoder(AnyReply)

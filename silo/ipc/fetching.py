@@ -16,9 +16,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
+from silo.core.runtime import disk_room
 from silo.errors import ConnectionLostError, SaveError
 from silo.ipc.messages.recordings import PartOfRecording, Piece, RecordingParts
-from silo.runtime import disk_room
 
 FIRST_PIECE = 64 << 10
 MIN_PIECE = 8 << 10

@@ -14,8 +14,8 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
+from silo.core.runtime import runtime_dir, shared_memory_root, user_name
 from silo.errors import SegmentError
-from silo.runtime import runtime_dir, shared_memory_root, user_name
 
 _FOLDER = re.compile(r"silo-([0-9]+)(?:-([0-9]+))?")
 _SOCKET_LINE = re.compile(r"(/\S*/silo-[0-9]+(?:-[0-9]+)?)/(\S+)\.[0-9]+(?:-[0-9]+)?\.sock$")

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.columns import Floats, Marks
+from silo.core.arrays.columns import Floats, Marks
+from silo.core.elements import State
 from silo.ipc.published import NotLive
-from silo.model import State
 
 
 @dataclass(frozen=True)
@@ -15,8 +15,8 @@ class Frame:
     """What a view shows. `held`, `lost`: int64 per element of `elements`; `newest`: float64 per entry of them.
 
     `entries` names the entries. `texts` holds by position in `newest` each value that a float64 can't tell (see
-    `silo.values`). `low` and `high` have shape `(len(plots), count)` and begin at column `first`; they hold only what
-    came since the last frame, so merge them with `fmin` and `fmax`, best in a `silo.columns.ColumnStore`. They are
+    `silo.core.arrays.values`). `low` and `high` have shape `(len(plots), count)` and begin at column `first`; they hold only what
+    came since the last frame, so merge them with `fmin` and `fmax`, best in a `silo.core.arrays.columns.ColumnStore`. They are
     offsets from `bases` (by place in `plots`), `marks` are bytes of their shape or None for none. `missed` counts
     frames that never arrived, since the view was opened. `since_ns` is 0 where this frame continues the one
     before; else its columns are whole from that time on, and the history knows what was before. `sizes` are the buffer

@@ -7,7 +7,7 @@ import enum
 
 import msgspec
 
-from silo.model import SavedFile, State, Status
+from silo.core.elements import SavedFile, State, Status
 
 MOST_NAMES = 8  # of clients, in a summary
 MOST_REASON = 200  # letters

@@ -12,8 +12,8 @@ import numpy as np
 import zenoh
 from numpy.typing import NDArray
 
-from silo.calls import told_class
 from silo.collecting.row_picker import Packer, shaped
+from silo.core.calls import told_class
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign, understood
 from silo.ipc.keys import ClientId, Root

@@ -17,6 +17,7 @@ from typing import Any
 
 import zenoh
 
+from silo.core.runtime import is_at, write_private
 from silo.errors import ConnectionLostError
 from silo.ipc.admission import hold_directions, keep_changes_out, let_local_in, router_admission
 from silo.ipc.configuration import (
@@ -33,7 +34,6 @@ from silo.ipc.configuration import (
 from silo.ipc.keys import Root
 from silo.ipc.lingering import releasing
 from silo.ipc.probing import Reached, explain
-from silo.runtime import is_at, write_private
 
 SOCKET_SUFFIX = ".sock"
 MAX_SOCKET_PATH = 107  # bytes; the kernel's limit is 108 with the closing NUL

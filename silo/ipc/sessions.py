@@ -15,12 +15,12 @@ from typing import Any
 
 import zenoh
 
+from silo.core.runtime import user_name
 from silo.ipc import keys
 from silo.ipc.configuration import find_file, from_file, said_of, user_of
 from silo.ipc.probing import REACH_S, reach
 from silo.ipc.senders import group_identity, local_identity
 from silo.ipc.session import close, group_file, open_client, own_file
-from silo.runtime import user_name
 
 WAITED_TRIPS = 4  # of an answer, beyond the time that it may take where there is no way
 

@@ -6,7 +6,7 @@ The helper process measures, `silo_tui` and other clients show; both read the wo
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.columns import Floats
+from silo.core.arrays.columns import Floats
 
 # per element; of several entries it is their norm
 QUANTITIES = (

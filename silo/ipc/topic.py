@@ -12,8 +12,8 @@ import numpy as np
 import zenoh
 from numpy.typing import NDArray
 
-from silo.arguments import real
-from silo.calls import told_class
+from silo.core.arguments import real
+from silo.core.calls import told_class
 from silo.errors import ConnectionLostError, ElementError
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign
 from silo.ipc.keys import ClientId, Root, unescape

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 import zenoh
 
-from silo.calls import told_class
-from silo.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
+from silo.core.arrays.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
+from silo.core.calls import told_class
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign, understood
 from silo.ipc.frames import Frame
 from silo.ipc.keys import ClientId, Root

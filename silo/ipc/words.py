@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 from typing import Literal, TypeAlias
 
-from silo.arguments import shown
+from silo.core.arguments import shown
+from silo.core.elements import FileType, State, Status, Table, join_name
 from silo.errors import ConnectionLostError, ElementError
-from silo.model import FileType, State, Status, Table, join_name
 
 FileTypeWord: TypeAlias = Literal["silo", "csv", "bag"]
 FileTypes: TypeAlias = Sequence[FileType | FileTypeWord] | FileType | FileTypeWord

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.values import as_floats
+from silo.core.arrays.values import as_floats
 
 NAN = math.nan
 HELD_PERIODS = 100  # a slow loop is late by many: so far back the sample is looked for that held at a moment

@@ -12,7 +12,7 @@ from difflib import get_close_matches
 
 import numpy as np
 
-from silo import units
+from silo.core import units
 from silo.judging.catalogue import OFF, Catalogue, Known
 from silo.judging.parsing import Call, Comparison, Expression, Name, Node, Number, Operation, parse
 from silo.judging.tokens import ExpressionError

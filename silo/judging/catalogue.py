@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property
 
-from silo.model import Derived, Entry
+from silo.core.elements import Derived, Entry
 
 OFF = -1  # the source of an element that isn't logged
 

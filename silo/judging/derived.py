@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import msgspec
 
+from silo.core.elements import Action, BufferType, Derived, ElementInfo, ElementOptions, Entry
+from silo.core.kinds import ARRAY, SCALAR
 from silo.errors import ElementError
 from silo.judging.binding import OFF, Bound, Catalogue, Computed, Known, Part, Remembered, bind
 from silo.judging.parsing import names_in, parse
 from silo.judging.tokens import ExpressionError
-from silo.kinds import ARRAY, SCALAR
-from silo.model import Action, BufferType, Derived, ElementInfo, ElementOptions, Entry
 
 NUMBER = "<f8"
 

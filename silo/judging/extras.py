@@ -5,15 +5,15 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from silo.amounts import both_meanings, seconds_of
-from silo.arguments import real, shown, whole
+from silo.core.arguments import real, shown, whole
+from silo.core.elements import BufferType, Derived, ElementInfo, Extras, SignalLimits, TriggerOptions
+from silo.core.quantities import both_meanings, seconds_of
 from silo.errors import ElementError
 from silo.judging.binding import Bound, Catalogue, Known, bind
 from silo.judging.derived import binds, placed
 from silo.judging.limits import LimitRule, limit_rule
 from silo.judging.tokens import ExpressionError
 from silo.judging.triggers import Held, Mode, Slope, TriggerRule, check_length, check_pre
-from silo.model import BufferType, Derived, ElementInfo, Extras, SignalLimits, TriggerOptions
 
 MOST_DERIVED = 200
 MOST_LIMITS = 1000

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.arguments import real, shown, whole
+from silo.core.arguments import real, shown, whole
 from silo.errors import ElementError
 from silo.judging.evaluation import TRUE
 

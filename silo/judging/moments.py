@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.model import Sought
-from silo.values import numbers
+from silo.core.arrays.values import numbers
+from silo.core.elements import Sought
 
 Places = NDArray[np.intp]
 Ends = tuple[float, float]  # int, too

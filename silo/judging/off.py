@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from silo.core.elements import Derived, ElementInfo, TriggerOptions
 from silo.judging.binding import (
     OFF,
     Bound,
@@ -20,7 +21,6 @@ from silo.judging.binding import (
 from silo.judging.evaluation import trailing
 from silo.judging.operations import REDUCING
 from silo.judging.triggers import Slope
-from silo.model import Derived, ElementInfo, TriggerOptions
 
 _KNOWN = "known "
 _DECIDING = {True: ("or", "any"), False: ("and", "all")}

@@ -8,7 +8,7 @@ import keyword
 import re
 from dataclasses import dataclass
 
-from silo.arguments import shown
+from silo.core.arguments import shown
 from silo.errors import ElementError
 
 MOST_CHARACTERS = 500

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from silo.model import NO_EXTRAS, Extras, State, Table
+from silo.core.elements import NO_EXTRAS, Extras, State, Table
 
 
 class RobotState(msgspec.Struct, frozen=True, tag=True):

@@ -13,13 +13,7 @@ import msgspec
 from silo.collecting.keeping import large_text
 from silo.collecting.run import Run
 from silo.conditions import requests as conditions
-from silo.errors import SaveError, ScriptError, StateError
-from silo.ipc.messages import state
-from silo.ipc.messages.state import Unsaved
-from silo.ipc.refusals import check_revision, refused_running
-from silo.link.robot_state import RobotState
-from silo.logger.keywords import UnsavedWord
-from silo.model import (
+from silo.core.elements import (
     Derived,
     Edit,
     ElementInfo,
@@ -32,6 +26,12 @@ from silo.model import (
     TriggerOptions,
     join_name,
 )
+from silo.errors import SaveError, ScriptError, StateError
+from silo.ipc.messages import state
+from silo.ipc.messages.state import Unsaved
+from silo.ipc.refusals import check_revision, refused_running
+from silo.link.robot_state import RobotState
+from silo.logger.keywords import UnsavedWord
 from silo.rpc.declaring import Reply, Request
 from silo.rpc.refusals import WHYS, RefusedWhy, RequestRefusedError, answered
 from silo.rpc.serving import Dispatch, Server, Turn

@@ -9,12 +9,12 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from silo.arguments import line, shown, text, whole
-from silo.calls import told_class
+from silo.core.arguments import line, shown, text, whole
+from silo.core.calls import told_class
+from silo.core.elements import Derived, Edit, Extras, FileType, SignalLimits, TriggerOptions, join_name
 from silo.errors import ElementError, SaveError
 from silo.logger.configuration import Configuration
 from silo.logger.options import file_types
-from silo.model import Derived, Edit, Extras, FileType, SignalLimits, TriggerOptions, join_name
 
 log = logging.getLogger("silo")
 
@@ -137,7 +137,7 @@ class Conditions(Configuration):
 
         if not isinstance(one, SignalLimits):
             raise ElementError(
-                f"limits must be silo.model.SignalLimits, got {shown(one)}; write "
+                f"limits must be silo.core.elements.SignalLimits, got {shown(one)}; write "
                 'log.limit("joints/tau", (-40, -30, 30, 40)); nothing was changed'
             )
         with self._lock:
@@ -248,7 +248,7 @@ class Conditions(Configuration):
 
         if not isinstance(one, TriggerOptions):
             raise ElementError(
-                f"a trigger must be silo.model.TriggerOptions, got {shown(one)}; write "
+                f"a trigger must be silo.core.elements.TriggerOptions, got {shown(one)}; write "
                 'log.trigger("fall", "abs(base/roll) > 0.6"); nothing was changed'
             )
         try:

@@ -14,22 +14,15 @@ from typing import TYPE_CHECKING, Any, SupportsIndex
 import msgspec
 from numpy.typing import DTypeLike, NDArray
 
-from silo.arguments import line, switch, text
-from silo.arguments import path as file_path
-from silo.calls import told_class, unknown_argument
 from silo.collecting.arena import Arena
 from silo.collecting.keeping import large_text
 from silo.collecting.plan import Element
 from silo.collecting.sources import reads
 from silo.collecting.traits import describe, kind_of, label_map
-from silo.errors import ArgumentError, ElementError, ScriptError, StateError
-from silo.kinds import STRUCT, struct_text
-from silo.logger.elements import Elements
-from silo.logger.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
-from silo.logger.options import array_layout, edits_given, element_name, new_options, string_room
-from silo.logger.other_names import HidesOtherNames, no_attribute_of, tell_of_element
-from silo.logger.table import Table
-from silo.model import (
+from silo.core.arguments import line, switch, text
+from silo.core.arguments import path as file_path
+from silo.core.calls import told_class, unknown_argument
+from silo.core.elements import (
     DEFAULT_OPTIONS,
     NO_EXTRAS,
     Edit,
@@ -40,9 +33,16 @@ from silo.model import (
     SignalLimits,
     join_name,
 )
+from silo.core.kinds import STRUCT, struct_text
+from silo.core.units import doubt
+from silo.errors import ArgumentError, ElementError, ScriptError, StateError
+from silo.logger.elements import Elements
+from silo.logger.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
+from silo.logger.options import array_layout, edits_given, element_name, new_options, string_room
+from silo.logger.other_names import HidesOtherNames, no_attribute_of, tell_of_element
+from silo.logger.table import Table
 from silo.settings.rules import refusal
 from silo.settings.words import Settings, apply_settings, rate_words, read_options
-from silo.units import doubt
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack  # known to type checkers without being installed

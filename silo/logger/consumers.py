@@ -5,9 +5,9 @@ from typing import Protocol
 
 from silo.collecting.held import is_due, recorders_path
 from silo.collecting.run import Run
+from silo.core.elements import Extras, LoggerOptions
+from silo.core.runtime import list_held
 from silo.errors import SegmentError
-from silo.model import Extras, LoggerOptions
-from silo.runtime import list_held
 
 
 class Server(Protocol):

@@ -13,9 +13,9 @@ from silo.collecting.held import bytes_of, trim
 from silo.collecting.holdings import segment_holdings
 from silo.collecting.losses import lost_samples
 from silo.collecting.run import Run
+from silo.core.elements import Extras, LoggerOptions, Storage
 from silo.errors import NoRoomError, StateError, UnsavedError
 from silo.logger.unclosed import save_run
-from silo.model import Extras, LoggerOptions, Storage
 
 log = logging.getLogger("silo")
 

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
-from silo.calls import told
 from silo.collecting.marks import NO_WORDS
+from silo.core.calls import told
 from silo.logger.logger import Logger
 from silo.logger.null import NullLogger
 from silo.logger.serving import Serving

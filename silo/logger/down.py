@@ -4,8 +4,8 @@ import contextlib
 import logging
 import os
 
+from silo.core.runtime import down_mark, open_unfinished, unopened
 from silo.errors import SegmentError
-from silo.runtime import down_mark, open_unfinished, unopened
 
 log = logging.getLogger("silo")
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from silo.child import ChildProcess
+from silo.core.child import ChildProcess
 from silo.errors import ConnectionLostError
 from silo.link.channel import LinkChannel
 from silo.link.handover import handover_pair

@@ -10,7 +10,7 @@ from typing import Literal, SupportsIndex, TypeAlias, TypedDict, Union
 
 import numpy as np
 
-from silo.model import Action, BufferType, FileType, Storage, Threads
+from silo.core.elements import Action, BufferType, FileType, Storage, Threads
 
 ActionWord: TypeAlias = Literal["save", "publish", "both", "save_and_publish"]
 BufferWord: TypeAlias = Literal["looping", "fixed", "growing"]

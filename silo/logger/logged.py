@@ -8,10 +8,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from silo.arguments import path, text, texts
-from silo.calls import told_class
 from silo.collecting.run import Run
-from silo.display import MOST_ROWS, html_table
+from silo.core.arguments import path, text, texts
+from silo.core.calls import told_class
+from silo.core.elements import FileType, LoggerOptions, SavedFile, State
+from silo.core.printing import MOST_ROWS, html_table
+from silo.core.recording import Recording
 from silo.errors import SaveError, SegmentError, StateError
 from silo.logger.conditions import Conditions
 from silo.logger.current_run import CurrentRun
@@ -20,8 +22,6 @@ from silo.logger.keywords import FileTypes
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_types
 from silo.logger.other_names import listed, not_deleted, not_set, with_other_names
-from silo.model import FileType, LoggerOptions, SavedFile, State
-from silo.recording import Recording
 
 if TYPE_CHECKING:
     from silo.logger.serving import Serving
@@ -281,7 +281,7 @@ class Logged(Conditions):
             SaveError: no element matches a pattern, the name is taken, the system refuses, or the helper process is
                 just being started anew.
         """
-        from silo.amounts import read_keep, read_split
+        from silo.core.quantities import read_keep, read_split
         from silo.ipc.messages.recordings import StartRecorder
 
         split_bytes, split_s = read_split(split)

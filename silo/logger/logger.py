@@ -12,12 +12,13 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from silo.arguments import whole, word
-from silo.calls import told_class
 from silo.collecting.clocks import nanosecond_clock
 from silo.collecting.marks import NO_WORDS, Mark, no_mark
 from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
+from silo.core.arguments import whole, word
+from silo.core.calls import told_class
+from silo.core.elements import DEFAULT_MAX_TIME_S, BufferType, ControlMode, GroupRole, Storage, Threads
 from silo.errors import SiloError, StateError
 from silo.logger.consumers import is_wanted
 from silo.logger.current_run import CurrentRun
@@ -41,7 +42,6 @@ from silo.logger.unclosed import (
     say_where_it_is,
     watch,
 )
-from silo.model import DEFAULT_MAX_TIME_S, BufferType, ControlMode, GroupRole, Storage, Threads
 from silo.recovery.runs import look_back
 
 if TYPE_CHECKING:

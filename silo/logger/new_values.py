@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.calls import no_attribute
 from silo.collecting.keeping import kept_rows
 from silo.collecting.row_picker import Packer, shaped
 from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.calls import no_attribute
 from silo.errors import ArgumentError, StateError
 
 _OTHER_NAMES = {

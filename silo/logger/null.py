@@ -12,10 +12,27 @@ from typing import TYPE_CHECKING, Any, NoReturn, SupportsIndex
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from silo.arguments import path as file_path
-from silo.calls import told_class
+from silo.core.arguments import path as file_path
+from silo.core.calls import told_class
+from silo.core.elements import (
+    DEFAULT_OPTIONS,
+    NO_EXTRAS,
+    Edit,
+    ElementInfo,
+    Entry,
+    Extras,
+    FileType,
+    LoggerOptions,
+    SignalLimits,
+    State,
+    Storage,
+    Threads,
+    TriggerOptions,
+    join_name,
+)
+from silo.core.kinds import index_suffixes, kind_by_shape
+from silo.core.recording import Recording
 from silo.errors import ElementError
-from silo.kinds import index_suffixes, kind_by_shape
 from silo.logger.elements import Elements, LoggedElement, SavedFiles
 from silo.logger.keywords import (
     AnyAction,
@@ -36,23 +53,6 @@ from silo.logger.new_values import NewValues
 from silo.logger.options import array_layout
 from silo.logger.other_names import HidesOtherNames, listed, not_deleted, not_set, with_other_names
 from silo.logger.table import hint
-from silo.model import (
-    DEFAULT_OPTIONS,
-    NO_EXTRAS,
-    Edit,
-    ElementInfo,
-    Entry,
-    Extras,
-    FileType,
-    LoggerOptions,
-    SignalLimits,
-    State,
-    Storage,
-    Threads,
-    TriggerOptions,
-    join_name,
-)
-from silo.recording import Recording
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack  # known to type checkers without being installed

@@ -18,10 +18,9 @@ from typing import Any, SupportsIndex
 import msgspec
 import numpy as np
 
-from silo.arguments import line, path, real, shown, switch, text, whole, word
 from silo.collecting.traits import MAX_ENTRIES
-from silo.errors import ElementError, SourceError
-from silo.model import (
+from silo.core.arguments import line, path, real, shown, switch, text, whole, word
+from silo.core.elements import (
     DEFAULT_OPTIONS,
     Action,
     BufferType,
@@ -33,7 +32,8 @@ from silo.model import (
     Threads,
     join_name,
 )
-from silo.runtime import FOLDER_GONE
+from silo.core.runtime import FOLDER_GONE
+from silo.errors import ElementError, SourceError
 from silo.settings.rules import option_problems, refusal
 from silo.settings.words import Settings, apply_settings, read_options
 
@@ -197,14 +197,14 @@ def edits_given(edits: object) -> list[Edit]:
     """The edits of a transaction. Raises ElementError for anything else."""
     if isinstance(edits, str | bytes | Mapping) or not isinstance(edits, Iterable):
         raise ElementError(
-            f"edits must be a list of silo.model.Edit, got {shown(edits)}; log.set(name, ...) is simpler"
+            f"edits must be a list of silo.core.elements.Edit, got {shown(edits)}; log.set(name, ...) is simpler"
         )
     found = list(edits)
     for one in found:
         right = isinstance(one, Edit) and isinstance(one.name, str) and isinstance(one.options, ElementOptions)
         if not right:
             raise ElementError(
-                f"an edit must be silo.model.Edit(name, ElementOptions(...)), got {shown(one)}; nothing was changed"
+                f"an edit must be silo.core.elements.Edit(name, ElementOptions(...)), got {shown(one)}; nothing was changed"
             )
     return found
 

@@ -19,7 +19,8 @@ from typing import TypeVar
 
 import msgspec
 
-from silo.calls import told_class
+from silo.core.calls import told_class
+from silo.core.elements import FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
 from silo.ipc.messages import AnyReply
 from silo.ipc.messages.recordings import RecorderStarted, Save, SaveStarted, StartRecorder, StopRecorder
@@ -33,7 +34,6 @@ from silo.logger.helper_process import HelperProcess
 from silo.logger.identity import drawn_id
 from silo.logger.patience import FROZEN_ROUNDS, ROUND_S, Patience
 from silo.logger.viewers import FoxgloveProcess
-from silo.model import FileType, SavedFile
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused

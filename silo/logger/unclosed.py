@@ -10,8 +10,8 @@ from typing import Protocol
 from silo.collecting.holdings import segment_holdings
 from silo.collecting.journal import list_journals, remove_journal
 from silo.collecting.run import Run
+from silo.core.elements import Extras, LoggerOptions, SavedFile, Storage
 from silo.errors import SiloError
-from silo.model import Extras, LoggerOptions, SavedFile, Storage
 
 
 class Ending(Protocol):

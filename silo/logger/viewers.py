@@ -4,7 +4,7 @@ import contextlib
 import os
 
 from silo.bridges.listening import bound, check_installed
-from silo.child import PIPE, ChildProcess
+from silo.core.child import PIPE, ChildProcess
 
 
 class FoxgloveProcess:

@@ -8,7 +8,7 @@ import socket
 import sys
 from pathlib import Path
 
-from silo.model import RecorderState
+from silo.core.elements import RecorderState
 from silo.recorder.orders import MAX_PACKET_BYTES, decode_order
 from silo.recorder.recorder import Recorder
 from silo.recovery.parts import close_parts

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from silo.collecting.rows import Rows
 from silo.collecting.schema import ORDERED_STORES, STAMP_WORDS
 from silo.collecting.segment_reader import SegmentReader
-from silo.model import BufferType
+from silo.core.elements import BufferType
 from silo.recorder.layout import Layout
 
 MOST_PERIOD_S, LEAST_PERIOD_S = 0.25, 0.005

@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 
 from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema, SegmentSchema
+from silo.core.elements import BufferType, Extras
+from silo.core.names import matching
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import SaveError
 from silo.files.bag import MAX_CHANNELS, Utf8Entry, definitions, recording_facts, utf8_entry
 from silo.files.bag_events import LOG_TYPE, events_topic
@@ -24,9 +27,6 @@ from silo.files.part_facts import EVENTS_RING, PART_VERSION, PartFacts, RingFact
 from silo.files.ros_types import STRING, Channel, MessageType, channels_of, is_text
 from silo.files.texts import presentable
 from silo.judging.extras import table_catalogue
-from silo.model import BufferType, Extras
-from silo.patterns import matching
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 
 @dataclass(frozen=True)

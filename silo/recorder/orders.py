@@ -4,7 +4,7 @@ import os
 
 import msgspec
 
-from silo.model import Extras, RecorderState
+from silo.core.elements import Extras, RecorderState
 
 MAX_PACKET_BYTES = 180_000  # within the send buffer of a socket as Linux has it by default
 TEXT_BYTES = 2_000

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.collecting.rows import Rows
+from silo.core.elements import LoggedEvent
+from silo.core.recording import RecordedElement
 from silo.files.bag import MAX_STAMP_NS, metadata_yaml, write_windows
 from silo.files.bag_groups import group_samples
 from silo.files.manifest import part_path
@@ -19,9 +21,7 @@ from silo.files.mcap_write import McapFile, Write
 from silo.files.naming import log_path, next_run_number
 from silo.files.part_events import event_messages
 from silo.files.part_facts import LOST_METADATA, PART_ATTACHMENT, TOTALS_METADATA, pack_part
-from silo.model import LoggedEvent
 from silo.recorder.layout import Layout
-from silo.recording import RecordedElement
 from silo.recovery.parts import sync_folder
 
 SYNC_S, SYNC_BYTES = 5.0, 64 << 20  # how often what was written is put on the disk: a power cut loses no more

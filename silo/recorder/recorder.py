@@ -20,12 +20,12 @@ import numpy as np
 from silo.collecting.derived_rows import with_derived
 from silo.collecting.rows import Rows
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import Extras, RecorderState
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
 from silo.files.event_log import newest_number
 from silo.files.manifest import Ledger, RunEntry
 from silo.files.part_facts import EVENTS_RING
-from silo.model import Extras, RecorderState
 from silo.recorder.draining import DROPPED, MOST_PERIOD_S, Drain, Drained
 from silo.recorder.happening import Happening
 from silo.recorder.layout import ending, layout_of

@@ -25,10 +25,10 @@ from silo.collecting.journal import (
 )
 from silo.collecting.journal_reader import JournalReader, read_head
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import LoggerOptions
+from silo.core.runtime import boot_id, has_writer, is_at, lock_as_writer, open_own, pid_namespace, process_start
 from silo.errors import SegmentError, StateError
-from silo.model import LoggerOptions
 from silo.recovery.left import LeftRun, SavedMeanwhileError, claimed_file
-from silo.runtime import boot_id, has_writer, is_at, lock_as_writer, open_own, pid_namespace, process_start
 
 
 def is_journal(path: str | os.PathLike[str]) -> bool:

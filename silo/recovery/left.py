@@ -17,9 +17,9 @@ from silo.collecting.holdings import Holdings, recording_holdings
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import Extras, FileType, LoggedEvent, SavedFile
+from silo.core.runtime import is_at, open_own
 from silo.errors import StateError
-from silo.model import Extras, FileType, LoggedEvent, SavedFile
-from silo.runtime import is_at, open_own
 
 DIED = "program died"  # why its log was saved
 RECOVERED = "program died, recovered later"

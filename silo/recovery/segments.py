@@ -14,10 +14,10 @@ from silo.collecting.holdings import segment_holdings
 from silo.collecting.journal import remove_journals
 from silo.collecting.schema import Control, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import LoggerOptions, Storage
+from silo.core.runtime import is_at, list_segments, runtime_dir, sweep_unfinished
 from silo.errors import SegmentError, StateError
-from silo.model import LoggerOptions, Storage
 from silo.recovery.left import LeftRun, SavedMeanwhileError, has_unsaved, locked
-from silo.runtime import is_at, list_segments, runtime_dir, sweep_unfinished
 
 
 def find_stale(folder: Path | None = None) -> list[LeftRun]:

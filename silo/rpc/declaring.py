@@ -22,7 +22,7 @@ from typing import Any, ClassVar, Concatenate, Generic, ParamSpec, TypeVar, cast
 
 import msgspec
 
-from silo.calls import told
+from silo.core.calls import told
 
 ReplyT = TypeVar("ReplyT", bound="Reply")
 F = TypeVar("F", bound=Callable[..., Any])

@@ -8,6 +8,7 @@ import logging
 from collections.abc import Callable, Iterable, Mapping
 from typing import TypeVar
 
+from silo.core.elements import Problem
 from silo.errors import (
     ConnectionLostError,
     ElementError,
@@ -19,7 +20,6 @@ from silo.errors import (
     StateError,
     UnsavedError,
 )
-from silo.model import Problem
 from silo.rpc.declaring import GoesOn, Reply, ReplyT, Request, reply_type
 
 T = TypeVar("T")

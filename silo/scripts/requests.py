@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
-from silo.arguments import shown
-from silo.calls import told_class
+from silo.core.arguments import shown
+from silo.core.calls import told_class
+from silo.core.elements import Edit, Extras, FieldChange, Table
 from silo.errors import ElementError
-from silo.model import Edit, Extras, FieldChange, Table
 from silo.rpc.declaring import Caller, Lane, Reply, RobotRequest, ask, change
 
 
@@ -105,7 +105,9 @@ class TableRequests(Caller):
             RefusedError: the logger runs, the table has changed since, or an edit can't be; nothing was changed.
         """
         if isinstance(edits, str) or not isinstance(edits, Sequence):
-            raise ElementError(f"edits must be a list of silo.model.Edit, got {shown(edits)}; nothing was changed")
+            raise ElementError(
+                f"edits must be a list of silo.core.elements.Edit, got {shown(edits)}; nothing was changed"
+            )
         return self._call(ApplyEdits(revision=revision, edits=list(edits)))
 
     @ask("ListScripts", slow=True)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from silo.model import Derived, Extras, FieldChange, FileType, SignalLimits, TriggerOptions
+from silo.core.elements import Derived, Extras, FieldChange, FileType, SignalLimits, TriggerOptions
 
 NONE = "none"  # what stands for one that there isn't
 

@@ -1,7 +1,7 @@
 """What each option of an element may be, by which words, and the one text for each way of being wrong.
 
 The table `OPTIONS` is where a new option, a new value of one or another word for it is written down. Ranges stand in
-the type `silo.model.ElementOptions` itself. The parser of typed words, the script, the robot process and the helper ask
+the type `silo.core.elements.ElementOptions` itself. The parser of typed words, the script, the robot process and the helper ask
 here.
 """
 
@@ -12,8 +12,8 @@ from typing import Any
 
 import msgspec
 
+from silo.core.elements import Action, BufferType, Edit, ElementOptions, Problem
 from silo.errors import ElementError
-from silo.model import Action, BufferType, Edit, ElementOptions, Problem
 
 MAX_PROBLEMS = 200
 MAX_NAME = 200  # characters of a name that came from outside

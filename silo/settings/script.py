@@ -19,8 +19,8 @@ from pathlib import Path
 import msgspec
 import yaml
 
+from silo.core.elements import NO_EXTRAS, ElementInfo, ElementOptions, Extras, FieldChange
 from silo.errors import SaveError, ScriptError
-from silo.model import NO_EXTRAS, ElementInfo, ElementOptions, Extras, FieldChange
 from silo.settings.script_extras import format_extras, kinds_of, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
 from silo.settings.words import Settings, phrase, rate_words

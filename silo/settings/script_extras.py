@@ -26,7 +26,7 @@ from typing import Any, Final, Literal, TypeVar
 import msgspec
 import yaml
 
-from silo.model import NO_EXTRAS, Derived, ElementInfo, Extras, FileType, SignalLimits, TriggerOptions
+from silo.core.elements import NO_EXTRAS, Derived, ElementInfo, Extras, FileType, SignalLimits, TriggerOptions
 from silo.settings.rules import OPTION, shorten
 from silo.settings.words import read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of

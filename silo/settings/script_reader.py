@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import yaml
 
-from silo.model import Action, BufferType, Extras
+from silo.core.elements import Action, BufferType, Extras
 from silo.settings.rules import OPTION, shorten
 from silo.settings.script_extras import KEYS, Kind, given_kinds, read_extras
 from silo.settings.words import Amount, Change, UnreadableError, read_text, read_word

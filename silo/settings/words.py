@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from enum import Enum
 
-from silo.amounts import AMOUNT, COUNTS, SECONDS, tell_bare_m
-from silo.arguments import shown, truth, whole_hint, whole_number
+from silo.core.arguments import shown, truth, whole_hint, whole_number
+from silo.core.elements import Action, BufferType, ElementOptions, Problem, buffer_size_for
+from silo.core.quantities import AMOUNT, COUNTS, SECONDS, tell_bare_m
 from silo.errors import ElementError
-from silo.model import Action, BufferType, ElementOptions, Problem, buffer_size_for
 from silo.settings.rules import OPTION, OPTIONS, RANGES, Option, OptionValue, refusal, shorten
 
 _KEYS = {key: option for option in OPTIONS for key in option.keys}

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
-from silo.amounts import duration
+from silo.core.elements import FieldChange
+from silo.core.quantities import duration
 from silo.errors import RefusedError
 from silo.ipc.messages.state import Unsaved
-from silo.model import FieldChange
 from silo.rpc.refusals import RefusedWhy
 from silo_tui.context import Context
 from silo_tui.model import text

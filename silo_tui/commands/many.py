@@ -97,8 +97,8 @@ class Many:
         return ("restart", able, restarting(answer)) if answer else None
 
     async def _save(self, able: Sequence[fleet.Line], body: Text) -> "tuple[str, Sequence[fleet.Line], Job] | None":
+        from silo.core.elements import FileType
         from silo.ipc.bulk import saving
-        from silo.model import FileType
 
         choices = [Choice("silo", "Save as .silo, each in its own folder", "y"),
                    Choice("all", "Save as .silo, CSV and bag", "a")]  # fmt: skip

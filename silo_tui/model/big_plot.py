@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from silo.analysis.spectra import Peak, Spectrum
-from silo.columns import bins_at, reduce
-from silo.values import Floats
+from silo.core.arrays.columns import bins_at, reduce
+from silo.core.arrays.values import Floats
 from silo_tui.model import axes, braille, dots, text
 from silo_tui.model.pairs import Histogram, Pair
 from silo_tui.model.plots import NOBODY, Owners

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.columns import HOLE_TEXTS, Hole, Mark, holes_of
+from silo.core.arrays.columns import HOLE_TEXTS, Hole, Mark, holes_of
 from silo_tui.model import dots
 from silo_tui.model.columns import Floats, Marks
 from silo_tui.model.dots import Cells, Dots
@@ -28,7 +28,7 @@ def rasterise(
     """Return `height` lines of `width` cells showing `2 * width` columns between the ends of `scale`.
 
     Columns that are NaN stay empty; what lies outside of the range is drawn at its edge. `marks` are those of
-    `silo.columns`, one per column.
+    `silo.core.arrays.columns`, one per column.
     """
     if width < 1 or height < 1:
         return []

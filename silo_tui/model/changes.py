@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from silo.model import Action, ElementInfo
+from silo.core.elements import Action, ElementInfo
 from silo_tui.model.fields import Field, Ints
 
 ROW_BYTES = 16  # tick and time stamp of each row

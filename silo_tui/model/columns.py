@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from silo.columns import ColumnStore, Floats, HistoryColumns, Marks, Piece
+from silo.core.arrays.columns import ColumnStore, Floats, HistoryColumns, Marks, Piece
 
 __all__ = ["ColumnStore", "Floats", "HistoryColumns", "Marks", "Piece", "hold", "hold_piece"]
 

@@ -4,9 +4,9 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from silo.core.elements import FileType
 from silo.errors import ElementError
 from silo.files.formats import LOG_ENDINGS, file_type
-from silo.model import FileType
 from silo_tui.model.paths import typed_path
 
 

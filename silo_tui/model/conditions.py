@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 
 from silo.conditions.requests import TriggerTried
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
-from silo.model import ElementInfo, FileType, TriggerOptions
+from silo.core.elements import ElementInfo, FileType, TriggerOptions
 from silo_tui.model import text
 
 NAME, WHEN = 10, 20  # cells of a trigger's name, and those that its condition keeps

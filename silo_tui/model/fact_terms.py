@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from silo.columns import Floats
+from silo.core.arrays.columns import Floats
 from silo_tui.model.table import Mask, TableState
 from silo_tui.model.terms import COMPARE, Term, Test, read_number
 

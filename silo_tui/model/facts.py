@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.columns import Floats
+from silo.core.arrays.columns import Floats
 from silo.ipc.surveys import FROZEN, LOST, NOT_FINITE, SLOW
 
 # of limits, which the survey knows nothing of

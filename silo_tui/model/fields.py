@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.model import Action, BufferType, ElementOptions
+from silo.core.elements import Action, BufferType, ElementOptions
 from silo.settings.rules import OPTIONS, Option
 from silo.settings.words import Settings, phrase, read_options, read_word
 

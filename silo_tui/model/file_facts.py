@@ -13,9 +13,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.columns import Floats
+from silo.core.arrays.columns import Floats
+from silo.core.recording import RecordedElement, Recording
 from silo.ipc.surveys import FROZEN_PERIODS, FROZEN_S, signs_of
-from silo.recording import RecordedElement, Recording
 
 BLOCK = 1 << 16  # samples that are looked at together
 STATISTICS = ("min", "max", "mean", "std")

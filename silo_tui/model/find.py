@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.elements import Sought
 from silo.judging.moments import Looking, Places, places
-from silo.model import Sought
 from silo_tui.model.happened import in_plots, letter, words
 from silo_tui.model.source import PlotSource
 

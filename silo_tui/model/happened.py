@@ -8,8 +8,8 @@ import io
 from collections.abc import Callable, Collection, Sequence
 from datetime import datetime, timezone
 
+from silo.core.elements import LoggedEvent
 from silo.ipc.senders import short_words
-from silo.model import LoggedEvent
 from silo_tui.model import text
 from silo_tui.model.lists import Order
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silo.columns import ColumnStore, HistoryColumns
+from silo.core.arrays.columns import ColumnStore, HistoryColumns
+from silo.core.elements import ElementInfo, LoggedEvent
 from silo.errors import RefusedError, SiloError
 from silo.judging.between import Between
 from silo.judging.moments import Found, Looking
-from silo.model import ElementInfo, LoggedEvent
 from silo_tui.model.buffers import Buffers, PinHandle
 from silo_tui.model.live import Reading
 from silo_tui.model.pinned import PinnedSource

@@ -2,9 +2,9 @@
 
 import re
 
+from silo.core.elements import SignalLimits
 from silo.errors import ElementError
 from silo.judging.extras import MOST_STALE_S, seconds
-from silo.model import SignalLimits
 
 HOW = "red low, yellow low, yellow high, red high"
 

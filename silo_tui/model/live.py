@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from silo.core.arrays.values import EXACT
+from silo.core.elements import ElementInfo, Entry
 from silo.ipc.frames import Frame
 from silo.ipc.published import NotLive
-from silo.model import ElementInfo, Entry
-from silo.values import EXACT
 from silo_tui.model import text
 from silo_tui.model.columns import Floats
 

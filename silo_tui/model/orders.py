@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.columns import Floats
+from silo.core.arrays.columns import Floats
 from silo_tui.model.facts import ranks
 from silo_tui.model.table import TableState
 

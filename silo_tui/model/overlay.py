@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from silo.columns import Piece
+from silo.core.arrays.columns import Piece
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.recorded import RecordingSource

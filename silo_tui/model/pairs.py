@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.samples import Samples
-from silo.values import Floats, as_floats
+from silo.core.arrays.values import Floats, as_floats
 
 
 @dataclass(frozen=True)

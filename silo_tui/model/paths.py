@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from silo import arguments
+from silo.core import arguments
 from silo.errors import ElementError
 
 

@@ -2,8 +2,8 @@
 
 import time
 
+from silo.core.elements import Status
 from silo.ipc.senders import name_of, short_words
-from silo.model import Status
 from silo_tui.model import text
 
 

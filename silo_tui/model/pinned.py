@@ -14,8 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.amounts import duration
-from silo.columns import (
+from silo.core.arrays.columns import (
     FLAGS,
     MAX_COLUMNS,
     Bins,
@@ -27,8 +26,9 @@ from silo.columns import (
     coarser,
     grid_of,
 )
+from silo.core.elements import ElementInfo, LoggedEvent
+from silo.core.quantities import duration
 from silo.errors import SiloError
-from silo.model import ElementInfo, LoggedEvent
 from silo_tui.model.plots import SECOND_NS, Plotted
 from silo_tui.model.source import PlotSource, Samples
 

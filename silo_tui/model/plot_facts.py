@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from silo.columns import HOLE_TEXTS, Hole
+from silo.core.arrays.columns import HOLE_TEXTS, Hole
 from silo_tui.model import braille, text
 from silo_tui.model.columns import ColumnStore, Piece
 from silo_tui.model.live import Reading, entry_text, offset_text

@@ -8,8 +8,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.columns import Mark, Marks
-from silo.model import ElementInfo, Entry
+from silo.core.arrays.columns import Mark, Marks
+from silo.core.elements import ElementInfo, Entry
 from silo_tui.model import axes, braille, dots
 from silo_tui.model.columns import ColumnStore, Floats, Piece, hold_piece
 from silo_tui.model.log_axis import LogAxis, axis_of, scale_of, words_of

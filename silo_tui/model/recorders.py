@@ -5,9 +5,9 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from silo.core.elements import RecorderState
+from silo.core.names import matching
 from silo.ipc.messages.recordings import RecorderInfo
-from silo.model import RecorderState
-from silo.patterns import matching
 from silo_tui.model import text
 
 WORDS = {

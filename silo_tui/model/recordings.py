@@ -8,8 +8,8 @@ import time
 from collections.abc import Sequence
 from datetime import datetime
 
+from silo.core.elements import FileType
 from silo.ipc.messages.recordings import RecordingFile, Recordings, SavedRecording
-from silo.model import FileType
 from silo_tui.model import lists, text
 from silo_tui.model.lists import Order
 

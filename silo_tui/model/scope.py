@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from silo.columns import ColumnGrid, bins_of
+from silo.core.arrays.columns import ColumnGrid, bins_of
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.plots import SECOND_NS, SPANS_S
 from silo_tui.model.recorded import SHORT_SPANS_S

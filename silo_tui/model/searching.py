@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from silo.amounts import duration
+from silo.core.arrays.values import newest_values
+from silo.core.elements import ElementInfo, Sought
+from silo.core.quantities import duration
 from silo.judging.between import HELD_PERIODS, NAN, Between, between
 from silo.judging.moments import Finder, Found, Looking
-from silo.model import ElementInfo, Sought
-from silo.values import newest_values
 from silo_tui.model.live import Reading
 from silo_tui.model.pinned import PinnedSource
 from silo_tui.model.source import PlotSource, Samples

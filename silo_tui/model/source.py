@@ -6,10 +6,10 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.columns import HistoryColumns
+from silo.core.arrays.columns import HistoryColumns
+from silo.core.elements import ElementInfo, LoggedEvent
 from silo.judging.between import Between
 from silo.judging.moments import Found, Looking
-from silo.model import ElementInfo, LoggedEvent
 
 Samples: TypeAlias = tuple[NDArray[np.int64], NDArray[Any]]  # time stamps in ns and values, both of shape `(n,)`
 

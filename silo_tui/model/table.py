@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.model import Edit, ElementInfo, Table
+from silo.core.elements import Edit, ElementInfo, Table
 from silo_tui.model.facts import LIMIT_BITS, NOTHING
 from silo_tui.model.fields import Field, Ints, options_of, phrase_for, rows_of
 from silo_tui.model.live import has_norm

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.model import ElementInfo
+from silo.core.elements import ElementInfo
 from silo_tui.model import text
 from silo_tui.model.fields import Field, Ints, word_for
 from silo_tui.model.table import TableState

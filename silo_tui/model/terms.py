@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from silo.model import ElementInfo
+from silo.core.elements import ElementInfo
 from silo_tui.model.fields import Field, synonym
 from silo_tui.model.table import Mask, TableState
 

@@ -9,8 +9,8 @@ from textual.binding import Binding
 from textual.widgets import OptionList
 
 from silo.conditions.standing import LimitStatus, LimitWord
+from silo.core.elements import SignalLimits
 from silo.errors import ElementError, RefusedError
-from silo.model import SignalLimits
 from silo_tui.actions import bindings_for
 from silo_tui.model.conditions import alarms_words, limit_head, limit_row
 from silo_tui.model.limit_line import HOW, limits_line, read_limits

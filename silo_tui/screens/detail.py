@@ -16,10 +16,10 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.widgets import Static
 
-from silo.amounts import duration
 from silo.analysis.spectra import MOST_PEAKS, Peak, Piece, Spectrum, longest_piece, peaks_of, spectrum_of
+from silo.core.arrays.values import as_floats
+from silo.core.quantities import duration
 from silo.errors import SiloError
-from silo.values import as_floats
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later
 from silo_tui.model import big_plot, text

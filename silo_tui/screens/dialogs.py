@@ -12,7 +12,7 @@ from textual.containers import Vertical, VerticalScroll
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
-from silo.amounts import duration
+from silo.core.quantities import duration
 from silo_tui.modal import Choices, Dialog
 from silo_tui.model import text
 from silo_tui.model.changes import Change, Cost, groups_of

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from silo.model import TriggerOptions
+from silo.core.elements import TriggerOptions
 from silo.settings.words import examples
 from silo_tui.actions import BY_ID
 from silo_tui.model import derived, text

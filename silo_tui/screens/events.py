@@ -13,9 +13,9 @@ from textual.binding import Binding
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
+from silo.core.elements import LoggedEvent
 from silo.errors import SiloError
 from silo.files.atomic import atomic_file
-from silo.model import LoggedEvent
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later
 from silo_tui.model import text

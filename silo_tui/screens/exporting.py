@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from textual.app import App
 
+from silo.core.arrays.values import as_floats, text_of
 from silo.errors import SiloError
 from silo.files.atomic import atomic_file
-from silo.values import as_floats, text_of
 from silo_tui.context import Later, SiloScreen
 from silo_tui.model.panels import Panel, has_curves, sides
 from silo_tui.model.paths import typed_path

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from silo.core.arrays.values import numbers
+from silo.core.elements import Entry
 from silo.judging.moments import Found as FoundIn
-from silo.model import Entry
-from silo.values import numbers
 from silo_tui.model import text
 from silo_tui.model.find import (
     EVENTS,

@@ -15,9 +15,9 @@ from textual.binding import Binding
 from textual.message import Message
 from textual.timer import Timer
 
+from silo.core.elements import TriggerOptions
 from silo.errors import SiloError
 from silo.ipc.frames import Frame
-from silo.model import TriggerOptions
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later
 from silo_tui.model import text

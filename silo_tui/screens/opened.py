@@ -5,9 +5,9 @@ from collections.abc import Callable
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, TypeAlias
 
+from silo.core.elements import SavedFile
 from silo.errors import SiloError
 from silo.ipc.messages.recordings import RecordingFile
-from silo.model import SavedFile
 from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.model.overlay import overlay_of

@@ -9,10 +9,10 @@ from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Button, Input, ProgressBar, Static
 
+from silo.core.elements import FileType, SavedFile
 from silo.errors import SiloError
 from silo.files.formats import SAVED, SAVED_NAMES
 from silo.ipc.published import Event, EventKind
-from silo.model import FileType, SavedFile
 from silo_tui.context import Context, Later
 from silo_tui.modal import Dialog
 from silo_tui.model import text

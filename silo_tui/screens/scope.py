@@ -15,9 +15,9 @@ import numpy as np
 from textual.app import ComposeResult
 from textual.binding import Binding
 
+from silo.core.elements import LoggedEvent, TriggerOptions
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
-from silo.model import LoggedEvent, TriggerOptions
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later, SiloScreen
 from silo_tui.model import text

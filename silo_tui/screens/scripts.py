@@ -8,8 +8,8 @@ from textual.containers import Vertical, VerticalScroll
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
+from silo.core.elements import FieldChange
 from silo.errors import SiloError
-from silo.model import FieldChange
 from silo.scripts.requests import ScriptDiff, Scripts
 from silo.settings.extras_diff import NONE
 from silo_tui.context import Later

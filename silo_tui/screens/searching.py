@@ -3,8 +3,8 @@
 
 from typing import TYPE_CHECKING
 
+from silo.core.elements import LoggedEvent
 from silo.errors import SiloError
-from silo.model import LoggedEvent
 from silo_tui.context import Later
 from silo_tui.model import text
 from silo_tui.model.find import Search, What

@@ -2,8 +2,8 @@
 
 from textual.widgets import Input
 
+from silo.core.elements import TriggerOptions
 from silo.errors import SiloError
-from silo.model import TriggerOptions
 from silo_tui.context import Context
 from silo_tui.model.conditions import fields_of, options_of_fields, tried_lines
 from silo_tui.screens.form import Form

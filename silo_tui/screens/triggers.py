@@ -10,8 +10,8 @@ from textual.binding import Binding
 from textual.widgets import OptionList
 
 from silo.conditions.standing import TriggerStatus, TriggerWord
+from silo.core.elements import SavedFile, TriggerOptions
 from silo.files.formats import kind_of
-from silo.model import SavedFile, TriggerOptions
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later
 from silo_tui.model import text

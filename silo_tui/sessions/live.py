@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
+from silo.core.elements import LoggedEvent, SavedFile, State, Status
 from silo.errors import RefusedError
 from silo.ipc.frames import Frame
 from silo.ipc.messages.recordings import RecorderInfo, Recordings
 from silo.ipc.messages.state import Unsaved
 from silo.ipc.published import Event, EventKind
-from silo.model import LoggedEvent, SavedFile, State, Status
 from silo.rpc.refusals import RefusedWhy
 from silo.settings.words import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from silo.columns import MAX_COLUMNS, HistoryColumns
+from silo.core.arrays.columns import MAX_COLUMNS, HistoryColumns
+from silo.core.elements import ElementInfo, LoggedEvent
 from silo.errors import RefusedError
-from silo.model import ElementInfo, LoggedEvent
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.happened import of_last_run
 from silo_tui.model.source import Samples, entry_samples

@@ -8,11 +8,11 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from silo.columns import ColumnStore, HistoryColumns
+from silo.core.arrays.columns import ColumnStore, HistoryColumns
+from silo.core.elements import BufferType
 from silo.errors import RefusedError, SiloError
 from silo.judging.between import Between
 from silo.judging.moments import Found, Looking
-from silo.model import BufferType
 from silo_tui.model import text
 from silo_tui.model.buffers import PinHandle
 from silo_tui.model.held import HeldSource

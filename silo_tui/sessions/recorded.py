@@ -16,10 +16,10 @@ import numpy as np
 from silo.analysis import reports
 from silo.analysis.log import Log, LogWarning
 from silo.analysis.opening import open_log
+from silo.core.elements import ElementInfo, State, Status, Table
+from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, FileFormatError
 from silo.judging.extras import bind_limits, scalar_names, table_catalogue
-from silo.model import ElementInfo, State, Status, Table
-from silo.recording import Recording, has_own_stamps
 from silo_tui.model.facts import Facts
 from silo_tui.model.file_facts import FileFacts
 from silo_tui.model.limits import Bounds4

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from silo.core.elements import FileType
 from silo.ipc.messages.recordings import RecordingFile
-from silo.model import FileType
 from silo_tui.model import text
 
 if TYPE_CHECKING:

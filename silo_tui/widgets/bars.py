@@ -8,9 +8,9 @@ from rich.text import Text
 from textual.app import RenderResult
 from textual.widget import Widget
 
+from silo.core.elements import State
+from silo.core.stalls import idle_words, is_stalled
 from silo.ipc.surveys import SLOW_SHARE
-from silo.model import State
-from silo.pace import idle_words, is_stalled
 from silo_tui.actions import BY_ID, Command, commands_for, footer_for, with_keys
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words

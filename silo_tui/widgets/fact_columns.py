@@ -6,7 +6,7 @@ They stand in the live pane, beside fill, value and trend, because they change a
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from silo.model import Entry
+from silo.core.elements import Entry
 from silo_tui.model import text
 from silo_tui.model.facts import BAD, LIMIT_BITS, OLD, worst, worst_of
 from silo_tui.model.fields import Field

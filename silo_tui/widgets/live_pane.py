@@ -17,8 +17,8 @@ from textual.strip import Strip
 from textual.widget import Widget
 from textual.widgets import Static
 
+from silo.core.elements import BufferType, ElementInfo, Entry, State
 from silo.ipc.published import NotLive
-from silo.model import BufferType, ElementInfo, Entry, State
 from silo_tui.model.fields import Field
 from silo_tui.model.live import Reading, component_text, fill_share, value_text
 from silo_tui.model.sparklines import trends

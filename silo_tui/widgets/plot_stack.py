@@ -12,7 +12,7 @@ from rich.style import Style
 from textual.geometry import Region, Size
 from textual.strip import Strip
 
-from silo.columns import Hole
+from silo.core.arrays.columns import Hole
 from silo_tui.model import braille, lanes, text
 from silo_tui.model.columns import ColumnStore, Piece
 from silo_tui.model.dots import BLANK

@@ -4,8 +4,8 @@ import numpy as np
 from rich.text import Text
 from textual.app import RenderResult
 
-from silo.columns import coarser
-from silo.model import ElementInfo
+from silo.core.arrays.columns import coarser
+from silo.core.elements import ElementInfo
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore, Piece
 from silo_tui.model.live import Reading, component_text, offset_text

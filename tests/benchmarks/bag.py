@@ -19,11 +19,11 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.bag import definitions, write_bag
 from silo.files.bag_read import read_bag
 from silo.files.ros_types import channels_of
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 
 def robot_like(elements: int, ticks: int) -> Recording:

@@ -22,12 +22,12 @@ import numpy as np
 import psutil
 
 from silo.analysis.opening import open_log
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import csv_file
 from silo.files.csv_file import read_csv, write_csv
 from silo.files.silo_reader import read_silo
 from silo.files.silo_writer import write_silo
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 ELEMENTS, TICKS = 500, 10_000
 SIZE_MB = ELEMENTS * TICKS * 8 / 1e6

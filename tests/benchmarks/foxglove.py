@@ -27,7 +27,7 @@ import psutil
 import silo
 from silo.bridges.feed import PERIOD_S
 from silo.bridges.foxglove.protocol import MESSAGE_DATA
-from silo.runtime import shared_memory_root
+from silo.core.runtime import shared_memory_root
 
 FREQUENCY = 1000
 ELEMENTS = 100

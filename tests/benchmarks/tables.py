@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 import silo
-from silo.model import Edit
+from silo.core.elements import Edit
 
 
 def timed(title: str, function: Callable[[], object], per: int = 1) -> None:

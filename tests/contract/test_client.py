@@ -5,10 +5,10 @@ import time
 import numpy as np
 import pytest
 
+from silo.core.elements import BufferType, Edit, ElementOptions, FileType, Sought, State
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.published import EventKind
 from silo.judging.moments import Looking, places
-from silo.model import BufferType, Edit, ElementOptions, FileType, Sought, State
 from silo.rpc.refusals import RefusedWhy
 from tests.stand_ins.fake_signals import HZ, START_NS
 from tests.waiting import DEADLINE_S

@@ -9,7 +9,7 @@ import time
 from threading import Thread
 
 import silo
-from silo.model import BufferType
+from silo.core.elements import BufferType
 
 OPTIONS = [(divider, kind, size) for kind, size in zip(BufferType, (100, 60, 1000), strict=True) for divider in (1, 3)]
 

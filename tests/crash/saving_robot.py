@@ -9,8 +9,8 @@ import threading
 import time
 
 import silo
+from silo.core.elements import Action, BufferType
 from silo.errors import SiloError
-from silo.model import Action, BufferType
 
 LOOPING_SIZE = 4000
 

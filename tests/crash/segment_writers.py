@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 import silo
-from silo.model import BufferType
+from silo.core.elements import BufferType
 
 COLUMNS = 24
 PRIMES = np.arange(1, COLUMNS + 1, dtype=np.int64) * 1_000_003

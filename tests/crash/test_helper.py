@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 import silo
+from silo.core.elements import FileType, State
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError
 from silo.ipc.client.client import Client
 from silo.ipc.discovery import discover
 from silo.ipc.fleet import surveyed
 from silo.ipc.published import Event, EventKind
-from silo.model import FileType, State
 from silo.rpc.refusals import RefusedWhy
 from tests.waiting import freeze, wait_until
 

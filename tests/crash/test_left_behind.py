@@ -20,6 +20,7 @@ from silo.cli.main import EXIT_FAILED, run
 from silo.collecting.damage import damage
 from silo.collecting.schema import Control
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.runtime import open_unfinished, sweep_unfinished, unopened
 from silo.errors import SegmentError
 from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
 from silo.helper.recovery import recover
@@ -27,7 +28,6 @@ from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.ipc.session import owner_is_gone, sweep
 from silo.recovery.segments import find_stale, sweep_segments
-from silo.runtime import open_unfinished, sweep_unfinished, unopened
 from tests.waiting import freeze
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -206,7 +206,7 @@ from pathlib import Path
 from silo.recovery.segments import sweep_segments
 from silo.files.atomic import sweep_parts
 from silo.ipc.session import owner_is_gone, sweep
-from silo.runtime import runtime_dir
+from silo.core.runtime import runtime_dir
 print("sweeping", flush=True)
 while True:
     {call}

@@ -27,6 +27,8 @@ from silo.collecting.journal import Head, free_name
 from silo.collecting.journal_writer import JournalWriter
 from silo.collecting.schema import Control
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import LoggedEvent, LoggerOptions
+from silo.core.runtime import boot_id, lock_as_writer, pid_namespace
 from silo.files.event_log import append_events, event_log_path, read_events
 from silo.files.formats import read_recording
 from silo.files.part_scan import scan_part
@@ -34,10 +36,8 @@ from silo.helper import writing
 from silo.helper.judge_state import begun_state, state_path, store_state
 from silo.helper.predecessor import PredecessorRecovery
 from silo.logger.logger import Logger
-from silo.model import LoggedEvent, LoggerOptions
 from silo.recovery.left import RECOVERED, save_reader
 from silo.recovery.runs import find_all, look_back
-from silo.runtime import boot_id, lock_as_writer, pid_namespace
 from tests.examples import examples
 
 PART = (Path(__file__).parents[1] / "data/golden/read/part.mcap").read_bytes()

@@ -22,11 +22,11 @@ from silo.cli.main import EXIT_FAILED, run
 from silo.collecting.journal import SCHEMA_FILE
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.runtime import process_start
 from silo.errors import SegmentError
 from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.recovery.journals import find_stale_journals, is_written
-from silo.runtime import process_start
 from tests.crash.durable_robot import OPTIONS
 from tests.power_cuts import check
 from tests.waiting import freeze

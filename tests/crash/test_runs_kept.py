@@ -17,11 +17,11 @@ import pytest
 
 import silo
 from silo.collecting.held import bytes_of
+from silo.core.runtime import list_held
 from silo.errors import SegmentError, StateError
 from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.link.handover import offer_run
-from silo.runtime import list_held
 from tests.waiting import freeze
 
 PROGRAM = """
@@ -282,7 +282,7 @@ def test_while_there_is_no_helper_process_the_program_saves_by_itself(served, un
     serving = log.serve()
     log.start()
     log.collect()
-    monkeypatch.setattr("silo.child.sys.executable", "/bin/false")
+    monkeypatch.setattr("silo.core.child.sys.executable", "/bin/false")
     os.kill(serving.helper_pid, signal.SIGKILL)
     until(lambda: "no helper process:" in caplog.text)
     (file,) = log.save()

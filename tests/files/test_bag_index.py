@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 import silo
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError
 from silo.files import bag_channels, bag_index
 from silo.files.bag import write_bag
 from silo.files.bag_index import ALONE, BagElements
 from silo.files.bag_read import open_bag, read_bag
 from silo.files.formats import read_recording
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 TICKS = 3000
 NAMES = [f"/log/{name}" for name in ("position", "mode", "text", "slow", "force", "gain")]

@@ -15,10 +15,10 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
+from silo.core.elements import BufferType, Entry, FileType
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import bag, write
 from silo.files.bag import write_bag
-from silo.model import BufferType, Entry, FileType
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 TICKS = 40
 START = 1_700_000_000_999_999_999

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError, LogNotFoundError, SaveError
 from silo.files import bag, mcap_write
 from silo.files.bag import write_bag
 from silo.files.bag_read import read_bag
 from silo.files.ros_types import channels_of
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 from tests.examples import examples
 
 ALL_TYPES = ("<f8", ">f8", "<f4", "<f2", "<c8", "<c16", "|i1", "<i2", ">i4", "<i8", "|u1", "<u8", "|V5", "<f16", "|S3")

@@ -11,11 +11,11 @@ from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
 from silo.cli.files import convert_command, diff_command, plot_command, print_file_info, stats_command
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import LogNotFoundError
 from silo.files.bag import write_bag
 from silo.files.silo_writer import write_silo
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 COMMANDS = [convert_command, diff_command, plot_command, stats_command]
 TICKS = 100

@@ -17,14 +17,14 @@ from click.testing import CliRunner
 
 import silo
 from silo.cli.main import cli
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError, LogNotFoundError, SaveError, SiloError
 from silo.files.atomic import sweep_parts
 from silo.files.bag import write_bag
 from silo.files.convert import convert
 from silo.files.formats import format_of, read_recording, writer_for
 from silo.files.silo_writer import write_silo
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 TICKS = 20
 TIMES = 1_700_000_000_000_000_001 + 2_500_001 * np.arange(TICKS, dtype=np.int64)

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silo.core.elements import BufferType
 from silo.errors import FileFormatError, LogNotFoundError, SaveError
 from silo.files import csv_file
 from silo.files.csv_file import read_csv, write_csv
-from silo.model import BufferType
 from tests.examples import examples
 
 QUICK = settings(max_examples=examples(80))

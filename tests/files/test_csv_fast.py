@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import csv_fast
 from silo.files.csv_file import write_csv
 from silo.files.csv_reader import read_csv
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 
 def recording(columns, ticks=300):

@@ -6,9 +6,9 @@ import json
 
 import pytest
 
+from silo.core.elements import LoggedEvent
 from silo.files import event_log
 from silo.files.event_log import append_events, event_log_path, loggers_with_events, read_events
-from silo.model import LoggedEvent
 
 
 def line(number, run="r1", text="x"):

@@ -14,11 +14,11 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
+from silo.core.elements import LoggedEvent
+from silo.core.recording import Recording, stamped, with_events
 from silo.files.bag import write_bag
 from silo.files.convert import convert
 from silo.files.formats import FORMATS, read_recording, writer_for
-from silo.model import LoggedEvent
-from silo.recording import Recording, stamped, with_events
 
 READ = [one for one in FORMATS if one.reader]
 TEXTS = st.one_of(

@@ -10,8 +10,8 @@ import silo
 from silo.analysis.log import LogWarning
 from silo.cli.files import EXIT_DIFFERENT
 from silo.cli.main import run
+from silo.core.recording import NO_FAILURES, Failures
 from silo.files.formats import FORMATS, writer_for
-from silo.recording import NO_FAILURES, Failures
 
 ENDINGS = [one.ending for one in FORMATS if one.reader]
 EXPECTED = Failures(3, ((1, 2), (5, 5)))

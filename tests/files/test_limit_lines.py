@@ -6,9 +6,9 @@ import pytest
 from silo.analysis.charts import ChartSpec, make_chart
 from silo.analysis.plotting import draw_axes, draw_text
 from silo.cli.main import run
+from silo.core.elements import BufferType, Derived, Entry, Extras, SignalLimits
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
-from silo.model import BufferType, Derived, Entry, Extras, SignalLimits
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 
 def element(name, *columns, unit="Nm"):

@@ -8,13 +8,13 @@ from silo.analysis.log import Log, UnknownSignalError
 from silo.analysis.opening import open_log
 from silo.analysis.signals import Signal
 from silo.cli.edits import select
+from silo.core.elements import BufferType
+from silo.core.names import matching
+from silo.core.recording import Recording
 from silo.errors import ElementError, LogNotFoundError, LogWarning
 from silo.files import write
 from silo.files.silo_reader import read_silo
 from silo.files.silo_writer import write_silo
-from silo.model import BufferType
-from silo.patterns import matching
-from silo.recording import Recording
 
 
 def signal(values, step_s=0.5, start_s=0.0, name="s", **more):

@@ -7,8 +7,8 @@ import pytest
 from silo.analysis.charts import ChartSpec, make_chart
 from silo.analysis.log import Log
 from silo.analysis.plotting import draw_axes, draw_text
-from silo.model import BufferType, LoggedEvent
-from silo.recording import stamped
+from silo.core.elements import BufferType, LoggedEvent
+from silo.core.recording import stamped
 
 START = 1_700_000_000_000_000_000
 STEP = 2_000_000

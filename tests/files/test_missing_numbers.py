@@ -12,9 +12,9 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import silo
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.formats import read_recording
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 START = 1_700_000_000_000_000_000
 STEP = 10_000_000

@@ -16,9 +16,9 @@ from silo.analysis.charts import ChartSpec, make_chart
 from silo.analysis.picking import pick
 from silo.analysis.plotting import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
 from silo.analysis.spectra import lines_of, longest_piece
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ElementError, SiloError
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 from tests.examples import examples
 
 TICKS = 400

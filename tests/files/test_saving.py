@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from silo.core.elements import FileType, LoggedEvent
 from silo.errors import LogNotFoundError, SaveError
 from silo.files import PartlySavedError, atomic, silo_writer, write
 from silo.files.atomic import atomic_file, atomic_folder
 from silo.files.event_log import append_events
 from silo.files.naming import check_name, find_log, find_logs, log_path, next_run_number
 from silo.files.silo_reader import read_silo
-from silo.model import FileType, LoggedEvent
 from tests.waiting import DEADLINE_S
 
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo import units
 from silo.analysis.signals import Signal
+from silo.core import units
 from silo.errors import ElementError, LogWarning
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from silo.analysis.log import Log
 from silo.analysis.signals import Signal
+from silo.core.recording import Recording
 from silo.errors import ElementError
-from silo.recording import Recording
 
 DAY_NS = 86_400 * 10**9
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from silo.core.elements import BufferType
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.silo_reader import read_silo
 from silo.files.silo_writer import write_silo
-from silo.model import BufferType
 
 
 @pytest.fixture

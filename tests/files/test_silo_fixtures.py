@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from silo.core.elements import BufferType
 from silo.files.silo_reader import read_silo
 from silo.files.silo_writer import write_silo
-from silo.model import BufferType
 
 NAMES = ["all_types", "looping_wrapped", "mixed_dividers", "time_buffer_full"]
 TYPES = {"double": "<f8", "single": "<f4", "string": "S"}

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.analysis.opening import open_log
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import SaveError
 from silo.files.silo_reader import read_silo
 from silo.files.silo_writer import write_silo
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 from tests.examples import examples
 
 QUICK = settings(max_examples=examples(120))
@@ -174,8 +174,8 @@ def test_a_fixed_buffer_that_lost_its_first_stamps_keeps_its_times(plan, recorde
 
 
 def test_a_log_larger_than_a_tile_is_transposed_right(tmp_path):
-    from silo.model import Entry
-    from silo.recording import RecordedElement, RecordedEntry, Recording
+    from silo.core.elements import Entry
+    from silo.core.recording import RecordedElement, RecordedEntry, Recording
 
     rows = np.arange(40_000 * 20, dtype=np.float64).reshape(40_000, 20)
     names = [f"/log/e{i}" for i in range(20)]

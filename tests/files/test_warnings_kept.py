@@ -10,9 +10,9 @@ import pytest
 import scipy.io
 
 import silo
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.formats import FORMATS, writer_for
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 START = 1_700_000_000_000_000_000
 TOLD = ("/log/x: nobody but silo holds this array any more", "12 samples were lost", "einmal ü, \0 und \n")

@@ -20,11 +20,11 @@ from silo.collecting.holdings import segment_holdings
 from silo.collecting.losses import lost_samples
 from silo.collecting.schema import LINE_WORDS, Header
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import Action, BufferType
+from silo.core.runtime import boot_id
 from silo.errors import SaveError, SegmentError
 from silo.helper.recovery import recover
-from silo.model import Action, BufferType
 from silo.recovery.segments import find_stale
-from silo.runtime import boot_id
 
 MEMORY_BYTES = 4 << 30  # of addresses; what is taken in good faith is far less
 SECONDS = 10  # of the processor, for one input

@@ -23,8 +23,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from silo.analysis.opening import open_log
+from silo.core.recording import has_own_stamps
 from silo.errors import SiloError
-from silo.recording import has_own_stamps
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 SEED = os.environ.get("SILO_FUZZ_SEED", "")

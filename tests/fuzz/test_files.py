@@ -25,14 +25,14 @@ from mcap.opcode import Opcode
 
 import silo.files.bag
 from silo.analysis.opening import open_log
+from silo.core.elements import BufferType, Entry
+from silo.core.kinds import struct_text
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import SiloError
 from silo.files.bag_facts import FACTS_ATTACHMENT, RecordingFacts, unpack_facts
 from silo.files.bag_index import read_index, record_at
 from silo.files.formats import FORMATS, writer_for
 from silo.files.part_scan import attachment
-from silo.kinds import struct_text
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 ROOM_BYTES = 1 << 30

@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from silo.core.elements import State
 from silo.errors import ConnectionLostError, SiloError
 from silo.ipc.exchange import decode_reply
 from silo.ipc.foreign import MOST, Foreign
@@ -25,7 +26,6 @@ from silo.ipc.sampled import SampledEntry, SampledName, SampledRows, StreamFrame
 from silo.ipc.samples import Gathering, Stream
 from silo.ipc.topic import batch_of
 from silo.ipc.view import View, history_columns
-from silo.model import State
 
 COUNT = int(os.environ.get("SILO_FUZZ", "2000"))
 _encoder = msgspec.msgpack.Encoder()

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.errors import SaveError, ScriptError
-from silo.model import ElementInfo, ElementOptions, Entry
 from silo.settings.script import apply_script, parse_script, write_script
 from silo_tui.settings.reading import read
 from silo_tui.settings.writing import rewritten

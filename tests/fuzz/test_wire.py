@@ -18,6 +18,18 @@ import msgspec
 import pytest
 
 import silo
+from silo.core.elements import (
+    Derived,
+    Edit,
+    ElementOptions,
+    FileType,
+    Problem,
+    SavedFile,
+    SignalLimits,
+    Sought,
+    Table,
+    TriggerOptions,
+)
 from silo.errors import SiloError
 from silo.helper.answers.answering import Answers
 from silo.helper.event_log import EventLog
@@ -89,18 +101,6 @@ from silo.link.handover import handover_pair
 from silo.link.messages import LinkReply, LinkRequest
 from silo.link.robot_state import RobotState
 from silo.logger.answers import answer, robot_state
-from silo.model import (
-    Derived,
-    Edit,
-    ElementOptions,
-    FileType,
-    Problem,
-    SavedFile,
-    SignalLimits,
-    Sought,
-    Table,
-    TriggerOptions,
-)
 from silo.rpc.declaring import Request, leaves
 from silo.rpc.refusals import Refused, RefusedWhy, answered
 from silo.scripts.requests import ApplyEdits, TableReply

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from silo.files.formats import writer_for
-from silo.model import (
+from silo.core.elements import (
     BufferType,
     CaptureFacts,
     Derived,
@@ -17,7 +16,8 @@ from silo.model import (
     SignalLimits,
     TriggerOptions,
 )
-from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording
+from silo.core.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording
+from silo.files.formats import writer_for
 
 START_NS, STEP_NS, TICKS = 1_700_000_000_123_456_789, 2_500_001, 12
 EXACT = (".silo", ".csv")  # the same bytes each time; the others are compressed by libraries that change

@@ -15,6 +15,7 @@ import numpy as np
 from msgspec import inspect
 
 from silo.collecting.journal import Commit, Head
+from silo.core.elements import LoggedEvent
 from silo.files.bag_facts import RecordingFacts
 from silo.files.csv_facts import CsvFacts
 from silo.files.manifest import CaptureEntry, Written
@@ -28,7 +29,6 @@ from silo.ipc.published import Event, Summary, ViewFrame
 from silo.ipc.sampled import StreamFrame
 from silo.link.handover import RunOffer
 from silo.link.messages import LinkMessage
-from silo.model import LoggedEvent
 from silo.recorder.orders import Command, RecordOrder, Report
 from silo.rpc.declaring import Request, RobotRequest, leaves, reply_type
 

@@ -14,6 +14,7 @@ import zenoh
 
 import silo
 from silo.cli.main import EXIT_USAGE, run
+from silo.core.elements import State
 from silo.errors import ConnectionLostError
 from silo.ipc.client.client import Client
 from silo.ipc.discovery import Discovery, SeveralError, discover
@@ -22,7 +23,6 @@ from silo.ipc.found import Found, is_glob, told_apart
 from silo.ipc.keys import Root, robot_of, root_of
 from silo.ipc.sessions import open_configurations
 from silo.logger.identity import drawn_id, machine_digits
-from silo.model import State
 from tests.waiting import wait_until
 
 HOST = socket.gethostname()

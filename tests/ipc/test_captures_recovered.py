@@ -10,13 +10,13 @@ import pytest
 import silo
 from silo.analysis.log import LogWarning
 from silo.cli.main import run
+from silo.core.elements import FileType, TriggerOptions
+from silo.core.runtime import list_segments
 from silo.errors import SaveError
 from silo.files.event_log import read_events
 from silo.helper.recovery import recover
 from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
-from silo.model import FileType, TriggerOptions
-from silo.runtime import list_segments
 from tests.waiting import freeze, wait_until
 
 pytestmark = pytest.mark.slow

@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from silo.cli.main import run
+from silo.core.elements import LoggedEvent
 from silo.files.event_log import append_events, read_events
-from silo.model import LoggedEvent
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow

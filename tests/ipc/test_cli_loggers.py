@@ -16,7 +16,7 @@ import pytest
 import silo
 from silo.cli.main import EXIT_FAILED, EXIT_USAGE, run
 from silo.cli.watch import show_clock
-from silo.model import Action, BufferType
+from silo.core.elements import Action, BufferType
 from tests.waiting import DEADLINE_S, wait_until
 
 pytestmark = pytest.mark.slow

@@ -11,8 +11,8 @@ import pytest
 from silo.cli.common import next_names, show_duration, split_logger
 from silo.cli.edits import select, split_settings
 from silo.cli.main import COMMANDS, EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, cli, run
+from silo.core.elements import Action, BufferType, ElementOptions
 from silo.errors import ElementError
-from silo.model import Action, BufferType, ElementOptions
 from silo.settings.words import Change, Settings, apply_settings, read_settings
 from tests.waiting import DEADLINE_S
 

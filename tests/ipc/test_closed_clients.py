@@ -8,11 +8,11 @@ from silo.cli.ls import _reasons
 from silo.cli.main import run
 from silo.conditions.requests import Alarms
 from silo.conditions.standing import LimitStatus, LimitWord
+from silo.core.elements import State, Status
 from silo.errors import ConnectionLostError
 from silo.ipc.client.client import Client
 from silo.ipc.found import Found
 from silo.ipc.member import Member
-from silo.model import State, Status
 from tests.ipc.test_follow import FINE
 
 

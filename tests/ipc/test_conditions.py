@@ -8,9 +8,9 @@ import silo
 from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
 from silo.conditions.standing import LimitWord, TriggerWord
+from silo.core.elements import SignalLimits, TriggerOptions
 from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
-from silo.model import SignalLimits, TriggerOptions
 from silo.settings.script import read_script
 from tests.waiting import wait_until
 
@@ -280,7 +280,7 @@ class TestLimits:
             client.set_limits(SignalLimits("x", (None, None, 1, 2)))
             alarm(client, word=LimitWord.RED_HIGH)
             robot.kill()
-            wait_until(lambda: client.status().state is silo.model.State.DEAD)
+            wait_until(lambda: client.status().state is silo.core.elements.State.DEAD)
             assert alarm(client).count == 1
 
 

@@ -4,12 +4,12 @@ import os
 
 import pytest
 
+from silo.core.elements import FileType, State
+from silo.core.runtime import list_segments
 from silo.errors import RefusedError
 from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
-from silo.model import FileType, State
 from silo.rpc.refusals import RequestRefusedError
-from silo.runtime import list_segments
 from tests.ipc.conftest import Heard
 from tests.waiting import freeze
 

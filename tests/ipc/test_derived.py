@@ -8,12 +8,12 @@ import pytest
 
 import silo
 from silo.cli.main import run as silo_command
+from silo.core.elements import Edit, RecorderState, State
 from silo.errors import RefusedError
 from silo.ipc.client.client import Client
 from silo.ipc.messages.samples import OpenPin
 from silo.ipc.published import EventKind
 from silo.ipc.surveys import QUANTITIES
-from silo.model import Edit, RecorderState, State
 from tests.ipc.conftest import TICK_NS, Heard
 from tests.waiting import answered, wait_until
 

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import silo
+from silo.core.elements import State
 from silo.helper.summary import differs, room_of
 from silo.ipc.client.client import Client
 from silo.ipc.discovery import discover
@@ -24,7 +25,6 @@ from silo.ipc.member import Member
 from silo.ipc.published import MOST_REASON, Summary
 from silo.ipc.session import close, open_router
 from silo.ipc.sessions import open_configurations
-from silo.model import State
 from tests.stand_ins.simulated_robots import SimulatedRobot, SimulatedRobots
 from tests.waiting import answered, freeze, wait_until
 

@@ -8,6 +8,8 @@ import pytest
 
 from silo.cli import codes
 from silo.cli.main import run
+from silo.core.elements import State
+from silo.core.runtime import runtime_dir
 from silo.ipc import fleet_memory
 from silo.ipc.fleet import Fleet
 from silo.ipc.fleet_memory import NAME, remember, remembered
@@ -15,8 +17,6 @@ from silo.ipc.found import Found
 from silo.ipc.keys import Root
 from silo.ipc.member import Member, lost_lines
 from silo.ipc.published import Summary
-from silo.model import State
-from silo.runtime import runtime_dir
 from tests.ipc.test_fleet import served as served  # noqa: PLC0414  # a fixture
 from tests.ipc.test_fleet import site as site  # noqa: PLC0414  # a fixture
 from tests.ipc.test_fleet import waited

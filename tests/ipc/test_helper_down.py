@@ -8,6 +8,7 @@ import pytest
 
 import silo
 from silo.cli.main import EXIT_NO_LOGGER, run
+from silo.core.runtime import down_mark, down_marks, sweep_unfinished
 from silo.errors import ConnectionLostError
 from silo.files.event_log import read_events
 from silo.helper.streams import Stream
@@ -19,7 +20,6 @@ from silo.ipc.messages.views import OpenView, ViewOpened
 from silo.logger import helper_process, serving
 from silo.logger.down import DownMark
 from silo.rpc.refusals import Refused, answered
-from silo.runtime import down_mark, down_marks, sweep_unfinished
 from tests.fuzz.test_wire import Bench as Parts
 from tests.waiting import freeze, wait_until
 

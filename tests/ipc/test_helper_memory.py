@@ -14,9 +14,9 @@ import pytest
 
 import silo
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import FileType, Table
 from silo.helper.mirror import sharing
 from silo.helper.writing import WriteOrder
-from silo.model import FileType, Table
 
 pytestmark = pytest.mark.slow
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from silo.columns import MAX_COLUMNS
+from silo.core.arrays.columns import MAX_COLUMNS
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.messages.samples import Columns, GetHistory
 from silo.ipc.session import close, open_client

@@ -15,6 +15,7 @@ import silo
 from silo.cli.main import run as silo_run
 from silo.collecting.held import Program
 from silo.conditions.standing import TriggerWord
+from silo.core.runtime import boot_id, list_held, pid_namespace, process_start
 from silo.errors import ConnectionLostError, LogWarning
 from silo.files.event_log import read_events
 from silo.helper.judge_state import read_state, state_path, store_state
@@ -22,7 +23,6 @@ from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.logger import serving
 from silo.logger.helper_process import HelperProcess
-from silo.runtime import boot_id, list_held, pid_namespace, process_start
 from tests.waiting import answered, freeze, wait_until
 
 

@@ -7,13 +7,13 @@ from collections.abc import Callable
 
 import pytest
 
+from silo.core.elements import FileType, TriggerOptions
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError
 from silo.ipc.client.client import Client
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.messages import AddMark
 from silo.ipc.messages.events import Marked
 from silo.ipc.published import EventKind
-from silo.model import FileType, TriggerOptions
 from silo.rpc.clocks import clock_s
 from silo.rpc.refusals import Refused, RefusedWhy
 from tests.waiting import freeze, wait_until

@@ -3,9 +3,9 @@
 import pytest
 
 from silo.conditions.standing import TriggerWord
+from silo.core.elements import TriggerOptions
 from silo.errors import RefusedError
 from silo.ipc.client.client import Client
-from silo.model import TriggerOptions
 from tests.ipc.test_conditions import judged, trigger
 from tests.waiting import wait_until
 

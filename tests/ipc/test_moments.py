@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import silo
+from silo.core.elements import BufferType, Edit, ElementOptions
 from silo.errors import RefusedError
-from silo.model import BufferType, Edit, ElementOptions
 from tests.waiting import wait_until
 
 

@@ -7,13 +7,13 @@ import msgspec
 import pytest
 
 from silo.cli.ls import _ls_row
+from silo.core.elements import State
+from silo.core.stalls import idle_words, is_stalled
 from silo.helper.summary import differs
 from silo.ipc.client.client import Client
 from silo.ipc.found import Found
 from silo.ipc.member import Member, Stands
 from silo.ipc.published import Summary
-from silo.model import State
-from silo.pace import idle_words, is_stalled
 from tests.waiting import freeze, wait_until
 
 RUNS = Summary(state=State.RUNNING, frequency_hz=5.0)

@@ -9,12 +9,12 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
 from silo.cli.main import EXIT_USAGE, run
+from silo.core.elements import BufferType, RecorderState
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError, StateError
 from silo.files.bag_read import read_bag
 from silo.helper.recording_folder import recording_folder
 from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
-from silo.model import BufferType, RecorderState
 from silo.recovery.parts import left_parts
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from tests.waiting import wait_until

@@ -17,12 +17,12 @@ import pytest
 from silo.analysis.opening import open_log
 from silo.cli.main import run
 from silo.collecting.held import held_runs, recorders_path
+from silo.core.elements import RecorderState
+from silo.core.runtime import list_held, list_segments, runtime_dir
 from silo.files.bag_read import read_bag
 from silo.files.manifest import read_written
 from silo.helper.recorder_process import stored
 from silo.ipc.client.client import Client
-from silo.model import RecorderState
-from silo.runtime import list_held, list_segments, runtime_dir
 from tests.waiting import answered, freeze, wait_until
 
 pytestmark = pytest.mark.slow

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from silo.core.elements import BufferType, Entry, FileType, LoggedEvent
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
 from silo.files.bag import write_bag
 from silo.files.convert import convert
 from silo.helper import recordings as module
 from silo.helper.recordings import RecordingFolder
 from silo.ipc.messages.recordings import GetPiece
-from silo.model import BufferType, Entry, FileType, LoggedEvent
-from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 SECOND = 10**9

@@ -10,12 +10,12 @@ import pytest
 import silo
 from silo.conditions import requests as conditions
 from silo.conditions.requests import ConditionRequests
+from silo.core.elements import Problem, TriggerOptions
 from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, SaveError, StateError, UnsavedError
 from silo.helper.answers.answering import SERVERS
 from silo.ipc import access, messages
 from silo.ipc.client.client import Client
 from silo.logger.answers import RobotServer
-from silo.model import Problem, TriggerOptions
 from silo.rpc.declaring import (
     Ask,
     Do,

@@ -18,9 +18,9 @@ from rosbags.typesys import Stores, get_typestore
 import silo
 from silo.bridges.feed import Feed
 from silo.bridges.services import services
+from silo.core.elements import Edit, ElementOptions, State
 from silo.ipc.client.client import Client
 from silo.ipc.samples import Samples
-from silo.model import Edit, ElementOptions, State
 from tests.ipc.conftest import Bench
 from tests.waiting import DEADLINE_S, wait_until
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import silo
+from silo.core.elements import BufferType, Edit, ElementOptions
 from silo.errors import RefusedError
 from silo.ipc.client.client import Client
 from silo.ipc.messages.samples import ClosePin
-from silo.model import BufferType, Edit, ElementOptions
 from silo.rpc.refusals import RefusedWhy
 from tests.waiting import wait_until
 

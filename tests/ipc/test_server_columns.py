@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from silo.columns import MAX_COLUMNS, ColumnGrid, as_floats, bins_of
+from silo.core.arrays.columns import MAX_COLUMNS, ColumnGrid, as_floats, bins_of
 
 TIMES = st.lists(st.integers(-5_000, 5_000), min_size=1, max_size=60)
 

@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import silo
+from silo.core.elements import Edit, ElementOptions, FileType, State
 from silo.errors import RefusedError
 from silo.ipc.client.client import Client
 from silo.ipc.exchange import encoded
@@ -19,7 +20,6 @@ from silo.ipc.messages.samples import GetHistory
 from silo.ipc.messages.views import OpenView
 from silo.ipc.published import EventKind
 from silo.ipc.session import close, open_client
-from silo.model import Edit, ElementOptions, FileType, State
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import ApplyEdits
 from tests.examples import examples

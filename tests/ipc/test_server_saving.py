@@ -8,6 +8,7 @@ import pytest
 
 import silo
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import FileType
 from silo.errors import SaveError
 from silo.helper import writing
 from silo.helper.mirror import Mirror
@@ -15,7 +16,6 @@ from silo.helper.saver import Saver
 from silo.helper.writing import WriteOrder, WriteReport, write_log
 from silo.ipc.messages.recordings import Save
 from silo.logger.answers import robot_state
-from silo.model import FileType
 
 pytestmark = pytest.mark.slow
 

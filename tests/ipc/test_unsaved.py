@@ -11,6 +11,7 @@ import silo
 from silo.cli.main import EXIT_FAILED, EXIT_USAGE, run
 from silo.collecting.holdings import segment_holdings
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import Edit, ElementOptions, State
 from silo.errors import GoesOnError, RefusedError
 from silo.files.event_log import read_events
 from silo.ipc.client.client import Client
@@ -19,7 +20,6 @@ from silo.ipc.messages import Stop
 from silo.ipc.messages.views import OpenView
 from silo.ipc.published import EventKind
 from silo.ipc.session import MAX_MESSAGE_BYTES, close, open_client
-from silo.model import Edit, ElementOptions, State
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import ApplyEdits
 from tests.waiting import DEADLINE_S, freeze, wait_until

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import silo
-import silo.model
+import silo.core.elements
 from silo.collecting.segment_reader import SegmentReader
 from silo.helper.segment_judge import MOST_SPOOL_BYTES, SegmentJudge
 from silo.helper.trials import try_trigger
@@ -276,7 +276,7 @@ def test_a_trigger_that_is_removed_and_set_again_within_post_has_two_captures(ro
     robot.ticks(50, [(40, 0)])
     whole = robot.judge.step().whole
     extras = robot.judge.extras
-    robot.judge.adopt(silo.model.Extras())
+    robot.judge.adopt(silo.core.elements.Extras())
     robot.judge.adopt(extras)
     robot.ticks(200, [(10, 0)])
     whole += robot.judge.step().whole
@@ -375,7 +375,7 @@ def test_a_try_of_a_trigger_judges_as_the_trigger_does(robot):
     robot.logger.disable("off")
     robot.start()
     robot.ticks(200, [(40, 0), (60, 0)])
-    tried = silo.model.TriggerOptions("try", "any(fast/x_0 > 50, off > 1)")
+    tried = silo.core.elements.TriggerOptions("try", "any(fast/x_0 > 50, off > 1)")
     found = try_trigger(tried, SegmentReader(robot.logger.segment_path), robot.logger.elements)
     assert found.ticks == [40, 60]
 

@@ -42,10 +42,10 @@ from pair_robot import CLOSED, MOST_RUNS, is_spike
 from processes import SILO, end_process, gone, show, signal_process, silo_command, wait_until, workplace
 
 import silo
+from silo.core.elements import LoggedEvent
 from silo.files.event_log import read_events
 from silo.files.manifest import Written, read_written
 from silo.helper.verifying import Verified
-from silo.model import LoggedEvent
 
 ROBOT = Path(__file__).with_name("pair_robot.py")
 MEMBERS = ("program", "helper", "recorder", "standby", "writer")

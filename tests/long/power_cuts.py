@@ -15,7 +15,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from silo.model import BufferType
+from silo.core.elements import BufferType
 from tests.power_cuts import replay
 
 

@@ -188,7 +188,7 @@ def phases(options: argparse.Namespace, folder: Path, robot: int, helper: int) -
 def last_tick(robot: int) -> int:
     """How many ticks the robot program has logged."""
     from silo.collecting.segment_reader import SegmentReader
-    from silo.runtime import list_segments
+    from silo.core.runtime import list_segments
 
     (path,) = [path for path in list_segments() if f".{robot}." in path.name]
     reader = SegmentReader(path)

@@ -11,8 +11,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import silo
-from silo.model import Action, BufferType
-from silo.runtime import shared_memory_root
+from silo.core.elements import Action, BufferType
+from silo.core.runtime import shared_memory_root
 from tests.examples import examples
 
 pytestmark = pytest.mark.slow

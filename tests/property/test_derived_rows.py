@@ -9,7 +9,7 @@ import silo
 from silo.analysis.log import Log
 from silo.collecting.derived_rows import DerivedReader, derived_plan
 from silo.collecting.segment_reader import SegmentReader
-from silo.model import BufferType, Derived
+from silo.core.elements import BufferType, Derived
 from tests.examples import examples
 
 TICKS = 300

@@ -10,10 +10,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from silo.analysis.shapes import assembled
+from silo.core.elements import BufferType, Entry
+from silo.core.kinds import KINDS, index_suffixes, kind_given, struct_text, vector_at_position
+from silo.core.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording
 from silo.files.formats import FORMATS, Keeps, read_recording, writer_for
-from silo.kinds import KINDS, index_suffixes, kind_given, struct_text, vector_at_position
-from silo.model import BufferType, Entry
-from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording
 
 NUMBERS = ("<f8", "<f4", "<f2", "|i1", "<i2", "<i4", "<i8", "|u1", "<u2", "<u4", "<u8", "|b1")
 TYPES = (*NUMBERS, "<f16", "<M8[ns]", "<M8[D]", "<m8[us]", "|S5", "<U4")

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from silo.collecting.row_picker import STAMPS, Packer, RowPicker, shaped
 from silo.collecting.rows import Rows
 from silo.collecting.schema import EntrySchema, RingSchema
-from silo.model import BufferType, Entry
-from silo.values import as_floats
+from silo.core.arrays.values import as_floats
+from silo.core.elements import BufferType, Entry
 
 TYPES = ("<f8", "<f4", "<i8", "<u2", "|i1", "|b1", "<c16", "|S5", "<U3", "<f2")
 

@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
+from silo.core.elements import MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, ElementInfo, ElementOptions, Entry
 from silo.errors import ScriptError
-from silo.model import MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, ElementInfo, ElementOptions, Entry
 from silo.settings.script import apply_script, format_script, parse_script
 
 options = st.builds(

@@ -14,9 +14,10 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import RecorderState
+from silo.core.recording import Recording
 from silo.files.manifest import Ledger
 from silo.logger.logger import Logger
-from silo.model import RecorderState
 from silo.recorder.draining import Drain
 from silo.recorder.happening import Happening
 from silo.recorder.layout import layout_of
@@ -31,7 +32,6 @@ from silo.recorder.orders import (
     extras_file,
 )
 from silo.recorder.writing import Disk, Look, RunBegins, RunEnds, Totals, Writing
-from silo.recording import Recording
 from tests.waiting import wait_until
 
 STEP_NS = 1_000_003

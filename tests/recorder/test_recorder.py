@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from silo.analysis.opening import open_log
+from silo.core.elements import RecorderState
 from silo.files.bag_read import read_bag
 from silo.files.part_facts import PART_ENDING
-from silo.model import RecorderState
 from silo.recorder.draining import Drain, Drained
 from silo.recorder.orders import Finish, Follow, RecordOrder, encode
 from silo.recorder.recorder import Recorder

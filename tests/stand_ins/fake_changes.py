@@ -6,15 +6,8 @@ from typing import Any
 
 import msgspec
 
-from silo.amounts import read_keep, read_split
 from silo.conditions.standing import TriggerStatus, TriggerWord
-from silo.errors import ScriptError
-from silo.helper.recordings import RecordingFolder
-from silo.ipc.fetching import Fetch
-from silo.ipc.messages.recordings import GetPiece, RecorderInfo, RecorderStarted, Recordings
-from silo.ipc.messages.state import Unsaved
-from silo.ipc.published import EventKind
-from silo.model import (
+from silo.core.elements import (
     Edit,
     ElementOptions,
     Extras,
@@ -24,6 +17,13 @@ from silo.model import (
     State,
     Status,
 )
+from silo.core.quantities import read_keep, read_split
+from silo.errors import ScriptError
+from silo.helper.recordings import RecordingFolder
+from silo.ipc.fetching import Fetch
+from silo.ipc.messages.recordings import GetPiece, RecorderInfo, RecorderStarted, Recordings
+from silo.ipc.messages.state import Unsaved
+from silo.ipc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import EditsApplied, KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
 from silo.settings.extras_diff import diff_extras

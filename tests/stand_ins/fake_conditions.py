@@ -4,14 +4,14 @@ from collections.abc import Sequence
 
 from silo.conditions.requests import Alarms, Triggers, TriggerTried
 from silo.conditions.standing import TriggerStatus, TriggerWord
-from silo.errors import ElementError
-from silo.judging.extras import with_derived, without_derived
-from silo.model import (
+from silo.core.elements import (
     Derived,
     SignalLimits,
     TriggerOptions,
     join_name,
 )
+from silo.errors import ElementError
+from silo.judging.extras import with_derived, without_derived
 from silo.rpc.refusals import RefusedWhy
 from tests.stand_ins.fake_signals import refused
 

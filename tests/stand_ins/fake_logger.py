@@ -11,17 +11,7 @@ from typing import Any
 import msgspec
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
-from silo.errors import ConnectionLostError, SiloError
-from silo.helper.recordings import RecordingFolder
-from silo.ipc.bulk import Outcome
-from silo.ipc.member import Member
-from silo.ipc.messages.recordings import RecorderInfo
-from silo.ipc.messages.state import HelloReply
-from silo.ipc.published import Event, EventKind
-from silo.ipc.senders import viewer_words
-from silo.ipc.versions import PROTOCOL
-from silo.judging.derived import derived_infos
-from silo.model import (
+from silo.core.elements import (
     BufferType,
     Control,
     Derived,
@@ -34,6 +24,16 @@ from silo.model import (
     Status,
     Table,
 )
+from silo.errors import ConnectionLostError, SiloError
+from silo.helper.recordings import RecordingFolder
+from silo.ipc.bulk import Outcome
+from silo.ipc.member import Member
+from silo.ipc.messages.recordings import RecorderInfo
+from silo.ipc.messages.state import HelloReply
+from silo.ipc.published import Event, EventKind
+from silo.ipc.senders import viewer_words
+from silo.ipc.versions import PROTOCOL
+from silo.judging.derived import derived_infos
 from silo.settings.script import format_script
 from silo.version import VERSION
 from silo_tui.sessions.finder import Found, FoundLogger

@@ -7,7 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from silo.columns import ColumnGrid, HistoryColumns, bins_of
+from silo.core.arrays.columns import ColumnGrid, HistoryColumns, bins_of
+from silo.core.elements import (
+    BufferType,
+    ElementInfo,
+    Sought,
+)
 from silo.ipc.frames import Frame
 from silo.ipc.messages.samples import PinOpened
 from silo.ipc.messages.views import Survey
@@ -17,11 +22,6 @@ from silo.ipc.surveys import QUANTITIES
 from silo.judging.between import Between, between
 from silo.judging.moments import Finder, Looking
 from silo.judging.moments import Found as FoundMoments
-from silo.model import (
-    BufferType,
-    ElementInfo,
-    Sought,
-)
 from silo.rpc.refusals import RefusedWhy
 from tests.stand_ins.fake_signals import HZ, held_ticks, refused, signal
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from silo.model import (
+from silo.core.elements import (
     Action,
     BufferType,
     ElementInfo,

@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 import zenoh
 
+from silo.core.elements import Present, State, Status
 from silo.helper.requests import decode_ask, decode_do
 from silo.ipc.keys import Root
 from silo.ipc.messages import GetStatus, Start, Stop
@@ -22,7 +23,6 @@ from silo.ipc.probing import reach
 from silo.ipc.published import Summary
 from silo.ipc.session import close, open_client
 from silo.ipc.versions import OLDEST, PROTOCOL
-from silo.model import Present, State, Status
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused, RefusedWhy, answered
 from silo.version import VERSION

@@ -15,7 +15,7 @@ from textual.css.stylesheet import Stylesheet
 from textual.keys import REPLACED_KEYS, _character_to_key, _get_unicode_name_from_key
 from textual.screen import ModalScreen
 
-from silo.model import Action, ElementInfo
+from silo.core.elements import Action, ElementInfo
 from silo_tui.app import SiloApp
 from silo_tui.model.fields import Field, phrase_for
 from silo_tui.screens.file_table import FileTableScreen

@@ -4,8 +4,8 @@ import pytest
 from textual.widgets import Input
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
+from silo.core.elements import SignalLimits, TriggerOptions
 from silo.errors import ElementError
-from silo.model import SignalLimits, TriggerOptions
 from silo_tui.model.conditions import (
     fields_of,
     head_words,

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from silo.core.elements import Derived, Table
 from silo.errors import ElementError
 from silo.judging.derived import derived_infos
-from silo.model import Derived, Table
 from silo_tui.model import derived
 from silo_tui.model import filter as filters
 from silo_tui.model.fields import Field

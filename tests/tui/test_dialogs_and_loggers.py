@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from silo.core.elements import BufferType, Entry, FileType
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
-from silo.model import BufferType, Entry, FileType
-from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.actions import COMMANDS, FILE_SCOPES, bindings_for, footer_for
 from silo_tui.model.fields import Field
 from silo_tui.screens.table import TableScreen

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from silo.model import Table
+from silo.core.elements import Table
 from silo_tui.model.changes import cost_of, groups_of
 from silo_tui.model.fields import Field
 from silo_tui.model.table import TableState

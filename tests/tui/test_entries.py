@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from silo.model import Table
+from silo.core.elements import Table
 from silo.settings.words import examples
 from silo_tui.actions import BY_WORD, COMMANDS
 from silo_tui.commands.runner import CommandRunner

@@ -6,8 +6,8 @@ import csv
 import numpy as np
 import pytest
 
+from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.errors import SiloError
-from silo.model import ElementInfo, ElementOptions, Entry
 from silo_tui.model.panels import stacked
 from silo_tui.model.plots import Plotted
 from silo_tui.screens.exporting import csv_text, export, free_name

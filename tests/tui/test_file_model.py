@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.columns import Hole, Mark, holes_of
-from silo.model import BufferType, CaptureFacts, Entry, Extras
-from silo.recording import RecordedElement, RecordedEntry, Recording
-from silo.values import newest_values
+from silo.core.arrays.columns import Hole, Mark, holes_of
+from silo.core.arrays.values import newest_values
+from silo.core.elements import BufferType, CaptureFacts, Entry, Extras
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.model.recorded import RecordingSource
 from tests.examples import examples
 

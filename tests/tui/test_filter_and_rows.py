@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.model import Action, BufferType, ElementOptions, Table
+from silo.core.elements import Action, BufferType, ElementOptions, Table
 from silo.settings.words import apply_settings
 from silo_tui.model import filter as filters
 from silo_tui.model.fields import Field, parse_change, values_of
@@ -42,7 +42,7 @@ def test_no_text_makes_the_filter_fail(text):
 
 @given(st.text(alphabet='abdisuvun:=<>!*?[]"-/ 159.', max_size=20))
 def test_filter_terms_are_total_on_a_table(text):
-    from silo.model import ElementInfo, ElementOptions, Entry
+    from silo.core.elements import ElementInfo, ElementOptions, Entry
 
     state = TableState()
     state.load(Table(1, [ElementInfo("/log/a", "Nm", "scalar", (), (Entry("", "<f8"),), ElementOptions())]))

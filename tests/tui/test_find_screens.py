@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from silo.analysis.log import Log
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.app import SiloApp
 from silo_tui.screens.file_monitor import FileMonitorScreen
 from silo_tui.sessions.recorded import FileSession

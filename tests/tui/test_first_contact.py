@@ -6,7 +6,7 @@ import msgspec
 import pytest
 from textual import events
 
-from silo.model import FileType, State
+from silo.core.elements import FileType, State
 from silo_tui.model.fields import Field
 from tests.stand_ins.fake_signals import scalar
 from tests.waiting import DEADLINE_S

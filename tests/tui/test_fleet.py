@@ -3,11 +3,11 @@
 import msgspec
 import pytest
 
+from silo.core.elements import State
 from silo.errors import RefusedError
 from silo.ipc.found import Found
 from silo.ipc.member import Member, Stands
 from silo.ipc.published import Summary
-from silo.model import State
 from silo_tui.model import fleet
 from silo_tui.model.lists import arranged
 

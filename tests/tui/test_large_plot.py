@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from silo.model import BufferType
+from silo.core.elements import BufferType
 from silo_tui.actions import commands_for
 from tests.stand_ins.fake_signals import START_NS, scalar, vector
 

@@ -9,7 +9,7 @@ import pytest
 from textual import events
 
 from silo.conditions.standing import TriggerStatus, TriggerWord
-from silo.model import TriggerOptions
+from silo.core.elements import TriggerOptions
 from silo_tui.screens.recordings import RecordingsScreen
 from silo_tui.screens.settings import SettingsScreen
 from silo_tui.screens.table import TableScreen

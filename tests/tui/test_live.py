@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from silo.model import ElementInfo, ElementOptions, Entry
+from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo_tui.model import text
 from silo_tui.model.live import Reading, entry_text, value_text
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from silo.columns import HistoryColumns
+from silo.core.arrays.columns import HistoryColumns
+from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
-from silo.model import BufferType, ElementInfo, ElementOptions, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.model.columns import ColumnStore, Piece
 from silo_tui.model.overlay import ghost_piece, overlay_of
 from silo_tui.model.plots import Plotted, PlotWindow, draw_panel, together

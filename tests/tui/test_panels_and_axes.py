@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.color import ColorSystem
 
-from silo.columns import ColumnStore
-from silo.model import ElementInfo, ElementOptions, Entry
+from silo.core.arrays.columns import ColumnStore
+from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo_tui.model import axes, braille, dots, lanes
 from silo_tui.model.columns import Piece
 from silo_tui.model.panels import first_to_show, gathered, heights, isolate, join, least_height, sides, stacked

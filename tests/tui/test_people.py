@@ -2,7 +2,7 @@
 
 import pytest
 
-from silo.model import Present
+from silo.core.elements import Present
 from silo_tui.model.people import head_words, people_words
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from silo.core.elements import RecorderState
 from silo.ipc.messages.recordings import RecorderInfo
-from silo.model import RecorderState
 from silo_tui.model.recorders import Pace, head, row
 
 SECOND = 10**9

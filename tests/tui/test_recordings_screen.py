@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from silo.conditions.standing import TriggerStatus, TriggerWord
+from silo.core.elements import BufferType, Entry, FileType, LoggedEvent, SavedFile, State, TriggerOptions
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo.errors import ConnectionLostError
 from silo.files import write
 from silo.ipc.published import EventKind
-from silo.model import BufferType, Entry, FileType, LoggedEvent, SavedFile, State, TriggerOptions
-from silo.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo_tui.screens.file_monitor import FileMonitorScreen
 from silo_tui.screens.file_table import FileTableScreen
 from silo_tui.screens.monitor import MonitorScreen

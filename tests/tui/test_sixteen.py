@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from silo.core.elements import BufferType, Entry, FileType
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
-from silo.model import BufferType, Entry, FileType
 from silo.programs.demo.robot import Robot
 from silo.programs.demo.signals import signals
-from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.model.fields import Field
 from silo_tui.model.panels import isolate
 from silo_tui.screens.file_table import FileTableScreen

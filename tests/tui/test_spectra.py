@@ -11,9 +11,9 @@ from silo.analysis.charts import ChartSpec, make_chart
 from silo.analysis.log import Log
 from silo.analysis.signals import Signal
 from silo.analysis.spectra import Spectrum, lines_of, longest_piece, peaks_of, spectrum_of
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import LogWarning
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.model import big_plot
 from silo_tui.model.pairs import histogram_of, pair_of
 

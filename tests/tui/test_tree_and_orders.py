@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from silo.core.elements import Table
 from silo.ipc.surveys import FROZEN, NOT_FINITE
-from silo.model import Table
 from silo_tui.model.facts import Facts
 from silo_tui.model.rows import RowList
 from silo_tui.model.table import TableState

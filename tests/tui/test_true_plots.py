@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Hole, Mark, bins_of, hole_mark
-from silo.model import ElementInfo, ElementOptions, Entry
+from silo.core.arrays.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Hole, Mark, bins_of, hole_mark
+from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo_tui.model import braille, dots, text
 from silo_tui.model.live import entry_text, offset_text
 from silo_tui.model.plots import Plotted, PlotWindow, draw, trend

@@ -2,9 +2,9 @@
 
 import pytest
 
-from silo import amounts
-from silo.amounts import duration, read_keep, read_seconds, read_split
 from silo.collecting.holdings import Holdings
+from silo.core import quantities
+from silo.core.quantities import duration, read_keep, read_seconds, read_split
 from silo.errors import ElementError
 from silo.judging.extras import seconds
 from silo.settings.words import read_settings
@@ -12,7 +12,7 @@ from silo.settings.words import read_settings
 
 @pytest.fixture(autouse=True)
 def _nothing_was_told(monkeypatch):
-    monkeypatch.setattr(amounts, "_told", set())
+    monkeypatch.setattr(quantities, "_told", set())
 
 
 DOORS = {

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from silo.child import PIPE, ChildProcess
+from silo.core.child import PIPE, ChildProcess
 
 pytestmark = pytest.mark.slow
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from silo.analysis.log import Log
+from silo.core.elements import Action, BufferType, FileType
 from silo.logger.logger import Logger
-from silo.model import Action, BufferType, FileType
 from silo.programs.demo.program import (
     LOOP_ELEMENTS,
     DemoOptions,

@@ -1,7 +1,7 @@
 """An entry of a vector, named as it is called in files, means its element where elements are shown."""
 
 from silo.cli.edits import of_entries
-from silo.model import ElementInfo, ElementOptions, Entry
+from silo.core.elements import ElementInfo, ElementOptions, Entry
 
 
 def element(name, *suffixes):

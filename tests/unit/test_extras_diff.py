@@ -1,6 +1,6 @@
 """What differs between derived signals, limits and triggers, in words."""
 
-from silo.model import NO_EXTRAS, Derived, Extras, FileType, SignalLimits, TriggerOptions
+from silo.core.elements import NO_EXTRAS, Derived, Extras, FileType, SignalLimits, TriggerOptions
 from silo.settings.extras_diff import diff_extras
 
 FALL = TriggerOptions("fall", "abs(base/roll) > 0.6", 5.0, 1.0)

@@ -14,9 +14,9 @@ import silo
 from silo.collecting.failures import BLOCK_WORDS, read_failures, record_failure
 from silo.collecting.scratch import fitting
 from silo.collecting.slow_reads import SlowReads
+from silo.core.elements import BufferType
+from silo.core.recording import Failures, failures_text
 from silo.errors import SourceError
-from silo.model import BufferType
-from silo.recording import Failures, failures_text
 
 
 class Mode(enum.Enum):

@@ -22,8 +22,8 @@ from silo.collecting.held import (
     trim,
 )
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.runtime import list_held, list_segments
 from silo.recovery.segments import discard, sweep_segments
-from silo.runtime import list_held, list_segments
 
 
 @pytest.fixture

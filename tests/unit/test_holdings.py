@@ -4,7 +4,7 @@ import pytest
 
 from silo.collecting.holdings import Holdings, recording_holdings, segment_holdings
 from silo.collecting.segment_reader import SegmentReader
-from silo.model import Action, BufferType
+from silo.core.elements import Action, BufferType
 
 
 @pytest.mark.parametrize("max_time", [0, 1])

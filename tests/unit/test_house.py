@@ -83,7 +83,7 @@ def test_a_copy_of_the_house_keeps_them_too(house: Path) -> None:
 DAMAGES = {
     "a renamed folder": (rename("silo/collecting", "silo/gathering"), "collecting"),
     "a renamed folder of silo_tui": (rename("silo_tui/model", "silo_tui/models"), "model"),
-    "a renamed module": (rename("silo/columns.py", "silo/minmax.py"), "columns"),
+    "a renamed module": (rename("silo/core/arrays/columns.py", "silo/minmax.py"), "columns"),
     "a folder without a storey": (add_folder("silo/extra"), "silo.extra"),
     "zenoh in collecting": (insert("silo/collecting/plan.py", "import zenoh"), "silo.collecting.plan -> zenoh"),
     "zenoh within a function": (

@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[2]
 # module -> what must not be loaded in a process that imported nothing else
 NOT_LOADED = {
     "silo": ["numpy", "zenoh", "textual", "plotext", "msgspec"],
-    "silo.model": ["numpy", "zenoh", "textual"],
-    "silo.kinds": ["numpy", "silo.collecting", "silo.files"],
+    "silo.core.elements": ["numpy", "zenoh", "textual"],
+    "silo.core.kinds": ["numpy", "silo.collecting", "silo.files"],
     "silo.files.formats": ["numpy", "silo.files.saving"],
     "silo.ipc.messages": ["numpy", "zenoh", "textual"],
     "silo.ipc.client": ["numpy", "textual", "plotext"],
@@ -26,7 +26,7 @@ NOT_LOADED = {
     "silo.collecting.run": ["zenoh", "silo.files", "silo.ipc", "silo.logger.logger"],
     "silo.files": ["zenoh", "silo.logger.logger", "silo.collecting"],
     "silo.analysis.log": ["zenoh", "silo.logger.logger", "silo.collecting"],
-    "silo.recording": ["zenoh", "silo.collecting", "silo.files"],
+    "silo.core.recording": ["zenoh", "silo.collecting", "silo.files"],
     "silo_tui.cli": ["textual", "zenoh", "numpy"],
     "silo_tui.model.table": ["textual", "zenoh"],
     "silo_tui.model.live": ["textual", "zenoh"],

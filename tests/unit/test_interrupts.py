@@ -16,7 +16,7 @@ OWNERS = {
     "collecting/held.py": {"hold"},
     "logger/current_run.py": {"replace", "_begin", "_let_go", "_let_go_of_others", "drop"},
     "logger/logger.py": {"start", "restart", "stop", "close", "_free", "_drop"},
-    "silo/runtime.py": {"open_into", "open_unfinished", "announce_segment", "withdraw_segment"},
+    "silo/core/runtime.py": {"open_into", "open_unfinished", "announce_segment", "withdraw_segment"},
 }
 
 

@@ -14,8 +14,8 @@ from silo.collecting.journal_reader import JournalReader
 from silo.collecting.journal_writer import JournalWriter
 from silo.collecting.schema import LAYOUT_VERSION, Header
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.recording import NO_FAILURES
 from silo.errors import SegmentError
-from silo.recording import NO_FAILURES
 
 LAYOUT_1 = Path(__file__).parents[1] / "data" / "layout_1.segment.gz"
 KEPT = {

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import silo
+from silo.core.elements import BufferType
+from silo.core.runtime import list_segments
 from silo.errors import SegmentError, StateError
-from silo.model import BufferType
-from silo.runtime import list_segments
 from tests.stand_ins.ticking import collect, values
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from silo.core.elements import Action, BufferType, Edit, ElementOptions
+from silo.core.runtime import list_segments
 from silo.errors import ElementError, ScriptError, SourceError, StateError
-from silo.model import Action, BufferType, Edit, ElementOptions
-from silo.runtime import list_segments
 from tests.stand_ins.ticking import collect, values
 
 ROOT = Path(__file__).resolve().parents[2]

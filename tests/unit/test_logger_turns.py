@@ -10,8 +10,8 @@ import pytest
 
 import silo
 from silo.collecting import segment
+from silo.core.elements import BufferType
 from silo.errors import StateError
-from silo.model import BufferType
 from tests.stand_ins.ticking import Robot, collect, values
 from tests.waiting import DEADLINE_S
 

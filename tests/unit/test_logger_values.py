@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import silo
+from silo.core.elements import Action
 from silo.errors import ElementError, StateError
-from silo.model import Action
 from tests.stand_ins.ticking import collect, values
 
 ROOT = Path(__file__).resolve().parents[2]

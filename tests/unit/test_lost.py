@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from silo.model import BufferType
+from silo.core.elements import BufferType
 
 
 def fill_beyond_the_memory_limit(logger):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from silo.collecting import generate, run
+from silo.core.elements import Action, BufferType
 from silo.errors import ElementError, StateError
-from silo.model import Action, BufferType
 
 DIVIDERS = [*range(2, 31), 64, 101]
 

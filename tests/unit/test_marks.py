@@ -9,7 +9,7 @@ import pytest
 
 from silo.collecting.marks import SLOT, SLOTS, TEXT_BYTES
 from silo.collecting.segment_reader import SegmentReader
-from silo.model import MARKER
+from silo.core.elements import MARKER
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from silo import runtime
+from silo.core import runtime
 from silo.helper import helper, judge_state
 from silo.helper.lanes import Lane
 from silo.ipc import session

@@ -12,7 +12,16 @@ from silo.collecting.plan import Element, TimeBuffer, make_plan, size_tiers, tim
 from silo.collecting.schema import TIME_RING
 from silo.collecting.sources import refer
 from silo.collecting.traits import Part
-from silo.model import Action, BufferType, ElementInfo, ElementOptions, Entry, LoggerOptions, buffer_size_for, join_name
+from silo.core.elements import (
+    Action,
+    BufferType,
+    ElementInfo,
+    ElementOptions,
+    Entry,
+    LoggerOptions,
+    buffer_size_for,
+    join_name,
+)
 
 LOOPING, FIXED, GROWING = BufferType.LOOPING, BufferType.FIXED, BufferType.GROWING
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from silo.core.runtime import open_own, read_own
 from silo.errors import SaveError
 from silo.files.event_log import append_events, event_log_path, newest_number, older_event_log, read_events
 from silo.files.manifest import Ledger, read_captures, written_path
 from silo.files.naming import next_run_number
-from silo.runtime import open_own, read_own
 
 
 @pytest.fixture

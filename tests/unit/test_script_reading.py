@@ -7,8 +7,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from silo.core.elements import Action, BufferType, Extras, FileType
 from silo.errors import ScriptError
-from silo.model import Action, BufferType, Extras, FileType
 from silo.settings.script import (
     MAX_PROBLEMS,
     MAX_SCRIPT_BYTES,

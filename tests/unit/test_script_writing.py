@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, Entry, FieldChange
 from silo.errors import ScriptError
-from silo.model import Action, BufferType, ElementInfo, ElementOptions, Entry, FieldChange
 from silo.settings.script import apply_script, diff_options, format_script, parse_script, read_script, write_script
 
 FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "fixtures"

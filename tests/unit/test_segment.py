@@ -16,9 +16,9 @@ from silo.collecting.keeping import kept_rows
 from silo.collecting.reasons import StopReason
 from silo.collecting.schema import TIME_RING, RingControl
 from silo.collecting.segment_reader import SegmentReader
+from silo.core.elements import Action, BufferType
+from silo.core.runtime import list_segments, runtime_dir
 from silo.errors import SegmentError
-from silo.model import Action, BufferType
-from silo.runtime import list_segments, runtime_dir
 from tests.waiting import DEADLINE_S, wait_until
 
 GROWING = BufferType.GROWING

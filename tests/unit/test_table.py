@@ -4,9 +4,18 @@ import numpy as np
 import pytest
 
 from silo.collecting.plan import Element
+from silo.core.elements import (
+    MAX_BUFFER_SIZE,
+    MAX_DIVIDER,
+    Action,
+    BufferType,
+    Edit,
+    ElementInfo,
+    ElementOptions,
+    Entry,
+)
 from silo.errors import ElementError
 from silo.logger.table import Table
-from silo.model import MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, Edit, ElementInfo, ElementOptions, Entry
 from silo.settings.rules import checked, option_problems
 
 

@@ -6,8 +6,8 @@ import time
 import numpy as np
 import pytest
 
+from silo.core.elements import BufferType
 from silo.errors import ElementError, StateError
-from silo.model import BufferType
 
 
 def collect(logger, ticks):

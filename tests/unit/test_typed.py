@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from silo.core.elements import Storage, Threads
 from silo.files.formats import SAVED_NAMES
 from silo.logger.keywords import (
     ActionWord,
@@ -20,7 +21,6 @@ from silo.logger.keywords import (
     ThreadsWord,
 )
 from silo.logger.logger import Logger
-from silo.model import Storage, Threads
 from silo.settings.rules import OPTION, OPTIONS
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -19,11 +19,11 @@ from silo.bridges.ros2.names import TRIGGER, TRIGGER_HASH, Attachment, Distribut
 from silo.bridges.ros2.pairing import Pairing
 from silo.bridges.ros2.standard import Outlet, outlets_of
 from silo.bridges.services import Call, trigger_response
+from silo.core.elements import ElementInfo
 from silo.errors import ConnectionLostError, SiloError
 from silo.ipc.lingering import releasing
 from silo.ipc.samples import Samples
 from silo.ipc.session import close
-from silo.model import ElementInfo
 
 OPEN_MS = 3000
 CALLER = "somebody in the ROS graph"  # which has no names to prove

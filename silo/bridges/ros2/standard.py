@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.bridges.messages import SECOND_NS, LiveTopic, entry_values, is_texts, live_topics
+from silo.core.arrays.wide import to_wire
+from silo.core.elements import ElementInfo
 from silo.files.ros_types import ENCAPSULATION, MessageType, Part, free_topic
-from silo.files.wide import to_wire
 from silo.ipc.samples import Samples
-from silo.model import ElementInfo
 
 Stamped = tuple[NDArray[np.int64], list[bytes]]  # time stamps, and as many messages
 STRING_TYPE = MessageType("std_msgs/msg/String", (("string", "data"),))

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.recording import masked
 from silo.files.others.message_types import MOST_VALUES, Message, Node, Number, Path, Repeated, Stamp, Text
 from silo.files.others.topics import Bad, Equal
-from silo.recording import masked
 
 Bytes = NDArray[np.uint8]
 

@@ -14,9 +14,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.recording import masked
 from silo.files.others.message_types import MOST_VALUES, Path, Wanted
 from silo.files.others.topics import Bad, Equal
-from silo.recording import masked
 
 _MOST_SIGNALS = 10_000  # of a topic: keys that are numbers themselves would be as many as messages
 _MOST_DEPTH = 50

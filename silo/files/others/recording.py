@@ -15,6 +15,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, Recording, common_axis, lazy_entry
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
 from silo.files.bag_index import Told, damage_told
@@ -25,8 +27,6 @@ from silo.files.others.message_types import Message, Path, UnknownTypeError, Wan
 from silo.files.others.sqlite_file import SqliteFile
 from silo.files.others.topics import Bad, Equal, Topic, Unpacked
 from silo.files.silo_values import file_recording
-from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, Recording, common_axis, lazy_entry
 
 _HEADER: Path = ("header", "stamp")
 _JOINTS = "sensor_msgs/msg/JointState"

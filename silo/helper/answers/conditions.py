@@ -8,10 +8,10 @@ import msgspec
 from silo.conditions import requests
 from silo.conditions.requests import Alarms, ConditionRequests, Triggers, TriggerTried
 from silo.conditions.standing import worst_first
+from silo.core.elements import SignalLimits, TriggerOptions
 from silo.helper.answers.table import Parts, must_live, relayed
 from silo.helper.events import plain
 from silo.ipc.published import EventKind
-from silo.model import SignalLimits, TriggerOptions
 from silo.rpc.declaring import Request, request_of
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn

@@ -5,6 +5,7 @@ from typing import Any
 
 import msgspec
 
+from silo.core.elements import State
 from silo.helper.events import Events
 from silo.helper.judge import Judge
 from silo.helper.mirror import LoggerSnapshot, Mirror
@@ -17,7 +18,6 @@ from silo.helper.robot import REPLY_TIMEOUT_S, Robot
 from silo.helper.saver import Saver
 from silo.helper.statistics import Surveyor
 from silo.ipc.refusals import refused_running
-from silo.model import State
 from silo.rpc.declaring import Reply, ReplyT, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked, raised
 from silo.rpc.serving import Turn

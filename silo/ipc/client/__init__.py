@@ -7,8 +7,8 @@ topic or a history is asked for.
 
 from typing import TYPE_CHECKING
 
-from silo.arguments import text
-from silo.calls import told
+from silo.core.arguments import text
+from silo.core.calls import told
 from silo.errors import ElementError
 from silo.ipc.addresses import parse_url
 from silo.ipc.client.client import Client

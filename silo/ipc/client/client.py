@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from silo.arguments import path, real, shown, switch, text, texts, whole
-from silo.calls import told_class
 from silo.conditions.requests import ConditionRequests
-from silo.display import html_table
+from silo.core.arguments import path, real, shown, switch, text, texts, whole
+from silo.core.calls import told_class
+from silo.core.elements import SavedFile, Sought
+from silo.core.printing import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SiloError
 from silo.ipc.client.leases import Held, Leases
 from silo.ipc.client.saves import Saves
@@ -33,7 +34,6 @@ from silo.ipc.messages.views import GetSurvey, OpenView, Survey
 from silo.ipc.published import Event
 from silo.ipc.senders import READ_ONLY, read_only_words, viewer_words
 from silo.ipc.words import full_name, why_silent
-from silo.model import SavedFile, Sought
 from silo.rpc.declaring import Ask, Do, ReplyT, Request
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked
 from silo.scripts.requests import TableRequests
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     import os
     from pathlib import Path
 
-    from silo.columns import HistoryColumns
+    from silo.core.arrays.columns import HistoryColumns
     from silo.ipc.samples import Pin, Samples, Stream
     from silo.ipc.topic import Topic
     from silo.ipc.view import View

@@ -5,9 +5,9 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable
 
+from silo.core.elements import SavedFile
 from silo.errors import ConnectionLostError, SaveError
 from silo.ipc.published import Event, EventKind
-from silo.model import SavedFile
 
 MAX_SAVES = 64
 

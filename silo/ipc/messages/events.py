@@ -1,8 +1,8 @@
 """The event log, and marks in it."""
 
-from silo.arguments import line, whole
-from silo.calls import told_class
-from silo.model import LoggedEvent
+from silo.core.arguments import line, whole
+from silo.core.calls import told_class
+from silo.core.elements import LoggedEvent
 from silo.rpc.declaring import Caller, Reply, ask, change
 
 

@@ -4,7 +4,7 @@ import math
 
 import msgspec
 
-from silo.model import Sought
+from silo.core.elements import Sought
 from silo.rpc.declaring import Reply, SlowAsk
 
 

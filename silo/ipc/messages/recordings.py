@@ -5,10 +5,10 @@ from typing import ClassVar
 
 import msgspec
 
-from silo.arguments import text, texts, whole
-from silo.calls import told_class
+from silo.core.arguments import text, texts, whole
+from silo.core.calls import told_class
+from silo.core.elements import Extras, FileType, RecorderState
 from silo.ipc.words import FileTypes, file_types
-from silo.model import Extras, FileType, RecorderState
 from silo.rpc.declaring import Caller, Do, Done, Lane, Reply, SlowAsk, ask, change, given
 
 
@@ -271,7 +271,7 @@ class RecordingRequests(Caller):
                 taken, 8 recordings are under way, or the system or a robot program that has ended prevents it; nothing
                 is recorded.
         """
-        from silo.amounts import read_keep, read_split
+        from silo.core.quantities import read_keep, read_split
 
         split_bytes, split_s = read_split(split)
         return self._call(

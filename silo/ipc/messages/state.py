@@ -3,10 +3,10 @@
 import enum
 from collections.abc import Callable
 
-from silo.calls import told_class
+from silo.core.calls import told_class
+from silo.core.elements import Status
 from silo.errors import RefusedError
 from silo.ipc.published import Summary
-from silo.model import Status
 from silo.rpc.declaring import Ask, Caller, Reply, ask, change
 
 

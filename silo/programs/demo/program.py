@@ -11,8 +11,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from silo.core.elements import NO_EXTRAS, Action, FileType, TriggerOptions
 from silo.logger.logger import Logger
-from silo.model import NO_EXTRAS, Action, FileType, TriggerOptions
 from silo.programs.demo.robot import Robot
 from silo.programs.demo.signals import Signal, divider_at, signals
 from silo.programs.rate import EndSignals, Rate

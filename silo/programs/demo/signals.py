@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from silo.model import Action, BufferType
+from silo.core.elements import Action, BufferType
 from silo.programs.demo.gait import JOINTS, LEGS
 from silo.programs.demo.parts import BatteryState, ContactState, DriveState
 from silo.programs.demo.robot import Robot

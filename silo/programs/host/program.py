@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from silo.core.elements import Action, FileType
 from silo.logger.logger import Logger
-from silo.model import Action, FileType
 from silo.programs.demo.program import farewell, welcome
 from silo.programs.host.probes import PROBES
 from silo.programs.host.reading import Reader

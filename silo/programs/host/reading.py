@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from silo.core.elements import Action, buffer_size_for
 from silo.logger.logger import Logger
-from silo.model import Action, buffer_size_for
 
 LIVE = Action.SAVE_AND_PUBLISH
 SAVE = Action.SAVE

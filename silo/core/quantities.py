@@ -7,7 +7,7 @@ or megabytes to others: where it was taken it is told, where it never was both m
 import logging
 import re
 
-from silo.arguments import shown
+from silo.core.arguments import shown
 from silo.errors import ElementError
 
 log = logging.getLogger("silo")

@@ -13,8 +13,8 @@ from typing import Any
 
 import msgspec
 
-from silo.arguments import line, shown
-from silo.calls import told
+from silo.core.arguments import line, shown
+from silo.core.calls import told
 from silo.errors import ElementError
 
 _XYZ = ("_x", "_y", "_z")

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import msgspec
 
-from silo.calls import ToldStruct, unknown_word
+from silo.core.calls import ToldStruct, unknown_word
 from silo.errors import ElementError
 
 MAX_DIVIDER = 2**31 - 1
@@ -126,12 +126,12 @@ class ElementInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     Attributes:
         name: the full name.
         unit: `-` for none.
-        kind: how the entries belong together (`silo.kinds`).
+        kind: how the entries belong together (`silo.core.kinds`).
         shape: that of the source, `()` for a scalar.
         entries: the scalars, as they stand in saved files.
         options: how it is logged.
         description: a line about it.
-        dtype: the fields of a NumPy structure (`silo.kinds.struct_text`), empty for all else.
+        dtype: the fields of a NumPy structure (`silo.core.kinds.struct_text`), empty for all else.
         expression: what a derived signal is computed by wherever rows are read, empty for all else.
     """
 

@@ -4,7 +4,7 @@ Column k covers the time stamps `[k, k + 1) * column_ns`, absolutely: the same s
 whoever asks and when. A column holds the smallest and the largest finite number in it, so that a spike of one sample
 always shows, and a byte of marks: whether it has NaN, +inf or -inf too, or why it has no sample at all.
 
-What a value of which type counts as a number says `silo.values`. Used by the helper process, clients, silo-tui, files
+What a value of which type counts as a number says `silo.core.arrays.values`. Used by the helper process, clients, silo-tui, files
 and charts alike; knows none of them.
 """
 
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.values import Floats, as_floats, numbers, rebased
+from silo.core.arrays.values import Floats, as_floats, numbers, rebased
 
 __all__ = ["Bins", "ColumnGrid", "ColumnStore", "Floats", "HistoryColumns", "Hole", "Mark", "Piece", "as_floats"]
 

@@ -12,10 +12,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.calls import no_attribute
-from silo.display import html_table
+from silo.core.calls import no_attribute
+from silo.core.elements import NO_EXTRAS, BufferType, Entry, Extras, LoggedEvent
+from silo.core.printing import html_table
 from silo.errors import ArgumentError
-from silo.model import NO_EXTRAS, BufferType, Entry, Extras, LoggedEvent
 
 Progress = Callable[[float], None]  # called with the share that is done, 0 to 1
 
@@ -98,7 +98,7 @@ class RecordedElement:
     Sample i of every entry belongs to time stamp `first + i * divider` of the recording: a buffer keeps either the
     first or the newest samples, so what it holds is always one unbroken run. `lost` counts the samples that fell
     due and could not be kept although the policy asked for them (memory limit). `dtype` are the fields of a NumPy
-    structure (`silo.kinds.struct_text`), empty for all else. `own_ns`, shape `(count,)`, are time stamps of its own:
+    structure (`silo.core.kinds.struct_text`), empty for all else. `own_ns`, shape `(count,)`, are time stamps of its own:
     bags of others have no ticks, `first` and `divider` say nothing of them.
     """
 

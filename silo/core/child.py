@@ -99,5 +99,5 @@ class ChildProcess:
 
 def _search() -> str:
     """Where a child looks for modules: first where this silo is."""
-    home = str(Path(__file__).resolve().parents[1])
+    home = str(Path(__file__).resolve().parents[2])
     return os.pathsep.join(dict.fromkeys([home, *os.environ.get("PYTHONPATH", "").split(os.pathsep)])).strip(os.pathsep)

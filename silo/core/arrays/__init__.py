@@ -1,0 +1,1 @@
+"""Samples as numbers and as columns of minimum and maximum: the only nouns that load NumPy."""
