@@ -41,7 +41,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         SourceError as SourceError,
         StateError as StateError,
     )
-    from silo.judging.tokens import ExpressionError as ExpressionError
+    from silo.expressions.tokens import ExpressionError as ExpressionError
     from silo.core.kinds import vector_at_position as vector_at_position
     from silo.logger.default import (
         add as add,
@@ -106,7 +106,7 @@ _HOMES = {
     "silo.logger.null": "NullLogger",
     "silo.core.recording": "Recording",
     "silo.collecting.traits": "register",
-    "silo.judging.tokens": "ExpressionError",
+    "silo.expressions.tokens": "ExpressionError",
     "silo.core.kinds": "vector_at_position",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}

@@ -9,9 +9,9 @@ from silo.analysis.expressions import RecordingJudge, narrowed
 from silo.core.elements import SignalLimits
 from silo.core.recording import Recording
 from silo.errors import ElementError
-from silo.judging.binding import bind
-from silo.judging.evaluation import FALSE, TRUE, UNOBSERVABLE
-from silo.judging.extras import bind_limits, rule_of, scalar_names
+from silo.expressions.binding import bind
+from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
+from silo.judging.definitions import bind_limits, rule_of, scalar_names
 from silo.judging.limits import Level, Limit, Violation
 
 UNCHANGED = "; nothing was changed"  # of errors that are none here

@@ -1,9 +1,9 @@
-"""What somebody types for a signal: a name, or an expression that `silo.files.judged` computes over a recording."""
+"""What somebody types for a signal: a name, or an expression that `silo.expressions.over_recordings` computes over a recording."""
 
 from collections.abc import Mapping
 
-from silo.files.judged import BATCH_TICKS, Evaluated, RecordingJudge, narrowed
-from silo.judging.binding import Bound
+from silo.expressions.binding import Bound
+from silo.expressions.over_recordings import BATCH_TICKS, Evaluated, RecordingJudge, narrowed
 
 __all__ = ["BATCH_TICKS", "Evaluated", "RecordingJudge", "is_expression", "labels_of", "narrowed"]
 

@@ -34,8 +34,8 @@ from silo.core.kinds import SCALAR
 from silo.core.printing import html_table
 from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, stamps_of
 from silo.errors import ElementError, LogWarning, SaveError, UnknownNameError
+from silo.expressions.derived_signals import bound_derived
 from silo.files.formats import writer_for
-from silo.judging.derived import bound_derived
 
 __all__ = ["Log", "LogWarning", "Signal", "UnknownSignalError"]
 

@@ -76,7 +76,7 @@ def _rule_options(command: "click.decorators.FC") -> "click.decorators.FC":
 def _made(name: str, when: str, pre: str, post: str, edge: str, rearm: str, persist: str, holdoff: str,
           mode: str = "normal", types: tuple[str, ...] = ("silo",), keep: int = 0) -> "TriggerOptions":  # fmt: skip
     from silo.core.elements import TriggerOptions
-    from silo.judging.extras import MOST_TRIGGER_S, seconds
+    from silo.judging.definitions import MOST_TRIGGER_S, seconds
 
     def given(what: str, text: str) -> float:
         try:

@@ -19,9 +19,9 @@ from silo.collecting.rows import Rows, Words
 from silo.collecting.schema import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import BufferType, Derived, ElementInfo
-from silo.judging.binding import OFF, Bound, Catalogue, Known
-from silo.judging.derived import Lookback, bound_derived, info_of, lookback
-from silo.judging.evaluation import Evaluator, SourceRows
+from silo.expressions.binding import OFF, Bound, Catalogue, Known
+from silo.expressions.derived_signals import Lookback, bound_derived, info_of, lookback
+from silo.expressions.evaluation import Evaluator, SourceRows
 
 BATCH_TICKS = 16_384  # what is computed at once stays in the cache
 MOST_KEPT = 4  # readings of one signal that may be gone on with: newest values, a plot, a stream

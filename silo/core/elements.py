@@ -155,7 +155,7 @@ class Derived(msgspec.Struct, frozen=True):
 
 
 class Sought(str, enum.Enum):
-    """What one looks for in the samples of a signal; `silo.judging.moments` has the rules."""
+    """What one looks for in the samples of a signal; `silo.expressions.search` has the rules."""
 
     HIGHEST = "highest"
     LOWEST = "lowest"

@@ -90,7 +90,7 @@ class Format(msgspec.Struct, frozen=True):
                 )
             read_whole(recording)
             if recording.extras.derived:
-                from silo.files.derived import with_derived
+                from silo.expressions.derived_samples import with_derived
 
                 recording = with_derived(recording)
             # what is read again is told of its clock then

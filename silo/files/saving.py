@@ -61,7 +61,7 @@ def write(
     paths = _paths(Path(folder), logger, chosen, name)
     recording = replace(recording, why=why) if why else recording
     if recording.extras.derived:
-        from silo.files.derived import with_derived
+        from silo.expressions.derived_samples import with_derived
 
         recording = with_derived(recording)  # once for all formats
     saved: list[SavedFile] = []

@@ -19,8 +19,8 @@ from silo.collecting.schema import SegmentSchema
 from silo.core.elements import ElementInfo, Extras, TriggerOptions
 from silo.core.runtime import process_start, runtime_dir, write_private
 from silo.errors import SegmentError
+from silo.expressions.evaluation import EvaluatorMemory
 from silo.helper.limit_judge import LimitMemory
-from silo.judging.evaluation import EvaluatorMemory
 from silo.judging.triggers import Capture, Trigger
 
 SUFFIX = ".judge"

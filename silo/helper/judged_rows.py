@@ -7,8 +7,8 @@ from silo.collecting.row_picker import RowPicker
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import BufferType, Derived, ElementInfo
-from silo.judging.binding import OFF, Bound, Catalogue, Column, Known
-from silo.judging.evaluation import SourceRows
+from silo.expressions.binding import OFF, Bound, Catalogue, Column, Known
+from silo.expressions.evaluation import SourceRows
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ class LeasedTriggers:
 
         Raises ElementError for what makes no sense beside the extras and the table of the logger.
         """
-        from silo.judging.extras import check_held, with_trigger
+        from silo.judging.definitions import check_held, with_trigger
 
         real("lease_s of a trigger", lease_s, SHORTEST_S, LONGEST_S, "s")
         with self._leased:

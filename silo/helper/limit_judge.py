@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import SignalLimits
 from silo.errors import ElementError
+from silo.expressions.binding import OFF, Bound, Column, Signal, meaning
+from silo.expressions.evaluation import Evaluator, EvaluatorMemory, SourceRows
 from silo.helper.judged_rows import JudgedRows
-from silo.judging.binding import OFF, Bound, Column, Signal, meaning
-from silo.judging.evaluation import Evaluator, EvaluatorMemory, SourceRows
-from silo.judging.extras import bind_limits, scalar_names
+from silo.judging.definitions import bind_limits, scalar_names
 from silo.judging.limits import EntryState, Level, Limit, LimitRule, Violation
 
 TELL_AGAIN_S = 1.0  # a scalar that flutters is one event in so long

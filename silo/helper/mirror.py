@@ -24,7 +24,7 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Control, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
 from silo.core.runtime import disk_room, runtime_dir, user_name
 from silo.errors import SegmentError
-from silo.judging.derived import derived_infos
+from silo.expressions.derived_signals import derived_infos
 from silo.link.handover import RunOffer
 from silo.link.robot_state import RobotState
 from silo.scripts.requests import TableReply

@@ -12,14 +12,14 @@ from silo.collecting.row_picker import STAMPS
 from silo.collecting.rows import Rows, Words, placed
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
+from silo.expressions.search import Finder, Looking
+from silo.expressions.span import HELD_PERIODS, Between, Measuring
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import Group, Picked, RingSource, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import unknown
 from silo.ipc.messages.moments import FindMoments, FoundIn, MeasureSpan, MomentsFound, SpanFacts, SpanMeasured
 from silo.ipc.messages.samples import By
-from silo.judging.between import HELD_PERIODS, Between, Measuring
-from silo.judging.moments import Finder, Looking
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 MAX_NAMES = 64

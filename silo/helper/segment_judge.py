@@ -15,14 +15,14 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.conditions.standing import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
 from silo.core.elements import ElementInfo, Extras, TriggerOptions
 from silo.errors import ElementError
+from silo.expressions.binding import Bound, meaning
+from silo.expressions.evaluation import Evaluator
 from silo.helper.judge_state import JudgeState, KeptCapture, KeptTrigger, Untold
 from silo.helper.judged_rows import JudgedRows
 from silo.helper.limit_judge import LimitJudge, LimitNews
 from silo.helper.spool import Spool, bytes_per_tick
-from silo.judging.binding import Bound, meaning
-from silo.judging.evaluation import Evaluator
-from silo.judging.extras import trigger_rule
-from silo.judging.off import trigger_conditions
+from silo.judging.definitions import trigger_rule
+from silo.judging.switched_off import trigger_conditions
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Mode, Trigger, TriggerState, longest_capture
 
 BATCH_TICKS = 2_048  # between which is looked whether there is time for more

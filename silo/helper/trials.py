@@ -9,10 +9,10 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.conditions.requests import TriggerTried
 from silo.core.elements import Derived, ElementInfo, TriggerOptions
 from silo.errors import ElementError
+from silo.expressions.evaluation import UNOBSERVABLE, Evaluator
 from silo.helper.judged_rows import JudgedRows
-from silo.judging.evaluation import UNOBSERVABLE, Evaluator
-from silo.judging.extras import trigger_rule
-from silo.judging.off import trigger_conditions
+from silo.judging.definitions import trigger_rule
+from silo.judging.switched_off import trigger_conditions
 from silo.judging.triggers import Fire, Trigger
 
 BATCH_TICKS = 16_384

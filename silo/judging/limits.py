@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from silo.core.arguments import real, shown, whole
 from silo.errors import ElementError
-from silo.judging.evaluation import TRUE
+from silo.expressions.evaluation import TRUE
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

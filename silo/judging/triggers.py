@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.errors import ElementError
-from silo.judging.evaluation import FALSE, TRUE, UNOBSERVABLE
+from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
 
 MOST_CAPTURE_BYTES = (
     256 * 2**20

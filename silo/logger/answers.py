@@ -162,8 +162,8 @@ class RobotServer(Server[Served], does=[requests, conditions, state], robot=True
             return self.state.saved_before_start
 
     def set_trigger(self, trigger: TriggerOptions, lease_s: float) -> str:
-        from silo.judging.extras import fixed_text
-        from silo.judging.off import off_problem
+        from silo.judging.definitions import fixed_text
+        from silo.judging.switched_off import off_problem
 
         logger = self.state
         known = trigger.name in {one.name for one in logger.extras.triggers}

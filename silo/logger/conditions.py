@@ -40,7 +40,7 @@ class Conditions(Configuration):
             ElementError: the name is taken, or it would be computed from itself.
             StateError: the logger is closed.
         """
-        from silo.judging.extras import with_derived
+        from silo.judging.definitions import with_derived
 
         name = text("the signal's name", name, 'log.derive("power", "joints/tau * joints/qd")')
         expression = text("expression", expression, 'log.derive("power", "joints/tau * joints/qd")')
@@ -68,7 +68,7 @@ class Conditions(Configuration):
             ElementError: there is none of that name, or another one, limits or a trigger use it; nothing was changed.
             StateError: the logger is closed.
         """
-        from silo.judging.extras import without_derived
+        from silo.judging.definitions import without_derived
 
         name = text("the signal's name", name, 'log.remove_derived("power")')
         with self._lock:
@@ -107,7 +107,7 @@ class Conditions(Configuration):
             ElementError: there is no such signal, or the bounds or a number make no sense; nothing was changed.
             ExpressionError: `when` makes no sense; the message shows the place.
         """
-        from silo.judging.extras import MOST_STALE_S, bounds_given, seconds
+        from silo.judging.definitions import MOST_STALE_S, bounds_given, seconds
 
         name = text("the signal's name", name, 'log.limit("joints/tau", (-40, -30, 30, 40))')
         when = text("when", when, 'when="controller/mode == STANCE"')
@@ -133,7 +133,7 @@ class Conditions(Configuration):
             ExpressionError: its condition makes no sense; the message shows the place.
             StateError: the logger is closed.
         """
-        from silo.judging.extras import with_limits
+        from silo.judging.definitions import with_limits
 
         if not isinstance(one, SignalLimits):
             raise ElementError(
@@ -207,7 +207,7 @@ class Conditions(Configuration):
             ElementError: a number or name makes no sense; also for a `pre` that is longer than what buffers hold, with
                 the size that would do.
         """
-        from silo.judging.extras import MOST_TRIGGER_S, seconds
+        from silo.judging.definitions import MOST_TRIGGER_S, seconds
 
         example = 'log.trigger("fall", "abs(base/roll) > 0.6")'
         name = line("the trigger's name", name, example)
@@ -244,7 +244,7 @@ class Conditions(Configuration):
             StateError: the logger is closed.
         """
         from silo.files.naming import check_name
-        from silo.judging.extras import check_held, with_trigger
+        from silo.judging.definitions import check_held, with_trigger
 
         if not isinstance(one, TriggerOptions):
             raise ElementError(
@@ -316,7 +316,7 @@ class Conditions(Configuration):
             log.warning("%s: limits are judged by the helper process, and there is none: call serve()", judged)
         if not self._extras.triggers:
             return
-        from silo.judging.extras import check_held
+        from silo.judging.definitions import check_held
 
         names = ", ".join(one.name for one in self._extras.triggers)
         if not served:
@@ -329,7 +329,7 @@ class Conditions(Configuration):
                 log.warning("trigger '%s' will capture less than it should: %s", one.name, error)
 
     def _warn_of_off(self, one: TriggerOptions) -> None:
-        from silo.judging.off import off_problem
+        from silo.judging.switched_off import off_problem
 
         problem = off_problem(one, self._table.infos, self.options.prefix, self._extras.derived)
         if problem:

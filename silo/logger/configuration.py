@@ -268,7 +268,7 @@ class Configuration(metaclass=HidesOtherNames):
 
     def _limited(self, info: ElementInfo, bounds: Sequence[float | None]) -> Extras:
         """The extras with limits of a new element. Raises ElementError."""
-        from silo.judging.extras import bounds_given, with_limits
+        from silo.judging.definitions import bounds_given, with_limits
 
         one = SignalLimits(info.name, bounds_given(info.name, bounds))
         return with_limits(self._extras, one, [*self._all_infos, info], self.options.prefix)

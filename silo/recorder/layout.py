@@ -26,7 +26,7 @@ from silo.files.bag_events import LOG_TYPE, events_topic
 from silo.files.part_facts import EVENTS_RING, PART_VERSION, PartFacts, RingFacts
 from silo.files.ros_types import STRING, Channel, MessageType, channels_of, is_text
 from silo.files.texts import presentable
-from silo.judging.extras import table_catalogue
+from silo.judging.definitions import table_catalogue
 
 
 @dataclass(frozen=True)

@@ -213,7 +213,7 @@ def extras_text(extras: Extras) -> str:
 
 def checked_extras(extras: Extras, elements: Sequence[ElementInfo], prefix: str, frequency_hz: float) -> Extras:
     """Return extras that fit a table. Raises ElementError for the first that doesn't."""
-    from silo.judging.extras import check_held, with_derived, with_limits, with_trigger
+    from silo.judging.definitions import check_held, with_derived, with_limits, with_trigger
 
     made = NO_EXTRAS
     for derived in extras.derived:

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from silo.judging.between import Between
-from silo.judging.moments import Found, Looking
+from silo.expressions.search import Found, Looking
+from silo.expressions.span import Between
 from silo_tui.model.pinned import PinReader
 
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from silo.core.elements import Derived, ElementInfo, Extras, join_name
 from silo.errors import ElementError
-from silo.judging.derived import derived_infos
-from silo.judging.extras import with_derived
+from silo.expressions.derived_signals import derived_infos
+from silo.judging.definitions import with_derived
 from silo_tui.model import text
 from silo_tui.model.table import TableState
 

@@ -1,6 +1,6 @@
 """Find the moment: which samples of a signal are what one looks for, exact to the sample. Pure functions on arrays.
 
-The rules for samples are `silo.judging.moments`: a helper process judges by the same. Triggers and markers come from
+The rules for samples are `silo.expressions.search`: a helper process judges by the same. Triggers and markers come from
 what happened.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import Sought
-from silo.judging.moments import Looking, Places, places
+from silo.expressions.search import Looking, Places, places
 from silo_tui.model.happened import in_plots, letter, words
 from silo_tui.model.source import PlotSource
 

@@ -13,8 +13,8 @@ import numpy as np
 from silo.core.arrays.columns import ColumnStore, HistoryColumns
 from silo.core.elements import ElementInfo, LoggedEvent
 from silo.errors import RefusedError, SiloError
-from silo.judging.between import Between
-from silo.judging.moments import Found, Looking
+from silo.expressions.search import Found, Looking
+from silo.expressions.span import Between
 from silo_tui.model.buffers import Buffers, PinHandle
 from silo_tui.model.live import Reading
 from silo_tui.model.pinned import PinnedSource

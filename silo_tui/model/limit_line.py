@@ -4,7 +4,7 @@ import re
 
 from silo.core.elements import SignalLimits
 from silo.errors import ElementError
-from silo.judging.extras import MOST_STALE_S, seconds
+from silo.judging.definitions import MOST_STALE_S, seconds
 
 HOW = "red low, yellow low, yellow high, red high"
 

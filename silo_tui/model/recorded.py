@@ -19,8 +19,8 @@ from silo.core.arrays.columns import Bins, ColumnGrid, HistoryColumns, Hole, gri
 from silo.core.arrays.values import newest_values, numbers
 from silo.core.elements import Action, ElementInfo, ElementOptions, LoggedEvent
 from silo.core.recording import RecordedElement, Recording
-from silo.judging.between import Between, between
-from silo.judging.moments import Found, Looking
+from silo.expressions.search import Found, Looking
+from silo.expressions.span import Between, between
 from silo_tui.model.columns import Floats, Marks
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, signs_of

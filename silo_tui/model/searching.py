@@ -9,8 +9,8 @@ import numpy as np
 from silo.core.arrays.values import newest_values
 from silo.core.elements import ElementInfo, Sought
 from silo.core.quantities import duration
-from silo.judging.between import HELD_PERIODS, NAN, Between, between
-from silo.judging.moments import Finder, Found, Looking
+from silo.expressions.search import Finder, Found, Looking
+from silo.expressions.span import HELD_PERIODS, NAN, Between, between
 from silo_tui.model.live import Reading
 from silo_tui.model.pinned import PinnedSource
 from silo_tui.model.source import PlotSource, Samples

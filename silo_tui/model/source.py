@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.columns import HistoryColumns
 from silo.core.elements import ElementInfo, LoggedEvent
-from silo.judging.between import Between
-from silo.judging.moments import Found, Looking
+from silo.expressions.search import Found, Looking
+from silo.expressions.span import Between
 
 Samples: TypeAlias = tuple[NDArray[np.int64], NDArray[Any]]  # time stamps in ns and values, both of shape `(n,)`
 

@@ -7,7 +7,7 @@ from textual.widgets import Input
 
 from silo.core.elements import Derived
 from silo.errors import ElementError, RefusedError
-from silo.judging.tokens import ExpressionError
+from silo.expressions.tokens import ExpressionError
 from silo_tui.context import Context
 from silo_tui.model import derived, text
 from silo_tui.screens.dialogs import Choice, Question

@@ -10,7 +10,7 @@ import numpy as np
 
 from silo.core.arrays.values import numbers
 from silo.core.elements import Entry
-from silo.judging.moments import Found as FoundIn
+from silo.expressions.search import Found as FoundIn
 from silo_tui.model import text
 from silo_tui.model.find import (
     EVENTS,

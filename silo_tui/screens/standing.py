@@ -11,7 +11,7 @@ from datetime import datetime
 import numpy as np
 
 from silo.errors import SiloError
-from silo.judging.between import Between
+from silo.expressions.span import Between
 from silo_tui.context import Later, SiloScreen
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import SECOND_NS, Plotted, PlotWindow

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from silo.core.arrays.columns import ColumnStore, HistoryColumns
 from silo.core.elements import BufferType
 from silo.errors import RefusedError, SiloError
-from silo.judging.between import Between
-from silo.judging.moments import Found, Looking
+from silo.expressions.search import Found, Looking
+from silo.expressions.span import Between
 from silo_tui.model import text
 from silo_tui.model.buffers import PinHandle
 from silo_tui.model.held import HeldSource

@@ -19,7 +19,7 @@ from silo.analysis.opening import open_log
 from silo.core.elements import ElementInfo, State, Status, Table
 from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, FileFormatError
-from silo.judging.extras import bind_limits, scalar_names, table_catalogue
+from silo.judging.definitions import bind_limits, scalar_names, table_catalogue
 from silo_tui.model.facts import Facts
 from silo_tui.model.file_facts import FileFacts
 from silo_tui.model.limits import Bounds4

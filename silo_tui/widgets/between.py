@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from rich.text import Text
 from textual.widgets import Static
 
-from silo.judging.between import Between
+from silo.expressions.span import Between
 from silo_tui.model import text
 from silo_tui.unforeseen import Guarded
 

@@ -16,9 +16,9 @@ import numpy as np
 import silo
 from silo.core.elements import Entry
 from silo.core.runtime import shared_memory_root
+from silo.expressions.binding import Catalogue, Known, bind
+from silo.expressions.evaluation import Evaluator, SourceRows
 from silo.ipc.client.client import Client
-from silo.judging.binding import Catalogue, Known, bind
-from silo.judging.evaluation import Evaluator, SourceRows
 
 EXPRESSIONS = (
     "abs(tau_3) > 20 and mode == 2", "diff(v) < -0.5", "rate(x)", "norm(tau)", "any(tau > 50)", "mean(x, 20ms)",

@@ -9,9 +9,9 @@ import silo
 from silo.analysis.log import Log
 from silo.core.elements import BufferType, Derived, Entry, Extras
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.expressions.derived_samples import with_derived
 from silo.files import write
 from silo.files.convert import convert
-from silo.files.derived import with_derived
 from silo.files.formats import read_recording
 from tests.files.test_silo_round_trip import mini_reader, original_stamps
 

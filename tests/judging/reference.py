@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from silo.judging.binding import OFF, Bound, Computed, Constant, Remembered, Signal, columns_of
+from silo.expressions.binding import OFF, Bound, Computed, Constant, Remembered, Signal, columns_of
 
 COMPARED = {
     "<": lambda a, b: a < b, "<=": lambda a, b: a <= b, ">": lambda a, b: a > b, ">=": lambda a, b: a >= b,

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.core.elements import Entry
+from silo.expressions.binding import OFF, Catalogue, Known, bind
+from silo.expressions.evaluation import Evaluator, EvaluatorMemory, SourceRows
 from silo.helper.judge_state import array_of, array_parts
-from silo.judging.binding import OFF, Catalogue, Known, bind
-from silo.judging.evaluation import Evaluator, EvaluatorMemory, SourceRows
 from tests.examples import examples
 from tests.judging.reference import Reference, Stream
 

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from silo.core.elements import Entry
-from silo.judging.binding import OFF, Catalogue, Constant, Known, Signal, bind
-from silo.judging.parsing import MOST_NODES, Call, Name, Operation, parse
-from silo.judging.tokens import MOST_CHARACTERS, ExpressionError
+from silo.expressions.binding import OFF, Catalogue, Constant, Known, Signal, bind
+from silo.expressions.parsing import MOST_NODES, Call, Name, Operation, parse
+from silo.expressions.tokens import MOST_CHARACTERS, ExpressionError
 
 
 def known(name, *suffixes, unit="-", dtype="<f8", labels=None, source=0):

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.core.elements import Sought
-from silo.judging.moments import Finder, Looking, places
+from silo.expressions.search import Finder, Looking, places
 
 PERIOD = 10
 floats = st.lists(st.sampled_from([0.0, 1.0, 2.5, -3.0, 7.0, math.nan, math.inf, -math.inf]), max_size=40)

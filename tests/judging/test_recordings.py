@@ -15,10 +15,10 @@ from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
 from silo.core.elements import BufferType, Derived, Entry, Extras, SignalLimits
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.expressions.tokens import ExpressionError
 from silo.files import write
 from silo.files.convert import convert
 from silo.files.formats import read_recording
-from silo.judging.tokens import ExpressionError
 from silo.settings.script import read_script, write_script
 
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from silo.judging.windows import SHORT, Window
+from silo.expressions.windows import SHORT, Window
 
 FUNCTIONS = {"min": np.nanmin, "max": np.nanmax, "mean": np.nanmean, "std": np.nanstd}
 

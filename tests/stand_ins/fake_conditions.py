@@ -11,7 +11,7 @@ from silo.core.elements import (
     join_name,
 )
 from silo.errors import ElementError
-from silo.judging.extras import with_derived, without_derived
+from silo.judging.definitions import with_derived, without_derived
 from silo.rpc.refusals import RefusedWhy
 from tests.stand_ins.fake_signals import refused
 

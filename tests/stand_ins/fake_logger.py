@@ -25,6 +25,7 @@ from silo.core.elements import (
     Table,
 )
 from silo.errors import ConnectionLostError, SiloError
+from silo.expressions.derived_signals import derived_infos
 from silo.helper.recordings import RecordingFolder
 from silo.ipc.bulk import Outcome
 from silo.ipc.member import Member
@@ -33,7 +34,6 @@ from silo.ipc.messages.state import HelloReply
 from silo.ipc.published import Event, EventKind
 from silo.ipc.senders import viewer_words
 from silo.ipc.versions import PROTOCOL
-from silo.judging.derived import derived_infos
 from silo.settings.script import format_script
 from silo.version import VERSION
 from silo_tui.sessions.finder import Found, FoundLogger

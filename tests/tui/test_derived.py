@@ -5,7 +5,7 @@ import pytest
 
 from silo.core.elements import Derived, Table
 from silo.errors import ElementError
-from silo.judging.derived import derived_infos
+from silo.expressions.derived_signals import derived_infos
 from silo_tui.model import derived
 from silo_tui.model import filter as filters
 from silo_tui.model.fields import Field

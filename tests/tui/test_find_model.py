@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.judging.between import Measuring, between
+from silo.expressions.span import Measuring, between
 from silo_tui.model.find import Search, What, neighbour, parse_crossing, places_of
 
 PERIOD = 10

@@ -44,11 +44,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from silo.core.arrays.columns import HistoryColumns
+    from silo.expressions.search import Found as FoundMoments
+    from silo.expressions.span import Between
     from silo.ipc.samples import Pin, Samples, Stream
     from silo.ipc.topic import Topic
     from silo.ipc.view import View
-    from silo.judging.between import Between
-    from silo.judging.moments import Found as FoundMoments
 
 LEASE_S = 15.0  # of control that is renewed: seven renewals, or 15 s of a link that is away
 LONGEST_LEASE_S = 24 * 3600.0

@@ -55,7 +55,7 @@ class FindMoments(SlowAsk[MomentsFound], frozen=True):
 
 
 class SpanFacts(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Facts of one name from A to B, as `silo.judging.between` has them; `why` says why there are none."""
+    """Facts of one name from A to B, as `silo.expressions.span` has them; `why` says why there are none."""
 
     name: str
     at_a: float = math.nan

@@ -1,7 +1,7 @@
 """Expressions over a recording: what `Log.eval`, `silo plot` and `silo check` compute, and derived signals in files.
 
 The judge is the same as of triggers and limits: an expression has a value at every tick where one of its signals has a
-sample, the others hold (`silo.judging.evaluation`).
+sample, the others hold (`silo.expressions.evaluation`).
 """
 
 import re
@@ -22,8 +22,8 @@ from silo.core.recording import (
     has_own_stamps,
     places_on,
 )
-from silo.judging.binding import Bound, Catalogue, Known, bind
-from silo.judging.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
+from silo.expressions.binding import Bound, Catalogue, Known, bind
+from silo.expressions.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
 
 BATCH_TICKS = 16_384  # what is computed at once stays in the cache
 

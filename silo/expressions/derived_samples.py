@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Derived, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.files.judged import RecordingJudge
-from silo.judging.binding import Bound
-from silo.judging.derived import bound_derived, entries_of, info_of
-from silo.judging.evaluation import UNOBSERVABLE
+from silo.expressions.binding import Bound
+from silo.expressions.derived_signals import bound_derived, entries_of, info_of
+from silo.expressions.evaluation import UNOBSERVABLE
+from silo.expressions.over_recordings import RecordingJudge
 
 
 def with_derived(recording: Recording) -> Recording:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from silo.core.elements import Derived, ElementInfo, TriggerOptions
-from silo.judging.binding import (
+from silo.expressions.binding import (
     OFF,
     Bound,
     Catalogue,
@@ -18,8 +18,8 @@ from silo.judging.binding import (
     bind,
     columns_of,
 )
-from silo.judging.evaluation import trailing
-from silo.judging.operations import REDUCING
+from silo.expressions.evaluation import trailing
+from silo.expressions.operations import REDUCING
 from silo.judging.triggers import Slope
 
 _KNOWN = "known "

@@ -2,7 +2,7 @@
 
 Names, numbers with units, comparison chains, `and or not`, `+ - * / % **`, the functions of `FUNCTIONS`. Everything
 else that Python knows (attributes, subscripts, keywords, lambdas, strings) is refused with its place. A tree knows no
-signals yet: `silo.judging.binding` looks names up.
+signals yet: `silo.expressions.binding` looks names up.
 """
 
 import ast
@@ -11,7 +11,7 @@ import warnings
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from silo.judging.tokens import ExpressionError, Tokens, tokens
+from silo.expressions.tokens import ExpressionError, Tokens, tokens
 
 __all__ = ["FUNCTIONS", "Call", "Comparison", "Expression", "ExpressionError", "Name", "Node", "Number", "Operation",
            "parse"]  # fmt: skip

@@ -14,9 +14,9 @@ import msgspec
 from silo.core.elements import Action, BufferType, Derived, ElementInfo, ElementOptions, Entry
 from silo.core.kinds import ARRAY, SCALAR
 from silo.errors import ElementError
-from silo.judging.binding import OFF, Bound, Catalogue, Computed, Known, Part, Remembered, bind
-from silo.judging.parsing import names_in, parse
-from silo.judging.tokens import ExpressionError
+from silo.expressions.binding import OFF, Bound, Catalogue, Computed, Known, Part, Remembered, bind
+from silo.expressions.parsing import names_in, parse
+from silo.expressions.tokens import ExpressionError
 
 NUMBER = "<f8"
 

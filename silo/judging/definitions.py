@@ -9,10 +9,10 @@ from silo.core.arguments import real, shown, whole
 from silo.core.elements import BufferType, Derived, ElementInfo, Extras, SignalLimits, TriggerOptions
 from silo.core.quantities import both_meanings, seconds_of
 from silo.errors import ElementError
-from silo.judging.binding import Bound, Catalogue, Known, bind
-from silo.judging.derived import binds, placed
+from silo.expressions.binding import Bound, Catalogue, Known, bind
+from silo.expressions.derived_signals import binds, placed
+from silo.expressions.tokens import ExpressionError
 from silo.judging.limits import LimitRule, limit_rule
-from silo.judging.tokens import ExpressionError
 from silo.judging.triggers import Held, Mode, Slope, TriggerRule, check_length, check_pre
 
 MOST_DERIVED = 200

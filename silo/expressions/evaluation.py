@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.judging.binding import OFF, Bound, Computed, Constant, Part, Remembered, Signal, columns_of
-from silo.judging.operations import OPERATIONS, REDUCING, Truth, Value, as_numbers, as_truth, columned, raw, spread
-from silo.judging.windows import Window, WindowMemory
+from silo.expressions.binding import OFF, Bound, Computed, Constant, Part, Remembered, Signal, columns_of
+from silo.expressions.operations import OPERATIONS, REDUCING, Truth, Value, as_numbers, as_truth, columned, raw, spread
+from silo.expressions.windows import Window, WindowMemory
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

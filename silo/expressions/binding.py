@@ -2,7 +2,7 @@
 
 A name is an element, a scalar of one (with its suffix), or either without the prefix, from behind any `/`; a pattern
 names several. What an element of several scalars gives is a vector. The result knows where each value stands, and is
-what `silo.judging.evaluation` computes.
+what `silo.expressions.evaluation` computes.
 """
 
 import re
@@ -13,9 +13,9 @@ from difflib import get_close_matches
 import numpy as np
 
 from silo.core import units
-from silo.judging.catalogue import OFF, Catalogue, Known
-from silo.judging.parsing import Call, Comparison, Expression, Name, Node, Number, Operation, parse
-from silo.judging.tokens import ExpressionError
+from silo.expressions.catalogue import OFF, Catalogue, Known
+from silo.expressions.parsing import Call, Comparison, Expression, Name, Node, Number, Operation, parse
+from silo.expressions.tokens import ExpressionError
 
 __all__ = [
     "OFF",
