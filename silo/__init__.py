@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
     )
     from silo.analysis.opening import open_log as open_log, open_logs as open_logs
     from silo.ipc.client import Client as Client, connect as connect, topic as topic
-    from silo.collecting.traits import register as register
+    from silo.loop.types import register as register
     from silo.errors import (
         ArgumentError as ArgumentError,
         UnknownNameError as UnknownNameError,
@@ -105,7 +105,7 @@ _HOMES = {
     ),
     "silo.logger.null": "NullLogger",
     "silo.core.recording": "Recording",
-    "silo.collecting.traits": "register",
+    "silo.loop.types": "register",
     "silo.expressions.tokens": "ExpressionError",
     "silo.core.kinds": "vector_at_position",
 }

@@ -14,19 +14,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from silo.collecting import journal_writer
-from silo.collecting.disk import Disk
-from silo.collecting.journal import Head
-from silo.collecting.journal_reader import JournalReader
-from silo.collecting.journal_writer import JournalWriter
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import BufferType
 from silo.core.recording import Recording
 from silo.errors import SegmentError
 from silo.files.formats import read_recording
 from silo.helper.recovery import recover
+from silo.journal import writer as journal_writer
+from silo.journal.disk import Disk
+from silo.journal.format import Head
+from silo.journal.reader import JournalReader
+from silo.journal.writer import JournalWriter
 from silo.logger.logger import Logger
 from silo.recovery.journals import is_journal
+from silo.segment.reader import SegmentReader
 
 SECTOR = 512
 

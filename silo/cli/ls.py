@@ -210,7 +210,7 @@ def _sweep() -> None:
 
 def _log_folders(answers: "list[Member]") -> list[str]:
     """Where loggers save, or kept journals, as far as it is known; and this folder."""
-    from silo.collecting.journal_folders import remembered_folders
+    from silo.journal.folders import remembered_folders
 
     served = [answer.status.folder for answer in answers if answer.status]
     return list(dict.fromkeys([str(Path.cwd()), *served, *map(str, remembered_folders())]))

@@ -122,7 +122,7 @@ def _settle(left: "list[Kept]", paths: Sequence[Path], single: Sequence[Path], a
 
 def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[LeftRun]]":
     """What is named by itself, and what is found: everywhere, or in the folders that are named."""
-    from silo.collecting.journal import JOURNAL_SUFFIX
+    from silo.journal.format import JOURNAL_SUFFIX
     from silo.recovery.journals import is_journal
     from silo.recovery.runs import find_all
 
@@ -141,8 +141,8 @@ def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[Left
 
 def _recording_folders(paths: Sequence[Path], single: Sequence[Path], look_in: Path) -> list[Path]:
     """Where open parts of recordings may be."""
-    from silo.collecting.journal_folders import RECORDINGS, remembered_folders
     from silo.helper.recording_folder import DEFAULT
+    from silo.journal.folders import RECORDINGS, remembered_folders
 
     named = [path for path in paths if path not in single and path.is_dir()] if paths else [look_in]
     # `log.record()` records there where nobody names a folder
@@ -190,7 +190,7 @@ def _close_parts(folders: Sequence[Path], as_json: bool) -> bool:
 
 def _known_folders() -> list[Path]:
     """Log folders in which loggers of this user kept journals."""
-    from silo.collecting.journal_folders import remembered_folders
+    from silo.journal.folders import remembered_folders
 
     return [folder for folder in remembered_folders() if folder.is_dir()]
 
@@ -230,7 +230,7 @@ def _show(stale: "Sequence[LeftRun]", as_json: bool, *, quiet: bool) -> None:
 
 
 def _say_nothing() -> None:
-    from silo.collecting.journal_folders import remembered_folders
+    from silo.journal.folders import remembered_folders
 
     click.echo("nothing to recover")
     for folder in remembered_folders():

@@ -11,8 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from silo.collecting.held import held_runs, is_due, is_live, program_of, remove
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Extras, LoggedEvent, SavedFile
 from silo.core.runtime import HELD_SUFFIX, list_held, list_segments
 from silo.errors import SegmentError, SiloError, StateError
@@ -25,6 +23,8 @@ from silo.helper.left_recordings import log_start
 from silo.helper.segment_judge import SegmentJudge
 from silo.ipc.published import EventKind
 from silo.recovery.segments import claimed
+from silo.segment.held_runs import held_runs, is_due, is_live, program_of, remove
+from silo.segment.reader import SegmentReader
 
 WHY = "the program and its helper process died"
 _OF_RECORDINGS = {kind.value for kind in (EventKind.STARTED, EventKind.RECORDING, EventKind.RECORDING_FAILED)}

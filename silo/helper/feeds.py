@@ -10,7 +10,6 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import zenoh
 
-from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.topics import matching
@@ -19,6 +18,7 @@ from silo.ipc.messages.samples import OpenStream
 from silo.ipc.messages.views import OpenView
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.segment.reader import SegmentReader
 
 LEASE_S = 6.0
 

@@ -1,7 +1,7 @@
 """The runs that recorders and the judge may still have to read: kept open here until none of them needs them any more.
 
 A run comes by the link before its first tick, or, where no helper process was there to take it, is found in the runtime
-folder, where its program left it (`silo.collecting.held`). It goes when it is not the present one and nobody needs it.
+folder, where its program left it (`silo.segment.held_runs`). It goes when it is not the present one and nobody needs it.
 """
 
 import contextlib
@@ -10,14 +10,14 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from silo.collecting.held import bound_of, bytes_of, held_name, held_runs, number_of, remove
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Extras
 from silo.core.runtime import HELD_SUFFIX, is_at, list_held, runtime_dir
 from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import HeldNow, Mirror
 from silo.ipc.published import EventKind
+from silo.segment.held_runs import bound_of, bytes_of, held_name, held_runs, number_of, remove
+from silo.segment.reader import SegmentReader
 
 
 class HeldRuns:

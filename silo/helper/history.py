@@ -1,14 +1,14 @@
 """History: past samples of some entries in columns, straight from the buffers in shared memory."""
 
-from silo.collecting.row_picker import RowPicker
-from silo.collecting.schema import TIME_RING, ElementSchema, EntrySchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, Hole, bins_of
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import RingSource, first_row
 from silo.helper.pinned_rows import PinnedRows
 from silo.ipc.messages.samples import By, Columns, GetHistory
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.segment.layout import TIME_RING, ElementSchema, EntrySchema
+from silo.segment.picking import RowPicker
+from silo.segment.reader import SegmentReader
 
 MAX_NAMES = 64
 BLOCK_BYTES = 4 * 2**20

@@ -8,18 +8,18 @@ import logging
 import threading
 from pathlib import Path
 
-from silo.collecting.disk import Disk
-from silo.collecting.journal import Head, free_name, is_written, list_journals, remove_journal, remove_journals
-from silo.collecting.journal_folders import remember_folder
-from silo.collecting.journal_writer import JournalWriter
-from silo.collecting.schema import SegmentSchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Storage
 from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.run_follower import RunFollower
 from silo.ipc.published import EventKind
+from silo.journal.disk import Disk
+from silo.journal.folders import remember_folder
+from silo.journal.format import Head, free_name, is_written, list_journals, remove_journal, remove_journals
+from silo.journal.writer import JournalWriter
+from silo.segment.layout import SegmentSchema
+from silo.segment.reader import SegmentReader
 
 PERIOD_S = 0.2
 RETRY_S = 5.0

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from silo.collecting.segment_reader import SegmentReader
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.core.elements import NO_EXTRAS, Extras, TriggerOptions
 from silo.core.runtime import runtime_dir
@@ -29,6 +28,7 @@ from silo.helper.events import Events
 from silo.helper.leased_triggers import LeasedTriggers
 from silo.helper.mirror import Mirror
 from silo.ipc.published import EventKind
+from silo.segment.reader import SegmentReader
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need

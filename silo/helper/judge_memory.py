@@ -12,7 +12,6 @@ from pathlib import Path
 
 import msgspec
 
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.runtime import list_held, list_segments
 from silo.errors import SegmentError
 from silo.files.manifest import CaptureList
@@ -29,6 +28,7 @@ from silo.helper.judge_state import (
 )
 from silo.helper.segment_judge import SegmentJudge, Step
 from silo.ipc.published import EventKind
+from silo.segment.reader import SegmentReader
 
 KEEP_S = 1.0  # how often a state is stored in which only rows are new
 SHARE = 0.05  # of the time, at most, where it is large

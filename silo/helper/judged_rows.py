@@ -3,12 +3,12 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from silo.collecting.row_picker import RowPicker
-from silo.collecting.schema import ElementSchema, EntrySchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import BufferType, Derived, ElementInfo
 from silo.expressions.binding import OFF, Bound, Catalogue, Column, Known
 from silo.expressions.evaluation import SourceRows
+from silo.segment.layout import ElementSchema, EntrySchema
+from silo.segment.picking import RowPicker
+from silo.segment.reader import SegmentReader
 
 
 @dataclass(frozen=True)

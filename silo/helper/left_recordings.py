@@ -13,8 +13,6 @@ from pathlib import Path
 
 import msgspec
 
-from silo.collecting.held import Program, held_runs, is_live, number_of
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import LoggedEvent, RecorderState
 from silo.core.runtime import RECORDERS_SUFFIX, list_segments, process_start, runtime_dir
 from silo.errors import SegmentError
@@ -22,6 +20,8 @@ from silo.files.event_log import append_events, newest_number, read_events
 from silo.helper.recorder_process import Kept, RecorderProcess, store, stored
 from silo.ipc.published import EventKind
 from silo.recovery.left import claimed_file
+from silo.segment.held_runs import Program, held_runs, is_live, number_of
+from silo.segment.reader import SegmentReader
 
 DIED = "the program ended without close(), and its helper process with it; recorded from what they left"
 MOST_LIVES = 3  # of a recorder that dies again and again

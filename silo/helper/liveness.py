@@ -5,10 +5,10 @@ What is published has a ring that carries every sample; what is only saved is wa
 
 from collections.abc import Sequence
 
-from silo.collecting.schema import ElementSchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import BufferType
 from silo.ipc.published import NotLive
+from silo.segment.layout import ElementSchema
+from silo.segment.reader import SegmentReader
 
 
 class Liveness:

@@ -6,13 +6,13 @@ That are its marks, and arrays that nobody but silo holds any more.
 import logging
 import threading
 
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.recording import unheld_text
 from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.run_follower import RunFollower
 from silo.ipc.published import EventKind
+from silo.segment.reader import SegmentReader
 
 PERIOD_S = 0.2
 MOST_UNHELD = 10  # told of by name, at once

@@ -16,18 +16,18 @@ from pathlib import Path
 
 import msgspec
 
-from silo.collecting.derived_rows import DerivedPlan, DerivedReader, derived_plan
-from silo.collecting.holdings import Holdings, Kept, kept_alike, segment_holdings
-from silo.collecting.losses import lost_samples
-from silo.collecting.schema import SegmentSchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Control, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
 from silo.core.runtime import disk_room, runtime_dir, user_name
 from silo.errors import SegmentError
 from silo.expressions.derived_signals import derived_infos
+from silo.journal.derived_rows import DerivedPlan, DerivedReader, derived_plan
+from silo.journal.holdings import Holdings, Kept, kept_alike, segment_holdings
 from silo.link.handover import RunOffer
 from silo.link.robot_state import RobotState
 from silo.scripts.requests import TableReply
+from silo.segment.layout import SegmentSchema
+from silo.segment.reader import SegmentReader
+from silo.segment.rows import lost_samples
 
 MOST_CLIENTS = 20
 FAILED_NAMES = 10  # of the status, which goes with every event

@@ -8,10 +8,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.row_picker import STAMPS
-from silo.collecting.rows import Rows, Words, placed
-from silo.collecting.schema import SegmentSchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.expressions.search import Finder, Looking
 from silo.expressions.span import HELD_PERIODS, Between, Measuring
 from silo.helper.mirror import LoggerSnapshot
@@ -21,6 +17,10 @@ from silo.helper.samples import unknown
 from silo.ipc.messages.moments import FindMoments, FoundIn, MeasureSpan, MomentsFound, SpanFacts, SpanMeasured
 from silo.ipc.messages.samples import By
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.segment.layout import SegmentSchema
+from silo.segment.picking import STAMPS
+from silo.segment.reader import SegmentReader
+from silo.segment.rows import Rows, Words, placed
 
 MAX_NAMES = 64
 MAX_MOMENTS = 10_000  # of all names together

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.keeping import most_kept
-from silo.collecting.row_picker import RowPicker
-from silo.collecting.schema import ElementSchema, EntrySchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.arrays.values import Floats, newest_values
+from silo.segment.layout import ElementSchema, EntrySchema
+from silo.segment.picking import RowPicker
+from silo.segment.reader import SegmentReader
+from silo.segment.retention import most_kept
 
 
 class NewestValues:

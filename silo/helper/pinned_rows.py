@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from silo.collecting.rows import Rows, Words
-from silo.collecting.schema import SegmentSchema
+from silo.segment.layout import SegmentSchema
+from silo.segment.rows import Rows, Words
 
 
 class PinnedRows:

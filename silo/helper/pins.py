@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silo.collecting.rows import Rows, Words
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.quantities import duration
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import Group, Picked, bounds, pick, unknown_name
@@ -21,6 +19,8 @@ from silo.ipc.keys import VIEW_ID
 from silo.ipc.messages.samples import By, OpenPin, PinOpened
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.segment.reader import SegmentReader
+from silo.segment.rows import Rows, Words
 
 LEASE_S = 30.0
 MAX_PINS = 64

@@ -11,8 +11,6 @@ from collections import OrderedDict, deque
 
 import zenoh
 
-from silo.collecting.losses import lost_samples
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Present, State
 from silo.errors import SegmentError
 from silo.helper.events import Events
@@ -27,6 +25,8 @@ from silo.helper.views import Views
 from silo.ipc import keys
 from silo.ipc.messages.views import OpenView, ViewOpened
 from silo.ipc.published import EventKind
+from silo.segment.reader import SegmentReader
+from silo.segment.rows import lost_samples
 
 IDLE_S = 0.1
 TOPIC_PERIOD_S = 0.05

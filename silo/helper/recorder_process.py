@@ -11,8 +11,6 @@ from pathlib import Path
 
 import msgspec
 
-from silo.collecting.held import Program
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.child import PIPE, ChildProcess
 from silo.core.elements import NO_EXTRAS, Extras, RecorderState
 from silo.core.runtime import write_private
@@ -28,6 +26,8 @@ from silo.recorder.orders import (
     encode,
     extras_file,
 )
+from silo.segment.held_runs import Program
+from silo.segment.reader import SegmentReader
 
 # glibc answers each large block that is freed by keeping larger ones: within 3 minutes 54 MB became 68
 HEAP = {"MALLOC_ARENA_MAX": "2", "MALLOC_MMAP_THRESHOLD_": str(2**20), "MALLOC_TRIM_THRESHOLD_": str(2**20)}

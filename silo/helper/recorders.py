@@ -18,7 +18,6 @@ from typing import Any
 
 import msgspec
 
-from silo.collecting.held import child_of, recorders_path
 from silo.core.elements import BufferType, RecorderState
 from silo.core.names import matching
 from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
@@ -34,6 +33,7 @@ from silo.ipc.messages.recordings import RecorderInfo, RecorderStarted, StartRec
 from silo.ipc.published import EventKind
 from silo.recorder.orders import CLOSED, RecordOrder
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.segment.held_runs import child_of, recorders_path
 
 MOST_RECORDERS = 8
 MOST_PATTERNS, MOST_PATTERN_LETTERS = 1000, 50_000

@@ -10,18 +10,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from silo.collecting.held import held_runs, is_due, is_live, judge_path, program_of, remove
-from silo.collecting.holdings import Holdings
-from silo.collecting.journal_reader import JournalReader
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Extras, FileType, SavedFile
 from silo.core.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
 from silo.errors import SegmentError
 from silo.helper.left_recordings import complete_recordings
 from silo.helper.recorder_process import Kept
 from silo.ipc.published import EventKind
+from silo.journal.holdings import Holdings
+from silo.journal.reader import JournalReader
 from silo.recovery.left import RECOVERED, RunReader, has_unsaved, missing, save_reader
 from silo.recovery.runs import claimed_run, let_go
+from silo.segment.held_runs import held_runs, is_due, is_live, judge_path, program_of, remove
+from silo.segment.reader import SegmentReader
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need

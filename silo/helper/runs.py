@@ -9,7 +9,6 @@ import logging
 import os
 from collections.abc import Iterable, Iterator, Sequence
 
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import State
 from silo.errors import SegmentError
 from silo.helper.events import Events
@@ -21,6 +20,7 @@ from silo.helper.recorders import Recording
 from silo.helper.robot import Robot
 from silo.link.handover import RunOffer
 from silo.link.messages import LetGo
+from silo.segment.reader import SegmentReader
 
 log = logging.getLogger("silo.helper")
 

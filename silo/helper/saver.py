@@ -6,7 +6,6 @@ import threading
 import time
 from dataclasses import dataclass
 
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Extras, SavedFile
 from silo.errors import SegmentError, SiloError
 from silo.files.saving import describe
@@ -18,6 +17,7 @@ from silo.ipc.messages.recordings import Save, SaveStarted
 from silo.ipc.published import EventKind
 from silo.link.messages import LinkSaved
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.segment.reader import SegmentReader
 
 MAX_WAITING = 4
 PROGRESS_PERIOD_S = 0.1

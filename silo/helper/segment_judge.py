@@ -9,9 +9,6 @@ from dataclasses import dataclass, field, replace
 
 import msgspec
 
-from silo.collecting.held import program_of
-from silo.collecting.schema import TIME_RING
-from silo.collecting.segment_reader import SegmentReader
 from silo.conditions.standing import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
 from silo.core.elements import ElementInfo, Extras, TriggerOptions
 from silo.errors import ElementError
@@ -24,6 +21,9 @@ from silo.helper.spool import Spool, bytes_per_tick
 from silo.judging.definitions import trigger_rule
 from silo.judging.switched_off import trigger_conditions
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Mode, Trigger, TriggerState, longest_capture
+from silo.segment.held_runs import program_of
+from silo.segment.layout import TIME_RING
+from silo.segment.reader import SegmentReader
 
 BATCH_TICKS = 2_048  # between which is looked whether there is time for more
 MOST_SPOOL_BYTES = 512 * 2**20  # of all captures that are under way, or wait to be written

@@ -5,14 +5,14 @@ import dataclasses
 import msgspec
 import numpy as np
 
-from silo.collecting.reasons import LostWhy
-from silo.collecting.rows import Rows
-from silo.collecting.schema import TIME_RING, ElementSchema, SegmentSchema
-from silo.collecting.segment_reader import SegmentReader
-from silo.collecting.snapshot import snapshot
 from silo.core.elements import BufferType, CaptureFacts, Extras, LoggedEvent, TriggerOptions
 from silo.core.recording import Failures, Recording
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, longest_capture
+from silo.segment.layout import TIME_RING, ElementSchema, SegmentSchema
+from silo.segment.reader import SegmentReader
+from silo.segment.reasons import LostWhy
+from silo.segment.rows import Rows
+from silo.segment.snapshot import snapshot
 
 
 def bytes_per_tick(schema: SegmentSchema) -> float:

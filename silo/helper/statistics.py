@@ -15,10 +15,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.row_picker import RowPicker
-from silo.collecting.rows import Rows, Words
-from silo.collecting.schema import ElementSchema, EntrySchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.arrays.columns import Floats
 from silo.core.elements import BufferType, State
 from silo.errors import SegmentError
@@ -29,6 +25,10 @@ from silo.ipc.messages.views import GetSurvey, Survey
 from silo.ipc.surveys import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.segment.layout import ElementSchema, EntrySchema
+from silo.segment.picking import RowPicker
+from silo.segment.reader import SegmentReader
+from silo.segment.rows import Rows, Words
 
 log = logging.getLogger(__name__)
 

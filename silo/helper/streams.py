@@ -9,7 +9,6 @@ import time
 import msgspec
 import zenoh
 
-from silo.collecting.segment_reader import SegmentReader
 from silo.helper.feeds import Feed, Feeds, Round
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.picking import Group, pick, unknown_name
@@ -17,6 +16,7 @@ from silo.helper.samples import MAX_NAMES, unknown
 from silo.ipc import keys
 from silo.ipc.messages.samples import OpenStream, StreamOpened
 from silo.ipc.sampled import SampledRows, StreamFrame
+from silo.segment.reader import SegmentReader
 
 MIN_PERIOD_S, MAX_PERIOD_S = 0.01, 10.0
 MAX_FRAME_BYTES = 2**20  # the rest follows at once

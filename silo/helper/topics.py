@@ -11,11 +11,11 @@ from math import prod
 
 import zenoh
 
-from silo.collecting.row_picker import Packer
-from silo.collecting.rows import stored_type
-from silo.collecting.schema import ElementSchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.ipc.keys import Root, escape
+from silo.segment.layout import ElementSchema
+from silo.segment.picking import Packer
+from silo.segment.reader import SegmentReader
+from silo.segment.rows import stored_type
 
 MAX_BATCH_BYTES = 2 * 2**20  # rows read per ring and round
 CHECK_PERIOD_S = 0.25  # how soon a new subscriber is noticed

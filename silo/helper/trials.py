@@ -4,8 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from silo.collecting.schema import TIME_RING
-from silo.collecting.segment_reader import SegmentReader
 from silo.conditions.requests import TriggerTried
 from silo.core.elements import Derived, ElementInfo, TriggerOptions
 from silo.errors import ElementError
@@ -14,6 +12,8 @@ from silo.helper.judged_rows import JudgedRows
 from silo.judging.definitions import trigger_rule
 from silo.judging.switched_off import trigger_conditions
 from silo.judging.triggers import Fire, Trigger
+from silo.segment.layout import TIME_RING
+from silo.segment.reader import SegmentReader
 
 BATCH_TICKS = 16_384
 MOST_FIRES = 1000

@@ -16,7 +16,6 @@ from pathlib import Path
 import msgspec
 import zstandard
 
-from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.spans import Span, doubled, merged, spans_text, without
 from silo.core.elements import DAMAGED, BufferType, LoggedEvent
 from silo.core.recording import Recording
@@ -29,6 +28,7 @@ from silo.files.naming import find_logs
 from silo.files.part_scan import PartScan, scan_part
 from silo.ipc.published import EventKind
 from silo.recorder.orders import CLOSED
+from silo.segment.reader import SegmentReader
 
 # what tells of a loss, once "0 lost" is taken out
 _LOSS = re.compile(

@@ -11,11 +11,6 @@ import msgspec
 import numpy as np
 import zenoh
 
-from silo.collecting.losses import lost_samples
-from silo.collecting.row_picker import RowPicker
-from silo.collecting.rows import Rows
-from silo.collecting.schema import ElementSchema, EntrySchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, bins_of
 from silo.helper.feeds import Feed, Feeds, Round
 from silo.helper.liveness import Liveness
@@ -25,6 +20,10 @@ from silo.ipc.keys import VIEW_ID, Root
 from silo.ipc.messages.views import OpenView, ViewOpened
 from silo.ipc.published import ViewFrame
 from silo.rpc.refusals import RefusedWhy
+from silo.segment.layout import ElementSchema, EntrySchema
+from silo.segment.picking import RowPicker
+from silo.segment.reader import SegmentReader
+from silo.segment.rows import Rows, lost_samples
 
 MIN_RATE_HZ, MAX_RATE_HZ = 0.1, 30.0
 MAX_VALUES = 20_000

@@ -14,14 +14,14 @@ from pathlib import Path
 
 import msgspec
 
-from silo.collecting.holdings import Holdings, segment_holdings
-from silo.collecting.journal_reader import JournalReader
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.child import PIPE, ChildProcess
 from silo.core.elements import Extras, FileType, LoggedEvent, SavedFile
 from silo.errors import SaveError, SiloError
 from silo.files import LogOfRun, PartlySavedError, write, write_run
+from silo.journal.holdings import Holdings, segment_holdings
+from silo.journal.reader import JournalReader
 from silo.recovery.left import RECOVERED, RunReader, missing
+from silo.segment.reader import SegmentReader
 
 NICER = 5
 

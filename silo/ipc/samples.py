@@ -12,7 +12,6 @@ import numpy as np
 import zenoh
 from numpy.typing import NDArray
 
-from silo.collecting.row_picker import Packer, shaped
 from silo.core.calls import told_class
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign, understood
@@ -20,6 +19,7 @@ from silo.ipc.keys import ClientId, Root
 from silo.ipc.messages.samples import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
 from silo.ipc.sampled import SampledName, SampledRows, StreamFrame
 from silo.ipc.sessions import undeclare
+from silo.segment.picking import Packer, shaped
 
 STAMP_BYTES = 16
 MAX_LAYOUTS = 8

@@ -10,8 +10,6 @@ from typing import Any, Protocol
 
 import msgspec
 
-from silo.collecting.keeping import large_text
-from silo.collecting.run import Run
 from silo.conditions import requests as conditions
 from silo.core.elements import (
     Derived,
@@ -32,11 +30,13 @@ from silo.ipc.messages.state import Unsaved
 from silo.ipc.refusals import check_revision, refused_running
 from silo.link.robot_state import RobotState
 from silo.logger.keywords import UnsavedWord
+from silo.loop.run import Run
 from silo.rpc.declaring import Reply, Request
 from silo.rpc.refusals import WHYS, RefusedWhy, RequestRefusedError, answered
 from silo.rpc.serving import Dispatch, Server, Turn
 from silo.scripts import requests
 from silo.scripts.requests import ApplyEdits, EditsApplied
+from silo.segment.retention import large_text
 from silo.settings.rules import refusal
 
 # what `Logger.start` calls it; for the program itself a start clears without asking

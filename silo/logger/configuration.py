@@ -14,11 +14,6 @@ from typing import TYPE_CHECKING, Any, SupportsIndex
 import msgspec
 from numpy.typing import DTypeLike, NDArray
 
-from silo.collecting.arena import Arena
-from silo.collecting.keeping import large_text
-from silo.collecting.plan import Element
-from silo.collecting.sources import reads
-from silo.collecting.traits import describe, kind_of, label_map
 from silo.core.arguments import line, switch, text
 from silo.core.arguments import path as file_path
 from silo.core.calls import told_class, unknown_argument
@@ -41,6 +36,11 @@ from silo.logger.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, 
 from silo.logger.options import array_layout, edits_given, element_name, new_options, string_room
 from silo.logger.other_names import HidesOtherNames, no_attribute_of, tell_of_element
 from silo.logger.table import Table
+from silo.loop.arena import Arena
+from silo.loop.plan import Element
+from silo.loop.sources import reads
+from silo.loop.types import describe, kind_of, label_map
+from silo.segment.retention import large_text
 from silo.settings.rules import refusal
 from silo.settings.words import Settings, apply_settings, rate_words, read_options
 

@@ -3,11 +3,11 @@
 import contextlib
 from typing import Protocol
 
-from silo.collecting.held import is_due, recorders_path
-from silo.collecting.run import Run
 from silo.core.elements import Extras, LoggerOptions
 from silo.core.runtime import list_held
 from silo.errors import SegmentError
+from silo.loop.run import Run
+from silo.segment.held_runs import is_due, recorders_path
 
 
 class Server(Protocol):

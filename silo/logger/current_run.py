@@ -9,13 +9,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from silo.collecting.held import bytes_of, trim
-from silo.collecting.holdings import segment_holdings
-from silo.collecting.losses import lost_samples
-from silo.collecting.run import Run
 from silo.core.elements import Extras, LoggerOptions, Storage
 from silo.errors import NoRoomError, StateError, UnsavedError
+from silo.journal.holdings import segment_holdings
 from silo.logger.unclosed import save_run
+from silo.loop.run import Run
+from silo.segment.held_runs import bytes_of, trim
+from silo.segment.rows import lost_samples
 
 log = logging.getLogger("silo")
 

@@ -9,11 +9,11 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
-from silo.collecting.marks import NO_WORDS
 from silo.core.calls import told
 from silo.logger.logger import Logger
 from silo.logger.null import NullLogger
 from silo.logger.serving import Serving
+from silo.segment.marks import NO_WORDS
 
 log = logging.getLogger("silo")
 

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any, NoReturn, SupportsIndex, overload
 
 import numpy as np
 
-from silo.collecting.keeping import kept_rows
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.calls import no_attribute
 from silo.core.elements import ElementInfo, ElementOptions, SavedFile
 from silo.errors import ArgumentError, UnknownNameError
 from silo.logger.new_values import sample_values
+from silo.segment.reader import SegmentReader
+from silo.segment.retention import kept_rows
 
 _ALL = "log[{!r}].newest is the newest value, silo.Log(log.snapshot())[{!r}].values are all"
 _NEWEST = "it is .newest"

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from silo.collecting.run import Run
 from silo.core.arguments import path, text, texts
 from silo.core.calls import told_class
 from silo.core.elements import FileType, LoggerOptions, SavedFile, State
@@ -22,6 +21,7 @@ from silo.logger.keywords import FileTypes
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_types
 from silo.logger.other_names import listed, not_deleted, not_set, with_other_names
+from silo.loop.run import Run
 
 if TYPE_CHECKING:
     from silo.logger.serving import Serving

@@ -12,10 +12,6 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from silo.collecting.clocks import nanosecond_clock
-from silo.collecting.marks import NO_WORDS, Mark, no_mark
-from silo.collecting.reasons import STOP_TEXTS, StopReason
-from silo.collecting.run import Run
 from silo.core.arguments import whole, word
 from silo.core.calls import told_class
 from silo.core.elements import DEFAULT_MAX_TIME_S, BufferType, ControlMode, GroupRole, Storage, Threads
@@ -42,7 +38,11 @@ from silo.logger.unclosed import (
     say_where_it_is,
     watch,
 )
+from silo.loop.clocks import nanosecond_clock
+from silo.loop.run import Run
 from silo.recovery.runs import look_back
+from silo.segment.marks import NO_WORDS, Mark, no_mark
+from silo.segment.reasons import STOP_TEXTS, StopReason
 
 if TYPE_CHECKING:
     from silo.logger.serving import Serving

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.keeping import kept_rows
-from silo.collecting.row_picker import Packer, shaped
-from silo.collecting.rows import Rows
-from silo.collecting.schema import ElementSchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.calls import no_attribute
 from silo.errors import ArgumentError, StateError
+from silo.segment.layout import ElementSchema
+from silo.segment.picking import Packer, shaped
+from silo.segment.reader import SegmentReader
+from silo.segment.retention import kept_rows
+from silo.segment.rows import Rows
 
 _OTHER_NAMES = {
     "value": "they are .values, oldest first; the newest alone is log['x'].newest",

@@ -18,7 +18,6 @@ from typing import Any, SupportsIndex
 import msgspec
 import numpy as np
 
-from silo.collecting.traits import MAX_ENTRIES
 from silo.core.arguments import line, path, real, shown, switch, text, whole, word
 from silo.core.elements import (
     DEFAULT_OPTIONS,
@@ -34,6 +33,7 @@ from silo.core.elements import (
 )
 from silo.core.runtime import FOLDER_GONE
 from silo.errors import ElementError, SourceError
+from silo.loop.types import MAX_ENTRIES
 from silo.settings.rules import option_problems, refusal
 from silo.settings.words import Settings, apply_settings, read_options
 

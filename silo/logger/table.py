@@ -5,9 +5,9 @@ from fnmatch import fnmatchcase
 
 import msgspec
 
-from silo.collecting.plan import Element
 from silo.core.elements import Edit, ElementInfo, ElementOptions, Problem, join_name
 from silo.errors import ElementError
+from silo.loop.plan import Element
 from silo.settings.rules import checked, edit_problems
 
 

@@ -7,11 +7,11 @@ import weakref
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from silo.collecting.holdings import segment_holdings
-from silo.collecting.journal import list_journals, remove_journal
-from silo.collecting.run import Run
 from silo.core.elements import Extras, LoggerOptions, SavedFile, Storage
 from silo.errors import SiloError
+from silo.journal.format import list_journals, remove_journal
+from silo.journal.holdings import segment_holdings
+from silo.loop.run import Run
 
 
 class Ending(Protocol):

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.rows import Rows
-from silo.collecting.schema import ORDERED_STORES, STAMP_WORDS
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import BufferType
 from silo.recorder.layout import Layout
+from silo.segment.layout import ORDERED_STORES, STAMP_WORDS
+from silo.segment.reader import SegmentReader
+from silo.segment.rows import Rows
 
 MOST_PERIOD_S, LEAST_PERIOD_S = 0.25, 0.005
 TOO_SLOW = "the disk took the rows too slowly, and the ring was overwritten before they were read"

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import msgspec
 
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import MARKER, LoggedEvent
 from silo.core.runtime import open_own, read_own
 from silo.files.event_log import decoded, event_log_path, older_event_log, read_events
+from silo.segment.reader import SegmentReader
 
 STOPPED, CRASHED = "stopped", "crashed"  # kinds: nothing of the run is told after these but what became of its files
 LAST_WORDS_S = 2.0  # how long what is told of the end of a run may take: the disk of the log may hang

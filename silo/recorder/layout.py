@@ -15,8 +15,6 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 from numpy.typing import NDArray
 
-from silo.collecting.rows import Rows
-from silo.collecting.schema import ElementSchema, SegmentSchema
 from silo.core.elements import BufferType, Extras
 from silo.core.names import matching
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
@@ -27,6 +25,8 @@ from silo.files.part_facts import EVENTS_RING, PART_VERSION, PartFacts, RingFact
 from silo.files.ros_types import STRING, Channel, MessageType, channels_of, is_text
 from silo.files.texts import presentable
 from silo.judging.definitions import table_catalogue
+from silo.segment.layout import ElementSchema, SegmentSchema
+from silo.segment.rows import Rows
 
 
 @dataclass(frozen=True)

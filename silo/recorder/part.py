@@ -11,7 +11,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.rows import Rows
 from silo.core.elements import LoggedEvent
 from silo.core.recording import RecordedElement
 from silo.files.bag import MAX_STAMP_NS, metadata_yaml, write_windows
@@ -23,6 +22,7 @@ from silo.files.part_events import event_messages
 from silo.files.part_facts import LOST_METADATA, PART_ATTACHMENT, TOTALS_METADATA, pack_part
 from silo.recorder.layout import Layout
 from silo.recovery.parts import sync_folder
+from silo.segment.rows import Rows
 
 SYNC_S, SYNC_BYTES = 5.0, 64 << 20  # how often what was written is put on the disk: a power cut loses no more
 _NAMES_TOLD = 20

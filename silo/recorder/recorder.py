@@ -17,15 +17,13 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from silo.collecting.derived_rows import with_derived
-from silo.collecting.rows import Rows
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Extras, RecorderState
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
 from silo.files.event_log import newest_number
 from silo.files.manifest import Ledger, RunEntry
 from silo.files.part_facts import EVENTS_RING
+from silo.journal.derived_rows import with_derived
 from silo.recorder.draining import DROPPED, MOST_PERIOD_S, Drain, Drained
 from silo.recorder.happening import Happening
 from silo.recorder.layout import ending, layout_of
@@ -42,6 +40,8 @@ from silo.recorder.orders import (
 )
 from silo.recorder.writing import Disk, ExtrasChange, Look, News, RunBegins, RunEnds, Settle, Writing
 from silo.recovery.parts import Closing, fewer_rows, left_rows
+from silo.segment.reader import SegmentReader
+from silo.segment.rows import Rows
 
 FLUSH_S = 0.5  # a chunk at least as often: what a kill can take
 FLUSH_BYTES = 4 << 20

@@ -16,8 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from silo.collecting.journal_folders import RECORDINGS, remember_folder
-from silo.collecting.rows import Rows
 from silo.core.elements import Extras, LoggedEvent, RecorderState
 from silo.core.runtime import disk_room
 from silo.errors import SiloError
@@ -25,12 +23,14 @@ from silo.files.atomic import reason
 from silo.files.manifest import ClosedPart, Ledger, RunEntry
 from silo.files.mcap_write import Write
 from silo.files.part_facts import EVENTS_RING
+from silo.journal.folders import RECORDINGS, remember_folder
 from silo.recorder.draining import TOO_SLOW, Drained, Loss
 from silo.recorder.happening import Happening
 from silo.recorder.layout import Layout
 from silo.recorder.orders import RecordOrder
 from silo.recorder.part import Part, stamps_fit
 from silo.recovery.parts import finished_part
+from silo.segment.rows import Rows
 
 QUEUE_BYTES = 64 << 20
 MOST_INDEX_BYTES = 16 << 20  # of a part, in memory: then the next one begins

@@ -11,8 +11,10 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from silo.collecting.holdings import segment_holdings
-from silo.collecting.journal import (
+from silo.core.elements import LoggerOptions
+from silo.core.runtime import boot_id, has_writer, is_at, lock_as_writer, open_own, pid_namespace, process_start
+from silo.errors import SegmentError, StateError
+from silo.journal.format import (
     GONE_SUFFIX,
     JOURNAL_SUFFIX,
     ROWS,
@@ -23,12 +25,10 @@ from silo.collecting.journal import (
     list_journals,
     remove_journal,
 )
-from silo.collecting.journal_reader import JournalReader, read_head
-from silo.collecting.segment_reader import SegmentReader
-from silo.core.elements import LoggerOptions
-from silo.core.runtime import boot_id, has_writer, is_at, lock_as_writer, open_own, pid_namespace, process_start
-from silo.errors import SegmentError, StateError
+from silo.journal.holdings import segment_holdings
+from silo.journal.reader import JournalReader, read_head
 from silo.recovery.left import LeftRun, SavedMeanwhileError, claimed_file
+from silo.segment.reader import SegmentReader
 
 
 def is_journal(path: str | os.PathLike[str]) -> bool:

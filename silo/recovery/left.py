@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from silo.collecting.damage import damage
-from silo.collecting.holdings import Holdings, recording_holdings
-from silo.collecting.journal_reader import JournalReader
-from silo.collecting.schema import SegmentSchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Extras, FileType, LoggedEvent, SavedFile
 from silo.core.runtime import is_at, open_own
 from silo.errors import StateError
+from silo.journal.holdings import Holdings, recording_holdings
+from silo.journal.reader import JournalReader
+from silo.segment.damage import damage
+from silo.segment.layout import SegmentSchema
+from silo.segment.reader import SegmentReader
 
 DIED = "program died"  # why its log was saved
 RECOVERED = "program died, recovered later"

@@ -5,10 +5,10 @@ import logging
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from silo.collecting.journal import JOURNAL_SUFFIX
-from silo.collecting.journal_reader import JournalReader
 from silo.core.elements import LoggerOptions
 from silo.errors import SiloError
+from silo.journal.format import JOURNAL_SUFFIX
+from silo.journal.reader import JournalReader
 from silo.recovery.journals import claimed_journal, find_stale_journals, is_journal, remove_proven, sweep_journals
 from silo.recovery.left import LeftRun, RunReader
 from silo.recovery.segments import (

@@ -9,15 +9,15 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from silo.collecting.held import hold, is_due, remove
-from silo.collecting.holdings import segment_holdings
-from silo.collecting.journal import remove_journals
-from silo.collecting.schema import Control, SegmentSchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import LoggerOptions, Storage
 from silo.core.runtime import is_at, list_segments, runtime_dir, sweep_unfinished
 from silo.errors import SegmentError, StateError
+from silo.journal.format import remove_journals
+from silo.journal.holdings import segment_holdings
 from silo.recovery.left import LeftRun, SavedMeanwhileError, has_unsaved, locked
+from silo.segment.held_runs import hold, is_due, remove
+from silo.segment.layout import Control, SegmentSchema
+from silo.segment.reader import SegmentReader
 
 
 def find_stale(folder: Path | None = None) -> list[LeftRun]:

@@ -17,9 +17,6 @@ import pytest
 
 import silo
 from silo.cli.main import EXIT_FAILED, run
-from silo.collecting.damage import damage
-from silo.collecting.schema import Control
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.runtime import open_unfinished, sweep_unfinished, unopened
 from silo.errors import SegmentError
 from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
@@ -28,6 +25,9 @@ from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.ipc.session import owner_is_gone, sweep
 from silo.recovery.segments import find_stale, sweep_segments
+from silo.segment.damage import damage
+from silo.segment.layout import Control
+from silo.segment.reader import SegmentReader
 from tests.waiting import freeze
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,7 +37,7 @@ NOBODY = 99_999_999  # more than Linux gives to any process
 STARTING = """
 import sys
 import silo
-from silo.collecting.segment import Segment
+from silo.segment.writer import Segment
 fill = Segment._fill
 def stop_within(self, *rest):
     fill(self, *rest)
@@ -539,7 +539,7 @@ def test_a_crash_tells_samples_and_seconds_not_ticks(robots, until):
 
 def test_without_room_start_says_what_recordings_of_the_dead_hold(tmp_path, new_logger, monkeypatch):
     die(tmp_path, "other")
-    monkeypatch.setattr("silo.collecting.segment.available_memory_bytes", lambda: 1000)
+    monkeypatch.setattr("silo.segment.writer.available_memory_bytes", lambda: 1000)
     logger = new_logger("arm")
     logger.array("x")
     with pytest.raises(SegmentError, match=r"a recording of programs that died hold .* run `silo recover`"):

@@ -21,12 +21,6 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from silo.cli.main import EXIT_FAILED, run
-from silo.collecting.disk import Disk
-from silo.collecting.held import held_name
-from silo.collecting.journal import Head, free_name
-from silo.collecting.journal_writer import JournalWriter
-from silo.collecting.schema import Control
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import LoggedEvent, LoggerOptions
 from silo.core.runtime import boot_id, lock_as_writer, pid_namespace
 from silo.files.event_log import append_events, event_log_path, read_events
@@ -35,9 +29,15 @@ from silo.files.part_scan import scan_part
 from silo.helper import writing
 from silo.helper.judge_state import begun_state, state_path, store_state
 from silo.helper.predecessor import PredecessorRecovery
+from silo.journal.disk import Disk
+from silo.journal.format import Head, free_name
+from silo.journal.writer import JournalWriter
 from silo.logger.logger import Logger
 from silo.recovery.left import RECOVERED, save_reader
 from silo.recovery.runs import find_all, look_back
+from silo.segment.held_runs import held_name
+from silo.segment.layout import Control
+from silo.segment.reader import SegmentReader
 from tests.examples import examples
 
 PART = (Path(__file__).parents[1] / "data/golden/read/part.mcap").read_bytes()

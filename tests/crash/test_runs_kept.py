@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 
 import silo
-from silo.collecting.held import bytes_of
 from silo.core.runtime import list_held
 from silo.errors import SegmentError, StateError
 from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.link.handover import offer_run
+from silo.segment.held_runs import bytes_of
 from tests.waiting import freeze
 
 PROGRAM = """

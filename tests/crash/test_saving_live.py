@@ -18,14 +18,14 @@ import pytest
 from numpy.typing import NDArray
 
 import silo
-from silo.collecting.schema import RingSchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import BufferType, FileType
 from silo.core.runtime import shared_memory_root
 from silo.errors import RefusedError, SaveError
 from silo.files.formats import SAVED
 from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
+from silo.segment.layout import RingSchema
+from silo.segment.reader import SegmentReader
 from tests.waiting import DEADLINE_S
 
 PROGRAM = Path(__file__).with_name("saving_robot.py")

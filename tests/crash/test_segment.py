@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from silo.collecting.schema import TIME_RING, Header
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.runtime import list_segments
 from silo.errors import SegmentError
+from silo.segment.layout import TIME_RING, Header
+from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
 
 WRITERS = Path(__file__).with_name("segment_writers.py")

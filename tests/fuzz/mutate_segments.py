@@ -15,16 +15,16 @@ from pathlib import Path
 import numpy as np
 
 import silo
-from silo.collecting.damage import damage
-from silo.collecting.holdings import segment_holdings
-from silo.collecting.losses import lost_samples
-from silo.collecting.schema import LINE_WORDS, Header
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Action, BufferType
 from silo.core.runtime import boot_id
 from silo.errors import SaveError, SegmentError
 from silo.helper.recovery import recover
+from silo.journal.holdings import segment_holdings
 from silo.recovery.segments import find_stale
+from silo.segment.damage import damage
+from silo.segment.layout import LINE_WORDS, Header
+from silo.segment.reader import SegmentReader
+from silo.segment.rows import lost_samples
 
 MEMORY_BYTES = 4 << 30  # of addresses; what is taken in good faith is far less
 SECONDS = 10  # of the processor, for one input

@@ -14,7 +14,6 @@ import msgspec
 import numpy as np
 from msgspec import inspect
 
-from silo.collecting.journal import Commit, Head
 from silo.core.elements import LoggedEvent
 from silo.files.bag_facts import RecordingFacts
 from silo.files.csv_facts import CsvFacts
@@ -27,6 +26,7 @@ from silo.helper.writing import WriteOrder, WriteReport
 from silo.ipc.messages import AnyReply
 from silo.ipc.published import Event, Summary, ViewFrame
 from silo.ipc.sampled import StreamFrame
+from silo.journal.format import Commit, Head
 from silo.link.handover import RunOffer
 from silo.link.messages import LinkMessage
 from silo.recorder.orders import Command, RecordOrder, Report

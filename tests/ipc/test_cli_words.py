@@ -17,7 +17,7 @@ from silo.settings.words import Change, Settings, apply_settings, read_settings
 from tests.waiting import DEADLINE_S
 
 NAMES = ["/log/base/pose", "/log/base/twist", "/log/legs/LF/torque", "/log/legs/RF/torque", "/log/legs/RF/contact"]
-HEAVY = ("numpy", "textual", "plotext", "silo.logger.logger", "silo.collecting.segment_reader")
+HEAVY = ("numpy", "textual", "plotext", "silo.logger.logger", "silo.segment.reader")
 
 
 def names_of(*patterns: str) -> list[str]:

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import silo
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import FileType, Table
 from silo.helper.mirror import sharing
 from silo.helper.writing import WriteOrder
+from silo.segment.reader import SegmentReader
 
 pytestmark = pytest.mark.slow
 

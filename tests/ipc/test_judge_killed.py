@@ -13,7 +13,6 @@ import pytest
 
 import silo
 from silo.cli.main import run as silo_run
-from silo.collecting.held import Program
 from silo.conditions.standing import TriggerWord
 from silo.core.runtime import boot_id, list_held, pid_namespace, process_start
 from silo.errors import ConnectionLostError, LogWarning
@@ -23,6 +22,7 @@ from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind
 from silo.logger import serving
 from silo.logger.helper_process import HelperProcess
+from silo.segment.held_runs import Program
 from tests.waiting import answered, freeze, wait_until
 
 

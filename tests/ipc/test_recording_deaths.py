@@ -16,13 +16,13 @@ import pytest
 
 from silo.analysis.opening import open_log
 from silo.cli.main import run
-from silo.collecting.held import held_runs, recorders_path
 from silo.core.elements import RecorderState
 from silo.core.runtime import list_held, list_segments, runtime_dir
 from silo.files.bag_read import read_bag
 from silo.files.manifest import read_written
 from silo.helper.recorder_process import stored
 from silo.ipc.client.client import Client
+from silo.segment.held_runs import held_runs, recorders_path
 from tests.waiting import answered, freeze, wait_until
 
 pytestmark = pytest.mark.slow
@@ -190,7 +190,7 @@ def test_what_did_not_fit_is_a_gap_in_the_file_in_the_totals_and_in_the_events(b
     bench.ticks(300)
     freeze_recorders(client)
     bench.ticks(200)
-    monkeypatch.setattr("silo.collecting.held.HELD_RUNS", 1)
+    monkeypatch.setattr("silo.segment.held_runs.HELD_RUNS", 1)
     for _ in range(3):
         bench.logger.restart()
         bench.ticks(100)

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import silo
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Action, BufferType, LoggerOptions, Table
 from silo.helper import pins as pins_module
 from silo.helper.mirror import LoggerSnapshot
@@ -17,6 +16,7 @@ from silo.helper.samples import check_samples, samples
 from silo.ipc.messages.samples import By, GetSamples, OpenPin, SampleRows
 from silo.ipc.samples import Gathering
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
+from silo.segment.reader import SegmentReader
 from tests.examples import examples
 
 NAMES = ["/log/a", "/log/b", "/log/b_y", "/log/c", "/log/d", "/log/e"]

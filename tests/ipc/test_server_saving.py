@@ -7,7 +7,6 @@ import msgspec
 import pytest
 
 import silo
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import FileType
 from silo.errors import SaveError
 from silo.helper import writing
@@ -16,6 +15,7 @@ from silo.helper.saver import Saver
 from silo.helper.writing import WriteOrder, WriteReport, write_log
 from silo.ipc.messages.recordings import Save
 from silo.logger.answers import robot_state
+from silo.segment.reader import SegmentReader
 
 pytestmark = pytest.mark.slow
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import silo
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.arrays.columns import ColumnGrid, ColumnStore, Hole, Mark, holes_of
 from silo.core.elements import BufferType, Edit, ElementOptions
 from silo.helper.history import _fill
 from silo.ipc.client.client import Client
 from silo.ipc.messages.samples import GetHistory
+from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow

@@ -9,8 +9,6 @@ import pytest
 
 import silo
 from silo.cli.main import EXIT_FAILED, EXIT_USAGE, run
-from silo.collecting.holdings import segment_holdings
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Edit, ElementOptions, State
 from silo.errors import GoesOnError, RefusedError
 from silo.files.event_log import read_events
@@ -20,8 +18,10 @@ from silo.ipc.messages import Stop
 from silo.ipc.messages.views import OpenView
 from silo.ipc.published import EventKind
 from silo.ipc.session import MAX_MESSAGE_BYTES, close, open_client
+from silo.journal.holdings import segment_holdings
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import ApplyEdits
+from silo.segment.reader import SegmentReader
 from tests.waiting import DEADLINE_S, freeze, wait_until
 
 

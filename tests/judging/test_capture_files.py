@@ -9,7 +9,6 @@ import msgspec
 import pytest
 
 import silo
-from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError
 from silo.files import naming
 from silo.files.atomic import claimed, sweep_parts
@@ -19,6 +18,7 @@ from silo.helper.capture_files import write_capture
 from silo.helper.capture_recovery import recover_captures
 from silo.helper.judge_state import KeptCapture, state_path, store_state
 from silo.helper.segment_judge import SegmentJudge
+from silo.segment.reader import SegmentReader
 
 LONG_S = 1.0  # what the first one waits for may never come: then it goes on
 

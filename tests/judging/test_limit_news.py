@@ -3,9 +3,9 @@
 import pytest
 
 import silo
-from silo.collecting.segment_reader import SegmentReader
 from silo.helper import limit_judge
 from silo.helper.segment_judge import SegmentJudge
+from silo.segment.reader import SegmentReader
 
 JOINTS = 45
 

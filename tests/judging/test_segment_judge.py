@@ -8,9 +8,9 @@ import pytest
 
 import silo
 import silo.core.elements
-from silo.collecting.segment_reader import SegmentReader
 from silo.helper.segment_judge import MOST_SPOOL_BYTES, SegmentJudge
 from silo.helper.trials import try_trigger
+from silo.segment.reader import SegmentReader
 
 
 class Robot:

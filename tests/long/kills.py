@@ -51,9 +51,9 @@ from truth import (
     new_page,
 )
 
-from silo.collecting.journal import journals_of
-from silo.collecting.segment_reader import SegmentReader
+from silo.journal.format import journals_of
 from silo.recovery.journals import find_stale_journals
+from silo.segment.reader import SegmentReader
 
 VICTIMS = ("robot", "both", "early")
 MOMENTS = {"running": RUNNING, "starting": STARTING, "restarting": RESTARTING, "saving": SAVING}

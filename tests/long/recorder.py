@@ -187,8 +187,8 @@ def phases(options: argparse.Namespace, folder: Path, robot: int, helper: int) -
 
 def last_tick(robot: int) -> int:
     """How many ticks the robot program has logged."""
-    from silo.collecting.segment_reader import SegmentReader
     from silo.core.runtime import list_segments
+    from silo.segment.reader import SegmentReader
 
     (path,) = [path for path in list_segments() if f".{robot}." in path.name]
     reader = SegmentReader(path)

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 import silo
 from silo.analysis.log import Log
-from silo.collecting.derived_rows import DerivedReader, derived_plan
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import BufferType, Derived
+from silo.journal.derived_rows import DerivedReader, derived_plan
+from silo.segment.reader import SegmentReader
 from tests.examples import examples
 
 TICKS = 300

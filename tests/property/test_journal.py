@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.collecting.disk import Disk
-from silo.collecting.holdings import recording_holdings, segment_holdings
-from silo.collecting.journal import Head
-from silo.collecting.journal_reader import JournalReader
-from silo.collecting.journal_writer import JournalWriter
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import BufferType
 from silo.errors import SegmentError
 from silo.files.formats import read_recording
 from silo.helper.recovery import recover
+from silo.journal.disk import Disk
+from silo.journal.format import Head
+from silo.journal.holdings import recording_holdings, segment_holdings
+from silo.journal.reader import JournalReader
+from silo.journal.writer import JournalWriter
 from silo.logger.logger import Logger
+from silo.segment.reader import SegmentReader
 from tests.examples import examples
 from tests.power_cuts import RecordingDisk, check, logged_to_journal, replay
 
@@ -151,6 +151,6 @@ def test_only_what_is_known_is_said_of_what_is_missing(stopped, tmp_path, monkey
     else:
         assert text.startswith("its journal was durable to tick 5; what was collected after that tick, if anything, ")
         assert text.endswith("is gone (it was deleted)")
-        monkeypatch.setattr("silo.collecting.journal_reader.boot_id", lambda: "after a power cut")
+        monkeypatch.setattr("silo.journal.reader.boot_id", lambda: "after a power cut")
         text = JournalReader(tmp_path / "run.journal").proven_text
         assert text.endswith("is gone (the computer was started anew)")

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.collecting.row_picker import STAMPS, Packer, RowPicker, shaped
-from silo.collecting.rows import Rows
-from silo.collecting.schema import EntrySchema, RingSchema
 from silo.core.arrays.values import as_floats
 from silo.core.elements import BufferType, Entry
+from silo.segment.layout import EntrySchema, RingSchema
+from silo.segment.picking import STAMPS, Packer, RowPicker, shaped
+from silo.segment.rows import Rows
 
 TYPES = ("<f8", "<f4", "<i8", "<u2", "|i1", "|b1", "<c16", "|S5", "<U3", "<f2")
 

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as numpy_st
 
-from silo.collecting.sources import refer
-from silo.collecting.traits import Part, entry_of, kind_of
+from silo.loop.sources import refer
+from silo.loop.types import Part, entry_of, kind_of
 
 numbers = st.one_of(
     numpy_st.boolean_dtypes(),

@@ -13,7 +13,6 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import RecorderState
 from silo.core.recording import Recording
 from silo.files.manifest import Ledger
@@ -32,6 +31,7 @@ from silo.recorder.orders import (
     extras_file,
 )
 from silo.recorder.writing import Disk, Look, RunBegins, RunEnds, Totals, Writing
+from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
 
 STEP_NS = 1_000_003

@@ -10,7 +10,6 @@ import pytest
 
 import silo
 from silo.cli.main import run
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import LoggedEvent
 from silo.files.event_log import append_events, event_log_path
 from silo.files.manifest import CaptureEntry, CaptureList
@@ -18,6 +17,7 @@ from silo.helper.capture_files import write_capture
 from silo.helper.segment_judge import SegmentJudge
 from silo.helper.verifying import verify
 from silo.recorder.orders import RecordOrder
+from silo.segment.reader import SegmentReader
 
 
 class Kept:

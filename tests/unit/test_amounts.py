@@ -2,10 +2,10 @@
 
 import pytest
 
-from silo.collecting.holdings import Holdings
 from silo.core import quantities
 from silo.core.quantities import duration, read_keep, read_seconds, read_split
 from silo.errors import ElementError
+from silo.journal.holdings import Holdings
 from silo.judging.definitions import seconds
 from silo.settings.words import read_settings
 

@@ -10,7 +10,7 @@ import tempfile
 import pytest
 
 import silo
-from silo.collecting import generate
+from silo.loop import generated_code
 from tests.stand_ins.ticking import Robot
 
 GOLDEN = pathlib.Path(__file__).parent.parent / "data" / "collect.txt"
@@ -25,11 +25,13 @@ TABLES = {
 def texts(monkeypatch, folder):
     """The text of `collect()` of each table, with arrays of silo's own and attributes."""
     found = {}
-    compiled = generate._compiled
+    compiled = generated_code._compiled
     for name, rows in TABLES.items():
         for threads in ("single", "serialized"):
             monkeypatch.setattr(
-                generate, "_compiled", lambda text, key=(name, threads): found.setdefault(key, text) and compiled(text)
+                generated_code,
+                "_compiled",
+                lambda text, key=(name, threads): found.setdefault(key, text) and compiled(text),
             )
             logger = silo.Logger("text", folder=folder, script=folder / "none.yaml", max_time=0, threads=threads)
             robot = Robot(mode=1, x=0.5)
@@ -42,7 +44,7 @@ def texts(monkeypatch, folder):
     return "".join(f"# {name}, {threads}\n{text}\n" for (name, threads), text in found.items())
 
 
-@pytest.mark.skipif(not generate.ORDERED_STORES, reason="one line more where stores are reordered")
+@pytest.mark.skipif(not generated_code.ORDERED_STORES, reason="one line more where stores are reordered")
 def test_the_text_of_collect_is_what_it_was(monkeypatch, tmp_path):
     assert texts(monkeypatch, tmp_path) == GOLDEN.read_text()
 

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import silo
-from silo.collecting.failures import BLOCK_WORDS, read_failures, record_failure
-from silo.collecting.scratch import fitting
-from silo.collecting.slow_reads import SlowReads
 from silo.core.elements import BufferType
 from silo.core.recording import Failures, failures_text
 from silo.errors import SourceError
+from silo.loop.scratch import fitting
+from silo.loop.slow_reads import SlowReads
+from silo.segment.failures import BLOCK_WORDS, read_failures, record_failure
 
 
 class Mode(enum.Enum):

@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from silo.collecting import held
-from silo.collecting.held import (
+from silo.core.runtime import list_held, list_segments
+from silo.recovery.segments import discard, sweep_segments
+from silo.segment import held_runs as held
+from silo.segment.held_runs import (
     Bound,
     Program,
     child_of,
@@ -21,9 +23,7 @@ from silo.collecting.held import (
     recorders_path,
     trim,
 )
-from silo.collecting.segment_reader import SegmentReader
-from silo.core.runtime import list_held, list_segments
-from silo.recovery.segments import discard, sweep_segments
+from silo.segment.reader import SegmentReader
 
 
 @pytest.fixture

@@ -2,9 +2,9 @@
 
 import pytest
 
-from silo.collecting.holdings import Holdings, recording_holdings, segment_holdings
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Action, BufferType
+from silo.journal.holdings import Holdings, recording_holdings, segment_holdings
+from silo.segment.reader import SegmentReader
 
 
 @pytest.mark.parametrize("max_time", [0, 1])

@@ -85,7 +85,7 @@ DAMAGES = {
     "a renamed folder of silo_tui": (rename("silo_tui/model", "silo_tui/models"), "model"),
     "a renamed module": (rename("silo/core/arrays/columns.py", "silo/minmax.py"), "columns"),
     "a folder without a storey": (add_folder("silo/extra"), "silo.extra"),
-    "zenoh in collecting": (insert("silo/collecting/plan.py", "import zenoh"), "silo.collecting.plan -> zenoh"),
+    "zenoh in collecting": (insert("silo/loop/plan.py", "import zenoh"), "silo.loop.plan -> zenoh"),
     "zenoh within a function": (
         insert("silo/files/saving.py", "def f() -> None:\n    import zenoh"),
         "silo.files.saving -> zenoh",
@@ -98,7 +98,7 @@ DAMAGES = {
         insert("silo/files/saving.py", "if TYPE_CHECKING:\n    from silo.logger.logger import Logger"),
         "silo.files.saving -> silo.logger.logger",
     ),
-    "the public names": (insert("silo/collecting/plan.py", "from silo import Logger"), "silo.collecting.plan -> silo"),
+    "the public names": (insert("silo/loop/plan.py", "from silo import Logger"), "silo.loop.plan -> silo"),
     "a terminal": (insert("silo/cli/watch.py", "import silo_tui.app"), "silo.cli.watch -> silo_tui.app"),
     "the helper within the robot program": (
         insert("silo/logger/table.py", "import silo.helper.mirror"),

@@ -23,7 +23,7 @@ NOT_LOADED = {
     "silo.ipc.client": ["numpy", "textual", "plotext"],
     "silo.cli": ["numpy", "zenoh", "textual", "plotext", "silo_tui"],
     "silo.logger.logger": ["zenoh", "textual", "plotext", "silo.files", "silo.logger.serving", "silo_tui", "yaml"],
-    "silo.collecting.run": ["zenoh", "silo.files", "silo.ipc", "silo.logger.logger"],
+    "silo.loop.run": ["zenoh", "silo.files", "silo.ipc", "silo.logger.logger"],
     "silo.files": ["zenoh", "silo.logger.logger", "silo.collecting"],
     "silo.analysis.log": ["zenoh", "silo.logger.logger", "silo.collecting"],
     "silo.core.recording": ["zenoh", "silo.collecting", "silo.files"],

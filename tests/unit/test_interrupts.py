@@ -96,7 +96,7 @@ def test_an_interrupt_anywhere_leaves_no_file_and_no_descriptor_after_close(tmp_
 def test_an_interrupt_anywhere_in_a_tick_is_one_and_the_next_tick_goes_on(
     tmp_path, monkeypatch, dividers, kind, threads
 ):
-    monkeypatch.setattr("silo.collecting.segment.CHUNK_BYTES", 8192)  # growing: some rows per chunk
+    monkeypatch.setattr("silo.segment.writer.CHUNK_BYTES", 8192)  # growing: some rows per chunk
     logger = silo.Logger("test", threads=threads, folder=tmp_path, script=tmp_path / "none.yaml", max_time=0)
     robot = Robot(tick=0)
     x = logger.array("x", 98, np.int64, buffer_type=kind, buffer_size=500)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from silo.collecting.journal_folders import KEPT_S, remember_folder, remembered_folders
+from silo.journal.folders import KEPT_S, remember_folder, remembered_folders
 
 
 @pytest.fixture

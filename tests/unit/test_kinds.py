@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from silo.collecting.sources import refer
-from silo.collecting.traits import Part, kind_of
 from silo.core import kinds
 from silo.core.elements import BufferType, Entry
 from silo.core.kinds import KINDS, Kind, Message, kind_given, regroup, struct_fields, struct_text
 from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import ElementError
 from silo.files.ros_types import channels_of
+from silo.loop.sources import refer
+from silo.loop.types import Part, kind_of
 
 GIVEN = [name for kind in KINDS for name in kind.orders] + [kinds.vector_at_position("a_frame_b", "c")]
 

@@ -8,14 +8,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from silo.collecting.disk import Disk
-from silo.collecting.journal import Head
-from silo.collecting.journal_reader import JournalReader
-from silo.collecting.journal_writer import JournalWriter
-from silo.collecting.schema import LAYOUT_VERSION, Header
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.recording import NO_FAILURES
 from silo.errors import SegmentError
+from silo.journal.disk import Disk
+from silo.journal.format import Head
+from silo.journal.reader import JournalReader
+from silo.journal.writer import JournalWriter
+from silo.segment.layout import LAYOUT_VERSION, Header
+from silo.segment.reader import SegmentReader
 
 LAYOUT_1 = Path(__file__).parents[1] / "data" / "layout_1.segment.gz"
 KEPT = {

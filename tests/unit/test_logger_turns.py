@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import silo
-from silo.collecting import segment
 from silo.core.elements import BufferType
 from silo.errors import StateError
+from silo.segment import writer
 from tests.stand_ins.ticking import Robot, collect, values
 from tests.waiting import DEADLINE_S
 
@@ -104,7 +104,7 @@ def test_a_tick_that_is_interrupted_is_logged_wholly_or_not_at_all(new_logger, m
             raise interrupt
         return robot.tick
 
-    monkeypatch.setattr(segment, "CHUNK_BYTES", 8192)  # growing: ten rows per chunk
+    monkeypatch.setattr(writer, "CHUNK_BYTES", 8192)  # growing: ten rows per chunk
     x = logger.array("x", 98, np.int64, buffer_type=kind, buffer_size=7)
     for divider in dividers:
         read = interrupted if divider == dividers[-1] else lambda: robot.tick

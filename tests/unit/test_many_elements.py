@@ -7,9 +7,9 @@ import weakref
 import numpy as np
 import pytest
 
-from silo.collecting import generate, run
 from silo.core.elements import Action, BufferType
 from silo.errors import ElementError, StateError
+from silo.loop import generated_code, run
 
 DIVIDERS = [*range(2, 31), 64, 101]
 
@@ -35,8 +35,8 @@ def counted(monkeypatch):
         return call
 
     monkeypatch.setattr(run, "make_plan", counting("laid out", lay_out))
-    monkeypatch.setattr(generate, "compile", counting("compiled", make_code), raising=False)
-    generate._compiled.cache_clear()
+    monkeypatch.setattr(generated_code, "compile", counting("compiled", make_code), raising=False)
+    generated_code._compiled.cache_clear()
     return counts
 
 

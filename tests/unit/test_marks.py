@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from silo.collecting.marks import SLOT, SLOTS, TEXT_BYTES
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import MARKER
+from silo.segment.marks import SLOT, SLOTS, TEXT_BYTES
+from silo.segment.reader import SegmentReader
 
 
 @pytest.fixture

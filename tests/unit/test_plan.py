@@ -8,10 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.collecting.plan import Element, TimeBuffer, make_plan, size_tiers, time_buffer
-from silo.collecting.schema import TIME_RING
-from silo.collecting.sources import refer
-from silo.collecting.traits import Part
 from silo.core.elements import (
     Action,
     BufferType,
@@ -22,6 +18,10 @@ from silo.core.elements import (
     buffer_size_for,
     join_name,
 )
+from silo.loop.plan import Element, TimeBuffer, make_plan, size_tiers, time_buffer
+from silo.loop.sources import refer
+from silo.loop.types import Part
+from silo.segment.layout import TIME_RING
 
 LOOPING, FIXED, GROWING = BufferType.LOOPING, BufferType.FIXED, BufferType.GROWING
 

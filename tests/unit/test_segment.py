@@ -11,14 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from silo.collecting import generate, segment, segment_reader
-from silo.collecting.keeping import kept_rows
-from silo.collecting.reasons import StopReason
-from silo.collecting.schema import TIME_RING, RingControl
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import Action, BufferType
 from silo.core.runtime import list_segments, runtime_dir
 from silo.errors import SegmentError
+from silo.loop import generated_code
+from silo.segment import reader as segment_reader
+from silo.segment import writer as segment
+from silo.segment.layout import TIME_RING, RingControl
+from silo.segment.reader import SegmentReader
+from silo.segment.reasons import StopReason
+from silo.segment.retention import kept_rows
 from tests.waiting import DEADLINE_S, wait_until
 
 GROWING = BufferType.GROWING
@@ -408,7 +410,7 @@ def test_every_sample_of_a_published_element_passes_its_live_ring(new_logger, ki
 @pytest.fixture
 def weak_memory(monkeypatch):
     """As on ARM, where a row may become visible after its head."""
-    monkeypatch.setattr(generate, "ORDERED_STORES", False)
+    monkeypatch.setattr(generated_code, "ORDERED_STORES", False)
     monkeypatch.setattr(segment_reader, "ORDERED_STORES", False)
     monkeypatch.setattr(segment_reader, "UNSAFE_ROWS", 2)
 
@@ -468,7 +470,7 @@ def test_a_start_that_is_interrupted_leaves_no_segment_and_no_open_file(new_logg
     gc.collect()
     before = len(list(Path("/proc/self/fd").iterdir())), logger.segment_path
     with monkeypatch.context() as patch:
-        patch.setattr(f"silo.collecting.run.{failing}", interrupted)
+        patch.setattr(f"silo.loop.run.{failing}", interrupted)
         for _ in range(3):
             with pytest.raises(KeyboardInterrupt):
                 logger.start()

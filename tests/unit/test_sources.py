@@ -9,8 +9,8 @@ import os
 import numpy as np
 import pytest
 
-from silo.collecting.run import addresses_work
 from silo.errors import ElementError, SourceError
+from silo.loop.run import addresses_work
 from tests.stand_ins.ticking import Robot, warnings_of
 
 # -------------------------------------------------------------------------------------------------- by reference
@@ -342,7 +342,7 @@ def test_a_function_is_named_after_itself(new_logger):
 
 
 def test_when_addresses_do_not_work_variables_are_copied_by_numpy(new_logger, monkeypatch, caplog):
-    monkeypatch.setattr("silo.collecting.run.addresses_work", lambda plan: False)
+    monkeypatch.setattr("silo.loop.run.addresses_work", lambda plan: False)
     x = np.array([1.0, 2.0], ">f8")
     logger = new_logger()
     logger.add(x, "x")
@@ -353,7 +353,7 @@ def test_when_addresses_do_not_work_variables_are_copied_by_numpy(new_logger, mo
 
 
 def test_the_self_test_finds_an_address_that_is_wrong(new_logger, monkeypatch):
-    monkeypatch.setattr("silo.collecting.run._read_words", lambda address, size: os.urandom(size))
+    monkeypatch.setattr("silo.loop.run._read_words", lambda address, size: os.urandom(size))
     logger = new_logger()
     logger.add(np.array([1.0, 2.0]), "x")
     logger.start()

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from silo.collecting.plan import Element
 from silo.core.elements import (
     MAX_BUFFER_SIZE,
     MAX_DIVIDER,
@@ -16,6 +15,7 @@ from silo.core.elements import (
 )
 from silo.errors import ElementError
 from silo.logger.table import Table
+from silo.loop.plan import Element
 from silo.settings.rules import checked, option_problems
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import silo
-from silo.collecting.traits import describe, entry_of, kind_of, strides_of
 from silo.errors import ElementError, SourceError
+from silo.loop.types import describe, entry_of, kind_of, strides_of
 
 
 class Mode(enum.Enum):

@@ -14,14 +14,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from silo.collecting.plan import Element
-from silo.collecting.row_picker import RowPicker
-from silo.collecting.schema import ElementSchema
-from silo.collecting.segment import Segment
-from silo.collecting.segment_reader import SegmentReader
-from silo.collecting.sources import HeldArrays, Reference
 from silo.core.elements import ElementInfo
 from silo.core.recording import KEPT_ALIKE, NEVER_CHANGED, unheld_text
+from silo.loop.plan import Element
+from silo.loop.sources import HeldArrays, Reference
+from silo.segment.layout import ElementSchema
+from silo.segment.picking import RowPicker
+from silo.segment.reader import SegmentReader
+from silo.segment.writer import Segment
 
 logger = logging.getLogger("silo")
 

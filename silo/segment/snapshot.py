@@ -5,11 +5,6 @@ from collections import defaultdict
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.keeping import kept_rows
-from silo.collecting.losses import lost_samples
-from silo.collecting.reasons import LOST_TEXTS
-from silo.collecting.rows import Rows, RowSource
-from silo.collecting.schema import TIME_RING, ElementSchema
 from silo.core.elements import BufferType
 from silo.core.recording import (
     KEPT_ALIKE,
@@ -21,6 +16,10 @@ from silo.core.recording import (
     stamped,
     unheld_text,
 )
+from silo.segment.layout import TIME_RING, ElementSchema
+from silo.segment.reasons import LOST_TEXTS
+from silo.segment.retention import kept_rows
+from silo.segment.rows import Rows, RowSource, lost_samples
 
 
 def snapshot(source: RowSource) -> Recording:

@@ -20,7 +20,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.journal import (
+from silo.core.elements import BufferType, LoggedEvent
+from silo.core.recording import NO_FAILURES, Failures, Recording
+from silo.core.runtime import boot_id, open_own, read_own
+from silo.errors import SegmentError
+from silo.journal.format import (
     HEADER_WORDS,
     KEEP_FILE,
     LOOP_FILES,
@@ -33,14 +37,10 @@ from silo.collecting.journal import (
     bare_checksum,
     seed_of,
 )
-from silo.collecting.reasons import LostWhy
-from silo.collecting.rows import Rows
-from silo.collecting.schema import STAMP_WORDS, ElementSchema, RingSchema, decode_description
-from silo.collecting.snapshot import snapshot
-from silo.core.elements import BufferType, LoggedEvent
-from silo.core.recording import NO_FAILURES, Failures, Recording
-from silo.core.runtime import boot_id, open_own, read_own
-from silo.errors import SegmentError
+from silo.segment.layout import STAMP_WORDS, ElementSchema, RingSchema, decode_description
+from silo.segment.reasons import LostWhy
+from silo.segment.rows import Rows
+from silo.segment.snapshot import snapshot
 
 READ_BYTES = 1 << 20
 SPOOL_BYTES = 16 << 20  # rows that take more are read into a file

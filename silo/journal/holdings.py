@@ -7,13 +7,13 @@ segment of gigabytes while it is written.
 from collections import Counter
 from dataclasses import dataclass
 
-from silo.collecting.journal_reader import JournalReader
-from silo.collecting.keeping import kept_rows
-from silo.collecting.schema import TIME_RING, SegmentSchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import BufferType
 from silo.core.quantities import duration
 from silo.core.recording import Recording
+from silo.journal.reader import JournalReader
+from silo.segment.layout import TIME_RING, SegmentSchema
+from silo.segment.reader import SegmentReader
+from silo.segment.retention import kept_rows
 
 
 @dataclass(frozen=True)

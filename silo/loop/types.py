@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from silo.collecting.sources import Expression, Reference, Source, Step, can_refer, express, read_steps, refer
 from silo.core import kinds
 from silo.core.arguments import INT64, shown, text, whole
 from silo.core.calls import told
 from silo.core.elements import Entry
 from silo.errors import ElementError, SiloError, SourceError
+from silo.loop.sources import Expression, Reference, Source, Step, can_refer, express, read_steps, refer
 
 MAX_ENTRIES = 1_000_000
 KEPT_BYTES = 512  # of a source whose scalars are remembered: 10,000 elements have few layouts

@@ -4,8 +4,8 @@
     schema       JSON of `SegmentSchema`
     control      64-byte lines: one for the segment, then one per ring, see `Control` and `RingControl`
     chunks       one 8-byte word per possible chunk of a growing ring: ring number + 1, 0 while unused
-    failures     256 bytes for each element that is read by an expression, see `silo.collecting.failures`
-    marks        slots of 256 bytes, see `silo.collecting.marks`
+    failures     256 bytes for each element that is read by an expression, see `silo.segment.failures`
+    marks        slots of 256 bytes, see `silo.segment.marks`
     rings        rows of 8-byte words: tick, time stamp in ns, words gathered from memory
     unheld       one word per element, see `SegmentSchema`
     chunk data   chunks of `chunk_bytes`, appended while logging

@@ -14,14 +14,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.row_picker import STAMPS, RowPicker
-from silo.collecting.rows import Rows, Words
-from silo.collecting.schema import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema, SegmentSchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.elements import BufferType, Derived, ElementInfo
 from silo.expressions.binding import OFF, Bound, Catalogue, Known
 from silo.expressions.derived_signals import Lookback, bound_derived, info_of, lookback
 from silo.expressions.evaluation import Evaluator, SourceRows
+from silo.segment.layout import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema, SegmentSchema
+from silo.segment.picking import STAMPS, RowPicker
+from silo.segment.reader import SegmentReader
+from silo.segment.rows import Rows, Words
 
 BATCH_TICKS = 16_384  # what is computed at once stays in the cache
 MOST_KEPT = 4  # readings of one signal that may be gone on with: newest values, a plot, a stream

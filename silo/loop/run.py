@@ -14,17 +14,6 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from silo.collecting.clocks import looked_at
-from silo.collecting.generate import Collect, generate
-from silo.collecting.held import held_name
-from silo.collecting.marks import Mark, no_mark
-from silo.collecting.pieces import words_at
-from silo.collecting.plan import Element, Plan, make_plan
-from silo.collecting.reasons import StopReason
-from silo.collecting.schema import SegmentSchema
-from silo.collecting.segment import Segment
-from silo.collecting.segment_reader import SegmentReader
-from silo.collecting.unheld import Unheld, Watched
 from silo.core.elements import NO_EXTRAS, Extras, LoggerOptions, Storage, Threads
 from silo.core.runtime import (
     SEGMENT_SUFFIX,
@@ -37,6 +26,17 @@ from silo.core.runtime import (
     withdraw_segment,
 )
 from silo.errors import SegmentError
+from silo.loop.clocks import looked_at
+from silo.loop.generated_code import Collect, generate
+from silo.loop.orphaned_arrays import Unheld, Watched
+from silo.loop.pieces import words_at
+from silo.loop.plan import Element, Plan, make_plan
+from silo.segment.held_runs import held_name
+from silo.segment.layout import SegmentSchema
+from silo.segment.marks import Mark, no_mark
+from silo.segment.reader import SegmentReader
+from silo.segment.reasons import StopReason
+from silo.segment.writer import Segment
 
 logger = logging.getLogger("silo")
 _numbers = itertools.count()

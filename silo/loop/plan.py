@@ -15,12 +15,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.schema import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema
-from silo.collecting.scratch import Scratch
-from silo.collecting.segment import chunk_bytes_for
-from silo.collecting.sources import Expression, Reference
-from silo.collecting.traits import Part, expand
 from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
+from silo.loop.scratch import Scratch
+from silo.loop.sources import Expression, Reference
+from silo.loop.types import Part, expand
+from silo.segment.layout import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema
+from silo.segment.writer import chunk_bytes_for
 
 LIVE_SECONDS = 2.0  # how long a sample must stay readable for the helper process to publish it
 SLACK_SECONDS = 0.25  # rows kept beyond a looping buffer, so that a snapshot during collection loses none

@@ -16,8 +16,6 @@ from pathlib import Path
 
 import msgspec
 
-from silo.collecting.schema import Control, Header, SegmentSchema
-from silo.collecting.segment_reader import SegmentReader
 from silo.core.runtime import (
     HELD_SUFFIX,
     JUDGE_SUFFIX,
@@ -36,6 +34,8 @@ from silo.core.runtime import (
     withdraw_segment,
 )
 from silo.errors import SegmentError
+from silo.segment.layout import Control, Header, SegmentSchema
+from silo.segment.reader import SegmentReader
 
 HELD_RUNS = 64  # with their rows; each takes two descriptors of the helper process, as do stubs, of 1024
 HELD_BYTES = 1_000_000_000  # and no more than a quarter of the file system

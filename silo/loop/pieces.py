@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.schema import STAMP_WORDS
+from silo.segment.layout import STAMP_WORDS
 
 GATHER_WORDS = 500
 RUN_WORDS = 128

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from silo.collecting.rows import Rows
-from silo.collecting.segment_reader import SegmentReader
+from silo.segment.reader import SegmentReader
+from silo.segment.rows import Rows
 
 BLOCK_BYTES = 4 << 20
 

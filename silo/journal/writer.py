@@ -11,8 +11,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from silo.collecting.disk import Disk
-from silo.collecting.journal import (
+from silo.core.elements import BufferType
+from silo.core.runtime import is_at, lock_as_writer
+from silo.journal.disk import Disk
+from silo.journal.format import (
     HEADER_WORDS,
     KEEP_FILE,
     MAGIC,
@@ -26,10 +28,8 @@ from silo.collecting.journal import (
     remove_journal,
     seed_of,
 )
-from silo.collecting.schema import RingSchema
-from silo.collecting.segment_reader import SegmentReader
-from silo.core.elements import BufferType
-from silo.core.runtime import is_at, lock_as_writer
+from silo.segment.layout import RingSchema
+from silo.segment.reader import SegmentReader
 
 BLOCK_BYTES = 1 << 20  # payload of a record at most, so that a copy never takes much memory
 

@@ -1,16 +1,17 @@
 """Rows of rings, and what a reader of them offers: of a segment in shared memory, or of a journal on the disk."""
 
 import functools
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.reasons import LostWhy
-from silo.collecting.schema import ElementSchema, EntrySchema, RingSchema, SegmentSchema
 from silo.core.elements import LoggedEvent
 from silo.core.recording import Failures
+from silo.segment.layout import ElementSchema, EntrySchema, RingSchema, SegmentSchema
+from silo.segment.reasons import LostWhy
 
 Words = NDArray[np.intp]  # places in a row, ascending
 
@@ -123,3 +124,12 @@ class RowSource(Protocol):
 
     def marks(self, since: int = 0) -> list[LoggedEvent]:
         """The program's marks after number `since` that are still there."""
+
+
+def lost_samples(source: RowSource) -> int:
+    """Return how many samples could not be kept since start, all elements together."""
+    rows = {ring.ring: lost for ring in source.schema.rings if (lost := source.ring_lost(ring.ring))}
+    if not rows:
+        return 0
+    elements = Counter(element.ring for element in source.schema.elements if element.ring in rows)
+    return sum(count * rows[ring] for ring, count in elements.items())

@@ -16,11 +16,20 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from silo.collecting.failures import BLOCK_WORDS
-from silo.collecting.held import hold
-from silo.collecting.marks import MARKS_BYTES, SLOTS, Mark, marker, no_mark
-from silo.collecting.reasons import LostWhy, StopReason
-from silo.collecting.schema import (
+from silo.core.elements import BufferType
+from silo.core.runtime import (
+    available_memory_bytes,
+    disk_room,
+    is_at,
+    open_into,
+    open_unfinished,
+    orphaned_segments,
+    unopened,
+)
+from silo.errors import NoRoomError, SegmentError
+from silo.segment.failures import BLOCK_WORDS
+from silo.segment.held_runs import hold
+from silo.segment.layout import (
     LAYOUT_VERSION,
     LINE_WORDS,
     MAGIC,
@@ -35,17 +44,8 @@ from silo.collecting.schema import (
     SegmentState,
     page_up,
 )
-from silo.core.elements import BufferType
-from silo.core.runtime import (
-    available_memory_bytes,
-    disk_room,
-    is_at,
-    open_into,
-    open_unfinished,
-    orphaned_segments,
-    unopened,
-)
-from silo.errors import NoRoomError, SegmentError
+from silo.segment.marks import MARKS_BYTES, SLOTS, Mark, marker, no_mark
+from silo.segment.reasons import LostWhy, StopReason
 
 CHUNK_BYTES = 1 << 20
 SPARE_CHUNKS = 4096  # words of the directory for time stamps past the memory limit: 268 million ticks
@@ -410,3 +410,33 @@ def _place(rings: tuple[RingSchema, ...], offset: int) -> tuple[tuple[RingSchema
         if ring.buffer_type is not BufferType.GROWING:
             offset += page_up(8 * ring.row_words * ring.capacity)
     return tuple(placed), offset
+
+
+class Chunks:
+    """Hands a growing ring its chunks one after the other."""
+
+    def __init__(self, segment: Segment, schema: RingSchema) -> None:
+        self._segment, self._schema = segment, schema
+        self._chunks: list[Chunk | None] = list(segment.first_chunks(schema.ring))
+        self._given = 0  # chunks before this one are full and no more wanted
+
+    def more(self, number: int) -> tuple[memoryview | None, int, int]:
+        """Memory, position and end of the ring's chunk `number`; end -1 where it can't grow any more.
+
+        The newest chunk can be asked for again: the tick that got it may have been interrupted.
+        """
+        if number == len(self._chunks):
+            self._chunks.append(self._segment.next_chunk(self._schema.ring))
+        for full in range(self._given, number - 1):
+            self._chunks[full] = None
+        self._given = max(self._given, number - 1)
+        chunk = self._chunks[number]
+        if chunk is None:
+            return None, 0, -1
+        return chunk.words, 0, chunk.rows * self._schema.row_words
+
+    def newest(self, row: int) -> tuple[memoryview, int] | None:
+        """Where a row of the present chunk or of the one before stands: memory and position."""
+        number, slot = divmod(row, self._schema.capacity)
+        chunk = self._chunks[number] if number < len(self._chunks) else None
+        return None if chunk is None else (chunk.words, slot * self._schema.row_words)

@@ -10,9 +10,9 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.rows import HasPlace, Placed, Rows, Words, placed, stored_type, strided
-from silo.collecting.schema import STAMP_WORDS, EntrySchema
 from silo.core.arrays.values import Floats, as_floats
+from silo.segment.layout import STAMP_WORDS, EntrySchema
+from silo.segment.rows import HasPlace, Placed, Rows, Words, placed, stored_type, strided
 
 STAMPS: Words = np.arange(STAMP_WORDS)
 

@@ -9,13 +9,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from silo.collecting.chunks import Chunks
-from silo.collecting.failures import record_failure
-from silo.collecting.plan import Plan, RingPlan
-from silo.collecting.schema import STAMP_WORDS, RingControl
-from silo.collecting.scratch import Slot
-from silo.collecting.segment import Segment
 from silo.core.elements import BufferType
+from silo.loop.plan import Plan, RingPlan
+from silo.loop.scratch import Slot
+from silo.segment.failures import record_failure
+from silo.segment.layout import STAMP_WORDS, RingControl
+from silo.segment.writer import Chunks, Segment
 
 
 class SlowReads:

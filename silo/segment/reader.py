@@ -17,11 +17,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.failures import BLOCK_WORDS, read_failures
-from silo.collecting.marks import SLOT_WORDS, read_marks
-from silo.collecting.reasons import STOP_TEXTS, LostWhy, StopReason
-from silo.collecting.rows import Rows
-from silo.collecting.schema import (
+from silo.core.elements import BufferType, LoggedEvent
+from silo.core.recording import NO_FAILURES, Failures, Recording
+from silo.core.runtime import boot_id, has_writer, open_into, pid_namespace, process_start, unopened
+from silo.errors import SegmentError
+from silo.segment.failures import BLOCK_WORDS, read_failures
+from silo.segment.layout import (
     LINE_WORDS,
     MAGIC,
     ORDERED_STORES,
@@ -38,11 +39,10 @@ from silo.collecting.schema import (
     SegmentState,
     decode_description,
 )
-from silo.collecting.snapshot import snapshot
-from silo.core.elements import BufferType, LoggedEvent
-from silo.core.recording import NO_FAILURES, Failures, Recording
-from silo.core.runtime import boot_id, has_writer, open_into, pid_namespace, process_start, unopened
-from silo.errors import SegmentError
+from silo.segment.marks import SLOT_WORDS, read_marks
+from silo.segment.reasons import STOP_TEXTS, LostWhy, StopReason
+from silo.segment.rows import Rows
+from silo.segment.snapshot import snapshot
 
 # the writer may be filling the row after the head, whose slot holds an old row; elsewhere than on x86 one row further
 UNSAFE_ROWS = 1 if ORDERED_STORES else 2

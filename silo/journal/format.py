@@ -28,9 +28,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.schema import SegmentSchema
 from silo.core.recording import Failures
 from silo.core.runtime import has_writer, open_own
+from silo.segment.layout import SegmentSchema
 
 JOURNAL_SUFFIX = ".journal"
 GONE_SUFFIX = ".gone"  # added to the name of one that is being deleted

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.sources import OwnMemory
 from silo.errors import SourceError
+from silo.loop.sources import OwnMemory
 
 BLOCK_BYTES = 1 << 18  # pages that are never used are never touched
 

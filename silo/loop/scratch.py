@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.schema import STAMP_WORDS
-from silo.collecting.sources import Expression, Reference, Source
+from silo.loop.sources import Expression, Reference, Source
+from silo.segment.layout import STAMP_WORDS
 
 logger = logging.getLogger("silo")
 

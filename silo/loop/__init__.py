@@ -1,0 +1,1 @@
+"""From variables in the robot program to rows: sources, types, plan, the generated `collect()`, one run."""
