@@ -5,8 +5,8 @@ from difflib import get_close_matches
 from functools import cached_property
 
 from silo.core.recording import RecordedElement
-from silo.files.bag_index import BagElements
-from silo.files.silo_whole import FileElements
+from silo.files.bags.index import BagElements
+from silo.files.silo.whole import FileElements
 
 
 class Names:

@@ -1,6 +1,6 @@
 """Samples of a live logger as ROS 2 messages (CDR), many at once.
 
-The topics, types and layouts are those of bags (`silo.files.ros_types`), so that what a viewer draws live and what it
+The topics, types and layouts are those of bags (`silo.files.bags.ros_types`), so that what a viewer draws live and what it
 draws of a file are the same.
 """
 
@@ -17,8 +17,8 @@ from silo.core.arrays.wide import to_wire
 from silo.core.elements import BufferType, ElementInfo
 from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import SaveError
-from silo.files.bag import utf8_entry
-from silo.files.ros_types import ENCAPSULATION, STRING, Channel, channels_of
+from silo.files.bags.ros_types import ENCAPSULATION, STRING, Channel, channels_of
+from silo.files.bags.writer import utf8_entry
 from silo.ipc.samples import Samples
 
 SECOND_NS = 1_000_000_000

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from silo.errors import ConnectionLostError
-from silo.files.ros_types import ENCAPSULATION
+from silo.files.bags.ros_types import ENCAPSULATION
 
 if TYPE_CHECKING:
     from silo.ipc.client.client import Client

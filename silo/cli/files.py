@@ -248,7 +248,7 @@ def _find(which: str) -> Path:
 
 
 def _read(path: Path) -> "Recording":
-    from silo.files.bag_index import keep_quiet
+    from silo.files.bags.index import keep_quiet
     from silo.files.formats import read_recording
 
     recording = read_recording(path)

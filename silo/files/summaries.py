@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import msgspec
 
-from silo.files import silo_format as form
-from silo.files.csv_facts import SIDECAR
+from silo.files.csv.metadata import SIDECAR
+from silo.files.silo import format as form
 
 _FIRST = 64 << 10  # in it stand the facts of logs of up to about 1,000 entries
 _MOST = 16 << 20  # and of 300,000

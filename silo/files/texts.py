@@ -9,7 +9,7 @@ import msgspec
 
 from silo.core.elements import Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.files.silo_format import event_facts, plain_text
+from silo.files.silo.format import event_facts, plain_text
 
 
 def presentable(recording: Recording) -> Recording:

@@ -20,7 +20,7 @@ from silo.core.elements import FileType
 from silo.core.runtime import disk_room
 from silo.files.atomic import PART_ENDING, reason
 from silo.files.convert import CONVERTED
-from silo.files.csv_facts import SIDECAR
+from silo.files.csv.metadata import SIDECAR
 from silo.files.formats import SAVED
 from silo.files.naming import logger_of
 from silo.files.summaries import Summary, opened_file, opened_folder, read_summary

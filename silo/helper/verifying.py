@@ -25,7 +25,7 @@ from silo.files.event_log import event_log_path, loggers_with_events, older_even
 from silo.files.formats import read_recording
 from silo.files.manifest import CaptureEntry, read_captures
 from silo.files.naming import find_logs
-from silo.files.part_scan import PartScan, scan_part
+from silo.files.parts.scan import PartScan, scan_part
 from silo.ipc.published import EventKind
 from silo.recorder.orders import CLOSED
 from silo.segment.reader import SegmentReader

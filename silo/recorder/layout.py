@@ -19,10 +19,10 @@ from silo.core.elements import BufferType, Extras
 from silo.core.names import matching
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import SaveError
-from silo.files.bag import MAX_CHANNELS, Utf8Entry, definitions, recording_facts, utf8_entry
-from silo.files.bag_events import LOG_TYPE, events_topic
-from silo.files.part_facts import EVENTS_RING, PART_VERSION, PartFacts, RingFacts
-from silo.files.ros_types import STRING, Channel, MessageType, channels_of, is_text
+from silo.files.bags.events import LOG_TYPE, events_topic
+from silo.files.bags.ros_types import STRING, Channel, MessageType, channels_of, is_text
+from silo.files.bags.writer import MAX_CHANNELS, Utf8Entry, definitions, recording_facts, utf8_entry
+from silo.files.parts.metadata import EVENTS_RING, PART_VERSION, PartFacts, RingFacts
 from silo.files.texts import presentable
 from silo.judging.definitions import table_catalogue
 from silo.segment.layout import ElementSchema, SegmentSchema

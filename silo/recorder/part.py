@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from silo.core.elements import LoggedEvent
 from silo.core.recording import RecordedElement
-from silo.files.bag import MAX_STAMP_NS, metadata_yaml, write_windows
-from silo.files.bag_groups import group_samples
+from silo.files.bags.message_groups import group_samples
+from silo.files.bags.writer import MAX_STAMP_NS, metadata_yaml, write_windows
 from silo.files.manifest import part_path
-from silo.files.mcap_write import McapFile, Write
+from silo.files.mcap.writer import McapFile, Write
 from silo.files.naming import log_path, next_run_number
-from silo.files.part_events import event_messages
-from silo.files.part_facts import LOST_METADATA, PART_ATTACHMENT, TOTALS_METADATA, pack_part
+from silo.files.parts.events import event_messages
+from silo.files.parts.metadata import LOST_METADATA, PART_ATTACHMENT, TOTALS_METADATA, pack_part
 from silo.recorder.layout import Layout
 from silo.recovery.parts import sync_folder
 from silo.segment.rows import Rows

@@ -22,7 +22,7 @@ from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
 from silo.files.event_log import newest_number
 from silo.files.manifest import Ledger, RunEntry
-from silo.files.part_facts import EVENTS_RING
+from silo.files.parts.metadata import EVENTS_RING
 from silo.journal.derived_rows import with_derived
 from silo.recorder.draining import DROPPED, MOST_PERIOD_S, Drain, Drained
 from silo.recorder.happening import Happening

@@ -21,8 +21,8 @@ from silo.core.runtime import disk_room
 from silo.errors import SiloError
 from silo.files.atomic import reason
 from silo.files.manifest import ClosedPart, Ledger, RunEntry
-from silo.files.mcap_write import Write
-from silo.files.part_facts import EVENTS_RING
+from silo.files.mcap.writer import Write
+from silo.files.parts.metadata import EVENTS_RING
 from silo.journal.folders import RECORDINGS, remember_folder
 from silo.recorder.draining import TOO_SLOW, Drained, Loss
 from silo.recorder.happening import Happening

@@ -24,9 +24,9 @@ from mcap.exceptions import McapError
 from silo.errors import FileFormatError, SaveError
 from silo.files.atomic import reason, sweep_parts
 from silo.files.manifest import ClosedPart, Ledger, number_of
-from silo.files.mcap_write import McapFile, file_start
-from silo.files.part_facts import EVENTS_RING, PART_ENDING, TOTALS_METADATA, PartFacts
-from silo.files.part_scan import PartScan, rows_after, scan_part
+from silo.files.mcap.writer import McapFile, file_start
+from silo.files.parts.metadata import EVENTS_RING, PART_ENDING, TOTALS_METADATA, PartFacts
+from silo.files.parts.scan import PartScan, rows_after, scan_part
 from silo.recovery.left import BusyError, claimed_file
 
 OTHERS_S = 10.0  # how long another process may take to close what a predecessor left

@@ -21,9 +21,9 @@ from mcap.writer import Writer
 
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.files.bag import definitions, write_bag
-from silo.files.bag_read import read_bag
-from silo.files.ros_types import channels_of
+from silo.files.bag_reader import read_bag
+from silo.files.bags.ros_types import channels_of
+from silo.files.bags.writer import definitions, write_bag
 
 
 def robot_like(elements: int, ticks: int) -> Recording:

@@ -24,10 +24,10 @@ import psutil
 from silo.analysis.opening import open_log
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.files import csv_file
-from silo.files.csv_file import read_csv, write_csv
-from silo.files.silo_reader import read_silo
-from silo.files.silo_writer import write_silo
+from silo.files.csv import writer
+from silo.files.csv.writer import read_csv, write_csv
+from silo.files.silo.reader import read_silo
+from silo.files.silo.writer import write_silo
 
 ELEMENTS, TICKS = 500, 10_000
 SIZE_MB = ELEMENTS * TICKS * 8 / 1e6
@@ -82,12 +82,12 @@ def write_unsynced(recording: Recording, path: Path) -> None:
 @contextmanager
 def without_polars() -> Iterator[None]:
     """Write CSV the way that needs no extra."""
-    known = csv_file.find_spec
-    csv_file.find_spec = lambda name: None  # type: ignore[attr-defined]
+    known = writer.find_spec
+    writer.find_spec = lambda name: None  # type: ignore[attr-defined]
     try:
         yield
     finally:
-        csv_file.find_spec = known  # type: ignore[attr-defined]
+        writer.find_spec = known  # type: ignore[attr-defined]
 
 
 def plain_csv(recording: Recording, path: Path) -> None:

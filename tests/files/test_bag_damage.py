@@ -14,9 +14,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import silo
 from silo.cli.main import cli
-from silo.files import mcap_chunks
-from silo.files.bag_facts import pack_times, unpack_facts, unpack_times
-from silo.files.bag_index import read_index
+from silo.files.bags.index import read_index
+from silo.files.bags.metadata import pack_times, unpack_facts, unpack_times
+from silo.files.mcap import chunks as mcap_chunks
 
 START = 1_700_000_000 * 10**9
 STEP = 10**7

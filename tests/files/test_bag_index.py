@@ -7,10 +7,11 @@ import silo
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError
-from silo.files import bag_channels, bag_index
-from silo.files.bag import write_bag
-from silo.files.bag_index import ALONE, BagElements
-from silo.files.bag_read import open_bag, read_bag
+from silo.files.bag_reader import open_bag, read_bag
+from silo.files.bags import channels
+from silo.files.bags import index as bag_index
+from silo.files.bags.index import ALONE, BagElements
+from silo.files.bags.writer import write_bag
 from silo.files.formats import read_recording
 
 TICKS = 3000
@@ -42,7 +43,7 @@ def recording():
 
 @pytest.fixture
 def path(recording, tmp_path, monkeypatch):
-    monkeypatch.setattr("silo.files.bag.CHUNK_BYTES", 20_000)  # many chunks
+    monkeypatch.setattr("silo.files.bags.writer.CHUNK_BYTES", 20_000)  # many chunks
     write_bag(recording, tmp_path / "x.mcap")
     return tmp_path / "x.mcap"
 
@@ -113,7 +114,7 @@ def test_all_elements_take_one_pass(path, read):
 
 
 def test_a_chunk_that_an_element_is_not_in_is_not_unpacked(tmp_path, monkeypatch):
-    monkeypatch.setattr("silo.files.bag.CHUNK_BYTES", 20_000)
+    monkeypatch.setattr("silo.files.bags.writer.CHUNK_BYTES", 20_000)
     noise = np.random.default_rng(4).random(TICKS)
     early = element("/log/early", [noise[:10]])
     write_bag(
@@ -242,8 +243,8 @@ def test_the_heads_of_all_messages_of_a_chunk_are_looked_at_at_once(path, monkey
         looks.append(len(wanted))
         return right(chunk, wanted)
 
-    right = bag_channels.are_right
+    right = channels.are_right
     monkeypatch.setattr(bag_index, "are_right", counted)
-    monkeypatch.setattr(bag_channels, "are_right", counted)
+    monkeypatch.setattr(channels, "are_right", counted)
     list(open_bag(path).elements)
     assert len(looks) == len(bag_index.read_index(memoryview(path.read_bytes())).chunks)

@@ -17,8 +17,9 @@ from rosbags.rosbag2 import Reader
 
 from silo.core.elements import BufferType, Entry, FileType
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.files import bag, write
-from silo.files.bag import write_bag
+from silo.files import write
+from silo.files.bags import writer
+from silo.files.bags.writer import write_bag
 
 TICKS = 40
 START = 1_700_000_000_999_999_999
@@ -94,9 +95,9 @@ EXPECTED_TYPES = {f"/log/{name}": f"{PACKAGE}{name}Stamped" for name in NUMBERS}
 def folder(robot, tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("bags") / "run 1"
     # small chunks, so that readers meet several
-    before, bag.CHUNK_BYTES = bag.CHUNK_BYTES, 20_000
+    before, writer.CHUNK_BYTES = writer.CHUNK_BYTES, 20_000
     write_bag(robot, path)
-    bag.CHUNK_BYTES = before
+    writer.CHUNK_BYTES = before
     return path
 
 

@@ -13,10 +13,11 @@ from mcap.writer import Writer
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError, LogNotFoundError, SaveError
-from silo.files import bag, mcap_write
-from silo.files.bag import write_bag
-from silo.files.bag_read import read_bag
-from silo.files.ros_types import channels_of
+from silo.files.bag_reader import read_bag
+from silo.files.bags import writer as bag
+from silo.files.bags.ros_types import channels_of
+from silo.files.bags.writer import write_bag
+from silo.files.mcap import writer as mcap_write
 from tests.examples import examples
 
 ALL_TYPES = ("<f8", ">f8", "<f4", "<f2", "<c8", "<c16", "|i1", "<i2", ">i4", "<i8", "|u1", "<u8", "|V5", "<f16", "|S3")

@@ -14,8 +14,8 @@ from silo.cli.files import convert_command, diff_command, plot_command, print_fi
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import LogNotFoundError
-from silo.files.bag import write_bag
-from silo.files.silo_writer import write_silo
+from silo.files.bags.writer import write_bag
+from silo.files.silo.writer import write_silo
 
 COMMANDS = [convert_command, diff_command, plot_command, stats_command]
 TICKS = 100

@@ -21,10 +21,10 @@ from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError, LogNotFoundError, SaveError, SiloError
 from silo.files.atomic import sweep_parts
-from silo.files.bag import write_bag
+from silo.files.bags.writer import write_bag
 from silo.files.convert import convert
 from silo.files.formats import format_of, read_recording, writer_for
-from silo.files.silo_writer import write_silo
+from silo.files.silo.writer import write_silo
 
 TICKS = 20
 TIMES = 1_700_000_000_000_000_001 + 2_500_001 * np.arange(TICKS, dtype=np.int64)
@@ -110,7 +110,7 @@ class TestParquet:
         assert pq.read_table(path)["/log/z_imag"].to_pylist() == list(range(TICKS))
 
     def test_row_groups_bound_the_memory(self, source, tmp_path, monkeypatch):
-        monkeypatch.setattr("silo.files.tables._MAX_ROWS", 7)
+        monkeypatch.setattr("silo.files.tables.parquet._MAX_ROWS", 7)
         convert(source, tmp_path / "out.parquet")
         assert pq.ParquetFile(tmp_path / "out.parquet").num_row_groups == 3
         assert pq.read_table(tmp_path / "out.parquet")["/log/slow"].to_pylist()[9] == 11.5

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from silo.core.elements import BufferType
 from silo.errors import FileFormatError, LogNotFoundError, SaveError
-from silo.files import csv_file
-from silo.files.csv_file import read_csv, write_csv
+from silo.files.csv import writer
+from silo.files.csv.writer import read_csv, write_csv
 from tests.examples import examples
 
 QUICK = settings(max_examples=examples(80))
@@ -21,10 +21,10 @@ NUMBERS = ("<f8", "<f4", "<f2", "|i1", "<i2", "<i4", "<i8", "|u1", "<u2", "<u4",
 @pytest.fixture(params=["polars", "plain"])
 def way(request, monkeypatch):
     if request.param == "plain":
-        monkeypatch.setattr(csv_file, "find_spec", lambda name: None)
+        monkeypatch.setattr(writer, "find_spec", lambda name: None)
     else:
         pytest.importorskip("polars")
-        monkeypatch.setattr(csv_file, "POLARS_FROM", 0)
+        monkeypatch.setattr(writer, "POLARS_FROM", 0)
     return request.param
 
 
@@ -57,7 +57,7 @@ def test_everything_that_csv_can_hold_survives_a_round_trip(
     path = tmp_path_factory.mktemp("csv") / "x.csv"
     with pytest.MonkeyPatch.context() as patch:
         if not plain:
-            patch.setattr(csv_file, "POLARS_FROM", 0)
+            patch.setattr(writer, "POLARS_FROM", 0)
         write_csv(recording, path, layout)
     # the table alone, as other tools leave it
     (path.parent / "x.csv.json").unlink()
@@ -92,7 +92,7 @@ def test_both_ways_of_writing_give_the_same_values(plan, recorded, tmp_path, mon
     plans = [plan(f"/log/{i}", dtype, divider=1 + i % 3) for i, dtype in enumerate(NUMBERS)]
     recording = recorded(plans, 30)
     write_csv(recording, tmp_path / "plain.csv")
-    monkeypatch.setattr(csv_file, "POLARS_FROM", 0)
+    monkeypatch.setattr(writer, "POLARS_FROM", 0)
     write_csv(recording, tmp_path / "polars.csv")
     tables = [list(csv.reader((tmp_path / f"{way}.csv").open(newline=""))) for way in ("polars", "plain")]
     assert tables[0][0] == tables[1][0]
@@ -103,17 +103,17 @@ def test_both_ways_of_writing_give_the_same_values(plan, recorded, tmp_path, mon
 
 def test_polars_is_loaded_for_a_large_table_alone(plan, recorded, tmp_path, monkeypatch):
     asked = []
-    monkeypatch.setattr(csv_file, "find_spec", asked.append)
+    monkeypatch.setattr(writer, "find_spec", asked.append)
     recording = recorded([plan("/log/a", size=100)], 100)
     write_csv(recording, tmp_path / "x.csv")
     assert not asked
-    monkeypatch.setattr(csv_file, "POLARS_FROM", 200)
+    monkeypatch.setattr(writer, "POLARS_FROM", 200)
     write_csv(recording, tmp_path / "x.csv")
     assert asked == ["polars"]
 
 
 def test_a_log_longer_than_a_chunk_has_no_seam(plan, recorded, tmp_path, way, monkeypatch):
-    monkeypatch.setattr(csv_file, "CHUNK_CELLS", 20)
+    monkeypatch.setattr(writer, "CHUNK_CELLS", 20)
     recording = recorded([plan("/log/a", size=90), plan("/log/b", "<i4", divider=7, size=12)], 100)
     write_csv(recording, tmp_path / "x.csv")
     entries = entries_of(read_csv(tmp_path / "x.csv"))
@@ -173,7 +173,7 @@ def test_long_double_keeps_its_precision(plan, recorded, tmp_path):
 
 
 def test_progress_rises_to_one(plan, recorded, tmp_path, monkeypatch):
-    monkeypatch.setattr(csv_file, "CHUNK_CELLS", 20)
+    monkeypatch.setattr(writer, "CHUNK_CELLS", 20)
     for layout in ("columns", "rows"):
         fractions = []
         write_csv(recorded([plan("/log/a", size=90)], 100), tmp_path / "x.csv", layout, fractions.append)
@@ -222,7 +222,7 @@ def test_cut_at_any_length_it_never_crashes(plan, recorded, tmp_path):
 
 @pytest.mark.parametrize("name", ["all_types", "looping_wrapped", "mixed_dividers", "time_buffer_full"])
 def test_numbers_in_files_of_the_original_are_read(name, fixtures_folder):
-    from silo.files.silo_reader import read_silo
+    from silo.files.silo.reader import read_silo
 
     truth = read_silo(fixtures_folder / f"{name}.silo")
     entries = entries_of(read_csv(fixtures_folder / f"{name}.csv"))
@@ -253,7 +253,7 @@ def test_what_is_no_table_is_an_error_that_names_the_file(tmp_path):
 @pytest.mark.parametrize("large", [False, True])
 def test_other_readers_see_numbers_and_exact_nanoseconds(plan, recorded, tmp_path, monkeypatch, large):
     polars, pandas = pytest.importorskip("polars"), pytest.importorskip("pandas")
-    monkeypatch.setattr(csv_file, "POLARS_FROM", 0 if large else 10**9)
+    monkeypatch.setattr(writer, "POLARS_FROM", 0 if large else 10**9)
     recording = recorded([plan("/log/a", size=20), plan("/log/b", "<f4", size=20)], 20)
     for element in recording.elements:
         element.entries[0].values[3] = np.nan

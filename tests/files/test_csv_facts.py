@@ -8,9 +8,9 @@ import pytest
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.convert import convert
-from silo.files.csv_file import write_csv
-from silo.files.csv_reader import read_csv
-from silo.files.silo_reader import read_silo
+from silo.files.csv.reader import read_csv
+from silo.files.csv.writer import write_csv
+from silo.files.silo.reader import read_silo
 
 UNKNOWN = "units, labels, types and buffers of the log are not known"
 

@@ -5,9 +5,9 @@ import pytest
 
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.files import csv_fast
-from silo.files.csv_file import write_csv
-from silo.files.csv_reader import read_csv
+from silo.files.csv import numbers
+from silo.files.csv.reader import read_csv
+from silo.files.csv.writer import write_csv
 
 
 def recording(columns, ticks=300):
@@ -46,7 +46,7 @@ def plain_numbers():
 
 @pytest.fixture(params=["quick", "cell by cell"])
 def reader(request, monkeypatch):
-    monkeypatch.setattr(csv_fast, "SMALLEST", 0 if request.param == "quick" else 10**12)
+    monkeypatch.setattr(numbers, "SMALLEST", 0 if request.param == "quick" else 10**12)
     return request.param
 
 
@@ -54,14 +54,14 @@ def reader(request, monkeypatch):
 def taken(monkeypatch):
     """Whether the quick way was taken."""
     found = []
-    known = csv_fast.read_numbers
+    known = numbers.read_numbers
 
     def noted(*arguments):
         found.append(known(*arguments))
         return found[-1]
 
-    monkeypatch.setattr("silo.files.csv_reader.read_numbers", noted)
-    monkeypatch.setattr(csv_fast, "SMALLEST", 0)
+    monkeypatch.setattr("silo.files.csv.reader.read_numbers", noted)
+    monkeypatch.setattr(numbers, "SMALLEST", 0)
     return lambda: found[-1] is not None
 
 
@@ -123,7 +123,7 @@ def test_tables_of_others_are_read_alike_in_both_ways(table, tmp_path, monkeypat
     path.write_bytes(TABLES[table].encode())
     found = []
     for smallest in (0, 10**12):
-        monkeypatch.setattr(csv_fast, "SMALLEST", smallest)
+        monkeypatch.setattr(numbers, "SMALLEST", smallest)
         found.append(read_csv(path))
     quick, slow = found
     assert quick.warnings == slow.warnings

@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 
 from silo.core.elements import LoggedEvent
 from silo.core.recording import Recording, stamped, with_events
-from silo.files.bag import write_bag
+from silo.files.bags.writer import write_bag
 from silo.files.convert import convert
 from silo.files.formats import FORMATS, read_recording, writer_for
 
@@ -136,7 +136,7 @@ def test_bags_have_them_as_log_messages_for_rosbags(walk, tmp_path):
 def test_the_type_of_the_messages_is_that_of_ros():
     from rosbags.typesys import Stores, get_typestore
 
-    from silo.files.bag_events import LOG_TYPE
+    from silo.files.bags.events import LOG_TYPE
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     assert store.hash_rihs01("rcl_interfaces/msg/Log") == LOG_TYPE.type_hash
@@ -151,8 +151,8 @@ def test_an_element_called_events_keeps_its_topic(recorded, plan, tmp_path):
 
 
 def test_many_events_at_one_tick_and_small_chunks_are_read_in_order(recorded, plan, tmp_path, monkeypatch):
-    monkeypatch.setattr("silo.files.bag.CHUNK_BYTES", 500)
-    monkeypatch.setattr("silo.files.bag.WINDOW_BYTES", 2000)
+    monkeypatch.setattr("silo.files.bags.writer.CHUNK_BYTES", 500)
+    monkeypatch.setattr("silo.files.bags.writer.WINDOW_BYTES", 2000)
     log = recorded([plan("/log/x", size=200)], 200, start_ns=START)
     told = tuple(LoggedEvent("marker", f"{number}" * 9, START, number // 3 * 5) for number in range(90))
     write_bag(replace(log, events=told), tmp_path / "x.mcap")

@@ -12,7 +12,7 @@ from silo.core.elements import FileType
 from silo.errors import FileFormatError
 from silo.files import formats
 from silo.files.formats import FORMATS, SAVED, SAVED_NAMES, Format, file_type, format_of, read_recording, writer_for
-from silo.files.silo_writer import write_silo
+from silo.files.silo.writer import write_silo
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -13,8 +13,8 @@ from silo.core.names import matching
 from silo.core.recording import Recording
 from silo.errors import ElementError, LogNotFoundError, LogWarning
 from silo.files import write
-from silo.files.silo_reader import read_silo
-from silo.files.silo_writer import write_silo
+from silo.files.silo.reader import read_silo
+from silo.files.silo.writer import write_silo
 
 
 def signal(values, step_s=0.5, start_s=0.0, name="s", **more):

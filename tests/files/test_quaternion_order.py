@@ -8,7 +8,7 @@ from mcap_ros2.decoder import DecoderFactory
 import silo
 from silo.bridges.messages import live_topics
 from silo.files.convert import convert
-from silo.files.csv_facts import sidecar_of
+from silo.files.csv.metadata import sidecar_of
 
 MEMORY = [0.5, 0.1, 0.2, 0.3]
 

@@ -12,11 +12,12 @@ import pytest
 
 from silo.core.elements import FileType, LoggedEvent
 from silo.errors import LogNotFoundError, SaveError
-from silo.files import PartlySavedError, atomic, silo_writer, write
+from silo.files import PartlySavedError, atomic, write
 from silo.files.atomic import atomic_file, atomic_folder
 from silo.files.event_log import append_events
 from silo.files.naming import check_name, find_log, find_logs, log_path, next_run_number
-from silo.files.silo_reader import read_silo
+from silo.files.silo import writer
+from silo.files.silo.reader import read_silo
 from tests.waiting import DEADLINE_S
 
 
@@ -144,7 +145,7 @@ def fail_writing(monkeypatch, error):
     def refuse(*_arguments):
         raise error
 
-    monkeypatch.setattr(silo_writer, "write_all", refuse)
+    monkeypatch.setattr(writer, "write_all", refuse)
 
 
 def test_a_full_disk_is_told_and_leaves_nothing(recording, tmp_path, monkeypatch):
@@ -152,14 +153,14 @@ def test_a_full_disk_is_told_and_leaves_nothing(recording, tmp_path, monkeypatch
     with pytest.raises(
         SaveError, match=r"x\.silo': No space left on device; .* make room or choose another folder; nothing was left"
     ):
-        silo_writer.write_silo(recording, tmp_path / "x.silo")
+        writer.write_silo(recording, tmp_path / "x.silo")
     assert names(tmp_path) == []
 
 
 def test_ctrl_c_leaves_nothing(recording, tmp_path, monkeypatch):
     fail_writing(monkeypatch, KeyboardInterrupt())
     with pytest.raises(KeyboardInterrupt):
-        silo_writer.write_silo(recording, tmp_path / "x.silo")
+        writer.write_silo(recording, tmp_path / "x.silo")
     assert names(tmp_path) == []
 
 
@@ -167,7 +168,7 @@ def test_a_failed_save_leaves_what_stood_under_the_name(recording, tmp_path, mon
     (tmp_path / "x.silo").write_text("old")
     fail_writing(monkeypatch, OSError(errno.EIO, "broken"))
     with pytest.raises(SaveError):
-        silo_writer.write_silo(recording, tmp_path / "x.silo")
+        writer.write_silo(recording, tmp_path / "x.silo")
     assert (tmp_path / "x.silo").read_text() == "old"
     assert names(tmp_path) == ["x.silo"]
 
@@ -211,7 +212,7 @@ def test_a_folder_stands_under_its_name_only_when_it_is_whole(tmp_path):
 
 def test_a_missing_folder_is_an_error_of_the_save(recording, tmp_path):
     with pytest.raises(SaveError, match="No such file or directory"):
-        silo_writer.write_silo(recording, tmp_path / "none" / "x.silo")
+        writer.write_silo(recording, tmp_path / "none" / "x.silo")
 
 
 @pytest.fixture

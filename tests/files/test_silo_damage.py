@@ -5,8 +5,8 @@ import pytest
 
 from silo.core.elements import BufferType
 from silo.errors import FileFormatError, LogNotFoundError
-from silo.files.silo_reader import read_silo
-from silo.files.silo_writer import write_silo
+from silo.files.silo.reader import read_silo
+from silo.files.silo.writer import write_silo
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from silo.core.elements import BufferType
-from silo.files.silo_reader import read_silo
-from silo.files.silo_writer import write_silo
+from silo.files.silo.reader import read_silo
+from silo.files.silo.writer import write_silo
 
 NAMES = ["all_types", "looping_wrapped", "mixed_dividers", "time_buffer_full"]
 TYPES = {"double": "<f8", "single": "<f4", "string": "S"}

@@ -11,8 +11,8 @@ from silo.analysis.opening import open_log
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import SaveError
-from silo.files.silo_reader import read_silo
-from silo.files.silo_writer import write_silo
+from silo.files.silo.reader import read_silo
+from silo.files.silo.writer import write_silo
 from tests.examples import examples
 
 QUICK = settings(max_examples=examples(120))

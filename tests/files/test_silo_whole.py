@@ -9,11 +9,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from silo.analysis.opening import open_log
-from silo.files import silo_format as form
-from silo.files import silo_reader
-from silo.files.silo_reader import read_silo
-from silo.files.silo_whole import FileElements, read_whole
-from silo.files.silo_writer import write_silo
+from silo.files.silo import format as form
+from silo.files.silo import reader
+from silo.files.silo.reader import read_silo
+from silo.files.silo.whole import FileElements, read_whole
+from silo.files.silo.writer import write_silo
 from tests.examples import examples
 
 
@@ -23,7 +23,7 @@ def whole(path):
 
 def careful(path, monkeypatch):
     with monkeypatch.context() as patch:
-        patch.setattr(silo_reader, "read_whole", lambda data: None)
+        patch.setattr(reader, "read_whole", lambda data: None)
         return read_silo(path)
 
 

@@ -23,16 +23,16 @@ import pytest
 import zstandard
 from mcap.opcode import Opcode
 
-import silo.files.bag
+import silo.files.bags.writer
 from silo.analysis.opening import open_log
 from silo.core.elements import BufferType, Entry
 from silo.core.kinds import struct_text
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import SiloError
-from silo.files.bag_facts import FACTS_ATTACHMENT, RecordingFacts, unpack_facts
-from silo.files.bag_index import read_index, record_at
+from silo.files.bags.index import read_index, record_at
+from silo.files.bags.metadata import FACTS_ATTACHMENT, RecordingFacts, unpack_facts
 from silo.files.formats import FORMATS, writer_for
-from silo.files.part_scan import attachment
+from silo.files.parts.scan import attachment
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 ROOM_BYTES = 1 << 30
@@ -188,7 +188,7 @@ def changed_attachment(data: bytes, rng: random.Random) -> bytes:
 
 def with_right_checksum(data: bytes) -> bytes:
     """A `.silo` file that is wrong, with a header whose checksum is right: for readers that trust it."""
-    from silo.files import silo_format as form
+    from silo.files.silo import format as form
 
     end = data.find(form.DATA_LINE)
     start = data.rfind(form.CHECK, 0, end)
@@ -221,7 +221,7 @@ def whole(target: str, number: int) -> tuple[Path, dict[Path, bytes]]:
     if path.is_dir():
         shutil.rmtree(path)
     if target == "rows":
-        from silo.files.csv_file import write_csv
+        from silo.files.csv.writer import write_csv
 
         write_csv(recording, path, "rows")
     else:
@@ -245,7 +245,7 @@ def make(target: str, number: int) -> Path:
     if target == "told":
         with pytest.MonkeyPatch.context() as patch:
             packed = changed_facts(msgspec.json.encode(facts_of(path)), rng)
-            patch.setattr(silo.files.bag, "pack_facts", lambda _: zstandard.compress(packed))
+            patch.setattr(silo.files.bags.writer, "pack_facts", lambda _: zstandard.compress(packed))
             path.unlink()
             writer_for(path)(with_told(a_recording(random.Random(f"{target} {number // WAYS}"))), path, None)
         return path

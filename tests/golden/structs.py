@@ -15,11 +15,11 @@ import numpy as np
 from msgspec import inspect
 
 from silo.core.elements import LoggedEvent
-from silo.files.bag_facts import RecordingFacts
-from silo.files.csv_facts import CsvFacts
+from silo.files.bags.metadata import RecordingFacts
+from silo.files.csv.metadata import CsvFacts
 from silo.files.manifest import CaptureEntry, Written
-from silo.files.part_facts import PartFacts
-from silo.files.silo_format import ElementFacts, LogFacts
+from silo.files.parts.metadata import PartFacts
+from silo.files.silo.format import ElementFacts, LogFacts
 from silo.helper.judge_state import JudgeState, array_of, array_parts
 from silo.helper.recorder_process import Kept
 from silo.helper.writing import WriteOrder, WriteReport

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Reader
 from silo.cli.main import EXIT_USAGE, run
 from silo.core.elements import BufferType, RecorderState
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError, StateError
-from silo.files.bag_read import read_bag
+from silo.files.bag_reader import read_bag
 from silo.helper.recording_folder import recording_folder
 from silo.ipc.client.client import Client
 from silo.ipc.published import EventKind

@@ -18,7 +18,7 @@ from silo.analysis.opening import open_log
 from silo.cli.main import run
 from silo.core.elements import RecorderState
 from silo.core.runtime import list_held, list_segments, runtime_dir
-from silo.files.bag_read import read_bag
+from silo.files.bag_reader import read_bag
 from silo.files.manifest import read_written
 from silo.helper.recorder_process import stored
 from silo.ipc.client.client import Client

@@ -11,7 +11,7 @@ import pytest
 from silo.core.elements import BufferType, Entry, FileType, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
-from silo.files.bag import write_bag
+from silo.files.bags.writer import write_bag
 from silo.files.convert import convert
 from silo.helper import recordings as module
 from silo.helper.recordings import RecordingFolder

@@ -60,7 +60,7 @@ def stat(pid: int) -> tuple[float, float]:
 
 def check(path: Path, thorough: bool) -> tuple[int, int]:
     """The ticks of a part, read by all readers. Raises AssertionError for a value that is not what was logged."""
-    from silo.files.bag_read import read_bag
+    from silo.files.bag_reader import read_bag
 
     found = read_bag(path)
     first = found.offset - len(found.time_ns)

@@ -15,10 +15,10 @@ from silo import open_log
 from silo.cli.main import run
 from silo.core.elements import LoggedEvent
 from silo.errors import FileFormatError
-from silo.files.bag import write_bag
-from silo.files.bag_read import read_bag
+from silo.files.bag_reader import read_bag
+from silo.files.bags.writer import write_bag
 from silo.files.event_log import append_events, event_log_path, older_event_log
-from silo.files.part_scan import rows_after, scan_part
+from silo.files.parts.scan import rows_after, scan_part
 from silo.recorder.orders import Finish, RecordOrder, encode
 from silo.recorder.writing import ExtrasChange, Look
 from silo.recovery.parts import close_part

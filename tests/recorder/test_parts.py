@@ -16,10 +16,10 @@ from silo.core.elements import RecorderState
 from silo.core.quantities import read_keep, read_split
 from silo.errors import ElementError, SaveError
 from silo.files.atomic import write_all
-from silo.files.bag import write_bag
-from silo.files.bag_read import read_bag
+from silo.files.bag_reader import read_bag
+from silo.files.bags.writer import write_bag
 from silo.files.manifest import Ledger
-from silo.files.part_scan import part_records, rows_after, scan_part
+from silo.files.parts.scan import part_records, rows_after, scan_part
 from silo.recorder.orders import RecordOrder
 from silo.recorder.writing import QUEUE_BYTES, Disk, left_free
 from silo.recovery.parts import close_part, close_parts, finished_part, left_parts, left_rows

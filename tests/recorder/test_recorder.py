@@ -10,8 +10,8 @@ import pytest
 
 from silo.analysis.opening import open_log
 from silo.core.elements import RecorderState
-from silo.files.bag_read import read_bag
-from silo.files.part_facts import PART_ENDING
+from silo.files.bag_reader import read_bag
+from silo.files.parts.metadata import PART_ENDING
 from silo.recorder.draining import Drain, Drained
 from silo.recorder.orders import Finish, Follow, RecordOrder, encode
 from silo.recorder.recorder import Recorder

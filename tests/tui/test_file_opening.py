@@ -7,7 +7,7 @@ from click.testing import CliRunner
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import LogNotFoundError
-from silo.files.silo_writer import write_silo
+from silo.files.silo.writer import write_silo
 from silo_tui.cli import command
 from silo_tui.sessions.target import file_meant
 

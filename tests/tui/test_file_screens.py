@@ -8,7 +8,7 @@ import pytest
 from silo.analysis.log import Log
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import Failures, RecordedElement, RecordedEntry, Recording
-from silo.files.silo_writer import write_silo
+from silo.files.silo.writer import write_silo
 from silo_tui.actions import BY_ID, FILE_SCOPES, commands_for
 from silo_tui.app import SiloApp
 from silo_tui.model.fields import Field

@@ -10,7 +10,7 @@ import pytest
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.core.elements import BufferType, Entry, FileType, RecorderState, State, TriggerOptions
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.files.silo_writer import write_silo
+from silo.files.silo.writer import write_silo
 from silo.ipc.found import Found
 from silo.ipc.member import Member
 from silo.ipc.messages.recordings import RecorderInfo, RecordingFile, Recordings, SavedRecording

@@ -8,7 +8,7 @@ from silo.core.elements import BufferType, Entry
 from silo.core.kinds import KINDS, Kind, Message, kind_given, regroup, struct_fields, struct_text
 from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import ElementError
-from silo.files.ros_types import channels_of
+from silo.files.bags.ros_types import channels_of
 from silo.loop.sources import refer
 from silo.loop.types import Part, kind_of
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from silo.bridges.messages import SECOND_NS, LiveTopic, entry_values, is_texts, live_topics
 from silo.core.arrays.wide import to_wire
 from silo.core.elements import ElementInfo
-from silo.files.ros_types import ENCAPSULATION, MessageType, Part, free_topic
+from silo.files.bags.ros_types import ENCAPSULATION, MessageType, Part, free_topic
 from silo.ipc.samples import Samples
 
 Stamped = tuple[NDArray[np.int64], list[bytes]]  # time stamps, and as many messages

@@ -18,9 +18,9 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from silo.files.bag_index import DAMAGE, Told, read_index, record_at, told_damage
-from silo.files.mcap_chunks import INDEX_ENTRY, RECORD, records, unpack_chunk, walked
-from silo.files.mcap_write import MAGIC
+from silo.files.bags.index import DAMAGE, Told, read_index, record_at, told_damage
+from silo.files.mcap.chunks import INDEX_ENTRY, RECORD, records, unpack_chunk, walked
+from silo.files.mcap.writer import MAGIC
 from silo.files.others.topics import SOME, Bad, Equal, Topic
 
 _HEAD = RECORD

@@ -19,14 +19,14 @@ from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, Recording, common_axis, lazy_entry
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
-from silo.files.bag_index import Told, damage_told
+from silo.files.bags.index import Told, damage_told
 from silo.files.formats import refuse_others
 from silo.files.others import cdr, json_text
 from silo.files.others.mcap_file import McapFile
 from silo.files.others.message_types import Message, Path, UnknownTypeError, Wanted, message_type, signals_of
 from silo.files.others.sqlite_file import SqliteFile
 from silo.files.others.topics import Bad, Equal, Topic, Unpacked
-from silo.files.silo_values import file_recording
+from silo.files.silo.values import file_recording
 
 _HEADER: Path = ("header", "stamp")
 _JOINTS = "sensor_msgs/msg/JointState"

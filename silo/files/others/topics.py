@@ -8,7 +8,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from silo.files.mcap_chunks import MOST_RATIO, MOST_ROOM
+from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
 
 Equal = tuple[NDArray[np.int64], NDArray[np.uint8]]  # which messages, and their bytes, shape `(n, size)`
 Bad = list[tuple[NDArray[np.int64], str]]  # which messages can't be read, and why

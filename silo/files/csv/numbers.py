@@ -1,7 +1,7 @@
 """The numbers of a CSV table by polars, where it is installed and the table is plain: 10 times as fast as in Python.
 
 Whatever isn't plain (texts or quotes among the numbers, records of other lengths) gives None, and
-`silo.files.csv_reader` reads it cell by cell, with its warnings: both give the same.
+`silo.files.csv.reader` reads it cell by cell, with its warnings: both give the same.
 """
 
 import re

@@ -13,7 +13,7 @@ import msgspec
 
 from silo.core.elements import LoggedEvent
 from silo.errors import FileFormatError
-from silo.files import silo_format as form
+from silo.files.silo import format as form
 
 # A table of 100,000 entries with facts is 20 MB; a longer header is no header.
 _LONGEST_HEADER = 256 << 20

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from silo.core.elements import NO_EXTRAS, BufferType, Entry, Extras, LoggedEvent
 from silo.core.recording import NO_FAILURES, Failures
-from silo.files.mcap_chunks import MOST_RATIO, MOST_ROOM
-from silo.files.silo_format import Missing
+from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
+from silo.files.silo.format import Missing
 
 FACTS_ATTACHMENT = "silo/recording.json.zst"
 TIME_ATTACHMENT = "silo/time_ns.zst"

@@ -1,4 +1,4 @@
-"""Message records of many channels at once, for `silo.files.bag`.
+"""Message records of many channels at once, for `silo.files.bags.writer`.
 
 Channels with the same message layout and the same ticks form a group: per time window their records are one
 structured array of shape (samples, channels), filled by column, and copied to their places in the window's buffer by
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.wide import to_wire
 from silo.core.recording import RecordedElement, Recording
-from silo.files.mcap_write import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
-from silo.files.ros_types import ENCAPSULATION, STRING, Channel, Part
-from silo.files.silo_format import FilledEntry
+from silo.files.bags.ros_types import ENCAPSULATION, STRING, Channel, Part
+from silo.files.mcap.writer import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
+from silo.files.silo.format import FilledEntry
 
 # of a message record: opcode 1, length 8, channel 2, sequence 4, log time 8, publish time 8
 RECORD_HEAD = 31

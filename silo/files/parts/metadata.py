@@ -9,9 +9,9 @@ from collections.abc import Mapping
 import msgspec
 import zstandard
 
-from silo.files.bag_facts import RecordingFacts, decompress
+from silo.files.bags.metadata import RecordingFacts, decompress
 from silo.files.formats import OPEN_PART_ENDING
-from silo.files.mcap_chunks import MOST_RATIO, MOST_ROOM
+from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
 
 PART_ATTACHMENT = "silo/part.json.zst"
 PART_ENDING = OPEN_PART_ENDING

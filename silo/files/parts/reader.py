@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from silo.core.elements import UNHELD, BufferType, LoggedEvent
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, masked
-from silo.files.bag_channels import Values, channel_readers
-from silo.files.bag_index import DAMAGE, GAPS, told_damage
-from silo.files.mcap_chunks import INDEX_ENTRY, unpack_chunk
-from silo.files.mcap_write import MAGIC
-from silo.files.part_events import events_of
-from silo.files.part_facts import EVENTS_RING, PartFacts, RingFacts
-from silo.files.part_scan import first_row, part_records, ring_of
+from silo.files.bags.channels import Values, channel_readers
+from silo.files.bags.index import DAMAGE, GAPS, told_damage
+from silo.files.mcap.chunks import INDEX_ENTRY, unpack_chunk
+from silo.files.mcap.writer import MAGIC
+from silo.files.parts.events import events_of
+from silo.files.parts.metadata import EVENTS_RING, PartFacts, RingFacts
+from silo.files.parts.scan import first_row, part_records, ring_of
 
 _MOST_SPANS = 15
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from silo.core.elements import LoggedEvent
 from silo.core.recording import Recording
-from silo.files.bag_groups import RECORD_HEAD
-from silo.files.mcap_write import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
-from silo.files.ros_types import ENCAPSULATION, Channel, MessageType, free_topic
+from silo.files.bags.message_groups import RECORD_HEAD
+from silo.files.bags.ros_types import ENCAPSULATION, Channel, MessageType, free_topic
+from silo.files.mcap.writer import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
 
 LEVELS = ("DEBUG=10", "INFO=20", "WARN=30", "ERROR=40", "FATAL=50")
 INFO, WARN, ERROR = 20, 30, 40
@@ -56,7 +56,7 @@ def _append_text(body: bytearray, text: str) -> None:
 
 
 class EventGroup:
-    """The messages of all events, one channel: stands beside the groups of `silo.files.bag_groups`."""
+    """The messages of all events, one channel: stands beside the groups of `silo.files.bags.message_groups`."""
 
     divider = 1
     first = 0

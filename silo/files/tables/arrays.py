@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, stamps_of
 from silo.errors import SaveError
 from silo.files.extras import need, whole_file
-from silo.files.missing import filled, in_doubles, is_masked
-from silo.files.silo_format import FilledEntry
+from silo.files.silo.format import FilledEntry
+from silo.files.silo.missing import filled, in_doubles, is_masked
 from silo.files.texts import presentable
 
 # MATLAB cuts longer names

@@ -18,10 +18,10 @@ from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Sche
 from numpy.typing import NDArray
 
 from silo.errors import FileFormatError
-from silo.files.mcap_chunks import INDEX_ENTRY, unpack_chunk
-from silo.files.mcap_write import MAGIC, Begun, chunk_index
-from silo.files.part_events import last_number
-from silo.files.part_facts import EVENTS_RING, PART_ATTACHMENT, PartFacts, RingFacts, row_of, unpack_part
+from silo.files.mcap.chunks import INDEX_ENTRY, unpack_chunk
+from silo.files.mcap.writer import MAGIC, Begun, chunk_index
+from silo.files.parts.events import last_number
+from silo.files.parts.metadata import EVENTS_RING, PART_ATTACHMENT, PartFacts, RingFacts, row_of, unpack_part
 
 _PREFIX = 9  # opcode and length of a record
 _SEQUENCE_AT = 11  # in a message record

@@ -1,6 +1,6 @@
 """An MCAP file built from chunks that are ready: records of a whole time window at once.
 
-`silo.files.bag` makes the message records and their index with NumPy; here stands what is around them: header, chunk
+`silo.files.bags.writer` makes the message records and their index with NumPy; here stands what is around them: header, chunk
 records, summary, footer. The small records are written with the `mcap` package's own classes.
 """
 

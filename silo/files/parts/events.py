@@ -10,12 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from silo.core.elements import LoggedEvent
-from silo.files.bag_events import event_index, event_record
-from silo.files.bag_groups import RECORD_HEAD
-from silo.files.mcap_chunks import INDEX_ENTRY
-from silo.files.mcap_write import IndexBlock
-from silo.files.part_facts import SEQUENCES, row_of
-from silo.files.ros_types import ENCAPSULATION
+from silo.files.bags.events import event_index, event_record
+from silo.files.bags.message_groups import RECORD_HEAD
+from silo.files.bags.ros_types import ENCAPSULATION
+from silo.files.mcap.chunks import INDEX_ENTRY
+from silo.files.mcap.writer import IndexBlock
+from silo.files.parts.metadata import SEQUENCES, row_of
 
 _HEAD = struct.Struct("<BQHIQQ")
 _FIXED_BYTES = 9  # stamp and level, before the texts

@@ -18,11 +18,11 @@ from silo.core.elements import BufferType, Entry
 from silo.core.kinds import SCALAR, regroup
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError, LogNotFoundError
-from silo.files import silo_format as form
 from silo.files.atomic import reason
-from silo.files.silo_header import Header, parse_header
-from silo.files.silo_values import file_entry, file_recording, time_stamps, types_of
-from silo.files.silo_whole import read_whole
+from silo.files.silo import format as form
+from silo.files.silo.header import Header, parse_header
+from silo.files.silo.values import file_entry, file_recording, time_stamps, types_of
+from silo.files.silo.whole import read_whole
 
 _NAMED = 5
 _FIRST_LINE_BYTES = 1 << 20  # far more than the longest line

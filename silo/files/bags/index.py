@@ -1,7 +1,7 @@
 """Elements of a whole bag that silo wrote, each read when it is asked for: by the index behind the chunks.
 
 An element alone costs unpacking the chunks that hold its messages, and nothing for the other elements' messages; who
-asks for several gets the rest in one more pass. Used by `silo.files.bag_read`.
+asks for several gets the rest in one more pass. Used by `silo.files.bag_reader`.
 """
 
 import struct
@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, failures_at
 from silo.errors import FileFormatError, LogWarning
-from silo.files.bag_channels import Values, are_right, channel_readers
-from silo.files.bag_facts import RecordingFacts
-from silo.files.mcap_chunks import INDEX_ENTRY, unpack_chunk
-from silo.files.mcap_write import MAGIC
+from silo.files.bags.channels import Values, are_right, channel_readers
+from silo.files.bags.metadata import RecordingFacts
+from silo.files.mcap.chunks import INDEX_ENTRY, unpack_chunk
+from silo.files.mcap.writer import MAGIC
 
 ALONE = 3  # so many elements are read one by one; each costs about as much as unpacking all chunks
 _HEAD = struct.Struct("<BQ")  # of a record: opcode, length

@@ -74,7 +74,7 @@ class TableRow(msgspec.Struct, frozen=True):
 class Missing(msgspec.Struct, frozen=True, omit_defaults=True):
     """How a column of numbers tells which are missing, of a type that has no NaN.
 
-    `dtype` is the type as logged, `fill` what stands in their place, None for NaN (`silo.files.missing`).
+    `dtype` is the type as logged, `fill` what stands in their place, None for NaN (`silo.files.silo.missing`).
     """
 
     dtype: str

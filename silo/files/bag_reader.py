@@ -2,7 +2,7 @@
 
 The facts attachment says where in which message each value stands; the message index says where in a chunk each
 message stands; so a chunk is read with one indexed load per channel, and `open_bag` reads only what is asked for
-(`silo.files.bag_index`). A file that was cut off gives what is whole, with a warning. Bags of others have no facts:
+(`silo.files.bags.index`). A file that was cut off gives what is whole, with a warning. Bags of others have no facts:
 `open_bag` gives them to `silo.files.others`.
 """
 
@@ -20,16 +20,8 @@ from numpy.typing import NDArray
 from silo.core.recording import RecordedElement, Recording
 from silo.errors import FileFormatError, LogNotFoundError, SiloError
 from silo.files.atomic import reason
-from silo.files.bag_channels import ChannelReader, Values, channel_readers
-from silo.files.bag_facts import (
-    FACTS_ATTACHMENT,
-    FACTS_VERSION,
-    TIME_ATTACHMENT,
-    RecordingFacts,
-    unpack_facts,
-    unpack_times,
-)
-from silo.files.bag_index import (
+from silo.files.bags.channels import ChannelReader, Values, channel_readers
+from silo.files.bags.index import (
     DAMAGE,
     GAPS,
     BagElements,
@@ -41,12 +33,20 @@ from silo.files.bag_index import (
     recorded,
     told_damage,
 )
+from silo.files.bags.metadata import (
+    FACTS_ATTACHMENT,
+    FACTS_VERSION,
+    TIME_ATTACHMENT,
+    RecordingFacts,
+    unpack_facts,
+    unpack_times,
+)
 from silo.files.formats import refuse_others
-from silo.files.mcap_chunks import INDEX_ENTRY, records, unpack_chunk
-from silo.files.mcap_write import MAGIC
-from silo.files.part_facts import PART_ATTACHMENT, unpack_part
-from silo.files.part_read import read_part
-from silo.files.part_scan import attachment
+from silo.files.mcap.chunks import INDEX_ENTRY, records, unpack_chunk
+from silo.files.mcap.writer import MAGIC
+from silo.files.parts.metadata import PART_ATTACHMENT, unpack_part
+from silo.files.parts.reader import read_part
+from silo.files.parts.scan import attachment
 
 
 def read_bag(path: str | os.PathLike[str]) -> Recording:

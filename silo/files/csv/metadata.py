@@ -1,6 +1,6 @@
 """What a CSV file can't say, beside it in `<name>.csv.json`: units, labels, types, kinds, buffers.
 
-`silo.files.csv_file` writes it with the table, `silo.files.csv_reader` takes it where it is of this very table: the
+`silo.files.csv.writer` writes it with the table, `silo.files.csv.reader` takes it where it is of this very table: the
 same columns, ticks, first and last time stamp. Values are those of the table, so that they may be edited.
 """
 
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from silo.core.elements import Entry, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, masked
-from silo.files import silo_format as form
-from silo.files.csv_fast import Filled
+from silo.files.csv.numbers import Filled
+from silo.files.silo import format as form
 
 SIDECAR = ".json"
 VERSION = 1

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from silo.core.arrays.wide import to_wire
 from silo.core.recording import Progress, RecordedEntry, Recording
 from silo.errors import SaveError
-from silo.files import silo_format as form
 from silo.files.atomic import atomic_file, write_all
-from silo.files.missing import in_doubles
+from silo.files.silo import format as form
+from silo.files.silo.missing import in_doubles
 
 TILE_COLUMNS = 16
 TILE_ROWS = 16384

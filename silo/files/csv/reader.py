@@ -20,9 +20,9 @@ from silo.core.kinds import regroup
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, masked
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
-from silo.files.csv_facts import Column, NotThisTableError, restored, sidecar_of, types_of, unpack
-from silo.files.csv_fast import Filled, Numbers, read_numbers
-from silo.files.silo_format import decode_text, first_stamp
+from silo.files.csv.metadata import Column, NotThisTableError, restored, sidecar_of, types_of, unpack
+from silo.files.csv.numbers import Filled, Numbers, read_numbers
+from silo.files.silo.format import decode_text, first_stamp
 
 TIME_NS = "time_ns"  # the last column: the first one in whole nanoseconds
 _ROUNDED_NS = 1000  # by which seconds that went through a double may be off

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.recording import RecordedElement, RecordedEntry, plain_element
-from silo.files.silo_format import FilledEntry, Missing
+from silo.files.silo.format import FilledEntry, Missing
 
 _EXACT = 2**53
 

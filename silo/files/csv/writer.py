@@ -3,7 +3,7 @@
 Numbers in full precision, strings always quoted (so that `"12"` stays a string), an empty cell for a tick without
 sample, and where a whole number is missing. The column layout of a large log is written by polars where that is
 installed (5 times as fast; the values are the same, some exponents look different). Reading is in
-`silo.files.csv_reader`.
+`silo.files.csv.reader`.
 """
 
 import io
@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from silo.core.recording import Progress, RecordedElement, Recording
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, write_all
-from silo.files.csv_facts import pack, sidecar_of
-from silo.files.csv_reader import TIME_NS, read_csv
-from silo.files.missing import is_masked
+from silo.files.csv.metadata import pack, sidecar_of
+from silo.files.csv.reader import TIME_NS, read_csv
+from silo.files.silo.missing import is_masked
 
 __all__ = ["Layout", "read_csv", "write_csv"]
 

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, atomic_folder
-from silo.files.bag_events import LOG_TYPE, EventGroup, events_topic
-from silo.files.bag_facts import (
+from silo.files.bags.events import LOG_TYPE, EventGroup, events_topic
+from silo.files.bags.message_groups import MessageGroup, absent_of, group_channels
+from silo.files.bags.metadata import (
     FACTS_ATTACHMENT,
     FACTS_VERSION,
     TIME_ATTACHMENT,
@@ -33,11 +34,10 @@ from silo.files.bag_facts import (
     pack_facts,
     pack_times,
 )
-from silo.files.bag_groups import MessageGroup, absent_of, group_channels
-from silo.files.mcap_write import McapFile
-from silo.files.missing import filled
-from silo.files.ros_types import Channel, MessageType, channels_of, is_text
-from silo.files.silo_format import FilledEntry, markers_of
+from silo.files.bags.ros_types import Channel, MessageType, channels_of, is_text
+from silo.files.mcap.writer import McapFile
+from silo.files.silo.format import FilledEntry, markers_of
+from silo.files.silo.missing import filled
 from silo.files.texts import presentable
 
 MAX_CHANNELS = 65535
@@ -50,8 +50,8 @@ CHUNK_BYTES = 2 << 20
 def write_bag(recording: Recording, path: str | os.PathLike[str], progress: Progress | None = None) -> None:
     """Write a bag: a plain MCAP file if `path` ends in `.mcap`, else a rosbag2 folder.
 
-    Every element is one topic (message types: `silo.files.ros_types`); log time, publish time and header stamp are the
-    tick's stamp. What happened is one more topic (`silo.files.bag_events`). `progress` gets the fraction done, 0 to 1,
+    Every element is one topic (message types: `silo.files.bags.ros_types`); log time, publish time and header stamp are the
+    tick's stamp. What happened is one more topic (`silo.files.bags.events`). `progress` gets the fraction done, 0 to 1,
     per time window. Peak memory is about twice `WINDOW_BYTES` beyond the recording. Raises `SaveError` when stamps,
     types or the number of elements don't fit ROS, and when the file can't be written; then nothing stands under the
     final name. An existing folder is an error, a file is replaced.

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.wide import from_wire
 from silo.core.recording import masked
-from silo.files.bag_facts import ElementFacts, EntryFacts, RecordingFacts
-from silo.files.bag_groups import RECORD_HEAD
-from silo.files.mcap_chunks import RECORD, walked
-from silo.files.mcap_write import MESSAGE_OPCODE
-from silo.files.ros_types import STRING
-from silo.files.silo_format import dtype_from
+from silo.files.bags.message_groups import RECORD_HEAD
+from silo.files.bags.metadata import ElementFacts, EntryFacts, RecordingFacts
+from silo.files.bags.ros_types import STRING
+from silo.files.mcap.chunks import RECORD, walked
+from silo.files.mcap.writer import MESSAGE_OPCODE
+from silo.files.silo.format import dtype_from
 
 _SEQUENCE_AT = RECORD.size + 2  # in a message record
 _SEQUENCE = np.dtype("<u4")

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording
+from silo.files.bags.ros_types import is_text
 from silo.files.extras import need, whole_file
-from silo.files.ros_types import is_text
 from silo.files.texts import presentable
 
 # cells of a row group: 64 MB of doubles

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from silo.core.arrays.wide import from_wire
 from silo.core.elements import Entry
 from silo.core.recording import RecordedEntry, Recording
-from silo.files import silo_format as form
+from silo.files.silo import format as form
 
 Type = np.dtype[Any]
 

@@ -17,8 +17,8 @@ import msgspec
 from silo.core.elements import Entry, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError
-from silo.files import silo_format as form
-from silo.files.silo_values import Type, file_entry, file_recording, time_stamps, types_of
+from silo.files.silo import format as form
+from silo.files.silo.values import Type, file_entry, file_recording, time_stamps, types_of
 
 # larger ones are fresh memory, whose page faults take longer than the copy
 _PIECE = 1 << 16

@@ -1,0 +1,1 @@
+"""MCAP files as such: records, chunks, indices, whatever is in the messages."""

@@ -1,0 +1,1 @@
+"""Parts of endless recordings: bags that are read whole, open, or cut short."""

@@ -1,0 +1,1 @@
+"""Recordings as arrays and tables of other programs: NumPy, MATLAB, HDF5, Parquet."""
