@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from silo.version import VERSION
 
 if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itself is public
-    from silo.analysis.comparing import Comparison as Comparison, compare as compare
+    from silo.analysis.compare import Comparison as Comparison, compare as compare
     from silo.analysis.log import (
         Log as Log,
         Signal as Signal,
@@ -94,7 +94,7 @@ _HOMES = {
     ),
     "silo.analysis.log": "Log Signal UnknownSignalError",
     "silo.analysis.opening": "open_log open_logs",
-    "silo.analysis.comparing": "Comparison compare",
+    "silo.analysis.compare": "Comparison compare",
     "silo.ipc.client": "Client connect topic",
     "silo.logger.elements": "LoggedElement",
     "silo.logger.logger": "Logger",

@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from silo.analysis.arithmetic import warn_outside
-from silo.analysis.expressions import RecordingJudge, narrowed
-from silo.analysis.happened import LogEvent, events_of
+from silo.analysis.compute.arithmetic import warn_outside
+from silo.analysis.compute.expressions import RecordingJudge, narrowed
+from silo.analysis.compute.shapes import assembled, component_names
 from silo.analysis.lookup import Names
-from silo.analysis.recordings import clipped, resampled
-from silo.analysis.shapes import assembled, component_names
-from silo.analysis.signals import Signal
+from silo.analysis.plots.events import LogEvent, events_of
+from silo.analysis.signal import Signal
+from silo.analysis.stretches import clipped, resampled
 from silo.core.arguments import INT64, real, shown, switch, text
 from silo.core.arguments import path as file_path
 from silo.core.calls import told_class
@@ -322,8 +322,8 @@ class Log(Mapping[str, Signal]):
         Raises:
             ElementError: a pattern matches nothing, or there is no sample.
         """
-        from silo.analysis.charts import ChartSpec, make_chart
-        from silo.analysis.showing import MOST_CURVES, show
+        from silo.analysis.plots.charts import ChartSpec, make_chart
+        from silo.analysis.plots.showing import MOST_CURVES, show
 
         if not patterns:
             raise ElementError(
@@ -422,7 +422,7 @@ class Log(Mapping[str, Signal]):
         Args:
             pattern: which elements, with `*`, `?` and `[...]`.
         """
-        from silo.analysis.exports import log_to_pandas
+        from silo.analysis.compute.exports import log_to_pandas
 
         return log_to_pandas(*self._table(pattern))
 
@@ -432,7 +432,7 @@ class Log(Mapping[str, Signal]):
         Args:
             pattern: which elements, with `*`, `?` and `[...]`.
         """
-        from silo.analysis.exports import log_to_polars
+        from silo.analysis.compute.exports import log_to_polars
 
         return log_to_polars(*self._table(pattern))
 
@@ -442,7 +442,7 @@ class Log(Mapping[str, Signal]):
         Args:
             pattern: which elements, with `*`, `?` and `[...]`.
         """
-        from silo.analysis.exports import log_to_xarray
+        from silo.analysis.compute.exports import log_to_xarray
 
         return log_to_xarray(*self._table(pattern))
 

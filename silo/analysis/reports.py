@@ -12,10 +12,10 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from silo.analysis.arithmetic import in_common
-from silo.analysis.happened import LogEvent, event_lines, events_of
-from silo.analysis.picking import Picked, picked, text_of
-from silo.analysis.samples import Samples
+from silo.analysis.compute.arithmetic import in_common
+from silo.analysis.compute.samples import Samples
+from silo.analysis.plots.curves import Picked, picked, text_of
+from silo.analysis.plots.events import LogEvent, event_lines, events_of
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, stamps_of
 from silo.errors import ElementError
 

@@ -11,7 +11,7 @@ from silo.cli.common import LogWord, show_rows
 from silo.errors import SiloError
 
 if TYPE_CHECKING:
-    from silo.analysis.checking import Finding
+    from silo.analysis.check import Finding
     from silo.core.elements import SignalLimits
 
 EXIT_VIOLATED = EXIT_FAILED
@@ -41,7 +41,7 @@ def check_command(
       0  nothing was violated        1  something was
       5  nothing could be judged     2  the file or an expression can't be read
     """
-    from silo.analysis.checking import check
+    from silo.analysis.check import check
     from silo.files.formats import read_recording
     from silo.files.naming import find_log
 

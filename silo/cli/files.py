@@ -25,7 +25,7 @@ from silo.files.formats import readable, writable
 
 if TYPE_CHECKING:
     # NumPy takes 150 ms, which commands without a log don't have to wait
-    from silo.analysis.picking import Picked
+    from silo.analysis.plots.curves import Picked
     from silo.core.recording import Recording
 
 _Params = ParamSpec("_Params")
@@ -118,7 +118,7 @@ def stats_command(file: str, patterns: tuple[str, ...], start: float | None, sto
       silo stats run.silo
       silo stats run.silo 'LF/*/torque' --from 2 --to 5
     """
-    from silo.analysis.picking import pick, pick_all
+    from silo.analysis.plots.curves import pick, pick_all
     from silo.analysis.reports import format_statistics, statistics
 
     recording = _read(_find(file))
@@ -211,8 +211,8 @@ def plot_command(
       silo plot run.silo 'joints/tau * joints/qd' 'norm(imu/acc)'
       silo plot run.silo imu/accel --spectrum --png accel.png
     """
-    from silo.analysis.charts import ChartSpec, make_chart
-    from silo.analysis.plotting import draw_png, draw_text
+    from silo.analysis.plots.charts import ChartSpec, make_chart
+    from silo.analysis.plots.drawing import draw_png, draw_text
 
     if derivative and spectrum:
         raise click.UsageError("choose one of --derivative and --spectrum")
@@ -259,7 +259,7 @@ def _read(path: Path) -> "Recording":
 def _windowed(
     recording: "Recording", signals: "Sequence[Picked]", start: float | None, stop: float | None
 ) -> "Iterator[Picked]":
-    from silo.analysis.picking import window
+    from silo.analysis.plots.curves import window
 
     if start is None and stop is None:
         yield from signals

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from silo.analysis.spectra import Peak, Spectrum
+from silo.analysis.compute.spectra import Peak, Spectrum
 from silo.core.arrays.columns import bins_at, reduce
 from silo.core.arrays.values import Floats
 from silo_tui.model import axes, braille, dots, text

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.samples import Samples
+from silo.analysis.compute.samples import Samples
 from silo.core.arrays.values import Floats, as_floats
 
 

@@ -16,7 +16,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.widgets import Static
 
-from silo.analysis.spectra import MOST_PEAKS, Peak, Piece, Spectrum, longest_piece, peaks_of, spectrum_of
+from silo.analysis.compute.spectra import MOST_PEAKS, Peak, Piece, Spectrum, longest_piece, peaks_of, spectrum_of
 from silo.core.arrays.values import as_floats
 from silo.core.quantities import duration
 from silo.errors import SiloError

@@ -149,7 +149,7 @@ def test_an_element_that_ended_early_is_not_held_on_when_a_log_is_resampled(tmp_
 
 
 def test_a_plot_of_one_over_another_ends_where_the_other_ends(tmp_path):
-    from silo.analysis.charts import ChartSpec, make_chart
+    from silo.analysis.plots.charts import ChartSpec, make_chart
 
     log = ramp(tmp_path, 100, "long")
     short = log.clip(0, 0.495)

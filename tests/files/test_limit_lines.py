@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from silo.analysis.charts import ChartSpec, make_chart
-from silo.analysis.plotting import draw_axes, draw_text
+from silo.analysis.plots.charts import ChartSpec, make_chart
+from silo.analysis.plots.drawing import draw_axes, draw_text
 from silo.cli.main import run
 from silo.core.elements import BufferType, Derived, Entry, Extras, SignalLimits
 from silo.core.recording import RecordedElement, RecordedEntry, Recording

@@ -6,7 +6,7 @@ import pytest
 import silo
 from silo.analysis.log import Log, UnknownSignalError
 from silo.analysis.opening import open_log
-from silo.analysis.signals import Signal
+from silo.analysis.signal import Signal
 from silo.cli.edits import select
 from silo.core.elements import BufferType
 from silo.core.names import matching

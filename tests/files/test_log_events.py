@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from silo.analysis.charts import ChartSpec, make_chart
 from silo.analysis.log import Log
-from silo.analysis.plotting import draw_axes, draw_text
+from silo.analysis.plots.charts import ChartSpec, make_chart
+from silo.analysis.plots.drawing import draw_axes, draw_text
 from silo.core.elements import BufferType, LoggedEvent
 from silo.core.recording import stamped
 

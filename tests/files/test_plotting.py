@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.analysis.calculus import derivative
-from silo.analysis.charts import ChartSpec, make_chart
-from silo.analysis.picking import pick
-from silo.analysis.plotting import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
-from silo.analysis.spectra import lines_of, longest_piece
+from silo.analysis.compute.calculus import derivative
+from silo.analysis.compute.spectra import lines_of, longest_piece
+from silo.analysis.plots.charts import ChartSpec, make_chart
+from silo.analysis.plots.curves import pick
+from silo.analysis.plots.drawing import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ElementError, SiloError

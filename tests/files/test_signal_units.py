@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.analysis.signals import Signal
+from silo.analysis.signal import Signal
 from silo.core import units
 from silo.errors import ElementError, LogWarning
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from silo.analysis.log import Log
-from silo.analysis.signals import Signal
+from silo.analysis.signal import Signal
 from silo.core.recording import Recording
 from silo.errors import ElementError
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import silo
-from silo.analysis.checking import check
-from silo.analysis.expressions import BATCH_TICKS
+from silo.analysis.check import check
+from silo.analysis.compute.expressions import BATCH_TICKS
 from silo.analysis.log import Log
-from silo.analysis.picking import pick
+from silo.analysis.plots.curves import pick
 from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
 from silo.core.elements import BufferType, Derived, Entry, Extras, SignalLimits

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from silo.analysis.shapes import assembled
+from silo.analysis.compute.shapes import assembled
 from silo.core.elements import BufferType, Entry
 from silo.core.kinds import KINDS, index_suffixes, kind_given, struct_text, vector_at_position
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.analysis.charts import ChartSpec, make_chart
+from silo.analysis.compute.spectra import Spectrum, lines_of, longest_piece, peaks_of, spectrum_of
 from silo.analysis.log import Log
-from silo.analysis.signals import Signal
-from silo.analysis.spectra import Spectrum, lines_of, longest_piece, peaks_of, spectrum_of
+from silo.analysis.plots.charts import ChartSpec, make_chart
+from silo.analysis.signal import Signal
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import LogWarning

@@ -8,9 +8,9 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis import functions
-from silo.analysis.arithmetic import combined, compared, wide
-from silo.analysis.samples import Samples
+from silo.analysis.compute import numpy_functions
+from silo.analysis.compute.arithmetic import combined, compared, wide
+from silo.analysis.compute.samples import Samples
 from silo.core.calls import told_class
 from silo.errors import ElementError
 
@@ -95,18 +95,18 @@ class Operators(Samples):
     __hash__ = object.__hash__
 
     def __and__(self: Self, other: Operand[Self]) -> Self:
-        return functions.logical(self, other, np.bitwise_and, "&")
+        return numpy_functions.logical(self, other, np.bitwise_and, "&")
 
     def __or__(self: Self, other: Operand[Self]) -> Self:
-        return functions.logical(self, other, np.bitwise_or, "|")
+        return numpy_functions.logical(self, other, np.bitwise_or, "|")
 
     def __xor__(self: Self, other: Operand[Self]) -> Self:
-        return functions.logical(self, other, np.bitwise_xor, "^")
+        return numpy_functions.logical(self, other, np.bitwise_xor, "^")
 
     __rand__, __ror__, __rxor__ = __and__, __or__, __xor__
 
     def __invert__(self: Self) -> Self:
-        return functions.ufunc_of(self, np.invert, "__call__", (self,), {})  # type: ignore[no-any-return]
+        return numpy_functions.ufunc_of(self, np.invert, "__call__", (self,), {})  # type: ignore[no-any-return]
 
     def __bool__(self) -> bool:
         if self.values.size == 1:
@@ -121,12 +121,12 @@ class Operators(Samples):
         raise ElementError(f"'{self.name}' has {len(self)} samples: write .mean(), .value(time) or [0] for one number")
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **keywords: Any) -> Any:
-        return functions.ufunc_of(self, ufunc, method, inputs, keywords)
+        return numpy_functions.ufunc_of(self, ufunc, method, inputs, keywords)
 
     def __array_function__(
         self, function: Callable[..., Any], types: Any, args: tuple[Any, ...], keywords: dict[str, Any]
     ) -> Any:
-        return functions.function_of(function, args, keywords)
+        return numpy_functions.function_of(function, args, keywords)
 
     # ----------------------------------------------------------------------------------------------------- as an array
 

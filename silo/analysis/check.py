@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silo.analysis.expressions import RecordingJudge, narrowed
+from silo.analysis.compute.expressions import RecordingJudge, narrowed
 from silo.core.elements import SignalLimits
 from silo.core.recording import Recording
 from silo.errors import ElementError

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from silo.analysis.arithmetic import combined, compared, wide
-from silo.analysis.samples import Samples
+from silo.analysis.compute.arithmetic import combined, compared, wide
+from silo.analysis.compute.samples import Samples
 from silo.core import units
 from silo.core.arrays.values import with_nan
 from silo.errors import ElementError

@@ -4,8 +4,8 @@ A signal is a value: every operation returns a new one and leaves the log alone.
 the stamps of the faster one, where the slower one has the value that it held; those of different logs on the time since
 the start of each. Where nothing is in common, or units don't go together, there is an error. NaN samples are left out
 of statistics.
-Operators are in `silo.analysis.operators`, frame changes in `silo.analysis.frames`, tables of other libraries in
-`silo.analysis.exports`.
+Operators are in `silo.analysis.compute.operators`, frame changes in `silo.analysis.compute.frames`, tables of other libraries in
+`silo.analysis.compute.exports`.
 """
 
 import os
@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any, Literal, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from silo.analysis import calculus, exports, frames, indexing, spectra
-from silo.analysis.arithmetic import warn_outside, wide
-from silo.analysis.operators import Operators
-from silo.analysis.samples import new_times
+from silo.analysis.compute import calculus, exports, frames, indexing, spectra
+from silo.analysis.compute.arithmetic import warn_outside, wide
+from silo.analysis.compute.operators import Operators
+from silo.analysis.compute.samples import new_times
 from silo.core import units
 from silo.core.arguments import INT64, shown, text
 from silo.core.arrays.values import with_nan
@@ -331,7 +331,7 @@ class Signal(Operators):
         Returns:
             The axes, the path, or None for a terminal.
         """
-        from silo.analysis.showing import show, signal_chart
+        from silo.analysis.plots.showing import show, signal_chart
 
         return show(signal_chart([self, *others], title or self.name), ax, path, terminal)
 

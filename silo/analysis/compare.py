@@ -10,11 +10,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from silo.analysis.arithmetic import in_common
+from silo.analysis.compute.arithmetic import in_common
+from silo.analysis.compute.samples import in_order
 from silo.analysis.log import Log
 from silo.analysis.reports import table
-from silo.analysis.samples import in_order
-from silo.analysis.signals import Signal
+from silo.analysis.signal import Signal
 from silo.core import units
 from silo.core.arguments import real, shown, text
 from silo.core.arrays.values import with_nan

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from silo.analysis.charts import chart_of
-from silo.analysis.picking import Picked
-from silo.analysis.plotting import Chart, draw_axes, draw_png, draw_text
-from silo.analysis.samples import Samples
+from silo.analysis.compute.samples import Samples
+from silo.analysis.plots.charts import chart_of
+from silo.analysis.plots.curves import Picked
+from silo.analysis.plots.drawing import Chart, draw_axes, draw_png, draw_text
 from silo.core.arguments import shown
 from silo.errors import ElementError
 from silo.files.extras import need

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.samples import Samples
+from silo.analysis.compute.samples import Samples
 from silo.core.arrays.values import missing_in, with_nan
 from silo.core.recording import places_on
 from silo.errors import ElementError

@@ -1,6 +1,6 @@
 """Arithmetic between signals: types that don't wrap around, common stamps, shapes that meet, units.
 
-`silo.analysis.operators` calls it, `silo.analysis.frames` for the stamps of vectors and orientations.
+`silo.analysis.compute.operators` calls it, `silo.analysis.compute.frames` for the stamps of vectors and orientations.
 """
 
 import math
@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.samples import Samples, in_order
+from silo.analysis.compute.samples import Samples, in_order
 from silo.core import units
 from silo.core.arguments import shown
 from silo.errors import ElementError, LogWarning

@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.arithmetic import together
-from silo.analysis.samples import XYZW, Samples, in_order
+from silo.analysis.compute.arithmetic import together
+from silo.analysis.compute.samples import XYZW, Samples, in_order
 from silo.core.arguments import shown, text
 from silo.errors import ElementError
 from silo.files.extras import need

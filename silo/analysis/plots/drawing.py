@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.limit_lines import Level
+from silo.analysis.plots.limit_lines import Level
 from silo.core.arrays.columns import bins_at, reduce
 from silo.errors import SiloError
 from silo.files.extras import whole_file

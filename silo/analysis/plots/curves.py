@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.calculus import Floats
-from silo.analysis.expressions import RecordingJudge, is_expression, labels_of, narrowed
+from silo.analysis.compute.calculus import Floats
+from silo.analysis.compute.expressions import RecordingJudge, is_expression, labels_of, narrowed
 from silo.core.arrays.values import as_floats
 from silo.core.arrays.values import text_of as value_text
 from silo.core.printing import printable

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from silo.analysis.samples import Samples
+from silo.analysis.compute.samples import Samples
 from silo.core.arguments import shown
 from silo.core.recording import within
 from silo.errors import ElementError

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silo.analysis.calculus import Floats
+from silo.analysis.compute.calculus import Floats
 from silo.core.recording import Recording
 
 _WORDS = ("red low", "yellow low", "yellow high", "red high")

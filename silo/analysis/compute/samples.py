@@ -1,7 +1,7 @@
 """`Samples`: what was logged of one element, with its times; the ground under `Signal`.
 
 What stands here says what is there and when. What one asks of it (statistics, calculus, arithmetic, frames, tables)
-stands in `silo.analysis.signals` and in the modules that it calls, which all take `Samples` and know no `Signal`.
+stands in `silo.analysis.signal` and in the modules that it calls, which all take `Samples` and know no `Signal`.
 """
 
 import itertools
@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.shapes import scalars
+from silo.analysis.compute.shapes import scalars
 from silo.core.arguments import INT64, shown, whole
 from silo.core.arrays.values import missing_in, with_nan
 from silo.core.calls import told_class

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silo.analysis.calculus import Floats, derivative
-from silo.analysis.happened import events_of
-from silo.analysis.limit_lines import Level, limit_levels, placed
-from silo.analysis.picking import Picked, pick, window
-from silo.analysis.plotting import Chart, Curve
-from silo.analysis.samples import Samples
-from silo.analysis.spectra import lines_of, longest_piece
+from silo.analysis.compute.calculus import Floats, derivative
+from silo.analysis.compute.samples import Samples
+from silo.analysis.compute.spectra import lines_of, longest_piece
+from silo.analysis.plots.curves import Picked, pick, window
+from silo.analysis.plots.drawing import Chart, Curve
+from silo.analysis.plots.events import events_of
+from silo.analysis.plots.limit_lines import Level, limit_levels, placed
 from silo.core.arrays.values import numbers
 from silo.core.recording import Recording
 from silo.errors import ElementError
