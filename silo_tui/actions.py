@@ -13,7 +13,7 @@ from types import MappingProxyType
 from textual.binding import Binding
 from textual.keys import REPLACED_KEYS
 
-from silo.settings.rules import OPTION
+from silo.settings.options import OPTION
 
 
 @dataclass(frozen=True)

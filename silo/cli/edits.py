@@ -22,7 +22,7 @@ from silo.cli.common import (
 from silo.core.names import matching, places
 from silo.core.quantities import duration
 from silo.errors import ElementError, RefusedError
-from silo.settings.words import Settings, apply_settings, completions, help_rows, is_setting, rate_words, read_settings
+from silo.settings.typed import Settings, apply_settings, completions, help_rows, is_setting, rate_words, read_settings
 
 if TYPE_CHECKING:
     from silo.core.elements import ElementInfo, ElementOptions, FieldChange, Table

@@ -388,7 +388,7 @@ def conditions_text(before: Extras, now: Extras) -> str:
     """Return what became of limits and triggers, fit to show; empty where nothing did."""
     if (before.limits, before.triggers) == (now.limits, now.triggers):
         return ""
-    from silo.settings.extras_diff import NONE, diff_extras
+    from silo.settings.conditions_diff import NONE, diff_extras
 
     told = []
     for change in diff_extras(Extras((), before.limits, before.triggers), Extras((), now.limits, now.triggers)):

@@ -14,7 +14,7 @@ from silo.ipc.versions import client_problem
 from silo.rpc.declaring import Ask, Do, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.scripts.requests import ApplyEdits
-from silo.settings.rules import MAX_NAME, MAX_PROBLEMS, edit_problems, raw_problems, refusal, shorten
+from silo.settings.options import MAX_NAME, MAX_PROBLEMS, edit_problems, raw_problems, refusal, shorten
 
 IS_DERIVED = (
     "is derived from others, and has no divider, buffer or action of its own; edit those, or give it another "

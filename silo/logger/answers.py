@@ -37,7 +37,7 @@ from silo.rpc.serving import Dispatch, Server, Turn
 from silo.scripts import requests
 from silo.scripts.requests import ApplyEdits, EditsApplied
 from silo.segment.retention import large_text
-from silo.settings.rules import refusal
+from silo.settings.options import refusal
 
 # what `Logger.start` calls it; for the program itself a start clears without asking
 _UNSAVED: dict[Unsaved, UnsavedWord] = {Unsaved.REFUSE: "refuse", Unsaved.SAVE: "save", Unsaved.DISCARD: "clear"}

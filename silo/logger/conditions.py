@@ -297,7 +297,7 @@ class Conditions(Configuration):
             ExpressionError: an expression makes no sense; the message shows the place.
             StateError: the logger runs, or is closed.
         """
-        from silo.settings.script_extras import checked_extras
+        from silo.settings.script_conditions import checked_extras
 
         with self._lock:
             self._check_stopped("load a script")

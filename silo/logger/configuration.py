@@ -41,8 +41,8 @@ from silo.loop.plan import Element
 from silo.loop.sources import reads
 from silo.loop.types import describe, kind_of, label_map
 from silo.segment.retention import large_text
-from silo.settings.rules import refusal
-from silo.settings.words import Settings, apply_settings, rate_words, read_options
+from silo.settings.options import refusal
+from silo.settings.typed import Settings, apply_settings, rate_words, read_options
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack  # known to type checkers without being installed
@@ -499,7 +499,7 @@ class Configuration(metaclass=HidesOtherNames):
         self._extras = extras
 
     def _extras_of(self, given: Extras, infos: Sequence[ElementInfo], file: Path) -> Extras:
-        from silo.settings.script_extras import checked_extras
+        from silo.settings.script_conditions import checked_extras
 
         try:
             return checked_extras(given, infos, self.options.prefix, self.options.frequency_hz)

@@ -34,8 +34,8 @@ from silo.core.elements import (
 from silo.core.runtime import FOLDER_GONE
 from silo.errors import ElementError, SourceError
 from silo.loop.types import MAX_ENTRIES
-from silo.settings.rules import option_problems, refusal
-from silo.settings.words import Settings, apply_settings, read_options
+from silo.settings.options import option_problems, refusal
+from silo.settings.typed import Settings, apply_settings, read_options
 
 log = logging.getLogger("silo")
 

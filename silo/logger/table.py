@@ -8,7 +8,7 @@ import msgspec
 from silo.core.elements import Edit, ElementInfo, ElementOptions, Problem, join_name
 from silo.errors import ElementError
 from silo.loop.plan import Element
-from silo.settings.rules import checked, edit_problems
+from silo.settings.options import checked, edit_problems
 
 
 class Table:

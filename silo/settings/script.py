@@ -21,9 +21,9 @@ import yaml
 
 from silo.core.elements import NO_EXTRAS, ElementInfo, ElementOptions, Extras, FieldChange
 from silo.errors import SaveError, ScriptError
-from silo.settings.script_extras import format_extras, kinds_of, merged
+from silo.settings.script_conditions import format_extras, kinds_of, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
-from silo.settings.words import Settings, phrase, rate_words
+from silo.settings.typed import Settings, phrase, rate_words
 from silo.settings.yaml_nodes import Pair, collector_paused, compose, explain, text_of
 
 MAX_SCRIPT_BYTES = 8 * 2**20  # about 60,000 elements; libyaml reads 1 - 2 MB/s

@@ -12,9 +12,9 @@ from typing import Any, Literal
 import yaml
 
 from silo.core.elements import Action, BufferType, Extras
-from silo.settings.rules import OPTION, shorten
-from silo.settings.script_extras import KEYS, Kind, given_kinds, read_extras
-from silo.settings.words import Amount, Change, UnreadableError, read_text, read_word
+from silo.settings.options import OPTION, shorten
+from silo.settings.script_conditions import KEYS, Kind, given_kinds, read_extras
+from silo.settings.typed import Amount, Change, UnreadableError, read_text, read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
 
 _ELEMENT_KEYS = ("name", "enabled", "divider", "buffer", "action")

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import yaml
 
-from silo.settings.rules import shorten
+from silo.settings.options import shorten
 
 MAX_DEPTH = 16  # a script is five levels deep; the C parser recurses on the C stack
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
 from silo.rpc.refusals import RefusedWhy
-from silo.settings.words import Settings, completions, read_settings
+from silo.settings.typed import Settings, completions, read_settings
 from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
 from silo_tui.commands import flows
 from silo_tui.context import NOT_EDITED, Context, Later, SiloScreen

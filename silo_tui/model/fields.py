@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import Action, BufferType, ElementOptions
-from silo.settings.rules import OPTIONS, Option
-from silo.settings.words import Settings, phrase, read_options, read_word
+from silo.settings.options import OPTIONS, Option
+from silo.settings.typed import Settings, phrase, read_options, read_word
 
 Ints = NDArray[np.int64]
 

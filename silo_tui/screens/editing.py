@@ -7,7 +7,7 @@ from collections.abc import Callable
 import msgspec
 
 from silo.core.elements import TriggerOptions
-from silo.settings.words import examples
+from silo.settings.typed import examples
 from silo_tui.actions import BY_ID
 from silo_tui.model import derived, text
 from silo_tui.model.fields import Field, next_value, parse_change, phrase_for

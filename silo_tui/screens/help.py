@@ -12,7 +12,7 @@ from textual.binding import Binding
 from textual.containers import VerticalScroll
 from textual.widgets import Input, Static
 
-from silo.settings.words import help_rows
+from silo.settings.typed import help_rows
 from silo_tui.actions import COMMANDS, FILE_SCOPES, NO_KEYS, commands_for, commands_like
 from silo_tui.modal import Dialog
 from silo_tui.model.facts import MEANINGS

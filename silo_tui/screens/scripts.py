@@ -11,7 +11,7 @@ from textual.widgets.option_list import Option
 from silo.core.elements import FieldChange
 from silo.errors import SiloError
 from silo.scripts.requests import ScriptDiff, Scripts
-from silo.settings.extras_diff import NONE
+from silo.settings.conditions_diff import NONE
 from silo_tui.context import Later
 from silo_tui.model import text
 from silo_tui.screens.dialogs import ListDialog, groups_text

@@ -18,7 +18,7 @@ from silo.ipc.messages.recordings import RecorderInfo, Recordings
 from silo.ipc.messages.state import Unsaved
 from silo.ipc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy
-from silo.settings.words import Settings, apply_settings
+from silo.settings.typed import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import Facts
 from silo_tui.model.fields import options_of, rows_of

@@ -13,7 +13,7 @@ from silo.cli.edits import select, split_settings
 from silo.cli.main import COMMANDS, EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, cli, run
 from silo.core.elements import Action, BufferType, ElementOptions
 from silo.errors import ElementError
-from silo.settings.words import Change, Settings, apply_settings, read_settings
+from silo.settings.typed import Change, Settings, apply_settings, read_settings
 from tests.waiting import DEADLINE_S
 
 NAMES = ["/log/base/pose", "/log/base/twist", "/log/legs/LF/torque", "/log/legs/RF/torque", "/log/legs/RF/contact"]

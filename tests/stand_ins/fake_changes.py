@@ -26,8 +26,8 @@ from silo.ipc.messages.state import Unsaved
 from silo.ipc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import EditsApplied, KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
-from silo.settings.extras_diff import diff_extras
-from silo.settings.rules import edit_problems, refusal
+from silo.settings.conditions_diff import diff_extras
+from silo.settings.options import edit_problems, refusal
 from silo.settings.script import Script, ScriptPlan, apply_script, diff_options, format_script, parse_script
 from tests.stand_ins.fake_signals import FOLDER, HZ, OWN_NAME, refused
 

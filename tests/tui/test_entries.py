@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from silo.core.elements import Table
-from silo.settings.words import examples
+from silo.settings.typed import examples
 from silo_tui.actions import BY_WORD, COMMANDS
 from silo_tui.commands.runner import CommandRunner
 from silo_tui.model.fields import Field

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from silo.core.elements import Action, BufferType, ElementOptions, Table
-from silo.settings.words import apply_settings
+from silo.settings.typed import apply_settings
 from silo_tui.model import filter as filters
 from silo_tui.model.fields import Field, parse_change, values_of
 from silo_tui.model.rows import RowList

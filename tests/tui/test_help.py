@@ -3,7 +3,7 @@
 import pytest
 from rich.cells import cell_len
 
-from silo.settings.words import OPTIONS
+from silo.settings.typed import OPTIONS
 from silo_tui.actions import BY_ID, COMMANDS, commands_for
 from silo_tui.model.facts import OLD, SIGNS
 from silo_tui.model.fields import Field

@@ -10,7 +10,7 @@ from silo.cli.main import EXIT_FAILED, run
 from silo.core.elements import Action, BufferType, Edit, ElementOptions
 from silo.errors import ElementError, RefusedError, ScriptError
 from silo.ipc.client.client import Client
-from silo.settings.words import find_option
+from silo.settings.typed import find_option
 from silo_tui.commands.runner import CommandRunner
 from silo_tui.model.fields import Field, options_of, rows_of
 from silo_tui.widgets.inputs import CellEditor

@@ -7,7 +7,7 @@ from silo.core.quantities import duration, read_keep, read_seconds, read_split
 from silo.errors import ElementError
 from silo.journal.holdings import Holdings
 from silo.judging.definitions import seconds
-from silo.settings.words import read_settings
+from silo.settings.typed import read_settings
 
 
 @pytest.fixture(autouse=True)

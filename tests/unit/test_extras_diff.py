@@ -1,7 +1,7 @@
 """What differs between derived signals, limits and triggers, in words."""
 
 from silo.core.elements import NO_EXTRAS, Derived, Extras, FileType, SignalLimits, TriggerOptions
-from silo.settings.extras_diff import diff_extras
+from silo.settings.conditions_diff import diff_extras
 
 FALL = TriggerOptions("fall", "abs(base/roll) > 0.6", 5.0, 1.0)
 HOT = SignalLimits("/log/temperature", (None, None, 60.0, 80.5))

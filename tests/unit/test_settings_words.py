@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from silo.core.elements import DEFAULT_OPTIONS, MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, ElementOptions
 from silo.errors import ElementError
-from silo.settings.rules import OPTIONS, option_problems, raw_problems
-from silo.settings.words import apply_settings, completions, format_settings, help_rows, read_options, read_settings
+from silo.settings.options import OPTIONS, option_problems, raw_problems
+from silo.settings.typed import apply_settings, completions, format_settings, help_rows, read_options, read_settings
 
 options = st.builds(
     ElementOptions,

@@ -16,7 +16,7 @@ from silo.core.elements import (
 from silo.errors import ElementError
 from silo.logger.table import Table
 from silo.loop.plan import Element
-from silo.settings.rules import checked, option_problems
+from silo.settings.options import checked, option_problems
 
 
 def element(name, suffixes=("",)):

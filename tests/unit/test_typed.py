@@ -21,7 +21,7 @@ from silo.logger.keywords import (
     ThreadsWord,
 )
 from silo.logger.logger import Logger
-from silo.settings.rules import OPTION, OPTIONS
+from silo.settings.options import OPTION, OPTIONS
 
 ROOT = Path(__file__).resolve().parents[2]
 MISTAKES = Path(__file__).with_name("typed_mistakes.py")

@@ -50,7 +50,7 @@ class TableServer(Server[Parts], does=[requests]):
         return ScriptText(str(found), script_folder.read_text(found))
 
     def diff_script(self, path: str) -> ScriptDiff:
-        from silo.settings.extras_diff import diff_extras
+        from silo.settings.conditions_diff import diff_extras
         from silo.settings.script import apply_script, diff_options, parse_script
 
         found = script_folder.resolve(path, self._own_script)
@@ -75,7 +75,7 @@ class TableServer(Server[Parts], does=[requests]):
 
     def _load(self, turn: Turn, path: str, revision: int) -> EditsApplied:
         from silo.settings.script import apply_script, parse_script
-        from silo.settings.script_extras import extras_text
+        from silo.settings.script_conditions import extras_text
 
         now = self.state.mirror.now
         must_live(now)

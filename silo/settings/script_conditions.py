@@ -27,8 +27,8 @@ import msgspec
 import yaml
 
 from silo.core.elements import NO_EXTRAS, Derived, ElementInfo, Extras, FileType, SignalLimits, TriggerOptions
-from silo.settings.rules import OPTION, shorten
-from silo.settings.words import read_word
+from silo.settings.options import OPTION, shorten
+from silo.settings.typed import read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
 
 Kind = Literal["derived_signals", "signal_limits", "triggers"]

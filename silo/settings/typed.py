@@ -16,7 +16,7 @@ from silo.core.arguments import shown, truth, whole_hint, whole_number
 from silo.core.elements import Action, BufferType, ElementOptions, Problem, buffer_size_for
 from silo.core.quantities import AMOUNT, COUNTS, SECONDS, tell_bare_m
 from silo.errors import ElementError
-from silo.settings.rules import OPTION, OPTIONS, RANGES, Option, OptionValue, refusal, shorten
+from silo.settings.options import OPTION, OPTIONS, RANGES, Option, OptionValue, refusal, shorten
 
 _KEYS = {key: option for option in OPTIONS for key in option.keys}
 _ENABLED = OPTION["enabled"]
