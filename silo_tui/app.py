@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from textual.app import App
 from textual.command import CommandPalette
 
-from silo.ipc.published import Event, EventKind
-from silo.ipc.senders import is_by
+from silo.net.access.senders import is_by
+from silo.rpc.published import Event, EventKind
 from silo_tui import terminal, theme
 from silo_tui.actions import FILE_SCOPES
 from silo_tui.commands import flows

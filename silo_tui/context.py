@@ -13,8 +13,8 @@ from textual import events
 from textual.app import App
 
 from silo.errors import RefusedError, SiloError
-from silo.ipc.frames import Frame
-from silo.ipc.senders import read_only_words
+from silo.net.access.senders import read_only_words
+from silo.rpc.frames import Frame
 from silo_tui.actions import BY_ID, Command, edits_by
 from silo_tui.modal import Dialog, Leaving
 from silo_tui.sessions import kept

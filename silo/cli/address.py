@@ -37,8 +37,8 @@ def address(words: tuple[str, ...], zenoh: bool, to: Path | None, as_json: bool)
       silo address demo --to demo.json5        (Rust: Config::from_file, C: zc_config_from_file)
       silo watch silo://robot3/demo/log/joints/torque
     """
-    from silo.ipc.addresses import url_of, zenoh_settings
-    from silo.ipc.words import full_name
+    from silo.net.addresses import url_of, zenoh_settings
+    from silo.rpc.words import full_name
 
     logger, rest = split_logger(words)
     if len(rest) > 1:

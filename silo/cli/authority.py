@@ -18,9 +18,9 @@ from typing import Any
 
 from silo.core.runtime import write_private
 from silo.errors import SiloError
-from silo.ipc.access import ROBOT, ROLES, SHARED, access_control
-from silo.ipc.admission import CHECKED
-from silo.ipc.configuration import HOST_NAME, LINK, ROBOT_NAME
+from silo.net.access.admission import CHECKED
+from silo.net.access.rights import ROBOT, ROLES, SHARED, access_control
+from silo.net.configuration import HOST_NAME, LINK, ROBOT_NAME
 
 AUTHORITY_DAYS, ROBOT_DAYS = 3650, 825
 LEASE_MS = 5000  # of a radio link: a packet that is sent three times may take 3 s

@@ -11,7 +11,7 @@ from silo.errors import ConnectionLostError, SiloError
 
 if TYPE_CHECKING:
     from silo.ipc.bulk import Job
-    from silo.ipc.found import Found
+    from silo.net.found import Found
 
 
 def everyone_option(command: "Callable[..., object]") -> "Callable[..., object]":
@@ -26,9 +26,9 @@ def many_meant(verb: str, logger: str | None, *, everyone: bool) -> "list[Found]
     A glob without `--all` names them and asks on a terminal. Raises UsageError where nobody can be asked, Abort for no,
     ConnectionLostError where there is none.
     """
-    from silo.ipc.addresses import logger_of
     from silo.ipc.discovery import not_found_text
-    from silo.ipc.found import is_glob, told_apart
+    from silo.net.addresses import logger_of
+    from silo.net.found import is_glob, told_apart
 
     pattern = logger_of(logger or "")
     if not everyone and not is_glob(pattern):
@@ -54,7 +54,7 @@ def carry_out(verb: str, found: "Sequence[Found]", job: "Job", *, as_json: bool 
     Raises SiloError where one of them did not, or where a remote wasn't reached that may have more.
     """
     from silo.ipc.bulk import outcomes
-    from silo.ipc.found import told_apart
+    from silo.net.found import told_apart
 
     names = told_apart(found)
     width = max(map(len, names))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from silo.core.elements import ElementInfo, Status
     from silo.ipc.client.client import Client
     from silo.ipc.discovery import Discovery
-    from silo.ipc.found import Found
+    from silo.net.found import Found
 
 MOST_COMPLETIONS = 100
 TRY_AGAIN_S = 1.0
@@ -126,7 +126,7 @@ def patiently(make: Callable[[], _Made]) -> _Made:
 
 def _tried(make: Callable[[], _Made]) -> tuple[_Made | None, str]:
     """Return what `make` does, or why a remote can't be reached that may be in a moment."""
-    from silo.ipc.probing import Layer, LayerError
+    from silo.net.access.probing import Layer, LayerError
 
     passing = (Layer.NAME, Layer.ROUTE, Layer.PORT, Layer.ROLE)
     try:
@@ -198,8 +198,8 @@ def split_logger(words: Sequence[str], *, or_pattern: bool = False) -> tuple[str
     plain word that names no logger is a pattern too, as long as only one logger can be meant. A URL names its logger,
     and perhaps an element.
     """
-    from silo.ipc.addresses import is_url, parse_url
-    from silo.ipc.found import ADDRESS
+    from silo.net.addresses import is_url, parse_url
+    from silo.net.found import ADDRESS
 
     if words and is_url(words[0]):
         url = parse_url(words[0])
@@ -217,7 +217,7 @@ def split_logger(words: Sequence[str], *, or_pattern: bool = False) -> tuple[str
 
 def unknown_logger(logger: str | None) -> click.UsageError | None:
     """Return the error for a word that is no logger where several run, so that it may be a pattern of one of them."""
-    from silo.ipc.found import told_apart
+    from silo.net.found import told_apart
 
     if logger is None:
         return None
@@ -233,7 +233,7 @@ def unknown_logger(logger: str | None) -> click.UsageError | None:
 
 def complete_logger(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Complete names of the loggers that run."""
-    from silo.ipc.found import told_apart
+    from silo.net.found import told_apart
 
     try:
         loggers = discovered().loggers

@@ -6,7 +6,7 @@ import click
 
 from silo.cli.common import complete_logger, connect, json_option, logger_argument, show_json
 from silo.core.quantities import duration, read_seconds
-from silo.ipc.senders import name_of
+from silo.net.access.senders import name_of
 
 
 @click.group()

@@ -25,9 +25,9 @@ UP, CLEAR_LINE, CLEAR_BELOW = "\x1b[{}A", "\x1b[K", "\x1b[J"
 
 def follow_fleet(pattern: str, *, as_json: bool) -> None:
     """Show the loggers that a pattern means until Ctrl-C. Raises ConnectionLostError for no such configuration."""
-    from silo.ipc.configuration import find_file
     from silo.ipc.fleet import Fleet
-    from silo.ipc.remotes import LOCAL
+    from silo.net.configuration import find_file
+    from silo.net.remotes import LOCAL
 
     config = configuration()
     if config not in ("", LOCAL):
@@ -49,7 +49,7 @@ def meant(found: "FleetNow", pattern: str) -> "list[Member]":
 
 def addresses(found: "FleetNow") -> "dict[str, str]":
     """Return by its key how to name each logger: host and name, or what tells it from one of the same."""
-    from silo.ipc.found import told_apart
+    from silo.net.found import told_apart
 
     members = found.meant("")
     apart = told_apart([one.found for one in members])

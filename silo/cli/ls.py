@@ -20,14 +20,14 @@ from silo.cli.common import (
 )
 from silo.core.printing import printable
 from silo.errors import ConnectionLostError
-from silo.ipc.remotes import LOCAL
+from silo.net.remotes import LOCAL
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from silo.ipc.fleet import FleetNow
-    from silo.ipc.found import Found
     from silo.ipc.member import Member
+    from silo.net.found import Found
 
 
 MOST_LOST = 20  # lines of those that are gone
@@ -51,7 +51,7 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
       silo ls --json | jq '.[].logger'
       silo ls --follow                       (state, rate, losses, disk, alarms, who is there, until Ctrl-C)
     """
-    from silo.ipc.addresses import logger_of
+    from silo.net.addresses import logger_of
 
     pattern = logger_of(pattern)
     if follow:
@@ -173,7 +173,7 @@ def _people(answers: "list[Member]") -> list[str]:
 
 def _addresses(found: "Sequence[Found]") -> list[str]:
     """What to type for each logger whose host and name another one has as well; empty for the others."""
-    from silo.ipc.found import told_apart
+    from silo.net.found import told_apart
 
     names = [(one.host, one.name) for one in found]
     return [word if names.count(name) > 1 else "" for word, name in zip(told_apart(found), names, strict=True)]
@@ -183,7 +183,7 @@ def _facts(answers: "list[Member]") -> list[dict[str, object]]:
     """What is told to machines of each: its status, or why there is none, and the word that means it and no other."""
     import msgspec
 
-    from silo.ipc.found import told_apart
+    from silo.net.found import told_apart
 
     facts = []
     for answer, address in zip(answers, told_apart(answer.found for answer in answers), strict=True):
@@ -195,8 +195,8 @@ def _facts(answers: "list[Member]") -> list[dict[str, object]]:
 def _sweep() -> None:
     """Sockets of helpers that died, and segments without an unsaved tick."""
     from silo.core.runtime import orphaned_segments, runtime_dir, sweep_unfinished
-    from silo.ipc.folders import own_folders
-    from silo.ipc.session import sweep
+    from silo.net.folders import own_folders
+    from silo.net.session import sweep
 
     for folder in own_folders():
         sweep(folder)

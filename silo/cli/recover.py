@@ -199,8 +199,8 @@ def _sweep(folders: Sequence[Path]) -> bool:
     """Remove rests that hold no data; returns whether a bag has its name again."""
     from silo.core.runtime import runtime_dir, sweep_unfinished
     from silo.files.atomic import put_back, sweep_parts
-    from silo.ipc.folders import own_folders
-    from silo.ipc.session import sweep
+    from silo.net.folders import own_folders
+    from silo.net.session import sweep
     from silo.recovery.journals import sweep_journals
 
     for own in own_folders():

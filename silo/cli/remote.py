@@ -9,7 +9,7 @@ from click.shell_completion import CompletionItem
 from silo.cli.common import TypedPath, json_option, show_json, show_rows
 from silo.core.runtime import write_private
 from silo.errors import ConnectionLostError, SiloError
-from silo.ipc.remotes import LOCAL, NAME, remote_file, remotes
+from silo.net.remotes import LOCAL, NAME, remote_file, remotes
 
 PORT = 7447
 
@@ -46,7 +46,7 @@ def add(name: str, endpoint: str, user: str, ca: Path | None, replace: bool) -> 
       silo remote add lab alice.json5
       silo remote add walker tls/robot3.local:7447 --user alice --ca ca.pem
     """
-    from silo.ipc.probing import endpoint_of
+    from silo.net.access.probing import endpoint_of
 
     if not NAME.fullmatch(name) or name == LOCAL:
         raise click.UsageError(f"'{name}' is no name for a remote: letters, digits, _ . -, and not '{LOCAL}'")
@@ -79,7 +79,7 @@ def _text_of(endpoint: str, user: str, ca: Path | None) -> str:
 
 def _absolute(file: Path) -> str:
     """Return a handed out file, with paths in it that lead to the same files from elsewhere."""
-    from silo.ipc.configuration import PATHS, from_file, written
+    from silo.net.configuration import PATHS, from_file, written
 
     from_file(str(file))  # it is one, else its words say why not
     text, values, changed = file.read_text(encoding="utf-8"), written(str(file)), False
@@ -102,7 +102,7 @@ def ls(as_json: bool) -> None:
     Example:
       silo remote ls
     """
-    from silo.ipc.configuration import endpoints_of, from_file, user_of
+    from silo.net.configuration import endpoints_of, from_file, user_of
 
     rows = []
     for name in remotes():
@@ -177,7 +177,7 @@ def init(
       silo remote init lab --robot robot5    (one more)
     """
     from silo.cli.authority import check_roles, make_network, robot_of, role_of
-    from silo.ipc.access import ROBOT, SHARED
+    from silo.net.access.rights import ROBOT, SHARED
 
     people, own = dict(map(role_of, users)), {**dict(map(robot_of, names)), **({SHARED: ROBOT} if robots else {})}
     check_roles(people, own)
@@ -214,7 +214,7 @@ def doctor(name: str) -> None:
     """
     from silo.cli.common import configuration
     from silo.ipc.examining import examine
-    from silo.ipc.probing import LayerError
+    from silo.net.access.probing import LayerError
 
     given = name or configuration()
     names = [given] if given and given != LOCAL else remotes()

@@ -31,11 +31,11 @@ def router(config: Path) -> None:
       silo router --config silo-lab/server.json5    (as `silo remote init lab --robot robot3` says)
     """
     from silo.helper.denials import Denials
-    from silo.ipc.admission import direction_words, hold_directions, router_admission
-    from silo.ipc.configuration import from_file
-    from silo.ipc.logins import asks_for_passwords, watch_logins
     from silo.ipc.routers import RouterFeed
-    from silo.ipc.session import close, open_router
+    from silo.net.access.admission import direction_words, hold_directions, router_admission
+    from silo.net.access.logins import asks_for_passwords, watch_logins
+    from silo.net.configuration import from_file
+    from silo.net.session import close, open_router
 
     denials = Denials()
     if asks_for_passwords(str(config)):

@@ -35,7 +35,7 @@ def script() -> None:
 
 def _split(words: tuple[str, ...]) -> tuple[str | None, str]:
     """Return logger and path, either of which may be missing. A word with a `/` may be an address."""
-    from silo.ipc.found import is_glob
+    from silo.net.found import is_glob
 
     def is_path(word: str) -> bool:
         return word.endswith((".yaml", ".yml")) or (

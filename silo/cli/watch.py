@@ -22,13 +22,13 @@ from silo.cli.edits import of_entries, select
 from silo.core.elements import State
 from silo.core.printing import printable
 from silo.errors import ConnectionLostError, ElementError, RefusedError
-from silo.ipc.published import NOT_LIVE_TEXTS
+from silo.rpc.published import NOT_LIVE_TEXTS
 
 if TYPE_CHECKING:
     from silo.core.elements import ElementInfo, Entry
     from silo.ipc.client.client import Client
-    from silo.ipc.frames import Frame
     from silo.ipc.view import View
+    from silo.rpc.frames import Frame
 
 MOST_VALUES = 16  # per line; a matrix of a hundred values is nothing to read
 MOST_LINES = 20  # per refresh where no pattern was given

@@ -239,7 +239,7 @@ UNHELD = "unheld"  # and of one that tells of an array that nobody but silo hold
 class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):
     """Something that happened: a start, an edit, a mark ...; a line of the event log.
 
-    `kind` is a word of `silo.ipc.published.EventKind`, `text` fit to show. `time_ns` is the wall clock's. `tick` counts
+    `kind` is a word of `silo.rpc.published.EventKind`, `text` fit to show. `time_ns` is the wall clock's. `tick` counts
     since the start of `run`, -1 where there was none; `stamp_ns` is that tick's time stamp by the logger's own clock, 0
     where it isn't known. `who` is a client as it names itself, or the logger. `number` counts the lines of the log.
     """

@@ -21,8 +21,8 @@ from silo.helper.judge_memory import lost_news, untold
 from silo.helper.judge_state import SUFFIX, JudgeState, Untold, all_states, begun_state, read_state, state_path
 from silo.helper.left_recordings import log_start
 from silo.helper.segment_judge import SegmentJudge
-from silo.ipc.published import EventKind
 from silo.recovery.segments import claimed
+from silo.rpc.published import EventKind
 from silo.segment.held_runs import held_runs, is_due, is_live, program_of, remove
 from silo.segment.reader import SegmentReader
 

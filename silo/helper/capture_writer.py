@@ -17,7 +17,7 @@ from silo.errors import SaveError, SiloError
 from silo.files.manifest import CaptureList
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 
 if TYPE_CHECKING:
     from silo.helper.spool import Spool

@@ -22,8 +22,8 @@ from silo.helper.events import plain
 from silo.helper.lanes import Lanes, Waiting, is_late
 from silo.helper.operators import Operators
 from silo.helper.requests import decode_ask, decode_do
-from silo.ipc.keys import Root, may_use
 from silo.ipc.messages.state import Hello
+from silo.net.keys import Root, may_use
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Do, GoesOn, Lane, Request, SlowAsk, spoken
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, answered

@@ -7,11 +7,9 @@ from pathlib import Path
 
 import zenoh
 
-from silo.ipc import keys
-from silo.ipc.admission import NO_NETWORK, Admission, admission_of, direction_words, hold_directions
-from silo.ipc.configuration import from_file
-from silo.ipc.keys import Root
-from silo.ipc.senders import (
+from silo.net import keys
+from silo.net.access.admission import NO_NETWORK, Admission, admission_of, direction_words, hold_directions
+from silo.net.access.senders import (
     claim_of,
     closed_words,
     group_identity,
@@ -22,7 +20,9 @@ from silo.ipc.senders import (
     network_words,
     viewer_words,
 )
-from silo.ipc.session import group_file, own_file
+from silo.net.configuration import from_file
+from silo.net.keys import Root
+from silo.net.session import group_file, own_file
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Sender
 

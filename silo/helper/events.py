@@ -14,9 +14,9 @@ import zenoh
 from silo.core.elements import LoggedEvent, SavedFile, Status
 from silo.helper.event_log import EventLog
 from silo.helper.mirror import Mirror
-from silo.ipc.keys import Root
-from silo.ipc.published import Event, EventKind
-from silo.ipc.senders import came_by_network
+from silo.net.access.senders import came_by_network
+from silo.net.keys import Root
+from silo.rpc.published import Event, EventKind
 
 MAX_BY = 120
 

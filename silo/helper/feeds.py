@@ -13,9 +13,9 @@ import zenoh
 from silo.errors import SegmentError
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.topics import matching
-from silo.ipc import keys
 from silo.ipc.messages.samples import OpenStream
 from silo.ipc.messages.views import OpenView
+from silo.net import keys
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.reader import SegmentReader

@@ -42,17 +42,17 @@ from silo.helper.recorders import Recording
 from silo.helper.robot import Robot, ending
 from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
-from silo.ipc.configuration import robot_named
-from silo.ipc.folders import group_folder, share_socket
-from silo.ipc.keys import Root
-from silo.ipc.logins import asks_for_passwords, watch_logins
 from silo.ipc.messages.recordings import Save, SaveStarted, StartRecorder, StopRecorder
-from silo.ipc.published import EventKind
-from silo.ipc.session import close, dead_mark, forget, open_server
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.link.robot_state import RobotState
+from silo.net.access.logins import asks_for_passwords, watch_logins
+from silo.net.configuration import robot_named
+from silo.net.folders import group_folder, share_socket
+from silo.net.keys import Root
+from silo.net.session import close, dead_mark, forget, open_server
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Reply
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 
 READY = 0  # number of the LinkReply that says that clients can come, or why they can't

@@ -13,11 +13,11 @@ from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.run_follower import RunFollower
-from silo.ipc.published import EventKind
 from silo.journal.disk import Disk
 from silo.journal.folders import remember_folder
 from silo.journal.format import Head, free_name, is_written, list_journals, remove_journal, remove_journals
 from silo.journal.writer import JournalWriter
+from silo.rpc.published import EventKind
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 

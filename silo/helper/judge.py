@@ -27,7 +27,7 @@ from silo.helper.capture_writer import CaptureWriter
 from silo.helper.events import Events
 from silo.helper.leased_triggers import LeasedTriggers
 from silo.helper.mirror import Mirror
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 
 if TYPE_CHECKING:

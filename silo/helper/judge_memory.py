@@ -27,7 +27,7 @@ from silo.helper.judge_state import (
     store_state,
 )
 from silo.helper.segment_judge import SegmentJudge, Step
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 
 KEEP_S = 1.0  # how often a state is stored in which only rows are new

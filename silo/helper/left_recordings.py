@@ -18,8 +18,8 @@ from silo.core.runtime import RECORDERS_SUFFIX, list_segments, process_start, ru
 from silo.errors import SegmentError
 from silo.files.event_log import append_events, newest_number, read_events
 from silo.helper.recorder_process import Kept, RecorderProcess, store, stored
-from silo.ipc.published import EventKind
 from silo.recovery.left import claimed_file
+from silo.rpc.published import EventKind
 from silo.segment.held_runs import Program, held_runs, is_live, number_of
 from silo.segment.reader import SegmentReader
 

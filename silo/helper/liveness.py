@@ -6,7 +6,7 @@ What is published has a ring that carries every sample; what is only saved is wa
 from collections.abc import Sequence
 
 from silo.core.elements import BufferType
-from silo.ipc.published import NotLive
+from silo.rpc.published import NotLive
 from silo.segment.layout import ElementSchema
 from silo.segment.reader import SegmentReader
 

@@ -11,7 +11,7 @@ from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.run_follower import RunFollower
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 
 PERIOD_S = 0.2

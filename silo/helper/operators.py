@@ -13,10 +13,10 @@ from silo.core.quantities import duration
 from silo.helper.events import Events, plain
 from silo.helper.mirror import Mirror
 from silo.ipc.messages.control import GiveControl, TakeControl
-from silo.ipc.published import EventKind
-from silo.ipc.senders import name_of
+from silo.net.access.senders import name_of
 from silo.rpc.declaring import Do, Request
 from silo.rpc.leases import Lease, Leases
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Sender
 

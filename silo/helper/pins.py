@@ -15,8 +15,8 @@ from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import Group, Picked, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import MAX_NAMES, unknown
-from silo.ipc.keys import VIEW_ID
 from silo.ipc.messages.samples import By, OpenPin, PinOpened
+from silo.net.keys import VIEW_ID
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.reader import SegmentReader

@@ -14,9 +14,9 @@ from silo.files.saving import describe
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.recovery import recover, settle_left
-from silo.ipc.published import EventKind
 from silo.recovery.left import LeftRun
 from silo.recovery.runs import left_of, sweep
+from silo.rpc.published import EventKind
 
 log = logging.getLogger("silo.helper")
 

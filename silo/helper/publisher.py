@@ -22,9 +22,9 @@ from silo.helper.streams import Streams
 from silo.helper.summary import DiskWatch, SummaryFeed
 from silo.helper.topics import Topics
 from silo.helper.views import Views
-from silo.ipc import keys
 from silo.ipc.messages.views import OpenView, ViewOpened
-from silo.ipc.published import EventKind
+from silo.net import keys
+from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import lost_samples
 

@@ -30,8 +30,8 @@ from silo.helper.mirror import Mirror
 from silo.helper.recorder_process import Kept, RecorderProcess, Spare, close_left, store, stored
 from silo.helper.recording_folder import recording_folder
 from silo.ipc.messages.recordings import RecorderInfo, RecorderStarted, StartRecorder, StopRecorder
-from silo.ipc.published import EventKind
 from silo.recorder.orders import CLOSED, RecordOrder
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.held_runs import child_of, recorders_path
 

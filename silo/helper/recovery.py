@@ -15,11 +15,11 @@ from silo.core.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
 from silo.errors import SegmentError
 from silo.helper.left_recordings import complete_recordings
 from silo.helper.recorder_process import Kept
-from silo.ipc.published import EventKind
 from silo.journal.holdings import Holdings
 from silo.journal.reader import JournalReader
 from silo.recovery.left import RECOVERED, RunReader, has_unsaved, missing, save_reader
 from silo.recovery.runs import claimed_run, let_go
+from silo.rpc.published import EventKind
 from silo.segment.held_runs import held_runs, is_due, is_live, judge_path, program_of, remove
 from silo.segment.reader import SegmentReader
 

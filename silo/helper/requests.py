@@ -10,9 +10,9 @@ from silo.helper.mirror import LoggerSnapshot
 from silo.ipc.messages import AnyAsk, AnyDo
 from silo.ipc.messages.state import Hello
 from silo.ipc.refusals import check_revision
-from silo.ipc.versions import client_problem
 from silo.rpc.declaring import Ask, Do, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.rpc.versions import client_problem
 from silo.scripts.requests import ApplyEdits
 from silo.settings.options import MAX_NAME, MAX_PROBLEMS, edit_problems, raw_problems, refusal, shorten
 

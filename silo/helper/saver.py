@@ -14,8 +14,8 @@ from silo.helper.heap import trim_heap
 from silo.helper.mirror import Mirror
 from silo.helper.robot import Robot
 from silo.ipc.messages.recordings import Save, SaveStarted
-from silo.ipc.published import EventKind
 from silo.link.messages import LinkSaved
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.reader import SegmentReader
 

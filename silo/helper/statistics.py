@@ -22,8 +22,8 @@ from silo.helper.mirror import Mirror
 from silo.helper.newest import NewestValues
 from silo.helper.run_follower import RunFollower
 from silo.ipc.messages.views import GetSurvey, Survey
-from silo.ipc.surveys import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.rpc.leases import Leases
+from silo.rpc.quantities import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.layout import ElementSchema, EntrySchema
 from silo.segment.picking import RowPicker

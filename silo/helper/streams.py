@@ -13,9 +13,9 @@ from silo.helper.feeds import Feed, Feeds, Round
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.picking import Group, pick, unknown_name
 from silo.helper.samples import MAX_NAMES, unknown
-from silo.ipc import keys
 from silo.ipc.messages.samples import OpenStream, StreamOpened
 from silo.ipc.sampled import SampledRows, StreamFrame
+from silo.net import keys
 from silo.segment.reader import SegmentReader
 
 MIN_PERIOD_S, MAX_PERIOD_S = 0.01, 10.0

@@ -16,8 +16,8 @@ from silo.core.runtime import disk_room
 from silo.core.stalls import is_stalled
 from silo.helper.mirror import Mirror
 from silo.helper.topics import matching
-from silo.ipc.keys import Root
-from silo.ipc.published import Summary
+from silo.net.keys import Root
+from silo.rpc.published import Summary
 
 PERIOD_S = 1.0
 AGAIN_S = 10.0

@@ -11,7 +11,7 @@ from math import prod
 
 import zenoh
 
-from silo.ipc.keys import Root, escape
+from silo.net.keys import Root, escape
 from silo.segment.layout import ElementSchema
 from silo.segment.picking import Packer
 from silo.segment.reader import SegmentReader

@@ -26,8 +26,8 @@ from silo.files.formats import read_recording
 from silo.files.manifest import CaptureEntry, read_captures
 from silo.files.naming import find_logs
 from silo.files.parts.scan import PartScan, scan_part
-from silo.ipc.published import EventKind
 from silo.recorder.orders import CLOSED
+from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 
 # what tells of a loss, once "0 lost" is taken out

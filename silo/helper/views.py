@@ -16,9 +16,9 @@ from silo.helper.feeds import Feed, Feeds, Round
 from silo.helper.liveness import Liveness
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.newest import NewestValues
-from silo.ipc.keys import VIEW_ID, Root
 from silo.ipc.messages.views import OpenView, ViewOpened
-from silo.ipc.published import ViewFrame
+from silo.net.keys import VIEW_ID, Root
+from silo.rpc.published import ViewFrame
 from silo.rpc.refusals import RefusedWhy
 from silo.segment.layout import ElementSchema, EntrySchema
 from silo.segment.picking import RowPicker

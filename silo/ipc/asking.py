@@ -9,8 +9,8 @@ import zenoh
 
 from silo.errors import ConnectionLostError
 from silo.ipc.exchange import encoded, key_of, payload_of
-from silo.ipc.keys import Root
-from silo.ipc.sessions import Borrowed
+from silo.net.keys import Root
+from silo.net.sessions import Borrowed
 from silo.rpc.clocks import UNKNOWN, TheirClock
 from silo.rpc.declaring import Do, Request
 

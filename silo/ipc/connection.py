@@ -21,20 +21,20 @@ import zenoh
 
 from silo.core.elements import State
 from silo.errors import ConnectionLostError, SiloError, VersionError
-from silo.ipc import keys
 from silo.ipc.asking import Pending
 from silo.ipc.discovery import namesakes
 from silo.ipc.exchange import exchange, root_at
-from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign
-from silo.ipc.found import Found
 from silo.ipc.messages import AnyReply
 from silo.ipc.messages.state import Hello, HelloReply
 from silo.ipc.near import seen_now
-from silo.ipc.published import Event
-from silo.ipc.session import owner_is_gone
-from silo.ipc.sessions import Borrowed, borrow, give_back, undeclare
+from silo.net import keys
+from silo.net.found import Found
+from silo.net.session import owner_is_gone
+from silo.net.sessions import Borrowed, borrow, give_back, undeclare
 from silo.rpc.clocks import TheirClock
 from silo.rpc.declaring import Do, Request
+from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign
+from silo.rpc.published import Event
 from silo.version import VERSION
 
 POLL_S = 0.05

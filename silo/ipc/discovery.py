@@ -6,16 +6,16 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 from silo.errors import ConnectionLostError
-from silo.ipc import keys
-from silo.ipc.access import host_part
-from silo.ipc.addresses import logger_of
 from silo.ipc.fleet import FleetNow, looked
 from silo.ipc.fleet_way import Plan, who_is_there
-from silo.ipc.folders import ForbiddenFolder
-from silo.ipc.found import Found, is_glob, told_apart
 from silo.ipc.near import down_text, near_loggers
-from silo.ipc.remotes import remotes
-from silo.ipc.sessions import borrowed
+from silo.net import keys
+from silo.net.access.rights import host_part
+from silo.net.addresses import logger_of
+from silo.net.folders import ForbiddenFolder
+from silo.net.found import Found, is_glob, told_apart
+from silo.net.remotes import remotes
+from silo.net.sessions import borrowed
 
 
 @dataclass(frozen=True)

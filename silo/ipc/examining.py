@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 
 from silo.errors import ConnectionLostError, VersionError
-from silo.ipc.configuration import find_file, from_file, user_of
 from silo.ipc.discovery import discover
 from silo.ipc.exchange import ask_once, exchange
-from silo.ipc.found import Found, told_apart
 from silo.ipc.messages.state import Hello, HelloReply
-from silo.ipc.probing import Layer, LayerError, reach, tls_problem
-from silo.ipc.sessions import borrowed
+from silo.net.access.probing import Layer, LayerError, reach, tls_problem
+from silo.net.configuration import find_file, from_file, user_of
+from silo.net.found import Found, told_apart
+from silo.net.sessions import borrowed
 from silo.version import VERSION
 
 TIMEOUT_S = 2.0

@@ -11,16 +11,16 @@ import zenoh
 
 from silo.core.runtime import user_name
 from silo.errors import ConnectionLostError, VersionError
-from silo.ipc import keys
-from silo.ipc.foreign import NOT_UNDERSTOOD
-from silo.ipc.found import Found
 from silo.ipc.messages import AnyReply
 from silo.ipc.messages.state import HelloReply
-from silo.ipc.sessions import Borrowed, borrowed
-from silo.ipc.versions import PROTOCOL, robot_problem
+from silo.net import keys
+from silo.net.found import Found
+from silo.net.sessions import Borrowed, borrowed
 from silo.rpc.clocks import UNKNOWN, TheirClock
 from silo.rpc.declaring import Do, ReplyT, Request
+from silo.rpc.foreign import NOT_UNDERSTOOD
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked
+from silo.rpc.versions import PROTOCOL, robot_problem
 
 _encoder = msgspec.msgpack.Encoder()
 _reply_decoder = msgspec.msgpack.Decoder(AnyReply)

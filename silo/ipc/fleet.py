@@ -14,13 +14,13 @@ from dataclasses import dataclass, field, replace
 from silo.errors import SiloError
 from silo.ipc.fleet_memory import remember
 from silo.ipc.fleet_way import FOLLOWING, Change, Plan, Way
-from silo.ipc.found import Found
-from silo.ipc.keys import Root
 from silo.ipc.member import HELPER_DOWN, Member
 from silo.ipc.messages.state import Hello
 from silo.ipc.near import Near, down_text, near_loggers
-from silo.ipc.remotes import LOCAL, remotes
 from silo.ipc.routers import RouterTold
+from silo.net.found import Found
+from silo.net.keys import Root
+from silo.net.remotes import LOCAL, remotes
 from silo.version import VERSION
 
 SCAN_S = 1.0  # how often is looked for sockets and remotes

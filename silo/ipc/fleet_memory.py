@@ -15,10 +15,10 @@ import msgspec
 
 from silo.core.runtime import read_own, runtime_dir, write_private
 from silo.errors import SiloError
-from silo.ipc.configuration import find_file
-from silo.ipc.found import Found
-from silo.ipc.keys import Root
 from silo.ipc.member import Member
+from silo.net.configuration import find_file
+from silo.net.found import Found
+from silo.net.keys import Root
 
 NAME = "fleet.seen"
 LOST_S, GONE_S = 12 * 3600.0, 2 * 3600.0  # for how long one is remembered that was seen to go, and one that wasn't

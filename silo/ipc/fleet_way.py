@@ -16,21 +16,21 @@ import msgspec
 import zenoh
 
 from silo.errors import ConnectionLostError, SiloError, VersionError
-from silo.ipc import keys
 from silo.ipc.asking import POLL_S as ANSWERED_S
 from silo.ipc.asking import Asking
-from silo.ipc.configuration import find_file, from_file, user_of
 from silo.ipc.exchange import client_name, decode_reply, root_at
 from silo.ipc.fleet_memory import remembered
-from silo.ipc.foreign import NOT_UNDERSTOOD
-from silo.ipc.found import Found
 from silo.ipc.member import NO_ANSWER, OTHER_SILO, Member
 from silo.ipc.messages.state import GetSummary, HelloReply, SummaryReply
-from silo.ipc.probing import REACH_S, Layer, LayerError
-from silo.ipc.published import Summary
 from silo.ipc.routers import AskedRouters, RouterTold, told_of
-from silo.ipc.sessions import Borrowed, borrowed, undeclare
+from silo.net import keys
+from silo.net.access.probing import REACH_S, Layer, LayerError
+from silo.net.configuration import find_file, from_file, user_of
+from silo.net.found import Found
+from silo.net.sessions import Borrowed, borrowed, undeclare
 from silo.rpc.declaring import Ask
+from silo.rpc.foreign import NOT_UNDERSTOOD
+from silo.rpc.published import Summary
 from silo.rpc.refusals import checked
 
 POLL_S = 0.1

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from silo.core.elements import State, Status
 from silo.core.stalls import is_stalled
-from silo.ipc.found import Found
-from silo.ipc.published import Summary
+from silo.net.found import Found
+from silo.rpc.published import Summary
 
 SLOW_SHARE = 0.95  # of the nominal rate, as in surveys (which need NumPy)
 FULL_SHARE = 0.95  # of a disk

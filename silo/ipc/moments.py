@@ -5,8 +5,8 @@ import numpy as np
 from silo.errors import ConnectionLostError
 from silo.expressions.search import Found
 from silo.expressions.span import NAN, Between
-from silo.ipc.foreign import NOT_UNDERSTOOD
 from silo.ipc.messages.moments import FoundIn, MomentsFound, SpanFacts, SpanMeasured
+from silo.rpc.foreign import NOT_UNDERSTOOD
 
 
 def found_of(reply: MomentsFound) -> dict[str, Found]:

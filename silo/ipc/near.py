@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from silo.core.runtime import DOWN_SUFFIX, down_marks, user_name
-from silo.ipc import keys
-from silo.ipc.folders import ForbiddenFolder, forbidden_folders, usable_folders
-from silo.ipc.found import Found
-from silo.ipc.session import SOCKET_SUFFIX, dead_mark, key_file, owner_is_gone
+from silo.net import keys
+from silo.net.folders import ForbiddenFolder, forbidden_folders, usable_folders
+from silo.net.found import Found
+from silo.net.session import SOCKET_SUFFIX, dead_mark, key_file, owner_is_gone
 
 _SOCKET = re.compile(r"(?P<name>.+)\.(?P<pid>[0-9]+)(?:-(?P<copy>[0-9]+))?\.sock")
 _DOWN = re.compile(rf"(?P<name>.+)\.(?P<pid>[0-9]+){re.escape(DOWN_SUFFIX)}")

@@ -17,11 +17,11 @@ import zenoh
 
 from silo.core.elements import State
 from silo.errors import SiloError
-from silo.ipc import keys
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.messages.state import GetSummary, SummaryReply
-from silo.ipc.published import MOST_REASON, Summary
-from silo.ipc.sessions import Borrowed
+from silo.net import keys
+from silo.net.sessions import Borrowed
+from silo.rpc.published import MOST_REASON, Summary
 
 NAME = "_router"
 AGAIN_S = 10.0

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from silo.core.calls import told_class
 from silo.errors import ConnectionLostError, RefusedError
-from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign, understood
-from silo.ipc.keys import ClientId, Root
 from silo.ipc.messages.samples import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
 from silo.ipc.sampled import SampledName, SampledRows, StreamFrame
-from silo.ipc.sessions import undeclare
+from silo.net.keys import ClientId, Root
+from silo.net.sessions import undeclare
+from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign, understood
 from silo.segment.picking import Packer, shaped
 
 STAMP_BYTES = 16

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from silo.core.arguments import real
 from silo.core.calls import told_class
 from silo.errors import ConnectionLostError, ElementError
-from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign
-from silo.ipc.keys import ClientId, Root, unescape
-from silo.ipc.sessions import undeclare
+from silo.net.keys import ClientId, Root, unescape
+from silo.net.sessions import undeclare
+from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign
 
 POLL_S = 0.01  # batches come 20 times per second
 SILENCE_S = 2.0  # after which an iteration asks why nothing comes

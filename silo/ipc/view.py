@@ -10,13 +10,13 @@ import zenoh
 
 from silo.core.arrays.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
 from silo.core.calls import told_class
-from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign, understood
-from silo.ipc.frames import Frame
-from silo.ipc.keys import ClientId, Root
 from silo.ipc.messages.samples import Columns
 from silo.ipc.messages.views import OpenView, ViewOpened
-from silo.ipc.published import ViewFrame
-from silo.ipc.sessions import undeclare
+from silo.net.keys import ClientId, Root
+from silo.net.sessions import undeclare
+from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign, understood
+from silo.rpc.frames import Frame
+from silo.rpc.published import ViewFrame
 
 LARGEST = 2**63 - 1
 RING = 64  # 6 s at 10 Hz: who reads less often gets the newest and a gap

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file
-from silo.ipc.remotes import config_folder
+from silo.net.remotes import config_folder
 from silo_tui.layouts.layout import Layout, read, write
 from silo_tui.sessions.kept import lives
 from silo_tui.settings.reading import read_text

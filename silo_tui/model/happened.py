@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Sequence
 from datetime import datetime, timezone
 
 from silo.core.elements import LoggedEvent
-from silo.ipc.senders import short_words
+from silo.net.access.senders import short_words
 from silo_tui.model import text
 from silo_tui.model.lists import Order
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from silo.core.arrays.values import EXACT
 from silo.core.elements import ElementInfo, Entry
-from silo.ipc.frames import Frame
-from silo.ipc.published import NotLive
+from silo.rpc.frames import Frame
+from silo.rpc.published import NotLive
 from silo_tui.model import text
 from silo_tui.model.columns import Floats
 

@@ -3,7 +3,7 @@
 import time
 
 from silo.core.elements import Status
-from silo.ipc.senders import name_of, short_words
+from silo.net.access.senders import name_of, short_words
 from silo_tui.model import text
 
 

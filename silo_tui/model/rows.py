@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from silo.ipc.surveys import NOT_FINITE
+from silo.rpc.quantities import NOT_FINITE
 from silo_tui.model import filter as filters
 from silo_tui.model.fact_terms import quantities_in
 from silo_tui.model.live import has_norm

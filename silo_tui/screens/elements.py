@@ -10,7 +10,7 @@ from textual.containers import Horizontal, Vertical
 from textual.timer import Timer
 from textual.widgets import Input, Static
 
-from silo.ipc.frames import Frame
+from silo.rpc.frames import Frame
 from silo_tui.context import SiloScreen
 from silo_tui.model import filter as filters
 from silo_tui.sessions.live import Session

@@ -16,8 +16,8 @@ from textual.binding import Binding
 from textual.containers import Vertical
 from textual.widgets import Static
 
-from silo.ipc.found import Found
 from silo.ipc.member import Member
+from silo.net.found import Found
 from silo_tui.actions import bindings_for
 from silo_tui.model import fleet
 from silo_tui.model.lists import Marks, arranged, passes

@@ -17,7 +17,7 @@ from textual.timer import Timer
 
 from silo.core.elements import TriggerOptions
 from silo.errors import SiloError
-from silo.ipc.frames import Frame
+from silo.rpc.frames import Frame
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later
 from silo_tui.model import text

@@ -12,7 +12,7 @@ from textual.widgets import Button, Input, ProgressBar, Static
 from silo.core.elements import FileType, SavedFile
 from silo.errors import SiloError
 from silo.files.formats import SAVED, SAVED_NAMES
-from silo.ipc.published import Event, EventKind
+from silo.rpc.published import Event, EventKind
 from silo_tui.context import Context, Later
 from silo_tui.modal import Dialog
 from silo_tui.model import text

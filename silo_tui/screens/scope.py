@@ -17,7 +17,7 @@ from textual.binding import Binding
 
 from silo.core.elements import LoggedEvent, TriggerOptions
 from silo.errors import RefusedError, SiloError
-from silo.ipc.frames import Frame
+from silo.rpc.frames import Frame
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later, SiloScreen
 from silo_tui.model import text

@@ -10,7 +10,7 @@ from textual.binding import Binding
 from textual.timer import Timer
 
 from silo.errors import RefusedError, SiloError
-from silo.ipc.frames import Frame
+from silo.rpc.frames import Frame
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later
 from silo_tui.model import text

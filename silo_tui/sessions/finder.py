@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from silo.ipc.member import Member
 
 if TYPE_CHECKING:
-    from silo.ipc import found
     from silo.ipc.bulk import Job, Outcome
     from silo.ipc.client.client import Client
     from silo.ipc.fleet import Fleet
+    from silo.net import found
 
 FIRST_LOOK_S = 10.0
 

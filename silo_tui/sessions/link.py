@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from textual.message import Message
 
 from silo.errors import ConnectionLostError
-from silo.ipc.frames import Frame
-from silo.ipc.published import Event
+from silo.rpc.frames import Frame
+from silo.rpc.published import Event
 
 if TYPE_CHECKING:
     from silo.ipc.client.client import Client

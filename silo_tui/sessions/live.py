@@ -13,10 +13,10 @@ import numpy as np
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.elements import LoggedEvent, SavedFile, State, Status
 from silo.errors import RefusedError
-from silo.ipc.frames import Frame
 from silo.ipc.messages.recordings import RecorderInfo, Recordings
 from silo.ipc.messages.state import Unsaved
-from silo.ipc.published import Event, EventKind
+from silo.rpc.frames import Frame
+from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.settings.typed import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore
@@ -61,7 +61,7 @@ class Session:
         self.link: Link | None = None
         self.status = NO_STATUS
         self.may_edit = True
-        self.why_not = ""  # in words of `silo.ipc.senders`
+        self.why_not = ""  # in words of `silo.net.access.senders`
         self.identity = ""  # ours, as the logger knows it
         self.table = TableState()
         self.rows = RowList(self.table, columns)

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from silo.ipc.remotes import config_folder
+from silo.net.remotes import config_folder
 from silo.settings.yaml_nodes import compose, describe, explain, is_null, key_name, line_of
 from silo_tui.actions import BY_ID, key_text
 from silo_tui.settings.keys import clashes, label, read_key

@@ -10,7 +10,7 @@ from textual.widget import Widget
 
 from silo.core.elements import State
 from silo.core.stalls import idle_words, is_stalled
-from silo.ipc.surveys import SLOW_SHARE
+from silo.rpc.quantities import SLOW_SHARE
 from silo_tui.actions import BY_ID, Command, commands_for, footer_for, with_keys
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words

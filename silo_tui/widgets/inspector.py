@@ -14,7 +14,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from silo.core.elements import ElementInfo
-from silo.ipc.published import NOT_LIVE_TEXTS
+from silo.rpc.published import NOT_LIVE_TEXTS
 from silo_tui.model import braille, text
 from silo_tui.model.columns import ColumnStore, hold_piece
 from silo_tui.model.fields import Field, phrase_for

@@ -18,7 +18,7 @@ from textual.widget import Widget
 from textual.widgets import Static
 
 from silo.core.elements import BufferType, ElementInfo, Entry, State
-from silo.ipc.published import NotLive
+from silo.rpc.published import NotLive
 from silo_tui.model.fields import Field
 from silo_tui.model.live import Reading, component_text, fill_share, value_text
 from silo_tui.model.sparklines import trends

@@ -16,7 +16,7 @@ from silo.core.elements import BufferType, Edit, ElementInfo, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
 from silo.ipc.client.client import Client
-from silo.ipc.published import Event, EventKind
+from silo.rpc.published import Event, EventKind
 from tests.stand_ins.fake_logger import FakeClient
 from tests.stand_ins.fake_signals import HZ, START_NS
 from tests.waiting import DEADLINE_S

@@ -8,7 +8,7 @@ import pytest
 from silo.core.elements import BufferType, Edit, ElementOptions, FileType, Sought, State
 from silo.errors import ConnectionLostError, RefusedError
 from silo.expressions.search import Looking, places
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from tests.stand_ins.fake_signals import HZ, START_NS
 from tests.waiting import DEADLINE_S

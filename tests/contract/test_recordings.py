@@ -4,7 +4,7 @@ import pytest
 
 from silo.core.elements import FileType
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from tests.stand_ins.fake_signals import START_NS
 

@@ -17,7 +17,7 @@ from silo.errors import ConnectionLostError, GoesOnError, RefusedError
 from silo.ipc.client.client import Client
 from silo.ipc.discovery import discover
 from silo.ipc.fleet import surveyed
-from silo.ipc.published import Event, EventKind
+from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy
 from tests.waiting import freeze, wait_until
 

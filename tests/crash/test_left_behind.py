@@ -22,9 +22,9 @@ from silo.errors import SegmentError
 from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
 from silo.helper.recovery import recover
 from silo.ipc.client.client import Client
-from silo.ipc.published import EventKind
-from silo.ipc.session import owner_is_gone, sweep
+from silo.net.session import owner_is_gone, sweep
 from silo.recovery.segments import find_stale, sweep_segments
+from silo.rpc.published import EventKind
 from silo.segment.damage import damage
 from silo.segment.layout import Control
 from silo.segment.reader import SegmentReader
@@ -205,7 +205,7 @@ import sys
 from pathlib import Path
 from silo.recovery.segments import sweep_segments
 from silo.files.atomic import sweep_parts
-from silo.ipc.session import owner_is_gone, sweep
+from silo.net.session import owner_is_gone, sweep
 from silo.core.runtime import runtime_dir
 print("sweeping", flush=True)
 while True:
@@ -330,7 +330,7 @@ def test_ls_sweeps_the_sockets_of_helpers_that_were_killed(robots, runtime, unti
 
 
 def test_sweeps_beside_servers_that_start_take_none_of_their_sockets(runtime):
-    from silo.ipc.session import close, open_server
+    from silo.net.session import close, open_server
 
     with program(SWEEPER.format(call="sweep(runtime_dir())")):
         for _ in range(30):

@@ -22,10 +22,10 @@ from silo.cli.main import EXIT_FAILED, run
 from silo.core.runtime import process_start
 from silo.errors import SegmentError
 from silo.ipc.client.client import Client
-from silo.ipc.published import EventKind
 from silo.journal.format import SCHEMA_FILE
 from silo.journal.reader import JournalReader
 from silo.recovery.journals import find_stale_journals, is_written
+from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 from tests.crash.durable_robot import OPTIONS
 from tests.power_cuts import check

@@ -19,8 +19,8 @@ import silo
 from silo.core.runtime import list_held
 from silo.errors import SegmentError, StateError
 from silo.ipc.client.client import Client
-from silo.ipc.published import EventKind
 from silo.link.handover import offer_run
+from silo.rpc.published import EventKind
 from silo.segment.held_runs import bytes_of
 from tests.waiting import freeze
 

@@ -23,7 +23,7 @@ from silo.core.runtime import shared_memory_root
 from silo.errors import RefusedError, SaveError
 from silo.files.formats import SAVED
 from silo.ipc.client.client import Client
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.segment.layout import RingSchema
 from silo.segment.reader import SegmentReader
 from tests.waiting import DEADLINE_S

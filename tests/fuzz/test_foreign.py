@@ -16,16 +16,16 @@ import pytest
 from silo.core.elements import State
 from silo.errors import ConnectionLostError, SiloError
 from silo.ipc.exchange import decode_reply
-from silo.ipc.foreign import MOST, Foreign
 from silo.ipc.messages.moments import FoundIn, MomentsFound
 from silo.ipc.messages.samples import Columns, OpenStream, SampleRows, StreamOpened
 from silo.ipc.messages.views import OpenView, ViewOpened
 from silo.ipc.moments import found_of
-from silo.ipc.published import Event, EventKind, NotLive, Summary, ViewFrame
 from silo.ipc.sampled import SampledEntry, SampledName, SampledRows, StreamFrame
 from silo.ipc.samples import Gathering, Stream
 from silo.ipc.topic import batch_of
 from silo.ipc.view import View, history_columns
+from silo.rpc.foreign import MOST, Foreign
+from silo.rpc.published import Event, EventKind, NotLive, Summary, ViewFrame
 
 COUNT = int(os.environ.get("SILO_FUZZ", "2000"))
 _encoder = msgspec.msgpack.Encoder()

@@ -44,7 +44,6 @@ from silo.helper.requests import decode_ask, decode_do
 from silo.helper.robot import Robot
 from silo.helper.saver import Saver
 from silo.ipc.exchange import decode_reply, encoded
-from silo.ipc.keys import Root
 from silo.ipc.messages import (
     Acknowledge,
     AddMark,
@@ -94,14 +93,15 @@ from silo.ipc.messages.samples import (
 )
 from silo.ipc.messages.state import GetSummary, Hello, HelloReply, StatusReply, Unsaved
 from silo.ipc.messages.views import CloseView, GetSurvey, OpenView, ViewOpened
-from silo.ipc.published import Event, EventKind
-from silo.ipc.session import close, open_server
 from silo.link.channel import LinkChannel
 from silo.link.handover import handover_pair
 from silo.link.messages import LinkReply, LinkRequest
 from silo.link.robot_state import RobotState
 from silo.logger.answers import answer, robot_state
+from silo.net.keys import Root
+from silo.net.session import close, open_server
 from silo.rpc.declaring import Request, leaves
+from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered
 from silo.scripts.requests import ApplyEdits, TableReply
 

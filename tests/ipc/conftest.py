@@ -12,7 +12,7 @@ import pytest
 
 import silo
 from silo.ipc.client.client import Client
-from silo.ipc.published import Event, EventKind
+from silo.rpc.published import Event, EventKind
 from tests.waiting import wait_until
 
 TICK_NS = 10_000_000

@@ -19,10 +19,10 @@ from silo.errors import ConnectionLostError
 from silo.ipc.client.client import Client
 from silo.ipc.discovery import Discovery, SeveralError, discover
 from silo.ipc.fleet import Fleet as Followed
-from silo.ipc.found import Found, is_glob, told_apart
-from silo.ipc.keys import Root, robot_of, root_of
-from silo.ipc.sessions import open_configurations
 from silo.logger.identity import drawn_id, machine_digits
+from silo.net.found import Found, is_glob, told_apart
+from silo.net.keys import Root, robot_of, root_of
+from silo.net.sessions import open_configurations
 from tests.waiting import wait_until
 
 HOST = socket.gethostname()

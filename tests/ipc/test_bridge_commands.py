@@ -9,8 +9,8 @@ import pytest
 import silo
 from silo.bridges.services import pinned, services
 from silo.cli.main import EXIT_FAILED, run
-from silo.ipc.access import access_control
 from silo.ipc.client.client import Client
+from silo.net.access.rights import access_control
 
 
 @pytest.mark.parametrize(("command", "extra"), [("foxglove", "foxglove"), ("ros2", "ros2")])

@@ -9,7 +9,7 @@ import silo
 import silo.analysis.log
 from silo.conditions.standing import LimitWord, TriggerWord
 from silo.ipc.client.client import Client
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.settings.script import read_script
 from tests.waiting import wait_until
 

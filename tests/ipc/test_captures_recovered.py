@@ -16,7 +16,7 @@ from silo.errors import SaveError
 from silo.files.event_log import read_events
 from silo.helper.recovery import recover
 from silo.ipc.client.client import Client
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from tests.waiting import freeze, wait_until
 
 pytestmark = pytest.mark.slow

@@ -12,7 +12,7 @@ from silo.cli.main import cli
 from silo.errors import RefusedError
 from silo.ipc.client.client import Client
 from silo.ipc.exchange import client_name
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from tests.ipc.conftest import Heard
 from tests.waiting import wait_until
 

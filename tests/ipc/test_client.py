@@ -19,7 +19,7 @@ from silo.ipc.client.client import Client
 from silo.ipc.connection import Connection
 from silo.ipc.discovery import discover
 from silo.ipc.fleet import surveyed
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from tests.waiting import DEADLINE_S
 
 

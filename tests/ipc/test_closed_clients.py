@@ -11,8 +11,8 @@ from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import State, Status
 from silo.errors import ConnectionLostError
 from silo.ipc.client.client import Client
-from silo.ipc.found import Found
 from silo.ipc.member import Member
+from silo.net.found import Found
 from tests.ipc.test_follow import FINE
 
 

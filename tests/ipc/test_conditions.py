@@ -10,7 +10,7 @@ from silo.cli.main import run
 from silo.conditions.standing import LimitWord, TriggerWord
 from silo.core.elements import SignalLimits, TriggerOptions
 from silo.ipc.client.client import Client
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.settings.script import read_script
 from tests.waiting import wait_until
 

@@ -12,8 +12,8 @@ from silo.core.elements import Edit, RecorderState, State
 from silo.errors import RefusedError
 from silo.ipc.client.client import Client
 from silo.ipc.messages.samples import OpenPin
-from silo.ipc.published import EventKind
-from silo.ipc.surveys import QUANTITIES
+from silo.rpc.published import EventKind
+from silo.rpc.quantities import QUANTITIES
 from tests.ipc.conftest import TICK_NS, Heard
 from tests.waiting import answered, wait_until
 

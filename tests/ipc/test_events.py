@@ -8,7 +8,7 @@ import pytest
 from silo.errors import RefusedError
 from silo.files.event_log import event_log_path, read_events
 from silo.files.formats import read_recording
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from tests.waiting import answered, wait_until
 
 pytestmark = pytest.mark.slow

@@ -22,9 +22,9 @@ from silo.ipc.client.client import Client
 from silo.ipc.discovery import discover
 from silo.ipc.fleet import Fleet
 from silo.ipc.member import Member
-from silo.ipc.published import MOST_REASON, Summary
-from silo.ipc.session import close, open_router
-from silo.ipc.sessions import open_configurations
+from silo.net.session import close, open_router
+from silo.net.sessions import open_configurations
+from silo.rpc.published import MOST_REASON, Summary
 from tests.stand_ins.simulated_robots import SimulatedRobot, SimulatedRobots
 from tests.waiting import answered, freeze, wait_until
 

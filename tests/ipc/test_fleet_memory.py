@@ -13,10 +13,10 @@ from silo.core.runtime import runtime_dir
 from silo.ipc import fleet_memory
 from silo.ipc.fleet import Fleet
 from silo.ipc.fleet_memory import NAME, remember, remembered
-from silo.ipc.found import Found
-from silo.ipc.keys import Root
 from silo.ipc.member import Member, lost_lines
-from silo.ipc.published import Summary
+from silo.net.found import Found
+from silo.net.keys import Root
+from silo.rpc.published import Summary
 from tests.ipc.test_fleet import served as served  # noqa: PLC0414  # a fixture
 from tests.ipc.test_fleet import site as site  # noqa: PLC0414  # a fixture
 from tests.ipc.test_fleet import waited

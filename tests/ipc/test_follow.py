@@ -14,10 +14,10 @@ import pytest
 from silo.cli.follow import changed, meant, screen_lines, sentence, told_lines
 from silo.core.elements import State
 from silo.ipc.fleet import FleetNow
-from silo.ipc.found import Found
 from silo.ipc.member import Member
-from silo.ipc.published import Summary
-from silo.ipc.session import close, open_router
+from silo.net.found import Found
+from silo.net.session import close, open_router
+from silo.rpc.published import Summary
 from tests.stand_ins.simulated_robots import SimulatedRobots
 
 NOW_S, NOW_NS = 1000.0, 10**18

@@ -12,10 +12,10 @@ import zenoh
 
 import silo
 from silo.cli.authority import Made, make_network
-from silo.ipc.configuration import FORCED, from_file, insert
 from silo.ipc.discovery import discover
-from silo.ipc.keys import Root
-from silo.ipc.session import close, open_router
+from silo.net.configuration import FORCED, from_file, insert
+from silo.net.keys import Root
+from silo.net.session import close, open_router
 from tests.ipc.test_roles import free_port
 from tests.waiting import wait_until
 

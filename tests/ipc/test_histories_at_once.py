@@ -10,7 +10,7 @@ import zenoh
 from silo.core.arrays.columns import MAX_COLUMNS
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.messages.samples import Columns, GetHistory
-from silo.ipc.session import close, open_client
+from silo.net.session import close, open_client
 from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow

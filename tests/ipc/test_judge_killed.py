@@ -19,9 +19,9 @@ from silo.errors import ConnectionLostError, LogWarning
 from silo.files.event_log import read_events
 from silo.helper.judge_state import read_state, state_path, store_state
 from silo.ipc.client.client import Client
-from silo.ipc.published import EventKind
 from silo.logger import serving
 from silo.logger.helper_process import HelperProcess
+from silo.rpc.published import EventKind
 from silo.segment.held_runs import Program
 from tests.waiting import answered, freeze, wait_until
 

@@ -13,11 +13,11 @@ from silo.helper.control import Control
 from silo.helper.denials import Denials
 from silo.helper.door import Door
 from silo.ipc.exchange import decode_reply, encoded
-from silo.ipc.keys import LOCAL_SENDER, Root
 from silo.ipc.messages import AddMark, AnyReply, DeleteRecording, KeepView, Start
 from silo.ipc.messages.control import ReleaseControl
 from silo.ipc.messages.recordings import StopRecorder
-from silo.ipc.session import close, open_client, open_server
+from silo.net.keys import LOCAL_SENDER, Root
+from silo.net.session import close, open_client, open_server
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, GoesOn, Lane, Request, spoken
 from silo.rpc.refusals import Refused, RefusedWhy

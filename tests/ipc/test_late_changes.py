@@ -13,8 +13,8 @@ from silo.ipc.client.client import Client
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.messages import AddMark
 from silo.ipc.messages.events import Marked
-from silo.ipc.published import EventKind
 from silo.rpc.clocks import clock_s
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy
 from tests.waiting import freeze, wait_until
 

@@ -4,7 +4,7 @@ import contextlib
 import socket
 import struct
 
-from silo.ipc.lingering import release_links
+from silo.net.lingering import release_links
 
 WAITS = struct.pack("ii", 1, 10)
 

@@ -11,9 +11,9 @@ from silo.core.elements import State
 from silo.core.stalls import idle_words, is_stalled
 from silo.helper.summary import differs
 from silo.ipc.client.client import Client
-from silo.ipc.found import Found
 from silo.ipc.member import Member, Stands
-from silo.ipc.published import Summary
+from silo.net.found import Found
+from silo.rpc.published import Summary
 from tests.waiting import freeze, wait_until
 
 RUNS = Summary(state=State.RUNNING, frequency_hz=5.0)

@@ -11,10 +11,10 @@ import zenoh
 
 import silo
 from silo.errors import ConnectionLostError
-from silo.ipc.configuration import FORCED, insert
 from silo.ipc.discovery import discover
 from silo.ipc.fleet import Fleet
-from silo.ipc.session import close, open_router
+from silo.net.configuration import FORCED, insert
+from silo.net.session import close, open_router
 from tests.ipc.test_roles import free_port
 from tests.waiting import wait_until
 

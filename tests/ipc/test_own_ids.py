@@ -4,10 +4,10 @@ import pytest
 
 import silo
 from silo.errors import RefusedError
-from silo.ipc.keys import ClientId, may_use
 from silo.ipc.messages.samples import CloseStream, OpenStream
 from silo.ipc.messages.state import Hello
 from silo.ipc.messages.views import CloseView, OpenView
+from silo.net.keys import ClientId, may_use
 from tests.waiting import wait_until
 
 

@@ -14,8 +14,8 @@ from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveErr
 from silo.files.bag_reader import read_bag
 from silo.helper.recording_folder import recording_folder
 from silo.ipc.client.client import Client
-from silo.ipc.published import EventKind
 from silo.recovery.parts import left_parts
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from tests.waiting import wait_until
 

@@ -15,14 +15,14 @@ import silo
 from silo.cli.authority import Made, make_network, robot_of, role_of
 from silo.cli.main import EXIT_NO_LOGGER, EXIT_USAGE, cli, run
 from silo.errors import RefusedError, SiloError
-from silo.ipc.access import access_control
-from silo.ipc.configuration import find_file, from_file, scaled
 from silo.ipc.examining import examine
-from silo.ipc.json5 import read_json5
-from silo.ipc.probing import Layer, LayerError, endpoint_of, reach
-from silo.ipc.remotes import remote_file, remotes
-from silo.ipc.session import open_client
-from silo.ipc.versions import PROTOCOL
+from silo.net.access.probing import Layer, LayerError, endpoint_of, reach
+from silo.net.access.rights import access_control
+from silo.net.configuration import find_file, from_file, scaled
+from silo.net.json5 import read_json5
+from silo.net.remotes import remote_file, remotes
+from silo.net.session import open_client
+from silo.rpc.versions import PROTOCOL
 
 CONFIG = Path(__file__).parents[2] / "config"
 
@@ -100,7 +100,7 @@ def test_what_a_file_says_of_times_wins(tmp_path, monkeypatch) -> None:
         opened.append(settings)
         raise silo.SiloError("seen")
 
-    monkeypatch.setattr("silo.ipc.session.zenoh.open", note)
+    monkeypatch.setattr("silo.net.session.zenoh.open", note)
     link = {"unicast": {"open_timeout": 10000}, "link": {"tx": {"lease": 10000}}}
     path = config_of(tmp_path / "c.json5", "tcp/localhost:1", transport=link)
     with pytest.raises(SiloError, match="seen"):
@@ -350,7 +350,7 @@ def test_a_user_whom_no_rule_names_is_a_matter_of_the_role(network, tmp_path) ->
 @pytest.mark.slow
 def test_another_silo_is_a_matter_of_the_version(network, monkeypatch) -> None:
     monkeypatch.setattr("silo.ipc.exchange.PROTOCOL", PROTOCOL)
-    monkeypatch.setattr("silo.ipc.versions.PROTOCOL", PROTOCOL + 1)
+    monkeypatch.setattr("silo.rpc.versions.PROTOCOL", PROTOCOL + 1)
     failed = failure(str(network.made.clients["alice"]))
     assert (failed.layer, "runs an older silo" in str(failed)) == (Layer.VERSION, True)
 

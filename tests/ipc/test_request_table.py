@@ -13,9 +13,10 @@ from silo.conditions.requests import ConditionRequests
 from silo.core.elements import Problem, TriggerOptions
 from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, SaveError, StateError, UnsavedError
 from silo.helper.answers.answering import SERVERS
-from silo.ipc import access, messages
+from silo.ipc import messages
 from silo.ipc.client.client import Client
 from silo.logger.answers import RobotServer
+from silo.net.access import rights
 from silo.rpc.declaring import (
     Ask,
     Do,
@@ -72,7 +73,7 @@ def test_requests_that_read_and_that_change_something_go_to_different_keys():
 
 
 def test_every_request_goes_to_a_key_that_rules_know():
-    assert {kind.key for kind in REQUESTS} == {kind.key for kind in access.ASKED}
+    assert {kind.key for kind in REQUESTS} == {kind.key for kind in rights.ASKED}
 
 
 def test_no_two_requests_have_one_name():

@@ -13,11 +13,22 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from silo.ipc.access import ANSWERED, OPERATOR, ROBOT, SHARED, TABLE, THERE, TOLD, VIEWER, access_control, table_text
-from silo.ipc.admission import hold_directions
-from silo.ipc.configuration import FORCED, insert
-from silo.ipc.keys import LOCAL_SENDER, Root
-from silo.ipc.session import close, open_router, open_server, secret_file
+from silo.net.access.admission import hold_directions
+from silo.net.access.rights import (
+    ANSWERED,
+    OPERATOR,
+    ROBOT,
+    SHARED,
+    TABLE,
+    THERE,
+    TOLD,
+    VIEWER,
+    access_control,
+    table_text,
+)
+from silo.net.configuration import FORCED, insert
+from silo.net.keys import LOCAL_SENDER, Root
+from silo.net.session import close, open_router, open_server, secret_file
 from tests.waiting import wait_until
 
 MINE, OTHER = Root("robot3", "anymal", "3fa977b2e0"), Root("robot4", "anymal", "3fa9000000")

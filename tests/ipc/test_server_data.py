@@ -10,7 +10,7 @@ from silo.core.elements import BufferType, Edit, ElementOptions, FileType, State
 from silo.errors import RefusedError, SaveError
 from silo.ipc.client.client import Client
 from silo.ipc.messages.views import OpenView, ViewOpened
-from silo.ipc.published import EventKind, NotLive
+from silo.rpc.published import EventKind, NotLive
 from silo.rpc.refusals import Refused, RefusedWhy
 
 COLUMN_NS = 100_000_000

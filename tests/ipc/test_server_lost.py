@@ -8,7 +8,7 @@ import pytest
 
 import silo
 from silo.ipc.client.client import Client
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 
 pytestmark = pytest.mark.slow
 

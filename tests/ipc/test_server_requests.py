@@ -14,12 +14,12 @@ from silo.core.elements import Edit, ElementOptions, FileType, State
 from silo.errors import RefusedError
 from silo.ipc.client.client import Client
 from silo.ipc.exchange import encoded
-from silo.ipc.keys import ANY_ALIVE
 from silo.ipc.messages.recordings import Save
 from silo.ipc.messages.samples import GetHistory
 from silo.ipc.messages.views import OpenView
-from silo.ipc.published import EventKind
-from silo.ipc.session import close, open_client
+from silo.net.keys import ANY_ALIVE
+from silo.net.session import close, open_client
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import ApplyEdits
 from tests.examples import examples

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from silo.errors import RefusedError
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 
 SCRIPT = "log_elements:\n  - name: /log/x\n    enabled: true\n    divider: 7\n"

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from silo.errors import ConnectionLostError
-from silo.ipc import keys
-from silo.ipc.session import close, open_client, open_server, owner_is_gone, socket_path
+from silo.net import keys
+from silo.net.session import close, open_client, open_server, owner_is_gone, socket_path
 
 PID = 4711
 
@@ -60,7 +60,7 @@ def test_second_logger_of_a_name_in_a_process_gets_a_socket_of_its_own(server: t
 @pytest.mark.slow
 def test_socket_of_a_killed_process_is_taken_over(runtime: Path) -> None:
     code = (
-        "import sys, pathlib; from silo.ipc.session import open_server\n"
+        "import sys, pathlib; from silo.net.session import open_server\n"
         f"session, path = open_server(pathlib.Path({str(runtime)!r}), 'bot', {PID})\n"
         "print(path, flush=True); sys.stdin.read()"
     )

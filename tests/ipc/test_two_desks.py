@@ -17,7 +17,7 @@ from silo.cli.authority import make_network
 from silo.cli.main import EXIT_FAILED, EXIT_USAGE
 from silo.core.elements import LoggedEvent
 from silo.files.event_log import read_events
-from silo.ipc.keys import Root, root_of
+from silo.net.keys import Root, root_of
 from tests import thin_net
 from tests.thin_net import Computer, ThinNet
 from tests.waiting import DEADLINE_S, wait_until

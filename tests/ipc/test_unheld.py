@@ -10,7 +10,7 @@ import silo
 from silo.cli.main import run
 from silo.files.event_log import read_events
 from silo.ipc.client.client import Client
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from tests.stand_ins.ticking import Robot, collect, warnings_of
 from tests.waiting import wait_until
 

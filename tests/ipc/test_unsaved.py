@@ -16,9 +16,9 @@ from silo.ipc.client.client import Client
 from silo.ipc.exchange import encoded
 from silo.ipc.messages import Stop
 from silo.ipc.messages.views import OpenView
-from silo.ipc.published import EventKind
-from silo.ipc.session import MAX_MESSAGE_BYTES, close, open_client
 from silo.journal.holdings import segment_holdings
+from silo.net.session import MAX_MESSAGE_BYTES, close, open_client
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import ApplyEdits
 from silo.segment.reader import SegmentReader

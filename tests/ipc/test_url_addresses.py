@@ -13,9 +13,9 @@ from click.testing import CliRunner
 import silo
 from silo.cli.main import cli, run
 from silo.errors import ConnectionLostError, ElementError
-from silo.ipc.addresses import Address, logger_of, parse_url, url_of, zenoh_settings
-from silo.ipc.found import Found
-from silo.ipc.remotes import remote_file
+from silo.net.addresses import Address, logger_of, parse_url, url_of, zenoh_settings
+from silo.net.found import Found
+from silo.net.remotes import remote_file
 
 PROTOCOL = Path(__file__).parents[2] / ".docs" / "protocol.md"
 

@@ -17,11 +17,11 @@ from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.fleet import surveyed
 from silo.ipc.messages import GetStatus, Start
 from silo.ipc.messages.state import Hello, Unsaved
-from silo.ipc.published import Event, EventKind, ViewFrame
-from silo.ipc.session import close, open_client
-from silo.ipc.versions import PROTOCOL, client_problem, robot_problem
+from silo.net.session import close, open_client
 from silo.rpc.declaring import Done, Request, leaves
+from silo.rpc.published import Event, EventKind, ViewFrame
 from silo.rpc.refusals import Refused, RefusedWhy, answered, checked
+from silo.rpc.versions import PROTOCOL, client_problem, robot_problem
 from tests.waiting import DEADLINE_S, wait_until
 
 FIRST = json.loads((Path(__file__).parents[1] / "data" / "protocol_1.json").read_text())
@@ -150,7 +150,7 @@ def test_every_request_is_sent_with_our_protocol() -> None:
 PATCH = """
 import sys
 if "silo.helper" in sys.orig_argv:
-    import silo.ipc.versions as versions
+    import silo.rpc.versions as versions
     versions.PROTOCOL, versions.OLDEST = {protocol}, {oldest}
 """
 
@@ -188,7 +188,7 @@ def test_silo_ls_lists_a_logger_of_another_silo_as_such(other, capsys) -> None:
 
 def test_a_logger_that_comes_back_with_another_silo_is_told_as_such(bench, client, monkeypatch) -> None:
     monkeypatch.setattr("silo.ipc.exchange.PROTOCOL", PROTOCOL)
-    monkeypatch.setattr("silo.ipc.versions.PROTOCOL", PROTOCOL + 1)  # from now on ours is the newer one
+    monkeypatch.setattr("silo.rpc.versions.PROTOCOL", PROTOCOL + 1)  # from now on ours is the newer one
     bench.serving.close()
     wait_until(lambda: not client.connected)
     bench.logger.serve()

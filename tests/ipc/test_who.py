@@ -14,14 +14,14 @@ import silo
 from silo.cli.main import EXIT_FAILED, run
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.helper.door import Door
-from silo.ipc.admission import INSECURE, Admission, admission_of, rules_hold_names
 from silo.ipc.client.client import Client
-from silo.ipc.configuration import from_file
 from silo.ipc.discovery import discover
-from silo.ipc.keys import Root
-from silo.ipc.published import EventKind
-from silo.ipc.senders import PROVEN, came_by_network, claim_of, local_words, network_words, short_words
-from silo.ipc.session import close, group_file, open_router, own_file
+from silo.net.access.admission import INSECURE, Admission, admission_of, rules_hold_names
+from silo.net.access.senders import PROVEN, came_by_network, claim_of, local_words, network_words, short_words
+from silo.net.configuration import from_file
+from silo.net.keys import Root
+from silo.net.session import close, group_file, open_router, own_file
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered
 from silo.rpc.serving import Sender
 from tests.waiting import wait_until

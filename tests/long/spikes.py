@@ -21,7 +21,7 @@ import numpy as np
 import silo
 from silo.files.event_log import read_events
 from silo.ipc.client.client import Client
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from tests.long.processes import wait_until, workplace
 
 Ints = np.ndarray[tuple[int], np.dtype[np.int64]]

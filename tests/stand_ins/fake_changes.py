@@ -23,7 +23,7 @@ from silo.helper.recordings import RecordingFolder
 from silo.ipc.fetching import Fetch
 from silo.ipc.messages.recordings import GetPiece, RecorderInfo, RecorderStarted, Recordings
 from silo.ipc.messages.state import Unsaved
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import EditsApplied, KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
 from silo.settings.conditions_diff import diff_extras

@@ -31,9 +31,9 @@ from silo.ipc.bulk import Outcome
 from silo.ipc.member import Member
 from silo.ipc.messages.recordings import RecorderInfo
 from silo.ipc.messages.state import HelloReply
-from silo.ipc.published import Event, EventKind
-from silo.ipc.senders import viewer_words
-from silo.ipc.versions import PROTOCOL
+from silo.net.access.senders import viewer_words
+from silo.rpc.published import Event, EventKind
+from silo.rpc.versions import PROTOCOL
 from silo.settings.script import format_script
 from silo.version import VERSION
 from silo_tui.sessions.finder import Found, FoundLogger

@@ -16,12 +16,12 @@ from silo.core.elements import (
 from silo.expressions.search import Finder, Looking
 from silo.expressions.search import Found as FoundMoments
 from silo.expressions.span import Between, between
-from silo.ipc.frames import Frame
 from silo.ipc.messages.samples import PinOpened
 from silo.ipc.messages.views import Survey
-from silo.ipc.published import NotLive
 from silo.ipc.samples import Samples
-from silo.ipc.surveys import QUANTITIES
+from silo.rpc.frames import Frame
+from silo.rpc.published import NotLive
+from silo.rpc.quantities import QUANTITIES
 from silo.rpc.refusals import RefusedWhy
 from tests.stand_ins.fake_signals import HZ, held_ticks, refused, signal
 

@@ -16,15 +16,15 @@ import zenoh
 
 from silo.core.elements import Present, State, Status
 from silo.helper.requests import decode_ask, decode_do
-from silo.ipc.keys import Root
 from silo.ipc.messages import GetStatus, Start, Stop
 from silo.ipc.messages.state import GetSummary, Hello, HelloReply, StatusReply, SummaryReply
-from silo.ipc.probing import reach
-from silo.ipc.published import Summary
-from silo.ipc.session import close, open_client
-from silo.ipc.versions import OLDEST, PROTOCOL
+from silo.net.access.probing import reach
+from silo.net.keys import Root
+from silo.net.session import close, open_client
 from silo.rpc.declaring import Done
+from silo.rpc.published import Summary
 from silo.rpc.refusals import Refused, RefusedWhy, answered
+from silo.rpc.versions import OLDEST, PROTOCOL
 from silo.version import VERSION
 
 POLL_S = 0.005

@@ -5,9 +5,9 @@ import pytest
 
 from silo.core.elements import State
 from silo.errors import RefusedError
-from silo.ipc.found import Found
 from silo.ipc.member import Member, Stands
-from silo.ipc.published import Summary
+from silo.net.found import Found
+from silo.rpc.published import Summary
 from silo_tui.model import fleet
 from silo_tui.model.lists import arranged
 

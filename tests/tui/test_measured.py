@@ -7,7 +7,7 @@ import pytest
 
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import ElementInfo, ElementOptions, Entry
-from silo.ipc.surveys import FROZEN, NOT_FINITE
+from silo.rpc.quantities import FROZEN, NOT_FINITE
 from silo_tui.model import text
 
 pytestmark = pytest.mark.slow  # each walks through the whole app

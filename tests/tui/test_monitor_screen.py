@@ -9,7 +9,7 @@ import pytest
 
 from silo.core.arrays.columns import Hole, hole_mark
 from silo.core.elements import State
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo_tui.model.dots import BLANK
 
 pytestmark = pytest.mark.slow  # each walks through the whole app

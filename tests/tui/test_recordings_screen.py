@@ -15,7 +15,7 @@ from silo.core.elements import BufferType, Entry, FileType, LoggedEvent, SavedFi
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo.errors import ConnectionLostError
 from silo.files import write
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo_tui.screens.file_monitor import FileMonitorScreen
 from silo_tui.screens.file_table import FileTableScreen
 from silo_tui.screens.monitor import MonitorScreen

@@ -11,11 +11,11 @@ from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, Trig
 from silo.core.elements import BufferType, Entry, FileType, RecorderState, State, TriggerOptions
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.silo.writer import write_silo
-from silo.ipc.found import Found
 from silo.ipc.member import Member
 from silo.ipc.messages.recordings import RecorderInfo, RecordingFile, Recordings, SavedRecording
-from silo.ipc.published import Summary
-from silo.ipc.surveys import FROZEN, NOT_FINITE
+from silo.net.found import Found
+from silo.rpc.published import Summary
+from silo.rpc.quantities import FROZEN, NOT_FINITE
 from silo_tui.app import SiloApp
 from silo_tui.layouts import files
 from silo_tui.layouts.layout import Layout

@@ -7,7 +7,7 @@ from rich.cells import cell_len
 from textual import events
 
 from silo.core.elements import State
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo_tui.model.fields import Field
 from tests.stand_ins.fake_signals import signal
 

@@ -1,7 +1,7 @@
 """What was denied is told at once, a flood of it in a few lines; and what Zenoh's log says of refused logins."""
 
 from silo.helper.denials import MOST_KINDS, Denials
-from silo.ipc.logins import Logins
+from silo.net.access.logins import Logins
 
 CAME = (
     "2026-11-22T17:09:54.48Z DEBUG acc-0 zenoh_link_tls::unicast: Accepted TLS connection on 127.0.0.1:60191: {}. "

@@ -15,7 +15,7 @@ from silo import errors
 from silo.ipc.exchange import encoded
 from silo.ipc.messages import GetStatus
 from silo.ipc.topic import Batch, Topic
-from silo.ipc.versions import PROTOCOL
+from silo.rpc.versions import PROTOCOL
 
 ERRORS = {name for name, found in vars(errors).items() if inspect.isclass(found)} | {"ExpressionError"}
 # what it takes and returns is what Logger says; its own docstrings say what it does instead

@@ -91,8 +91,8 @@ DAMAGES = {
         "silo.files.saving -> zenoh",
     ),
     "zenoh at second hand": (
-        insert("silo_tui/model/text.py", "import silo.ipc.session"),
-        "silo_tui.model.text -> silo.ipc.session",
+        insert("silo_tui/model/text.py", "import silo.net.session"),
+        "silo_tui.model.text -> silo.net.session",
     ),
     "a logger for type checkers": (
         insert("silo/files/saving.py", "if TYPE_CHECKING:\n    from silo.logger.logger import Logger"),
@@ -104,7 +104,7 @@ DAMAGES = {
         insert("silo/logger/table.py", "import silo.helper.mirror"),
         "silo.logger.table -> silo.helper.mirror",
     ),
-    "upstairs": (insert("silo/ipc/keys.py", "import silo.settings.script"), "silo.ipc.keys -> silo.settings.script"),
+    "upstairs": (insert("silo/net/keys.py", "import silo.settings.script"), "silo.net.keys -> silo.settings.script"),
     "a circle of siblings": (
         insert("silo/files/atomic.py", "import silo.files.extras"),
         "No cycles are allowed in silo.files",

@@ -10,7 +10,7 @@ import pytest
 from silo.core import runtime
 from silo.helper import helper, judge_state
 from silo.helper.lanes import Lane
-from silo.ipc import session
+from silo.net import session
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / ".docs"

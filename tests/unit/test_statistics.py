@@ -7,8 +7,8 @@ import silo
 from silo.helper.mirror import Mirror
 from silo.helper.statistics import Sums, Surveyor, Tally
 from silo.ipc.messages.views import GetSurvey, Survey
-from silo.ipc.surveys import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.logger.answers import robot_state
+from silo.rpc.quantities import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.rpc.refusals import Refused, answered
 from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until

@@ -21,9 +21,9 @@ from silo.bridges.ros2.standard import Outlet, outlets_of
 from silo.bridges.services import Call, trigger_response
 from silo.core.elements import ElementInfo
 from silo.errors import ConnectionLostError, SiloError
-from silo.ipc.lingering import releasing
 from silo.ipc.samples import Samples
-from silo.ipc.session import close
+from silo.net.lingering import releasing
+from silo.net.session import close
 
 OPEN_MS = 3000
 CALLER = "somebody in the ROS graph"  # which has no names to prove

@@ -18,8 +18,8 @@ from silo.helper.recordings import RecordingFolder
 from silo.helper.robot import Robot, ending
 from silo.helper.saver import Saver
 from silo.helper.statistics import Surveyor
-from silo.ipc.published import EventKind
 from silo.rpc.declaring import GoesOn, Request
+from silo.rpc.published import EventKind
 from silo.rpc.serving import Answer, Dispatch, Turn
 
 SERVERS = (TableServer, LiveServer, RecordingServer, ConditionServer, ControlServer)

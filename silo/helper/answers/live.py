@@ -29,7 +29,7 @@ from silo.ipc.messages.samples import (
     StreamOpened,
 )
 from silo.ipc.messages.views import CloseView, GetSurvey, OpenView, Survey, ViewOpened
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
 

@@ -16,7 +16,7 @@ from silo.ipc.messages.recordings import (
     StartRecorder,
     StopRecorder,
 )
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.rpc.serving import Server, Turn
 
 

@@ -7,7 +7,7 @@ from silo.helper import script_folder, view_folder
 from silo.helper.answers.table import Parts, must_live, must_stop, relayed
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.requests import check_edits
-from silo.ipc.published import EventKind
+from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
 from silo.scripts import requests

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from silo.core.arguments import text
 from silo.core.calls import told
 from silo.errors import ElementError
-from silo.ipc.addresses import parse_url
 from silo.ipc.client.client import Client
 from silo.ipc.discovery import Discovery, discover
-from silo.ipc.found import Found
+from silo.net.addresses import parse_url
+from silo.net.found import Found
 from silo.rpc.declaring import Ask
 
 if TYPE_CHECKING:

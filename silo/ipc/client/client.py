@@ -22,7 +22,6 @@ from silo.ipc.client.saves import Saves
 from silo.ipc.connection import Connection
 from silo.ipc.discovery import discover
 from silo.ipc.exchange import NoAnswerError, client_name
-from silo.ipc.found import Found
 from silo.ipc.messages import AnyReply
 from silo.ipc.messages.control import GiveControl, ReleaseControl, TakeControl
 from silo.ipc.messages.events import EventRequests
@@ -31,11 +30,12 @@ from silo.ipc.messages.recordings import RecordingRequests
 from silo.ipc.messages.samples import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream, by_of
 from silo.ipc.messages.state import Hello, HelloReply, StateRequests
 from silo.ipc.messages.views import GetSurvey, OpenView, Survey
-from silo.ipc.published import Event
-from silo.ipc.senders import READ_ONLY, read_only_words, viewer_words
-from silo.ipc.words import full_name, why_silent
+from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
+from silo.net.found import Found
 from silo.rpc.declaring import Ask, Do, ReplyT, Request
+from silo.rpc.published import Event
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked
+from silo.rpc.words import full_name, why_silent
 from silo.scripts.requests import TableRequests
 from silo.version import VERSION
 
@@ -583,7 +583,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
         The statistics end when it hasn't asked for a minute.
 
         Args:
-            quantities: one or several of `silo.ipc.surveys.QUANTITIES`, such as `"mean"`, `"std"`, `"rate"` (Hz).
+            quantities: one or several of `silo.rpc.quantities.QUANTITIES`, such as `"mean"`, `"std"`, `"rate"` (Hz).
             names: elements or entries, at most 20 000; all elements of the table where it is empty.
             reset: begin the statistics anew.
             derived: without names, the table's derived signals follow its elements.

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from silo.core.elements import SavedFile
 from silo.errors import ConnectionLostError, SaveError
-from silo.ipc.published import Event, EventKind
+from silo.rpc.published import Event, EventKind
 
 MAX_SAVES = 64
 

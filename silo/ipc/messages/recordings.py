@@ -8,8 +8,8 @@ import msgspec
 from silo.core.arguments import text, texts, whole
 from silo.core.calls import told_class
 from silo.core.elements import Extras, FileType, RecorderState
-from silo.ipc.words import FileTypes, file_types
 from silo.rpc.declaring import Caller, Do, Done, Lane, Reply, SlowAsk, ask, change, given
+from silo.rpc.words import FileTypes, file_types
 
 
 class RecordingFile(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from silo.core.calls import told_class
 from silo.core.elements import Status
 from silo.errors import RefusedError
-from silo.ipc.published import Summary
 from silo.rpc.declaring import Ask, Caller, Reply, ask, change
+from silo.rpc.published import Summary
 
 
 class HelloReply(Reply, frozen=True):

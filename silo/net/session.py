@@ -19,8 +19,9 @@ import zenoh
 
 from silo.core.runtime import is_at, write_private
 from silo.errors import ConnectionLostError
-from silo.ipc.admission import hold_directions, keep_changes_out, let_local_in, router_admission
-from silo.ipc.configuration import (
+from silo.net.access.admission import hold_directions, keep_changes_out, let_local_in, router_admission
+from silo.net.access.probing import Reached, explain
+from silo.net.configuration import (
     FORCED,
     LINK,
     SLOW_ACCEPT,
@@ -31,9 +32,8 @@ from silo.ipc.configuration import (
     scaled,
     written,
 )
-from silo.ipc.keys import Root
-from silo.ipc.lingering import releasing
-from silo.ipc.probing import Reached, explain
+from silo.net.keys import Root
+from silo.net.lingering import releasing
 
 SOCKET_SUFFIX = ".sock"
 MAX_SOCKET_PATH = 107  # bytes; the kernel's limit is 108 with the closing NUL

@@ -16,11 +16,11 @@ from typing import Any
 import zenoh
 
 from silo.core.runtime import user_name
-from silo.ipc import keys
-from silo.ipc.configuration import find_file, from_file, said_of, user_of
-from silo.ipc.probing import REACH_S, reach
-from silo.ipc.senders import group_identity, local_identity
-from silo.ipc.session import close, group_file, open_client, own_file
+from silo.net import keys
+from silo.net.access.probing import REACH_S, reach
+from silo.net.access.senders import group_identity, local_identity
+from silo.net.configuration import find_file, from_file, said_of, user_of
+from silo.net.session import close, group_file, open_client, own_file
 
 WAITED_TRIPS = 4  # of an answer, beyond the time that it may take where there is no way
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
-from silo.ipc.keys import Root
+from silo.net.keys import Root
 
 # a host, perhaps with the id that a logger has drawn, and a logger, perhaps with a process id
 ADDRESS = re.compile(r"(?:[A-Za-z0-9][A-Za-z0-9_.-]*(?:~[0-9a-f]+)?/)?[A-Za-z0-9][A-Za-z0-9_.-]*")

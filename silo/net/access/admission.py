@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import zenoh
 
 from silo.errors import ConnectionLostError
-from silo.ipc.access import Rule, allowed, local_rules, open_rules
-from silo.ipc.configuration import endpoints_of, listened, said_of
-from silo.ipc.keys import ANY_DO, LOCAL_SENDER, user_part
-from silo.ipc.probing import endpoint_of
+from silo.net.access.probing import endpoint_of
+from silo.net.access.rights import Rule, allowed, local_rules, open_rules
+from silo.net.configuration import endpoints_of, listened, said_of
+from silo.net.keys import ANY_DO, LOCAL_SENDER, user_part
 
 INSECURE = "insecure_allow_unauthenticated_changes"
 CHECKED = "router_checks_names"  # said by the file that `silo remote init` writes for robots behind its router

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 
 import zenoh
 
-from silo.ipc.configuration import from_file
+from silo.net.configuration import from_file
 
 _LEVELS = "off,zenoh_transport::unicast::establishment::accept=debug,zenoh_link_tcp=debug,zenoh_link_tls=debug"
 _REFUSED = re.compile(r"Recv OpenSyn\. Invalid (user|password)\.")

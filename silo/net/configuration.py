@@ -13,8 +13,8 @@ from typing import Any
 import zenoh
 
 from silo.errors import ConnectionLostError
-from silo.ipc.json5 import read_json5
-from silo.ipc.remotes import LOCAL, remote_file, remotes
+from silo.net.json5 import read_json5
+from silo.net.remotes import LOCAL, remote_file, remotes
 
 # always, whatever a file says: nobody is looked for by broadcast, and nobody is told of others
 FORCED: dict[str, Any] = {

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.columns import Floats, Marks
 from silo.core.elements import State
-from silo.ipc.published import NotLive
+from silo.rpc.published import NotLive
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from silo.errors import ConnectionLostError
-from silo.ipc.configuration import FORCED, PATHS, find_file, from_file, written
-from silo.ipc.found import ADDRESS, Found
-from silo.ipc.session import secret_file
+from silo.net.configuration import FORCED, PATHS, find_file, from_file, written
+from silo.net.found import ADDRESS, Found
+from silo.net.session import secret_file
 
 SCHEME = "silo://"
 

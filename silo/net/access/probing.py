@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from silo.errors import ConnectionLostError
-from silo.ipc.configuration import endpoints_of, from_file, reason_of, user_of, written
+from silo.net.configuration import endpoints_of, from_file, reason_of, user_of, written
 
 if TYPE_CHECKING:
     import ssl

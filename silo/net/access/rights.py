@@ -8,7 +8,7 @@ who is there. What no row allows is denied, whichever way it goes: so nobody but
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from silo.ipc.keys import LOCAL_SENDER, escape, user_part
+from silo.net.keys import LOCAL_SENDER, escape, user_part
 from silo.rpc.declaring import Ask, Do, Request
 
 VIEWER, OPERATOR, ROBOT = "viewer", "operator", "robot"

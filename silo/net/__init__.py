@@ -1,0 +1,1 @@
+"""The network: keys, Zenoh sessions, their configuration."""
