@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 from silo.core.elements import SavedFile
 from silo.errors import SaveError, SiloError
 from silo.files.manifest import CaptureList
-from silo.helper.events import Events
-from silo.helper.mirror import Mirror
 from silo.rpc.published import EventKind
+from silo.state.events import Events
+from silo.state.replica import Mirror
 
 if TYPE_CHECKING:
     from silo.helper.spool import Spool

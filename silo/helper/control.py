@@ -1,6 +1,6 @@
 """The control threads: they take requests in, answer what only reads at once, and have the rest wait for its turn.
 
-What changes something, or reads gigabytes, is done in lanes (`silo.helper.lanes`), so that a robot process that doesn't
+What changes something, or reads gigabytes, is done in lanes (`silo.control.lanes`), so that a robot process that doesn't
 answer holds up no status, a recorder no mark, and a history no view.
 """
 
@@ -15,19 +15,19 @@ from typing import Any, NoReturn
 import msgspec
 import zenoh
 
+from silo.control.authentication import Door, attachment_of
+from silo.control.denials import Denials
+from silo.control.lanes import Lanes, Waiting, is_late
+from silo.control.lock import Operators
 from silo.helper.answers.answering import Answers
-from silo.helper.denials import Denials
-from silo.helper.door import Door, attachment_of
-from silo.helper.events import plain
-from silo.helper.lanes import Lanes, Waiting, is_late
-from silo.helper.operators import Operators
 from silo.helper.requests import decode_ask, decode_do
-from silo.ipc.messages.state import Hello
 from silo.net.keys import Root, may_use
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Do, GoesOn, Lane, Request, SlowAsk, spoken
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, answered
 from silo.rpc.serving import Answer, Turn
+from silo.state.events import plain
+from silo.state.requests import Hello
 
 MAX_WAITING = 64
 

@@ -6,14 +6,14 @@ import time
 from silo.core.elements import SavedFile
 from silo.errors import SegmentError, SiloError
 from silo.files.saving import describe
-from silo.helper.events import Events
-from silo.helper.mirror import Mirror
 from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings
 from silo.recovery.left import BusyError, SavedMeanwhileError, save_reader
 from silo.recovery.segments import claimed, discard, mark_saved
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
+from silo.state.events import Events
+from silo.state.replica import Mirror
 
 ENDING_S = 5.0  # how long a process may take from closing its files to its end
 

@@ -11,7 +11,6 @@ from typing import Any, ClassVar, Generic, TypeVar
 import zenoh
 
 from silo.errors import SegmentError
-from silo.helper.mirror import LoggerSnapshot
 from silo.helper.topics import matching
 from silo.ipc.messages.samples import OpenStream
 from silo.ipc.messages.views import OpenView
@@ -19,6 +18,7 @@ from silo.net import keys
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.reader import SegmentReader
+from silo.state.replica import LoggerSnapshot
 
 LEASE_S = 6.0
 

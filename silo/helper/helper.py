@@ -20,22 +20,18 @@ from pathlib import Path
 
 import zenoh
 
+from silo.control.authentication import Door
+from silo.control.denials import Denials
+from silo.control.lock import Operators
 from silo.core.elements import Derived, Extras, FileType, State
 from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError
 from silo.helper.answers.answering import Answers
 from silo.helper.control import Control
 from silo.helper.crash import after_crash
-from silo.helper.denials import Denials
-from silo.helper.door import Door
-from silo.helper.event_log import EventLog
-from silo.helper.events import Events, plain
-from silo.helper.held_runs import HeldRuns
 from silo.helper.journaling import Journaling
 from silo.helper.judge import Judge
 from silo.helper.marks import Marks
-from silo.helper.mirror import LoggerSnapshot, Mirror
-from silo.helper.operators import Operators
 from silo.helper.predecessor import PredecessorRecovery
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
@@ -44,7 +40,6 @@ from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
 from silo.ipc.messages.recordings import Save, SaveStarted, StartRecorder, StopRecorder
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
-from silo.link.robot_state import RobotState
 from silo.net.access.logins import asks_for_passwords, watch_logins
 from silo.net.configuration import robot_named
 from silo.net.folders import group_folder, share_socket
@@ -54,6 +49,11 @@ from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Reply
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
+from silo.state.event_log import EventLog
+from silo.state.events import Events, plain
+from silo.state.held_runs import HeldRuns
+from silo.state.replica import LoggerSnapshot, Mirror
+from silo.state.robot_state import RobotState
 
 READY = 0  # number of the LinkReply that says that clients can come, or why they can't
 TERM_GRACE_S = 5.0

@@ -1,7 +1,6 @@
 """History: past samples of some entries in columns, straight from the buffers in shared memory."""
 
 from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, Hole, bins_of
-from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import RingSource, first_row
 from silo.helper.pinned_rows import PinnedRows
 from silo.ipc.messages.samples import By, Columns, GetHistory
@@ -9,6 +8,7 @@ from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.layout import TIME_RING, ElementSchema, EntrySchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader
+from silo.state.replica import LoggerSnapshot
 
 MAX_NAMES = 64
 BLOCK_BYTES = 4 * 2**20

@@ -10,9 +10,6 @@ from pathlib import Path
 
 from silo.core.elements import Storage
 from silo.errors import SegmentError
-from silo.helper.events import Events
-from silo.helper.mirror import Mirror
-from silo.helper.run_follower import RunFollower
 from silo.journal.disk import Disk
 from silo.journal.folders import remember_folder
 from silo.journal.format import Head, free_name, is_written, list_journals, remove_journal, remove_journals
@@ -20,6 +17,9 @@ from silo.journal.writer import JournalWriter
 from silo.rpc.published import EventKind
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
+from silo.state.events import Events
+from silo.state.replica import Mirror
+from silo.state.run_follower import RunFollower
 
 PERIOD_S = 0.2
 RETRY_S = 5.0

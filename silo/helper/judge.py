@@ -24,11 +24,11 @@ from silo.core.elements import NO_EXTRAS, Extras, TriggerOptions
 from silo.core.runtime import runtime_dir
 from silo.errors import ElementError, SegmentError, SiloError
 from silo.helper.capture_writer import CaptureWriter
-from silo.helper.events import Events
 from silo.helper.leased_triggers import LeasedTriggers
-from silo.helper.mirror import Mirror
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
+from silo.state.events import Events
+from silo.state.replica import Mirror
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need

@@ -16,7 +16,6 @@ from silo.core.runtime import list_held, list_segments
 from silo.errors import SegmentError
 from silo.files.manifest import CaptureList
 from silo.helper.capture_writer import CaptureWriter
-from silo.helper.events import Events
 from silo.helper.judge_state import (
     JudgeState,
     KeptCapture,
@@ -29,6 +28,7 @@ from silo.helper.judge_state import (
 from silo.helper.segment_judge import SegmentJudge, Step
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
+from silo.state.events import Events
 
 KEEP_S = 1.0  # how often a state is stored in which only rows are new
 SHARE = 0.05  # of the time, at most, where it is large

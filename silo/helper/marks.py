@@ -8,11 +8,11 @@ import threading
 
 from silo.core.recording import unheld_text
 from silo.errors import SegmentError
-from silo.helper.events import Events
-from silo.helper.mirror import Mirror
-from silo.helper.run_follower import RunFollower
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
+from silo.state.events import Events
+from silo.state.replica import Mirror
+from silo.state.run_follower import RunFollower
 
 PERIOD_S = 0.2
 MOST_UNHELD = 10  # told of by name, at once

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from silo.expressions.search import Finder, Looking
 from silo.expressions.span import HELD_PERIODS, Between, Measuring
-from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import Group, Picked, RingSource, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import unknown
@@ -21,6 +20,7 @@ from silo.segment.layout import SegmentSchema
 from silo.segment.picking import STAMPS
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows, Words, placed
+from silo.state.replica import LoggerSnapshot
 
 MAX_NAMES = 64
 MAX_MOMENTS = 10_000  # of all names together

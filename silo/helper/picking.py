@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType
-from silo.helper.mirror import LoggerSnapshot
 from silo.ipc.messages.samples import By
 from silo.ipc.sampled import SampledEntry, SampledName
 from silo.segment.layout import ElementSchema, EntrySchema, SegmentSchema
 from silo.segment.picking import STAMPS, moved, words_with
 from silo.segment.rows import Rows, Words, stored_type
+from silo.state.replica import LoggerSnapshot
 
 _STAMP_OF = {By.TICK: 0, By.TIME: 1}
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from silo.core.quantities import duration
-from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import Group, Picked, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import MAX_NAMES, unknown
@@ -21,6 +20,7 @@ from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows, Words
+from silo.state.replica import LoggerSnapshot
 
 LEASE_S = 30.0
 MAX_PINS = 64

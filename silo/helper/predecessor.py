@@ -11,12 +11,12 @@ import threading
 from silo.core.elements import SavedFile
 from silo.errors import SiloError, StateError
 from silo.files.saving import describe
-from silo.helper.events import Events
-from silo.helper.mirror import Mirror
 from silo.helper.recovery import recover, settle_left
 from silo.recovery.left import LeftRun
 from silo.recovery.runs import left_of, sweep
 from silo.rpc.published import EventKind
+from silo.state.events import Events
+from silo.state.replica import Mirror
 
 log = logging.getLogger("silo.helper")
 

@@ -13,11 +13,8 @@ import zenoh
 
 from silo.core.elements import Present, State
 from silo.errors import SegmentError
-from silo.helper.events import Events
 from silo.helper.feeds import Round
-from silo.helper.mirror import Mirror
 from silo.helper.pins import Pins
-from silo.helper.run_follower import RunFollower
 from silo.helper.streams import Streams
 from silo.helper.summary import DiskWatch, SummaryFeed
 from silo.helper.topics import Topics
@@ -27,6 +24,9 @@ from silo.net import keys
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import lost_samples
+from silo.state.events import Events
+from silo.state.replica import Mirror
+from silo.state.run_follower import RunFollower
 
 IDLE_S = 0.1
 TOPIC_PERIOD_S = 0.05

@@ -24,9 +24,6 @@ from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.errors import SegmentError
 from silo.files.manifest import Sums
 from silo.files.naming import check_name
-from silo.helper.events import Events
-from silo.helper.held_runs import HeldRuns
-from silo.helper.mirror import Mirror
 from silo.helper.recorder_process import Kept, RecorderProcess, Spare, close_left, store, stored
 from silo.helper.recording_folder import recording_folder
 from silo.ipc.messages.recordings import RecorderInfo, RecorderStarted, StartRecorder, StopRecorder
@@ -34,6 +31,9 @@ from silo.recorder.orders import CLOSED, RecordOrder
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.held_runs import child_of, recorders_path
+from silo.state.events import Events
+from silo.state.held_runs import HeldRuns
+from silo.state.replica import Mirror
 
 MOST_RECORDERS = 8
 MOST_PATTERNS, MOST_PATTERN_LETTERS = 1000, 50_000

@@ -6,15 +6,15 @@ from typing import Any
 import msgspec
 
 from silo.core.elements import Edit, Problem
-from silo.helper.mirror import LoggerSnapshot
 from silo.ipc.messages import AnyAsk, AnyDo
-from silo.ipc.messages.state import Hello
 from silo.ipc.refusals import check_revision
 from silo.rpc.declaring import Ask, Do, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.versions import client_problem
 from silo.scripts.requests import ApplyEdits
 from silo.settings.options import MAX_NAME, MAX_PROBLEMS, edit_problems, raw_problems, refusal, shorten
+from silo.state.replica import LoggerSnapshot
+from silo.state.requests import Hello
 
 IS_DERIVED = (
     "is derived from others, and has no divider, buffer or action of its own; edit those, or give it another "

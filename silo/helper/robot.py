@@ -7,10 +7,10 @@ import threading
 from typing import Any
 
 from silo.link.channel import LinkChannel
-from silo.link.handover import RunOffer, taken_runs
 from silo.link.messages import LinkMessage, LinkReply, LinkRequest
 from silo.rpc.declaring import Do, Done, GoesOn, Reply, Request, spoken
 from silo.rpc.refusals import Refused, RefusedWhy
+from silo.state.handover import RunOffer, taken_runs
 
 REPLY_TIMEOUT_S = 5.0
 

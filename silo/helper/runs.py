@@ -1,7 +1,7 @@
 """Runs as they begin, end and are let go of: the main thread tells all who follow them here, in one order.
 
 A run is held before anybody reads it, its marks are taken before it is over for others, and it is judged before it is
-told to have begun. Who reads the present run by itself looks for another one by `silo.helper.run_follower`.
+told to have begun. Who reads the present run by itself looks for another one by `silo.state.run_follower`.
 """
 
 import contextlib
@@ -11,16 +11,16 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from silo.core.elements import State
 from silo.errors import SegmentError
-from silo.helper.events import Events
-from silo.helper.held_runs import HeldRuns, tell_left
 from silo.helper.judge import Judge
 from silo.helper.marks import Marks
-from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.recorders import Recording
 from silo.helper.robot import Robot
-from silo.link.handover import RunOffer
 from silo.link.messages import LetGo
 from silo.segment.reader import SegmentReader
+from silo.state.events import Events
+from silo.state.handover import RunOffer
+from silo.state.held_runs import HeldRuns, tell_left
+from silo.state.replica import LoggerSnapshot, Mirror
 
 log = logging.getLogger("silo.helper")
 

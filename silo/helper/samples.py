@@ -1,11 +1,11 @@
 """Raw samples of any enabled element: rows straight from the buffers, as many as a reply may hold."""
 
-from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import Picked, RingSource, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows
 from silo.ipc.messages.samples import GetSamples, SampleRows
 from silo.ipc.sampled import SampledRows
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.state.replica import LoggerSnapshot
 
 MAX_NAMES = 10_000
 MIN_BYTES, MAX_BYTES = 4096, 4 * 2**20

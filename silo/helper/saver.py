@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from silo.core.elements import Extras, SavedFile
 from silo.errors import SegmentError, SiloError
 from silo.files.saving import describe
-from silo.helper.events import Events, plain
 from silo.helper.heap import trim_heap
-from silo.helper.mirror import Mirror
 from silo.helper.robot import Robot
 from silo.ipc.messages.recordings import Save, SaveStarted
 from silo.link.messages import LinkSaved
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.reader import SegmentReader
+from silo.state.events import Events, plain
+from silo.state.replica import Mirror
 
 MAX_WAITING = 4
 PROGRESS_PERIOD_S = 0.1

@@ -18,9 +18,7 @@ from numpy.typing import NDArray
 from silo.core.arrays.columns import Floats
 from silo.core.elements import BufferType, State
 from silo.errors import SegmentError
-from silo.helper.mirror import Mirror
 from silo.helper.newest import NewestValues
-from silo.helper.run_follower import RunFollower
 from silo.ipc.messages.views import GetSurvey, Survey
 from silo.rpc.leases import Leases
 from silo.rpc.quantities import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
@@ -29,6 +27,8 @@ from silo.segment.layout import ElementSchema, EntrySchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows, Words
+from silo.state.replica import Mirror
+from silo.state.run_follower import RunFollower
 
 log = logging.getLogger(__name__)
 

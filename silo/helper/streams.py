@@ -10,13 +10,13 @@ import msgspec
 import zenoh
 
 from silo.helper.feeds import Feed, Feeds, Round
-from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.picking import Group, pick, unknown_name
 from silo.helper.samples import MAX_NAMES, unknown
 from silo.ipc.messages.samples import OpenStream, StreamOpened
 from silo.ipc.sampled import SampledRows, StreamFrame
 from silo.net import keys
 from silo.segment.reader import SegmentReader
+from silo.state.replica import LoggerSnapshot, Mirror
 
 MIN_PERIOD_S, MAX_PERIOD_S = 0.01, 10.0
 MAX_FRAME_BYTES = 2**20  # the rest follows at once

@@ -14,7 +14,6 @@ import zenoh
 from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, bins_of
 from silo.helper.feeds import Feed, Feeds, Round
 from silo.helper.liveness import Liveness
-from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.newest import NewestValues
 from silo.ipc.messages.views import OpenView, ViewOpened
 from silo.net.keys import VIEW_ID, Root
@@ -24,6 +23,7 @@ from silo.segment.layout import ElementSchema, EntrySchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows, lost_samples
+from silo.state.replica import LoggerSnapshot, Mirror
 
 MIN_RATE_HZ, MAX_RATE_HZ = 0.1, 30.0
 MAX_VALUES = 20_000

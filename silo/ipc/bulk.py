@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from silo.core.elements import FileType, SavedFile, Status
 from silo.errors import SiloError
 from silo.ipc.client.client import LONGEST_S, Client
-from silo.ipc.messages.state import Unsaved
 from silo.net.found import Found
+from silo.state.requests import Unsaved
 
 AT_ONCE = 32
 

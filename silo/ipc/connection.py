@@ -25,7 +25,6 @@ from silo.ipc.asking import Pending
 from silo.ipc.discovery import namesakes
 from silo.ipc.exchange import exchange, root_at
 from silo.ipc.messages import AnyReply
-from silo.ipc.messages.state import Hello, HelloReply
 from silo.ipc.near import seen_now
 from silo.net import keys
 from silo.net.found import Found
@@ -35,6 +34,7 @@ from silo.rpc.clocks import TheirClock
 from silo.rpc.declaring import Do, Request
 from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign
 from silo.rpc.published import Event
+from silo.state.requests import Hello, HelloReply
 from silo.version import VERSION
 
 POLL_S = 0.05

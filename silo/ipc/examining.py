@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from silo.errors import ConnectionLostError, VersionError
 from silo.ipc.discovery import discover
 from silo.ipc.exchange import ask_once, exchange
-from silo.ipc.messages.state import Hello, HelloReply
 from silo.net.access.probing import Layer, LayerError, reach, tls_problem
 from silo.net.configuration import find_file, from_file, user_of
 from silo.net.found import Found, told_apart
 from silo.net.sessions import borrowed
+from silo.state.requests import Hello, HelloReply
 from silo.version import VERSION
 
 TIMEOUT_S = 2.0

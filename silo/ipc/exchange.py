@@ -12,7 +12,6 @@ import zenoh
 from silo.core.runtime import user_name
 from silo.errors import ConnectionLostError, VersionError
 from silo.ipc.messages import AnyReply
-from silo.ipc.messages.state import HelloReply
 from silo.net import keys
 from silo.net.found import Found
 from silo.net.sessions import Borrowed, borrowed
@@ -21,6 +20,7 @@ from silo.rpc.declaring import Do, ReplyT, Request
 from silo.rpc.foreign import NOT_UNDERSTOOD
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked
 from silo.rpc.versions import PROTOCOL, robot_problem
+from silo.state.requests import HelloReply
 
 _encoder = msgspec.msgpack.Encoder()
 _reply_decoder = msgspec.msgpack.Decoder(AnyReply)

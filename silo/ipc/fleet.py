@@ -15,12 +15,12 @@ from silo.errors import SiloError
 from silo.ipc.fleet_memory import remember
 from silo.ipc.fleet_way import FOLLOWING, Change, Plan, Way
 from silo.ipc.member import HELPER_DOWN, Member
-from silo.ipc.messages.state import Hello
 from silo.ipc.near import Near, down_text, near_loggers
 from silo.ipc.routers import RouterTold
 from silo.net.found import Found
 from silo.net.keys import Root
 from silo.net.remotes import LOCAL, remotes
+from silo.state.requests import Hello
 from silo.version import VERSION
 
 SCAN_S = 1.0  # how often is looked for sockets and remotes

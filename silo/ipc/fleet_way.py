@@ -21,7 +21,6 @@ from silo.ipc.asking import Asking
 from silo.ipc.exchange import client_name, decode_reply, root_at
 from silo.ipc.fleet_memory import remembered
 from silo.ipc.member import NO_ANSWER, OTHER_SILO, Member
-from silo.ipc.messages.state import GetSummary, HelloReply, SummaryReply
 from silo.ipc.routers import AskedRouters, RouterTold, told_of
 from silo.net import keys
 from silo.net.access.probing import REACH_S, Layer, LayerError
@@ -32,6 +31,7 @@ from silo.rpc.declaring import Ask
 from silo.rpc.foreign import NOT_UNDERSTOOD
 from silo.rpc.published import Summary
 from silo.rpc.refusals import checked
+from silo.state.requests import GetSummary, HelloReply, SummaryReply
 
 POLL_S = 0.1
 IDLE_S = 0.5  # while nobody looks

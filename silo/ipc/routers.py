@@ -18,10 +18,10 @@ import zenoh
 from silo.core.elements import State
 from silo.errors import SiloError
 from silo.ipc.exchange import decode_reply, encoded
-from silo.ipc.messages.state import GetSummary, SummaryReply
 from silo.net import keys
 from silo.net.sessions import Borrowed
 from silo.rpc.published import MOST_REASON, Summary
+from silo.state.requests import GetSummary, SummaryReply
 
 NAME = "_router"
 AGAIN_S = 10.0

@@ -25,10 +25,7 @@ from silo.core.elements import (
     join_name,
 )
 from silo.errors import SaveError, ScriptError, StateError
-from silo.ipc.messages import state
-from silo.ipc.messages.state import Unsaved
 from silo.ipc.refusals import check_revision, refused_running
-from silo.link.robot_state import RobotState
 from silo.logger.keywords import UnsavedWord
 from silo.loop.run import Run
 from silo.rpc.declaring import Reply, Request
@@ -38,6 +35,9 @@ from silo.scripts import requests
 from silo.scripts.requests import ApplyEdits, EditsApplied
 from silo.segment.retention import large_text
 from silo.settings.options import refusal
+from silo.state import requests as state
+from silo.state.requests import Unsaved
+from silo.state.robot_state import RobotState
 
 # what `Logger.start` calls it; for the program itself a start clears without asking
 _UNSAVED: dict[Unsaved, UnsavedWord] = {Unsaved.REFUSE: "refuse", Unsaved.SAVE: "save", Unsaved.DISCARD: "clear"}

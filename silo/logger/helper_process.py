@@ -9,10 +9,10 @@ from pathlib import Path
 from silo.core.child import ChildProcess
 from silo.errors import ConnectionLostError
 from silo.link.channel import LinkChannel
-from silo.link.handover import handover_pair
 from silo.link.messages import LinkReply
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused
+from silo.state.handover import handover_pair
 
 READY_TIMEOUT_S = 15.0  # without a sign of life; a start takes 0.7 s of processor time, which may be long in coming
 LONGEST_START_S = 300.0  # a computer that takes this long for it serves nobody

@@ -24,9 +24,7 @@ from silo.core.elements import FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
 from silo.ipc.messages import AnyReply
 from silo.ipc.messages.recordings import RecorderStarted, Save, SaveStarted, StartRecorder, StopRecorder
-from silo.link.handover import RunOffer, offer_run
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
-from silo.link.robot_state import RobotState
 from silo.logger.answers import Served, answer, robot_state
 from silo.logger.consumers import has_conditions, has_left
 from silo.logger.down import DownMark
@@ -37,6 +35,8 @@ from silo.logger.viewers import FoxgloveProcess
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused
+from silo.state.handover import RunOffer, offer_run
+from silo.state.robot_state import RobotState
 
 log = logging.getLogger("silo")
 

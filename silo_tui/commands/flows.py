@@ -11,8 +11,8 @@ from rich.text import Text
 from silo.core.elements import FieldChange
 from silo.core.quantities import duration
 from silo.errors import RefusedError
-from silo.ipc.messages.state import Unsaved
 from silo.rpc.refusals import RefusedWhy
+from silo.state.requests import Unsaved
 from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.model.changes import cost_of

@@ -14,11 +14,11 @@ from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.elements import LoggedEvent, SavedFile, State, Status
 from silo.errors import RefusedError
 from silo.ipc.messages.recordings import RecorderInfo, Recordings
-from silo.ipc.messages.state import Unsaved
 from silo.rpc.frames import Frame
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.settings.typed import Settings, apply_settings
+from silo.state.requests import Unsaved
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import Facts
 from silo_tui.model.fields import options_of, rows_of

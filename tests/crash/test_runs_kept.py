@@ -19,9 +19,9 @@ import silo
 from silo.core.runtime import list_held
 from silo.errors import SegmentError, StateError
 from silo.ipc.client.client import Client
-from silo.link.handover import offer_run
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import bytes_of
+from silo.state.handover import offer_run
 from tests.waiting import freeze
 
 PROGRAM = """

@@ -18,6 +18,8 @@ import msgspec
 import pytest
 
 import silo
+from silo.control.lock import Operators
+from silo.control.requests import GiveControl, ReleaseControl, TakeControl
 from silo.core.elements import (
     Derived,
     Edit,
@@ -32,12 +34,7 @@ from silo.core.elements import (
 )
 from silo.errors import SiloError
 from silo.helper.answers.answering import Answers
-from silo.helper.event_log import EventLog
-from silo.helper.events import Events
-from silo.helper.held_runs import HeldRuns
 from silo.helper.judge import Judge
-from silo.helper.mirror import Mirror
-from silo.helper.operators import Operators
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.requests import decode_ask, decode_do
@@ -77,7 +74,6 @@ from silo.ipc.messages import (
     Stop,
     TryTrigger,
 )
-from silo.ipc.messages.control import GiveControl, ReleaseControl, TakeControl
 from silo.ipc.messages.moments import FindMoments, MeasureSpan
 from silo.ipc.messages.recordings import GetPiece, Save, StartRecorder, StopRecorder
 from silo.ipc.messages.samples import (
@@ -91,12 +87,9 @@ from silo.ipc.messages.samples import (
     OpenPin,
     OpenStream,
 )
-from silo.ipc.messages.state import GetSummary, Hello, HelloReply, StatusReply, Unsaved
 from silo.ipc.messages.views import CloseView, GetSurvey, OpenView, ViewOpened
 from silo.link.channel import LinkChannel
-from silo.link.handover import handover_pair
 from silo.link.messages import LinkReply, LinkRequest
-from silo.link.robot_state import RobotState
 from silo.logger.answers import answer, robot_state
 from silo.net.keys import Root
 from silo.net.session import close, open_server
@@ -104,6 +97,13 @@ from silo.rpc.declaring import Request, leaves
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered
 from silo.scripts.requests import ApplyEdits, TableReply
+from silo.state.event_log import EventLog
+from silo.state.events import Events
+from silo.state.handover import handover_pair
+from silo.state.held_runs import HeldRuns
+from silo.state.replica import Mirror
+from silo.state.requests import GetSummary, Hello, HelloReply, StatusReply, Unsaved
+from silo.state.robot_state import RobotState
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 NASTY: list[Any] = [

@@ -26,11 +26,11 @@ from silo.helper.writing import WriteOrder, WriteReport
 from silo.ipc.messages import AnyReply
 from silo.ipc.sampled import StreamFrame
 from silo.journal.format import Commit, Head
-from silo.link.handover import RunOffer
 from silo.link.messages import LinkMessage
 from silo.recorder.orders import Command, RecordOrder, Report
 from silo.rpc.declaring import Request, RobotRequest, leaves, reply_type
 from silo.rpc.published import Event, Summary, ViewFrame
+from silo.state.handover import RunOffer
 
 SHOWN = "Start"  # of a union of requests, in whatever order modules are imported
 DEPTH = 6  # of samples: `Extras` within `Extras` would have no end

@@ -12,9 +12,9 @@ from silo.core.elements import State
 from silo.errors import SaveError
 from silo.link.channel import LinkChannel
 from silo.link.messages import Beat, Goodbye
-from silo.link.robot_state import RobotState
 from silo.logger import patience
 from silo.logger.patience import DEAF_ROUNDS, FROZEN_ROUNDS, Patience
+from silo.state.robot_state import RobotState
 from tests.stand_ins.ticking import collect
 from tests.waiting import freeze, wait_until
 

@@ -14,9 +14,9 @@ import pytest
 
 import silo
 from silo.core.elements import FileType, Table
-from silo.helper.mirror import sharing
 from silo.helper.writing import WriteOrder
 from silo.segment.reader import SegmentReader
+from silo.state.replica import sharing
 
 pytestmark = pytest.mark.slow
 

@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 import zenoh
 
-from silo.helper import lanes
+from silo.control import lanes
+from silo.control.authentication import Door
+from silo.control.denials import Denials
+from silo.control.requests import ReleaseControl
 from silo.helper.control import Control
-from silo.helper.denials import Denials
-from silo.helper.door import Door
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.messages import AddMark, AnyReply, DeleteRecording, KeepView, Start
-from silo.ipc.messages.control import ReleaseControl
 from silo.ipc.messages.recordings import StopRecorder
 from silo.net.keys import LOCAL_SENDER, Root
 from silo.net.session import close, open_client, open_server

@@ -12,10 +12,10 @@ from silo.errors import ConnectionLostError, GoesOnError, RefusedError
 from silo.ipc.client.client import Client
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.messages import AddMark
-from silo.ipc.messages.events import Marked
 from silo.rpc.clocks import clock_s
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy
+from silo.state.event_requests import Marked
 from tests.waiting import freeze, wait_until
 
 pytestmark = pytest.mark.slow

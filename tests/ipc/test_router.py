@@ -24,9 +24,9 @@ from silo.ipc.client.client import Client
 from silo.ipc.discovery import discover
 from silo.ipc.exchange import exchange
 from silo.ipc.fleet import Fleet
-from silo.ipc.messages.state import Hello
 from silo.net.session import close, open_router
 from silo.net.sessions import borrowed
+from silo.state.requests import Hello
 from silo.version import VERSION
 from silo_tui.sessions.finder import ClientFinder
 from tests.ipc.test_roles import free_port

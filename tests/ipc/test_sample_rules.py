@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 import silo
 from silo.core.elements import Action, BufferType, LoggerOptions, Table
 from silo.helper import pins as pins_module
-from silo.helper.mirror import LoggerSnapshot
 from silo.helper.pins import LEASE_S, Pins
 from silo.helper.samples import check_samples, samples
 from silo.ipc.messages.samples import By, GetSamples, OpenPin, SampleRows
 from silo.ipc.samples import Gathering
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from silo.segment.reader import SegmentReader
+from silo.state.replica import LoggerSnapshot
 from tests.examples import examples
 
 NAMES = ["/log/a", "/log/b", "/log/b_y", "/log/c", "/log/d", "/log/e"]

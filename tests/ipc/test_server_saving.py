@@ -10,12 +10,12 @@ import silo
 from silo.core.elements import FileType
 from silo.errors import SaveError
 from silo.helper import writing
-from silo.helper.mirror import Mirror
 from silo.helper.saver import Saver
 from silo.helper.writing import WriteOrder, WriteReport, write_log
 from silo.ipc.messages.recordings import Save
 from silo.logger.answers import robot_state
 from silo.segment.reader import SegmentReader
+from silo.state.replica import Mirror
 
 pytestmark = pytest.mark.slow
 

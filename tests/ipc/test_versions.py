@@ -16,12 +16,12 @@ from silo.ipc.client.client import Client
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.fleet import surveyed
 from silo.ipc.messages import GetStatus, Start
-from silo.ipc.messages.state import Hello, Unsaved
 from silo.net.session import close, open_client
 from silo.rpc.declaring import Done, Request, leaves
 from silo.rpc.published import Event, EventKind, ViewFrame
 from silo.rpc.refusals import Refused, RefusedWhy, answered, checked
 from silo.rpc.versions import PROTOCOL, client_problem, robot_problem
+from silo.state.requests import Hello, Unsaved
 from tests.waiting import DEADLINE_S, wait_until
 
 FIRST = json.loads((Path(__file__).parents[1] / "data" / "protocol_1.json").read_text())

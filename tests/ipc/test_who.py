@@ -12,8 +12,8 @@ import zenoh
 
 import silo
 from silo.cli.main import EXIT_FAILED, run
+from silo.control.authentication import Door
 from silo.errors import ConnectionLostError, ElementError, RefusedError
-from silo.helper.door import Door
 from silo.ipc.client.client import Client
 from silo.ipc.discovery import discover
 from silo.net.access.admission import INSECURE, Admission, admission_of, rules_hold_names

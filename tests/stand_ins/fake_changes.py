@@ -22,13 +22,13 @@ from silo.errors import ScriptError
 from silo.helper.recordings import RecordingFolder
 from silo.ipc.fetching import Fetch
 from silo.ipc.messages.recordings import GetPiece, RecorderInfo, RecorderStarted, Recordings
-from silo.ipc.messages.state import Unsaved
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import EditsApplied, KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
 from silo.settings.conditions_diff import diff_extras
 from silo.settings.options import edit_problems, refusal
 from silo.settings.script import Script, ScriptPlan, apply_script, diff_options, format_script, parse_script
+from silo.state.requests import Unsaved
 from tests.stand_ins.fake_signals import FOLDER, HZ, OWN_NAME, refused
 
 

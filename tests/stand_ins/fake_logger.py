@@ -30,11 +30,11 @@ from silo.helper.recordings import RecordingFolder
 from silo.ipc.bulk import Outcome
 from silo.ipc.member import Member
 from silo.ipc.messages.recordings import RecorderInfo
-from silo.ipc.messages.state import HelloReply
 from silo.net.access.senders import viewer_words
 from silo.rpc.published import Event, EventKind
 from silo.rpc.versions import PROTOCOL
 from silo.settings.script import format_script
+from silo.state.requests import HelloReply
 from silo.version import VERSION
 from silo_tui.sessions.finder import Found, FoundLogger
 from tests.stand_ins.fake_changes import FakeChanges

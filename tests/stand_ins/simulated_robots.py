@@ -17,7 +17,6 @@ import zenoh
 from silo.core.elements import Present, State, Status
 from silo.helper.requests import decode_ask, decode_do
 from silo.ipc.messages import GetStatus, Start, Stop
-from silo.ipc.messages.state import GetSummary, Hello, HelloReply, StatusReply, SummaryReply
 from silo.net.access.probing import reach
 from silo.net.keys import Root
 from silo.net.session import close, open_client
@@ -25,6 +24,7 @@ from silo.rpc.declaring import Done
 from silo.rpc.published import Summary
 from silo.rpc.refusals import Refused, RefusedWhy, answered
 from silo.rpc.versions import OLDEST, PROTOCOL
+from silo.state.requests import GetSummary, Hello, HelloReply, StatusReply, SummaryReply
 from silo.version import VERSION
 
 POLL_S = 0.005

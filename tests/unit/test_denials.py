@@ -1,6 +1,6 @@
 """What was denied is told at once, a flood of it in a few lines; and what Zenoh's log says of refused logins."""
 
-from silo.helper.denials import MOST_KINDS, Denials
+from silo.control.denials import MOST_KINDS, Denials
 from silo.net.access.logins import Logins
 
 CAME = (

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from silo.errors import ConnectionLostError
-from silo.link.handover import RunOffer, handover_pair, offer_run, taken_runs
+from silo.state.handover import RunOffer, handover_pair, offer_run, taken_runs
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_a_run_arrives_when_its_program_died_right_after_the_offer(ends, tmp_pat
     path.write_text("rows")
     program = (
         "import os, signal, socket, sys\n"
-        "from silo.link.handover import RunOffer, offer_run\n"
+        "from silo.state.handover import RunOffer, offer_run\n"
         f"sock = socket.socket(fileno={ours.fileno()})\n"
         "sock.setblocking(False)\n"
         f"assert offer_run(sock, RunOffer('a', {str(path)!r}), os.open({str(path)!r}, os.O_RDONLY))\n"

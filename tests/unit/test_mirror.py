@@ -3,8 +3,8 @@
 import os
 import threading
 
-from silo.helper.mirror import Mirror
 from silo.logger.answers import robot_state
+from silo.state.replica import Mirror
 
 
 class TakenOver:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from silo.control.lanes import Lane
 from silo.core import runtime
 from silo.helper import helper, judge_state
-from silo.helper.lanes import Lane
 from silo.net import session
 
 ROOT = Path(__file__).resolve().parents[2]

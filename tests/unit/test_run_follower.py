@@ -5,9 +5,9 @@ import pytest
 
 import silo
 from silo.errors import SegmentError
-from silo.helper.mirror import Mirror
-from silo.helper.run_follower import RunFollower
 from silo.logger.answers import robot_state
+from silo.state.replica import Mirror
+from silo.state.run_follower import RunFollower
 
 
 class Robot:

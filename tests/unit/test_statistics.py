@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import silo
-from silo.helper.mirror import Mirror
 from silo.helper.statistics import Sums, Surveyor, Tally
 from silo.ipc.messages.views import GetSurvey, Survey
 from silo.logger.answers import robot_state
 from silo.rpc.quantities import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.rpc.refusals import Refused, answered
 from silo.segment.reader import SegmentReader
+from silo.state.replica import Mirror
 from tests.waiting import wait_until
 
 

@@ -2,16 +2,14 @@
 
 from typing import Any
 
+from silo.control.lock import Operators
 from silo.helper.answers.conditions import ConditionServer
 from silo.helper.answers.control import ControlServer
 from silo.helper.answers.live import LiveServer
 from silo.helper.answers.recorded import RecordingServer
 from silo.helper.answers.scripts import TableServer
 from silo.helper.answers.table import Parts, relayed
-from silo.helper.events import Events
 from silo.helper.judge import Judge
-from silo.helper.mirror import Mirror
-from silo.helper.operators import Operators
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.recordings import RecordingFolder
@@ -21,6 +19,8 @@ from silo.helper.statistics import Surveyor
 from silo.rpc.declaring import GoesOn, Request
 from silo.rpc.published import EventKind
 from silo.rpc.serving import Answer, Dispatch, Turn
+from silo.state.events import Events
+from silo.state.replica import Mirror
 
 SERVERS = (TableServer, LiveServer, RecordingServer, ConditionServer, ControlServer)
 NOBODY = Turn()

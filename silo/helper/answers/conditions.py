@@ -10,11 +10,11 @@ from silo.conditions.requests import Alarms, ConditionRequests, Triggers, Trigge
 from silo.conditions.standing import worst_first
 from silo.core.elements import SignalLimits, TriggerOptions
 from silo.helper.answers.table import Parts, must_live, relayed
-from silo.helper.events import plain
 from silo.rpc.declaring import Request, request_of
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
+from silo.state.events import plain
 
 
 class ConditionServer(Server[Parts], does=[requests]):

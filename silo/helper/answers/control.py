@@ -1,15 +1,16 @@
 """Who is there, starting and stopping, and who has control."""
 
+from silo.control import requests as control
+from silo.control.requests import GiveControl, ReleaseControl, TakeControl
 from silo.helper.answers.table import Parts, ask_robot
-from silo.helper.events import plain
-from silo.ipc.messages import control, state
-from silo.ipc.messages.control import GiveControl, ReleaseControl, TakeControl
-from silo.ipc.messages.state import GetSummary, Hello, HelloReply, StateRequests, StatusReply, SummaryReply, Unsaved
 from silo.net.keys import may_use
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Request, request_of
 from silo.rpc.serving import Server, Turn
 from silo.rpc.versions import OLDEST, PROTOCOL
+from silo.state import requests as state
+from silo.state.events import plain
+from silo.state.requests import GetSummary, Hello, HelloReply, StateRequests, StatusReply, SummaryReply, Unsaved
 from silo.version import VERSION
 
 

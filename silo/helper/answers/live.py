@@ -3,17 +3,14 @@
 from collections.abc import Sequence
 
 from silo.helper.answers.table import Parts
-from silo.helper.events import plain
 from silo.helper.history import check_history, history
 from silo.helper.moments import check_moments, check_span, find_moments, measure_span
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import check_samples, samples
 from silo.ipc import messages
-from silo.ipc.messages import events as event_requests
 from silo.ipc.messages import moments as moment_requests
 from silo.ipc.messages import samples as sample_requests
 from silo.ipc.messages import views as view_requests
-from silo.ipc.messages.events import Marked
 from silo.ipc.messages.moments import FindMoments, MeasureSpan, MomentsFound, SpanMeasured
 from silo.ipc.messages.samples import (
     ClosePin,
@@ -32,6 +29,9 @@ from silo.ipc.messages.views import CloseView, GetSurvey, OpenView, Survey, View
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
+from silo.state import event_requests
+from silo.state.event_requests import Marked
+from silo.state.events import plain
 
 MOST_EVENTS_AT_ONCE = 10_000
 MOST_MARK_LETTERS = 200

@@ -5,11 +5,9 @@ from typing import Any
 
 import msgspec
 
+from silo.control.lock import Operators
 from silo.core.elements import State
-from silo.helper.events import Events
 from silo.helper.judge import Judge
-from silo.helper.mirror import LoggerSnapshot, Mirror
-from silo.helper.operators import Operators
 from silo.helper.pins import Pins
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
@@ -21,6 +19,8 @@ from silo.ipc.refusals import refused_running
 from silo.rpc.declaring import Reply, ReplyT, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked, raised
 from silo.rpc.serving import Turn
+from silo.state.events import Events
+from silo.state.replica import LoggerSnapshot, Mirror
 
 
 @dataclass(frozen=True)

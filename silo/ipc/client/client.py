@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from silo.conditions.requests import ConditionRequests
+from silo.control.requests import GiveControl, ReleaseControl, TakeControl
 from silo.core.arguments import path, real, shown, switch, text, texts, whole
 from silo.core.calls import told_class
 from silo.core.elements import SavedFile, Sought
@@ -23,12 +24,9 @@ from silo.ipc.connection import Connection
 from silo.ipc.discovery import discover
 from silo.ipc.exchange import NoAnswerError, client_name
 from silo.ipc.messages import AnyReply
-from silo.ipc.messages.control import GiveControl, ReleaseControl, TakeControl
-from silo.ipc.messages.events import EventRequests
 from silo.ipc.messages.moments import FindMoments, MeasureSpan
 from silo.ipc.messages.recordings import RecordingRequests
 from silo.ipc.messages.samples import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream, by_of
-from silo.ipc.messages.state import Hello, HelloReply, StateRequests
 from silo.ipc.messages.views import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
 from silo.net.found import Found
@@ -37,6 +35,8 @@ from silo.rpc.published import Event
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked
 from silo.rpc.words import full_name, why_silent
 from silo.scripts.requests import TableRequests
+from silo.state.event_requests import EventRequests
+from silo.state.requests import Hello, HelloReply, StateRequests
 from silo.version import VERSION
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
 
+from silo.control.requests import TakeControl
 from silo.ipc.asking import Pending
 from silo.ipc.connection import Connection
 from silo.ipc.exchange import decode_reply
-from silo.ipc.messages.control import TakeControl
 from silo.ipc.messages.samples import ClosePin, CloseStream, KeepPin, OpenStream, StreamOpened
 from silo.ipc.messages.views import CloseView, OpenView, ViewOpened
 from silo.rpc.declaring import Done, Request

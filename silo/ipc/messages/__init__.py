@@ -23,7 +23,7 @@ from silo.rpc.declaring import (
     spoken as spoken,
 )
 from silo.rpc.refusals import Refused as Refused, RefusedWhy as RefusedWhy
-from silo.ipc.messages.events import Events as Events, Marked as Marked
+from silo.state.event_requests import Events as Events, Marked as Marked
 from silo.ipc.messages.recordings import (
     GetPiece as GetPiece,
     PartOfRecording as PartOfRecording,
@@ -40,7 +40,7 @@ from silo.ipc.messages.recordings import (
     StartRecorder as StartRecorder,
     StopRecorder as StopRecorder,
 )
-from silo.ipc.messages.state import (
+from silo.state.requests import (
     GetSummary as GetSummary,
     Hello as Hello,
     HelloReply as HelloReply,
@@ -89,7 +89,7 @@ from silo.ipc.messages.views import (
     Survey as Survey,
     ViewOpened as ViewOpened,
 )
-from silo.ipc.messages.control import (
+from silo.control.requests import (
     GiveControl as GiveControl,
     ReleaseControl as ReleaseControl,
     TakeControl as TakeControl,

@@ -8,17 +8,17 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from silo.control.requests import GiveControl, TakeControl
 from silo.core.elements import Control
 from silo.core.quantities import duration
-from silo.helper.events import Events, plain
-from silo.helper.mirror import Mirror
-from silo.ipc.messages.control import GiveControl, TakeControl
 from silo.net.access.senders import name_of
 from silo.rpc.declaring import Do, Request
 from silo.rpc.leases import Lease, Leases
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Sender
+from silo.state.events import Events, plain
+from silo.state.replica import Mirror
 
 CONTROL = "control"
 LONGEST_LEASE_S = 24 * 3600.0

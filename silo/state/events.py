@@ -12,11 +12,11 @@ import msgspec
 import zenoh
 
 from silo.core.elements import LoggedEvent, SavedFile, Status
-from silo.helper.event_log import EventLog
-from silo.helper.mirror import Mirror
 from silo.net.access.senders import came_by_network
 from silo.net.keys import Root
 from silo.rpc.published import Event, EventKind
+from silo.state.event_log import EventLog
+from silo.state.replica import Mirror
 
 MAX_BY = 120
 

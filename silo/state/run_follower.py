@@ -2,8 +2,8 @@
 
 import time
 
-from silo.helper.mirror import Mirror
 from silo.segment.reader import SegmentReader
+from silo.state.replica import Mirror
 
 RELEASE_PERIOD_S = 2.0  # a segment of 16 MB that is followed made the process 14 MB larger within 10 s
 

@@ -13,11 +13,11 @@ from pathlib import Path
 from silo.core.elements import Extras
 from silo.core.runtime import HELD_SUFFIX, is_at, list_held, runtime_dir
 from silo.errors import SegmentError
-from silo.helper.events import Events
-from silo.helper.mirror import HeldNow, Mirror
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import bound_of, bytes_of, held_name, held_runs, number_of, remove
 from silo.segment.reader import SegmentReader
+from silo.state.events import Events
+from silo.state.replica import HeldNow, Mirror
 
 
 class HeldRuns:

@@ -22,12 +22,12 @@ from silo.errors import SegmentError
 from silo.expressions.derived_signals import derived_infos
 from silo.journal.derived_rows import DerivedPlan, DerivedReader, derived_plan
 from silo.journal.holdings import Holdings, Kept, kept_alike, segment_holdings
-from silo.link.handover import RunOffer
-from silo.link.robot_state import RobotState
 from silo.scripts.requests import TableReply
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import lost_samples
+from silo.state.handover import RunOffer
+from silo.state.robot_state import RobotState
 
 MOST_CLIENTS = 20
 FAILED_NAMES = 10  # of the status, which goes with every event
