@@ -13,7 +13,7 @@ import numpy as np
 
 from silo.core.elements import ElementInfo, State
 from silo.errors import ConnectionLostError, RefusedError, SiloError
-from silo.ipc.samples import Batch, Samples, Stream
+from silo.history.arrays import Batch, Samples, Stream
 
 if TYPE_CHECKING:
     from silo.ipc.client.client import Client

@@ -19,7 +19,7 @@ from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import SaveError
 from silo.files.bags.ros_types import ENCAPSULATION, STRING, Channel, channels_of
 from silo.files.bags.writer import utf8_entry
-from silo.ipc.samples import Samples
+from silo.history.arrays import Samples
 
 SECOND_NS = 1_000_000_000
 Head = Sequence[tuple[str, str]]

@@ -27,7 +27,7 @@ from silo.rpc.published import NOT_LIVE_TEXTS
 if TYPE_CHECKING:
     from silo.core.elements import ElementInfo, Entry
     from silo.ipc.client.client import Client
-    from silo.ipc.view import View
+    from silo.live.view import View
     from silo.rpc.frames import Frame
 
 MOST_VALUES = 16  # per line; a matrix of a hundred values is nothing to read

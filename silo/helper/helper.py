@@ -33,13 +33,13 @@ from silo.helper.journaling import Journaling
 from silo.helper.judge import Judge
 from silo.helper.marks import Marks
 from silo.helper.predecessor import PredecessorRecovery
-from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.robot import Robot, ending
 from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
 from silo.ipc.messages.recordings import Save, SaveStarted, StartRecorder, StopRecorder
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
+from silo.live.publisher import Publisher
 from silo.net.access.logins import asks_for_passwords, watch_logins
 from silo.net.configuration import robot_named
 from silo.net.folders import group_folder, share_socket

@@ -1,6 +1,6 @@
 """What was measured of all elements of the table: newest values, statistics, rates, signs, as columns of numbers.
 
-A logger answers them in a survey (`silo.helper.statistics`), once or twice a second. Rows are those of the table; what
+A logger answers them in a survey (`silo.live.statistics`), once or twice a second. Rows are those of the table; what
 isn't known is NaN. Filter terms, orders and columns read them by the names of their quantities.
 """
 

@@ -20,7 +20,7 @@ from silo.rpc.published import Event
 
 if TYPE_CHECKING:
     from silo.ipc.client.client import Client
-    from silo.ipc.view import View
+    from silo.live.view import View
 
 Result = TypeVar("Result")
 

@@ -15,15 +15,15 @@ import pytest
 
 from silo.core.elements import State
 from silo.errors import ConnectionLostError, SiloError
+from silo.history.arrays import Gathering, Stream
+from silo.history.found_moments import found_of
+from silo.history.requests import Columns, OpenStream, SampleRows, StreamOpened
+from silo.history.sampled_rows import SampledEntry, SampledName, SampledRows, StreamFrame
+from silo.history.search_requests import FoundIn, MomentsFound
 from silo.ipc.exchange import decode_reply
-from silo.ipc.messages.moments import FoundIn, MomentsFound
-from silo.ipc.messages.samples import Columns, OpenStream, SampleRows, StreamOpened
-from silo.ipc.messages.views import OpenView, ViewOpened
-from silo.ipc.moments import found_of
-from silo.ipc.sampled import SampledEntry, SampledName, SampledRows, StreamFrame
-from silo.ipc.samples import Gathering, Stream
-from silo.ipc.topic import batch_of
-from silo.ipc.view import View, history_columns
+from silo.live.requests import OpenView, ViewOpened
+from silo.live.topic import batch_of
+from silo.live.view import View, history_columns
 from silo.rpc.foreign import MOST, Foreign
 from silo.rpc.published import Event, EventKind, NotLive, Summary, ViewFrame
 

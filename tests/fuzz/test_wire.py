@@ -35,11 +35,22 @@ from silo.core.elements import (
 from silo.errors import SiloError
 from silo.helper.answers.answering import Answers
 from silo.helper.judge import Judge
-from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.requests import decode_ask, decode_do
 from silo.helper.robot import Robot
 from silo.helper.saver import Saver
+from silo.history.requests import (
+    By,
+    ClosePin,
+    CloseStream,
+    Columns,
+    GetHistory,
+    GetSamples,
+    KeepPin,
+    OpenPin,
+    OpenStream,
+)
+from silo.history.search_requests import FindMoments, MeasureSpan
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.messages import (
     Acknowledge,
@@ -74,22 +85,11 @@ from silo.ipc.messages import (
     Stop,
     TryTrigger,
 )
-from silo.ipc.messages.moments import FindMoments, MeasureSpan
 from silo.ipc.messages.recordings import GetPiece, Save, StartRecorder, StopRecorder
-from silo.ipc.messages.samples import (
-    By,
-    ClosePin,
-    CloseStream,
-    Columns,
-    GetHistory,
-    GetSamples,
-    KeepPin,
-    OpenPin,
-    OpenStream,
-)
-from silo.ipc.messages.views import CloseView, GetSurvey, OpenView, ViewOpened
 from silo.link.channel import LinkChannel
 from silo.link.messages import LinkReply, LinkRequest
+from silo.live.publisher import Publisher
+from silo.live.requests import CloseView, GetSurvey, OpenView, ViewOpened
 from silo.logger.answers import answer, robot_state
 from silo.net.keys import Root
 from silo.net.session import close, open_server

@@ -23,8 +23,8 @@ from silo.files.silo.format import ElementFacts, LogFacts
 from silo.helper.judge_state import JudgeState, array_of, array_parts
 from silo.helper.recorder_process import Kept
 from silo.helper.writing import WriteOrder, WriteReport
+from silo.history.sampled_rows import StreamFrame
 from silo.ipc.messages import AnyReply
-from silo.ipc.sampled import StreamFrame
 from silo.journal.format import Commit, Head
 from silo.link.messages import LinkMessage
 from silo.recorder.orders import Command, RecordOrder, Report

@@ -12,7 +12,7 @@ from silo.bridges.feed import Feed, Listener
 from silo.bridges.foxglove.viewer import Viewer
 from silo.bridges.ros2.graph import Topic
 from silo.bridges.ros2.pairing import MOST_WAITING, Pairing
-from silo.ipc.samples import Samples
+from silo.history.arrays import Samples
 
 
 def samples(first: int, last: int) -> Samples:

@@ -17,11 +17,11 @@ import pytest
 
 import silo
 from silo.core.elements import State
-from silo.helper.summary import differs, room_of
 from silo.ipc.client.client import Client
 from silo.ipc.discovery import discover
 from silo.ipc.fleet import Fleet
 from silo.ipc.member import Member
+from silo.live.summary import differs, room_of
 from silo.net.session import close, open_router
 from silo.net.sessions import open_configurations
 from silo.rpc.published import MOST_REASON, Summary

@@ -11,12 +11,12 @@ from silo.cli.main import EXIT_NO_LOGGER, run
 from silo.core.runtime import down_mark, down_marks, sweep_unfinished
 from silo.errors import ConnectionLostError
 from silo.files.event_log import read_events
-from silo.helper.streams import Stream
-from silo.helper.views import View
+from silo.history.requests import OpenStream, StreamOpened
 from silo.ipc.client.client import Client
 from silo.ipc.discovery import Discovery, Found, discover
-from silo.ipc.messages.samples import OpenStream, StreamOpened
-from silo.ipc.messages.views import OpenView, ViewOpened
+from silo.live.requests import OpenView, ViewOpened
+from silo.live.streams import Stream
+from silo.live.views import View
 from silo.logger import helper_process, serving
 from silo.logger.down import DownMark
 from silo.rpc.refusals import Refused, answered

@@ -8,8 +8,8 @@ import pytest
 import zenoh
 
 from silo.core.arrays.columns import MAX_COLUMNS
+from silo.history.requests import Columns, GetHistory
 from silo.ipc.exchange import decode_reply, encoded
-from silo.ipc.messages.samples import Columns, GetHistory
 from silo.net.session import close, open_client
 from tests.waiting import DEADLINE_S
 

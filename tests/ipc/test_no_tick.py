@@ -9,9 +9,9 @@ import pytest
 from silo.cli.ls import _ls_row
 from silo.core.elements import State
 from silo.core.stalls import idle_words, is_stalled
-from silo.helper.summary import differs
 from silo.ipc.client.client import Client
 from silo.ipc.member import Member, Stands
+from silo.live.summary import differs
 from silo.net.found import Found
 from silo.rpc.published import Summary
 from tests.waiting import freeze, wait_until

@@ -4,8 +4,8 @@ import pytest
 
 import silo
 from silo.errors import RefusedError
-from silo.ipc.messages.samples import CloseStream, OpenStream
-from silo.ipc.messages.views import CloseView, OpenView
+from silo.history.requests import CloseStream, OpenStream
+from silo.live.requests import CloseView, OpenView
 from silo.net.keys import ClientId, may_use
 from silo.state.requests import Hello
 from tests.waiting import wait_until

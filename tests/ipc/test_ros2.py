@@ -19,8 +19,8 @@ import silo
 from silo.bridges.feed import Feed
 from silo.bridges.services import services
 from silo.core.elements import Edit, ElementOptions, State
+from silo.history.arrays import Samples
 from silo.ipc.client.client import Client
-from silo.ipc.samples import Samples
 from tests.ipc.conftest import Bench
 from tests.waiting import DEADLINE_S, wait_until
 

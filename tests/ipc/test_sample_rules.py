@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 import silo
 from silo.core.elements import Action, BufferType, LoggerOptions, Table
-from silo.helper import pins as pins_module
-from silo.helper.pins import LEASE_S, Pins
-from silo.helper.samples import check_samples, samples
-from silo.ipc.messages.samples import By, GetSamples, OpenPin, SampleRows
-from silo.ipc.samples import Gathering
+from silo.history import pins as pins_module
+from silo.history.arrays import Gathering
+from silo.history.pins import LEASE_S, Pins
+from silo.history.requests import By, GetSamples, OpenPin, SampleRows
+from silo.history.samples import check_samples, samples
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from silo.segment.reader import SegmentReader
 from silo.state.replica import LoggerSnapshot

@@ -6,8 +6,8 @@ import pytest
 import silo
 from silo.core.elements import BufferType, Edit, ElementOptions
 from silo.errors import RefusedError
+from silo.history.requests import ClosePin
 from silo.ipc.client.client import Client
-from silo.ipc.messages.samples import ClosePin
 from silo.rpc.refusals import RefusedWhy
 from tests.waiting import wait_until
 

@@ -9,7 +9,7 @@ import silo
 from silo.core.elements import BufferType, Edit, ElementOptions, FileType, State
 from silo.errors import RefusedError, SaveError
 from silo.ipc.client.client import Client
-from silo.ipc.messages.views import OpenView, ViewOpened
+from silo.live.requests import OpenView, ViewOpened
 from silo.rpc.published import EventKind, NotLive
 from silo.rpc.refusals import Refused, RefusedWhy
 

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 import silo
 from silo.core.elements import Edit, ElementOptions, FileType, State
 from silo.errors import RefusedError
+from silo.history.requests import GetHistory
 from silo.ipc.client.client import Client
 from silo.ipc.exchange import encoded
 from silo.ipc.messages.recordings import Save
-from silo.ipc.messages.samples import GetHistory
-from silo.ipc.messages.views import OpenView
+from silo.live.requests import OpenView
 from silo.net.keys import ANY_ALIVE
 from silo.net.session import close, open_client
 from silo.rpc.published import EventKind

@@ -15,8 +15,8 @@ from silo.files.event_log import read_events
 from silo.ipc.client.client import Client
 from silo.ipc.exchange import encoded
 from silo.ipc.messages import Stop
-from silo.ipc.messages.views import OpenView
 from silo.journal.holdings import segment_holdings
+from silo.live.requests import OpenView
 from silo.net.session import MAX_MESSAGE_BYTES, close, open_client
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy

@@ -16,9 +16,9 @@ from silo.core.elements import (
 from silo.expressions.search import Finder, Looking
 from silo.expressions.search import Found as FoundMoments
 from silo.expressions.span import Between, between
-from silo.ipc.messages.samples import PinOpened
-from silo.ipc.messages.views import Survey
-from silo.ipc.samples import Samples
+from silo.history.arrays import Samples
+from silo.history.requests import PinOpened
+from silo.live.requests import Survey
 from silo.rpc.frames import Frame
 from silo.rpc.published import NotLive
 from silo.rpc.quantities import QUANTITIES

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from silo.core.elements import BufferType
-from silo.ipc.messages.samples import PinOpened
+from silo.history.requests import PinOpened
 from tests.stand_ins.fake_signals import HZ, START_NS, scalar, signal
 
 pytestmark = pytest.mark.slow  # each walks through the whole app

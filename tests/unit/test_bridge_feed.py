@@ -3,7 +3,7 @@
 import numpy as np
 
 from silo.bridges.feed import Feed
-from silo.ipc.samples import Samples
+from silo.history.arrays import Samples
 
 
 def samples(first, count):

@@ -14,7 +14,7 @@ import silo
 from silo import errors
 from silo.ipc.exchange import encoded
 from silo.ipc.messages import GetStatus
-from silo.ipc.topic import Batch, Topic
+from silo.live.topic import Batch, Topic
 from silo.rpc.versions import PROTOCOL
 
 ERRORS = {name for name, found in vars(errors).items() if inspect.isclass(found)} | {"ExpressionError"}

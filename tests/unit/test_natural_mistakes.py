@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import silo
-from silo.ipc.samples import Pin, Stream
-from silo.ipc.topic import Topic
-from silo.ipc.view import View
+from silo.history.arrays import Pin, Stream
+from silo.live.topic import Topic
+from silo.live.view import View
 from silo.logger.other_names import OTHER_NAMES
 
 MISTAKES = {

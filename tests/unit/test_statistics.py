@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import silo
-from silo.helper.statistics import Sums, Surveyor, Tally
-from silo.ipc.messages.views import GetSurvey, Survey
+from silo.live.requests import GetSurvey, Survey
+from silo.live.statistics import Sums, Surveyor, Tally
 from silo.logger.answers import robot_state
 from silo.rpc.quantities import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.rpc.refusals import Refused, answered

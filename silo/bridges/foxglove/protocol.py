@@ -17,7 +17,7 @@ from websockets.typing import Subprotocol
 
 from silo.bridges.messages import LiveTopic, is_texts
 from silo.bridges.services import trigger_response
-from silo.ipc.samples import Samples
+from silo.history.arrays import Samples
 
 SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
 MESSAGE_DATA, TIME = 1, 2  # from the server, binary

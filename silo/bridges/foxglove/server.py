@@ -22,7 +22,7 @@ from silo.bridges.messages import live_topics
 from silo.bridges.services import Call
 from silo.core.elements import ElementInfo
 from silo.errors import SiloError
-from silo.ipc.samples import Samples
+from silo.history.arrays import Samples
 
 MOST_VIEWERS = 16
 MOST_REQUEST_BYTES = 4 << 20  # a viewer subscribes to 65,535 topics in 2 MB

@@ -21,7 +21,7 @@ from silo.bridges.ros2.standard import Outlet, outlets_of
 from silo.bridges.services import Call, trigger_response
 from silo.core.elements import ElementInfo
 from silo.errors import ConnectionLostError, SiloError
-from silo.ipc.samples import Samples
+from silo.history.arrays import Samples
 from silo.net.lingering import releasing
 from silo.net.session import close
 

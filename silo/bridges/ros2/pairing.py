@@ -9,7 +9,7 @@ from functools import reduce
 
 import numpy as np
 
-from silo.ipc.samples import NO_SAMPLES, Samples, joined
+from silo.history.arrays import NO_SAMPLES, Samples, joined
 
 MOST_WAITING = 10_000  # samples of an element
 

@@ -16,7 +16,7 @@ from silo.bridges.messages import SECOND_NS, LiveTopic, entry_values, is_texts, 
 from silo.core.arrays.wide import to_wire
 from silo.core.elements import ElementInfo
 from silo.files.bags.ros_types import ENCAPSULATION, MessageType, Part, free_topic
-from silo.ipc.samples import Samples
+from silo.history.arrays import Samples
 
 Stamped = tuple[NDArray[np.int64], list[bytes]]  # time stamps, and as many messages
 STRING_TYPE = MessageType("std_msgs/msg/String", (("string", "data"),))

@@ -3,16 +3,11 @@
 from collections.abc import Sequence
 
 from silo.helper.answers.table import Parts
-from silo.helper.history import check_history, history
-from silo.helper.moments import check_moments, check_span, find_moments, measure_span
-from silo.helper.pinned_rows import PinnedRows
-from silo.helper.samples import check_samples, samples
-from silo.ipc import messages
-from silo.ipc.messages import moments as moment_requests
-from silo.ipc.messages import samples as sample_requests
-from silo.ipc.messages import views as view_requests
-from silo.ipc.messages.moments import FindMoments, MeasureSpan, MomentsFound, SpanMeasured
-from silo.ipc.messages.samples import (
+from silo.history import requests as sample_requests
+from silo.history import search_requests as moment_requests
+from silo.history.history import check_history, history
+from silo.history.pinned_rows import PinnedRows
+from silo.history.requests import (
     ClosePin,
     CloseStream,
     Columns,
@@ -25,7 +20,12 @@ from silo.ipc.messages.samples import (
     SampleRows,
     StreamOpened,
 )
-from silo.ipc.messages.views import CloseView, GetSurvey, OpenView, Survey, ViewOpened
+from silo.history.samples import check_samples, samples
+from silo.history.search import check_moments, check_span, find_moments, measure_span
+from silo.history.search_requests import FindMoments, MeasureSpan, MomentsFound, SpanMeasured
+from silo.ipc import messages
+from silo.live import requests as view_requests
+from silo.live.requests import CloseView, GetSurvey, OpenView, Survey, ViewOpened
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn

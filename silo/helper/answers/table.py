@@ -8,14 +8,14 @@ import msgspec
 from silo.control.lock import Operators
 from silo.core.elements import State
 from silo.helper.judge import Judge
-from silo.helper.pins import Pins
-from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.recordings import RecordingFolder
 from silo.helper.robot import REPLY_TIMEOUT_S, Robot
 from silo.helper.saver import Saver
-from silo.helper.statistics import Surveyor
+from silo.history.pins import Pins
 from silo.ipc.refusals import refused_running
+from silo.live.publisher import Publisher
+from silo.live.statistics import Surveyor
 from silo.rpc.declaring import Reply, ReplyT, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked, raised
 from silo.rpc.serving import Turn

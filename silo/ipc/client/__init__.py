@@ -17,7 +17,7 @@ from silo.net.found import Found
 from silo.rpc.declaring import Ask
 
 if TYPE_CHECKING:
-    from silo.ipc.topic import Topic
+    from silo.live.topic import Topic
 
 __all__ = ["Client", "Discovery", "Found", "connect", "discover", "topic"]
 

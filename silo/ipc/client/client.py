@@ -18,16 +18,16 @@ from silo.core.calls import told_class
 from silo.core.elements import SavedFile, Sought
 from silo.core.printing import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SiloError
+from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream, by_of
+from silo.history.search_requests import FindMoments, MeasureSpan
 from silo.ipc.client.leases import Held, Leases
 from silo.ipc.client.saves import Saves
 from silo.ipc.connection import Connection
 from silo.ipc.discovery import discover
 from silo.ipc.exchange import NoAnswerError, client_name
 from silo.ipc.messages import AnyReply
-from silo.ipc.messages.moments import FindMoments, MeasureSpan
 from silo.ipc.messages.recordings import RecordingRequests
-from silo.ipc.messages.samples import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream, by_of
-from silo.ipc.messages.views import GetSurvey, OpenView, Survey
+from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
 from silo.net.found import Found
 from silo.rpc.declaring import Ask, Do, ReplyT, Request
@@ -46,9 +46,9 @@ if TYPE_CHECKING:
     from silo.core.arrays.columns import HistoryColumns
     from silo.expressions.search import Found as FoundMoments
     from silo.expressions.span import Between
-    from silo.ipc.samples import Pin, Samples, Stream
-    from silo.ipc.topic import Topic
-    from silo.ipc.view import View
+    from silo.history.arrays import Pin, Samples, Stream
+    from silo.live.topic import Topic
+    from silo.live.view import View
 
 LEASE_S = 15.0  # of control that is renewed: seven renewals, or 15 s of a link that is away
 LONGEST_LEASE_S = 24 * 3600.0
@@ -404,7 +404,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
             RefusedError: a name or number is out of range.
             ConnectionLostError: nobody answers.
         """
-        from silo.ipc.view import View
+        from silo.live.view import View
 
         request = OpenView(
             view="",
@@ -438,7 +438,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
         return self._topic(element, self._connection.forget)
 
     def _topic(self, element: str, on_close: Callable[["Topic"], None]) -> "Topic":
-        from silo.ipc.topic import Topic
+        from silo.live.topic import Topic
 
         text("element", element, "client.topic('/log/joints/q')")
         name = full_name(element, self.status(), self.table())
@@ -464,7 +464,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
             ConnectionLostError: nobody answers.
             ElementError: the names are no list of texts; nothing was asked.
         """
-        from silo.ipc.samples import Stream
+        from silo.history.arrays import Stream
 
         wished = texts("names", names, "['/log/joints/q']")
         request = OpenStream(stream="", names=wished, period_s=period_s)
@@ -501,7 +501,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
             RefusedError: a name is unknown, a number out of range, or the pin is no more.
             ElementError: the names are no list of texts; nothing was asked.
         """
-        from silo.ipc.view import history_columns
+        from silo.live.view import history_columns
 
         request = GetHistory(
             names=texts("names", names, "['/log/joints/q_0']"),
@@ -545,7 +545,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
                 the pin is no more.
             ElementError: the names are no list of texts; nothing was asked.
         """
-        from silo.ipc.samples import Gathering
+        from silo.history.arrays import Gathering
 
         request = GetSamples(
             names=texts("names", names, "['/log/joints/q']"),
@@ -626,7 +626,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
             RefusedError: nothing of it fits, a name is unknown, a number out of range, or too many pins are open.
             ElementError: the names are no list of texts; nothing was asked.
         """
-        from silo.ipc.samples import Pin
+        from silo.history.arrays import Pin
 
         request = OpenPin(
             pin=f"{secrets.token_hex(8)}-1",  # of its own, because it outlives the session
@@ -677,7 +677,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
             RefusedError: a name or `what` is unknown, a number out of range, or a pin is no more.
             ElementError: the names are no list of texts; nothing was asked.
         """
-        from silo.ipc.moments import found_of
+        from silo.history.found_moments import found_of
 
         try:
             sought = Sought(what)
@@ -711,7 +711,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
             RefusedError: a name is unknown, a number out of range, or a pin is no more.
             ElementError: the names are no list of texts; nothing was asked.
         """
-        from silo.ipc.moments import between_of
+        from silo.history.found_moments import between_of
 
         request = MeasureSpan(
             names=texts("names", names, "['/log/joints/q_0']"), a_ns=a_ns, b_ns=b_ns, pins=[pin.id for pin in pins],

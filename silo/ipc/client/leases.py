@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import msgspec
 
 from silo.control.requests import TakeControl
+from silo.history.requests import ClosePin, CloseStream, KeepPin, OpenStream, StreamOpened
 from silo.ipc.asking import Pending
 from silo.ipc.connection import Connection
 from silo.ipc.exchange import decode_reply
-from silo.ipc.messages.samples import ClosePin, CloseStream, KeepPin, OpenStream, StreamOpened
-from silo.ipc.messages.views import CloseView, OpenView, ViewOpened
+from silo.live.requests import CloseView, OpenView, ViewOpened
 from silo.rpc.declaring import Done, Request
 from silo.rpc.refusals import Refused, RefusedWhy
 
 if TYPE_CHECKING:
-    from silo.ipc.samples import Pin, Stream
-    from silo.ipc.view import View
+    from silo.history.arrays import Pin, Stream
+    from silo.live.view import View
 
 
 RENEW_S = 2.0  # a third of a view's lease

@@ -59,7 +59,7 @@ from silo.scripts.requests import (
     ScriptText as ScriptText,
     TableReply as TableReply,
 )
-from silo.ipc.messages.samples import (
+from silo.history.requests import (
     By as By,
     ClosePin as ClosePin,
     CloseStream as CloseStream,
@@ -74,7 +74,7 @@ from silo.ipc.messages.samples import (
     StreamOpened as StreamOpened,
     by_of as by_of,
 )
-from silo.ipc.messages.moments import (
+from silo.history.search_requests import (
     FindMoments as FindMoments,
     FoundIn as FoundIn,
     MeasureSpan as MeasureSpan,
@@ -82,7 +82,7 @@ from silo.ipc.messages.moments import (
     SpanFacts as SpanFacts,
     SpanMeasured as SpanMeasured,
 )
-from silo.ipc.messages.views import (
+from silo.live.requests import (
     CloseView as CloseView,
     GetSurvey as GetSurvey,
     OpenView as OpenView,

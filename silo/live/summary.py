@@ -14,7 +14,7 @@ import zenoh
 from silo.core.elements import State
 from silo.core.runtime import disk_room
 from silo.core.stalls import is_stalled
-from silo.helper.topics import matching
+from silo.live.topics import matching
 from silo.net.keys import Root
 from silo.rpc.published import Summary
 from silo.state.replica import Mirror

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from silo.core.arrays.columns import Floats
 from silo.core.elements import BufferType, State
 from silo.errors import SegmentError
-from silo.helper.newest import NewestValues
-from silo.ipc.messages.views import GetSurvey, Survey
+from silo.live.newest import NewestValues
+from silo.live.requests import GetSurvey, Survey
 from silo.rpc.leases import Leases
 from silo.rpc.quantities import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError

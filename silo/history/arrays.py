@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from silo.core.calls import told_class
 from silo.errors import ConnectionLostError, RefusedError
-from silo.ipc.messages.samples import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
-from silo.ipc.sampled import SampledName, SampledRows, StreamFrame
+from silo.history.requests import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
+from silo.history.sampled_rows import SampledName, SampledRows, StreamFrame
 from silo.net.keys import ClientId, Root
 from silo.net.sessions import undeclare
 from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign, understood

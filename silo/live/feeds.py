@@ -11,9 +11,9 @@ from typing import Any, ClassVar, Generic, TypeVar
 import zenoh
 
 from silo.errors import SegmentError
-from silo.helper.topics import matching
-from silo.ipc.messages.samples import OpenStream
-from silo.ipc.messages.views import OpenView
+from silo.history.requests import OpenStream
+from silo.live.requests import OpenView
+from silo.live.topics import matching
 from silo.net import keys
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError

@@ -5,7 +5,7 @@ import numpy as np
 from silo.errors import ConnectionLostError
 from silo.expressions.search import Found
 from silo.expressions.span import NAN, Between
-from silo.ipc.messages.moments import FoundIn, MomentsFound, SpanFacts, SpanMeasured
+from silo.history.search_requests import FoundIn, MomentsFound, SpanFacts, SpanMeasured
 from silo.rpc.foreign import NOT_UNDERSTOOD
 
 

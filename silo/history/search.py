@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from silo.expressions.search import Finder, Looking
 from silo.expressions.span import HELD_PERIODS, Between, Measuring
-from silo.helper.picking import Group, Picked, RingSource, bounds, pick, unknown_name
-from silo.helper.pinned_rows import PinnedRows
-from silo.helper.samples import unknown
-from silo.ipc.messages.moments import FindMoments, FoundIn, MeasureSpan, MomentsFound, SpanFacts, SpanMeasured
-from silo.ipc.messages.samples import By
+from silo.history.picking import Group, Picked, RingSource, bounds, pick, unknown_name
+from silo.history.pinned_rows import PinnedRows
+from silo.history.requests import By
+from silo.history.samples import unknown
+from silo.history.search_requests import FindMoments, FoundIn, MeasureSpan, MomentsFound, SpanFacts, SpanMeasured
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.layout import SegmentSchema
 from silo.segment.picking import STAMPS

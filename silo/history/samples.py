@@ -1,9 +1,9 @@
 """Raw samples of any enabled element: rows straight from the buffers, as many as a reply may hold."""
 
-from silo.helper.picking import Picked, RingSource, bounds, pick, unknown_name
-from silo.helper.pinned_rows import PinnedRows
-from silo.ipc.messages.samples import GetSamples, SampleRows
-from silo.ipc.sampled import SampledRows
+from silo.history.picking import Picked, RingSource, bounds, pick, unknown_name
+from silo.history.pinned_rows import PinnedRows
+from silo.history.requests import GetSamples, SampleRows
+from silo.history.sampled_rows import SampledRows
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.state.replica import LoggerSnapshot
 

@@ -12,10 +12,10 @@ import numpy as np
 import zenoh
 
 from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, bins_of
-from silo.helper.feeds import Feed, Feeds, Round
-from silo.helper.liveness import Liveness
-from silo.helper.newest import NewestValues
-from silo.ipc.messages.views import OpenView, ViewOpened
+from silo.live.feeds import Feed, Feeds, Round
+from silo.live.liveness import Liveness
+from silo.live.newest import NewestValues
+from silo.live.requests import OpenView, ViewOpened
 from silo.net.keys import VIEW_ID, Root
 from silo.rpc.published import ViewFrame
 from silo.rpc.refusals import RefusedWhy

@@ -3,7 +3,7 @@
 import enum
 
 from silo.errors import RefusedError
-from silo.ipc.sampled import SampledName, SampledRows
+from silo.history.sampled_rows import SampledName, SampledRows
 from silo.rpc.declaring import Ask, Done, Reply, SlowAsk
 
 
@@ -27,7 +27,7 @@ class Columns(Reply, frozen=True, omit_defaults=True):
 
 
 class SampleRows(Reply, frozen=True, omit_defaults=True):
-    """Raw rows of some names, see `silo.ipc.sampled`. `rows` has at most one stretch per group.
+    """Raw rows of some names, see `silo.history.sampled_rows`. `rows` has at most one stretch per group.
 
     `resume` has for each group the row to go on with and the row to end before; both are equal where nothing is left.
     Ask again with it and with `run` until then. `names` explains the rows, and comes with the first reply only.

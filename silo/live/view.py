@@ -10,8 +10,8 @@ import zenoh
 
 from silo.core.arrays.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
 from silo.core.calls import told_class
-from silo.ipc.messages.samples import Columns
-from silo.ipc.messages.views import OpenView, ViewOpened
+from silo.history.requests import Columns
+from silo.live.requests import OpenView, ViewOpened
 from silo.net.keys import ClientId, Root
 from silo.net.sessions import undeclare
 from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign, understood

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from silo.core.quantities import duration
-from silo.helper.picking import Group, Picked, bounds, pick, unknown_name
-from silo.helper.pinned_rows import PinnedRows
-from silo.helper.samples import MAX_NAMES, unknown
-from silo.ipc.messages.samples import By, OpenPin, PinOpened
+from silo.history.picking import Group, Picked, bounds, pick, unknown_name
+from silo.history.pinned_rows import PinnedRows
+from silo.history.requests import By, OpenPin, PinOpened
+from silo.history.samples import MAX_NAMES, unknown
 from silo.net.keys import VIEW_ID
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError

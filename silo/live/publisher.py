@@ -13,13 +13,13 @@ import zenoh
 
 from silo.core.elements import Present, State
 from silo.errors import SegmentError
-from silo.helper.feeds import Round
-from silo.helper.pins import Pins
-from silo.helper.streams import Streams
-from silo.helper.summary import DiskWatch, SummaryFeed
-from silo.helper.topics import Topics
-from silo.helper.views import Views
-from silo.ipc.messages.views import OpenView, ViewOpened
+from silo.history.pins import Pins
+from silo.live.feeds import Round
+from silo.live.requests import OpenView, ViewOpened
+from silo.live.streams import Streams
+from silo.live.summary import DiskWatch, SummaryFeed
+from silo.live.topics import Topics
+from silo.live.views import Views
 from silo.net import keys
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader

@@ -9,11 +9,11 @@ import time
 import msgspec
 import zenoh
 
-from silo.helper.feeds import Feed, Feeds, Round
-from silo.helper.picking import Group, pick, unknown_name
-from silo.helper.samples import MAX_NAMES, unknown
-from silo.ipc.messages.samples import OpenStream, StreamOpened
-from silo.ipc.sampled import SampledRows, StreamFrame
+from silo.history.picking import Group, pick, unknown_name
+from silo.history.requests import OpenStream, StreamOpened
+from silo.history.sampled_rows import SampledRows, StreamFrame
+from silo.history.samples import MAX_NAMES, unknown
+from silo.live.feeds import Feed, Feeds, Round
 from silo.net import keys
 from silo.segment.reader import SegmentReader
 from silo.state.replica import LoggerSnapshot, Mirror
