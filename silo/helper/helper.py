@@ -20,6 +20,7 @@ from pathlib import Path
 
 import zenoh
 
+from silo.conditions.monitor import Judge
 from silo.control.authentication import Door
 from silo.control.denials import Denials
 from silo.control.lock import Operators
@@ -30,7 +31,6 @@ from silo.helper.answers.answering import Answers
 from silo.helper.control import Control
 from silo.helper.crash import after_crash
 from silo.helper.journaling import Journaling
-from silo.helper.judge import Judge
 from silo.helper.marks import Marks
 from silo.helper.predecessor import PredecessorRecovery
 from silo.helper.recorders import Recording

@@ -9,9 +9,9 @@ import logging
 import os
 from collections.abc import Iterable, Iterator, Sequence
 
+from silo.conditions.monitor import Judge
 from silo.core.elements import State
 from silo.errors import SegmentError
-from silo.helper.judge import Judge
 from silo.helper.marks import Marks
 from silo.helper.recorders import Recording
 from silo.helper.robot import Robot

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from silo.conditions.state_file import read_state
 from silo.core.recording import Recording
 from silo.files.event_log import event_log_path, read_events
 from silo.files.formats import read_recording
 from silo.files.manifest import captures_path, read_captures, read_written, written_path
-from silo.helper.judge_state import read_state
 from silo.journal.reader import JournalReader
 from silo.segment.reader import SegmentReader
 from tests.golden.__main__ import FOLDER

@@ -21,13 +21,13 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from silo.cli.main import EXIT_FAILED, run
+from silo.conditions.state_file import begun_state, state_path, store_state
 from silo.core.elements import LoggedEvent, LoggerOptions
 from silo.core.runtime import boot_id, lock_as_writer, pid_namespace
 from silo.files.event_log import append_events, event_log_path, read_events
 from silo.files.formats import read_recording
 from silo.files.parts.scan import scan_part
 from silo.helper import writing
-from silo.helper.judge_state import begun_state, state_path, store_state
 from silo.helper.predecessor import PredecessorRecovery
 from silo.journal.disk import Disk
 from silo.journal.format import Head, free_name

@@ -18,6 +18,7 @@ import msgspec
 import pytest
 
 import silo
+from silo.conditions.monitor import Judge
 from silo.control.lock import Operators
 from silo.control.requests import GiveControl, ReleaseControl, TakeControl
 from silo.core.elements import (
@@ -34,7 +35,6 @@ from silo.core.elements import (
 )
 from silo.errors import SiloError
 from silo.helper.answers.answering import Answers
-from silo.helper.judge import Judge
 from silo.helper.recorders import Recording
 from silo.helper.requests import decode_ask, decode_do
 from silo.helper.robot import Robot

@@ -14,13 +14,13 @@ import msgspec
 import numpy as np
 from msgspec import inspect
 
+from silo.conditions.state_file import JudgeState, array_of, array_parts
 from silo.core.elements import LoggedEvent
 from silo.files.bags.metadata import RecordingFacts
 from silo.files.csv.metadata import CsvFacts
 from silo.files.manifest import CaptureEntry, Written
 from silo.files.parts.metadata import PartFacts
 from silo.files.silo.format import ElementFacts, LogFacts
-from silo.helper.judge_state import JudgeState, array_of, array_parts
 from silo.helper.recorder_process import Kept
 from silo.helper.writing import WriteOrder, WriteReport
 from silo.history.sampled_rows import StreamFrame

@@ -9,15 +9,15 @@ import msgspec
 import pytest
 
 import silo
+from silo.conditions.captures.files import write_capture
+from silo.conditions.recovery import recover_captures
+from silo.conditions.segment_judge import SegmentJudge
+from silo.conditions.state_file import KeptCapture, state_path, store_state
 from silo.errors import SaveError
 from silo.files import naming
 from silo.files.atomic import claimed, sweep_parts
 from silo.files.manifest import CaptureList
 from silo.helper import writing
-from silo.helper.capture_files import write_capture
-from silo.helper.capture_recovery import recover_captures
-from silo.helper.judge_state import KeptCapture, state_path, store_state
-from silo.helper.segment_judge import SegmentJudge
 from silo.segment.reader import SegmentReader
 
 LONG_S = 1.0  # what the first one waits for may never come: then it goes on

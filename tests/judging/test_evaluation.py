@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silo.conditions.state_file import array_of, array_parts
 from silo.core.elements import Entry
 from silo.expressions.binding import OFF, Catalogue, Known, bind
 from silo.expressions.evaluation import Evaluator, EvaluatorMemory, SourceRows
-from silo.helper.judge_state import array_of, array_parts
 from tests.examples import examples
 from tests.judging.reference import Reference, Stream
 

@@ -3,8 +3,8 @@
 import pytest
 
 import silo
-from silo.helper import limit_judge
-from silo.helper.segment_judge import SegmentJudge
+from silo.conditions import limit_judge
+from silo.conditions.segment_judge import SegmentJudge
 from silo.segment.reader import SegmentReader
 
 JOINTS = 45

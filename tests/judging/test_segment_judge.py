@@ -8,8 +8,8 @@ import pytest
 
 import silo
 import silo.core.elements
-from silo.helper.segment_judge import MOST_SPOOL_BYTES, SegmentJudge
-from silo.helper.trials import try_trigger
+from silo.conditions.segment_judge import MOST_SPOOL_BYTES, SegmentJudge
+from silo.conditions.trials import try_trigger
 from silo.segment.reader import SegmentReader
 
 
@@ -96,7 +96,7 @@ def test_captures_under_way_that_take_all_memory_together_are_closed_and_say_so(
     robot.start()
     robot.ticks(500, [(40, 0), (60, 1)])
     robot.judge.step()
-    monkeypatch.setattr("silo.helper.segment_judge.MOST_SPOOL_BYTES", 2**15)
+    monkeypatch.setattr("silo.conditions.segment_judge.MOST_SPOOL_BYTES", 2**15)
     robot.ticks(500)
     whole = robot.judge.step().whole
     assert [spool.trigger for spool in whole] == ["one", "two"]

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import pytest
 
+from silo.conditions.captures.writer import MOST_WAITING, WaitingCaptures
 from silo.core.elements import TriggerOptions
 from silo.files.manifest import CaptureEntry, CaptureFile, CaptureList
-from silo.helper.capture_writer import MOST_WAITING, WaitingCaptures
 from silo.judging.triggers import Capture
 
 

@@ -10,11 +10,11 @@ import pytest
 
 import silo
 from silo.cli.main import run
+from silo.conditions.captures.files import write_capture
+from silo.conditions.segment_judge import SegmentJudge
 from silo.core.elements import LoggedEvent
 from silo.files.event_log import append_events, event_log_path
 from silo.files.manifest import CaptureEntry, CaptureList
-from silo.helper.capture_files import write_capture
-from silo.helper.segment_judge import SegmentJudge
 from silo.helper.verifying import verify
 from silo.recorder.orders import RecordOrder
 from silo.segment.reader import SegmentReader

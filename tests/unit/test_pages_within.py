@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from silo.conditions import state_file
 from silo.control.lanes import Lane
 from silo.core import runtime
-from silo.helper import helper, judge_state
+from silo.helper import helper
 from silo.net import session
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -77,7 +78,7 @@ def test_the_page_of_threads_has_each_file_that_makes_a_lock() -> None:
 
 def test_the_page_of_the_runtime_folder_has_each_ending() -> None:
     endings = {value for name, value in vars(runtime).items() if name.endswith("_SUFFIX")}
-    endings |= {session.SOCKET_SUFFIX, judge_state.SUFFIX}
+    endings |= {session.SOCKET_SUFFIX, state_file.SUFFIX}
     endings |= {session.SOCKET_SUFFIX + end for end in session._BESIDE}
     assert [one for one in sorted(endings) if f"{one}`" not in FOLDER] == []
 

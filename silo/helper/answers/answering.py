@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from silo.conditions.monitor import Judge
 from silo.control.lock import Operators
 from silo.helper.answers.conditions import ConditionServer
 from silo.helper.answers.control import ControlServer
@@ -9,7 +10,6 @@ from silo.helper.answers.live import LiveServer
 from silo.helper.answers.recorded import RecordingServer
 from silo.helper.answers.scripts import TableServer
 from silo.helper.answers.table import Parts, relayed
-from silo.helper.judge import Judge
 from silo.helper.recorders import Recording
 from silo.helper.recordings import RecordingFolder
 from silo.helper.robot import Robot, ending

@@ -29,7 +29,7 @@ class ConditionServer(Server[Parts], does=[requests]):
         return Alarms(found.run, found.tick, worst_first(list(found.limits)))
 
     def try_trigger(self, trigger: TriggerOptions) -> TriggerTried:
-        from silo.helper.trials import try_trigger
+        from silo.conditions.trials import try_trigger
 
         now = self.state.mirror.now
         return try_trigger(trigger, self.state.mirror.open_reader(), now.table.elements, now.robot.extras.derived)

@@ -5,9 +5,9 @@ from typing import Any
 
 import msgspec
 
+from silo.conditions.monitor import Judge
 from silo.control.lock import Operators
 from silo.core.elements import State
-from silo.helper.judge import Judge
 from silo.helper.recorders import Recording
 from silo.helper.recordings import RecordingFolder
 from silo.helper.robot import REPLY_TIMEOUT_S, Robot

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from silo.conditions.requests import TriggerTried
+from silo.conditions.rows import JudgedRows
 from silo.core.elements import Derived, ElementInfo, TriggerOptions
 from silo.errors import ElementError
 from silo.expressions.evaluation import UNOBSERVABLE, Evaluator
-from silo.helper.judged_rows import JudgedRows
 from silo.judging.definitions import trigger_rule
 from silo.judging.switched_off import trigger_conditions
 from silo.judging.triggers import Fire, Trigger

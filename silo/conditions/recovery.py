@@ -11,16 +11,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from silo.conditions.captures.files import write_capture
+from silo.conditions.memory import lost_news, untold
+from silo.conditions.segment_judge import SegmentJudge
+from silo.conditions.state_file import SUFFIX, JudgeState, Untold, all_states, begun_state, read_state, state_path
 from silo.core.elements import Extras, LoggedEvent, SavedFile
 from silo.core.runtime import HELD_SUFFIX, list_held, list_segments
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import append_events, newest_number, read_events
 from silo.files.manifest import CaptureList
-from silo.helper.capture_files import write_capture
-from silo.helper.judge_memory import lost_news, untold
-from silo.helper.judge_state import SUFFIX, JudgeState, Untold, all_states, begun_state, read_state, state_path
 from silo.helper.left_recordings import log_start
-from silo.helper.segment_judge import SegmentJudge
 from silo.recovery.segments import claimed
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import held_runs, is_due, is_live, program_of, remove

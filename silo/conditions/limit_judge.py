@@ -13,12 +13,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.conditions.rows import JudgedRows
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import SignalLimits
 from silo.errors import ElementError
 from silo.expressions.binding import OFF, Bound, Column, Signal, meaning
 from silo.expressions.evaluation import Evaluator, EvaluatorMemory, SourceRows
-from silo.helper.judged_rows import JudgedRows
 from silo.judging.definitions import bind_limits, scalar_names
 from silo.judging.limits import EntryState, Level, Limit, LimitRule, Violation
 

@@ -14,11 +14,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from silo.conditions.limit_judge import LimitMemory
 from silo.core.elements import ElementInfo, Extras, TriggerOptions
 from silo.core.runtime import process_start, runtime_dir, write_private
 from silo.errors import SegmentError
 from silo.expressions.evaluation import EvaluatorMemory
-from silo.helper.limit_judge import LimitMemory
 from silo.judging.triggers import Capture, Trigger
 from silo.segment.held_runs import Program, is_live, program_of
 from silo.segment.layout import SegmentSchema

@@ -9,15 +9,15 @@ from dataclasses import dataclass, field, replace
 
 import msgspec
 
+from silo.conditions.captures.buffer import Spool, bytes_per_tick
+from silo.conditions.limit_judge import LimitJudge, LimitNews
+from silo.conditions.rows import JudgedRows
 from silo.conditions.standing import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
+from silo.conditions.state_file import JudgeState, KeptCapture, KeptTrigger, Untold
 from silo.core.elements import ElementInfo, Extras, TriggerOptions
 from silo.errors import ElementError
 from silo.expressions.binding import Bound, meaning
 from silo.expressions.evaluation import Evaluator
-from silo.helper.judge_state import JudgeState, KeptCapture, KeptTrigger, Untold
-from silo.helper.judged_rows import JudgedRows
-from silo.helper.limit_judge import LimitJudge, LimitNews
-from silo.helper.spool import Spool, bytes_per_tick
 from silo.judging.definitions import trigger_rule
 from silo.judging.switched_off import trigger_conditions
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Mode, Trigger, TriggerState, longest_capture

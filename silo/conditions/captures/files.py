@@ -7,13 +7,13 @@ from pathlib import Path
 
 import msgspec
 
+from silo.conditions.captures.buffer import Spool
 from silo.core.elements import FileType, LoggedEvent, SavedFile
 from silo.errors import SaveError
 from silo.files.atomic import claimed
 from silo.files.formats import kind_of
 from silo.files.manifest import CaptureEntry, CaptureList
 from silo.files.saving import size_of
-from silo.helper.spool import Spool
 
 PATIENCE_S = 60.0  # how long is waited for another process that writes the same capture
 

@@ -12,11 +12,9 @@ from pathlib import Path
 
 import msgspec
 
-from silo.core.runtime import list_held, list_segments
-from silo.errors import SegmentError
-from silo.files.manifest import CaptureList
-from silo.helper.capture_writer import CaptureWriter
-from silo.helper.judge_state import (
+from silo.conditions.captures.writer import CaptureWriter
+from silo.conditions.segment_judge import SegmentJudge, Step
+from silo.conditions.state_file import (
     JudgeState,
     KeptCapture,
     Untold,
@@ -25,7 +23,9 @@ from silo.helper.judge_state import (
     state_path,
     store_state,
 )
-from silo.helper.segment_judge import SegmentJudge, Step
+from silo.core.runtime import list_held, list_segments
+from silo.errors import SegmentError
+from silo.files.manifest import CaptureList
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 from silo.state.events import Events
@@ -74,7 +74,7 @@ class JudgeMemory:
             return
         # pids come again, and count anew in each container; of an older silo there is no other word
         if state.program.logger_id != self._id if state.program.logger_id else state.pid != self._pid:
-            return  # of a program that is gone, and its helper process with it: `silo.helper.capture_recovery`
+            return  # of a program that is gone, and its helper process with it: `silo.conditions.recovery`
         self._left[state.run], self._own[state.run] = state, path
         self._tell_new(state.untold, state.run, state.until - 1)
 

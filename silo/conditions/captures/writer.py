@@ -20,7 +20,7 @@ from silo.state.events import Events
 from silo.state.replica import Mirror
 
 if TYPE_CHECKING:
-    from silo.helper.spool import Spool
+    from silo.conditions.captures.buffer import Spool
 
 log = logging.getLogger("silo.helper")
 
@@ -195,7 +195,7 @@ class CaptureWriter:
             self._tell(spool, EventKind.SAVE_FAILED, text)
 
     def _write(self, spool: "Spool") -> None:
-        from silo.helper.capture_files import write_capture
+        from silo.conditions.captures.files import write_capture
 
         logger = spool.schema.logger
         listed = self._list_of(self.folder, logger)

@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from silo.conditions.captures.writer import CaptureWriter
+from silo.conditions.leased_triggers import LeasedTriggers
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.core.elements import NO_EXTRAS, Extras, TriggerOptions
 from silo.core.runtime import runtime_dir
 from silo.errors import ElementError, SegmentError, SiloError
-from silo.helper.capture_writer import CaptureWriter
-from silo.helper.leased_triggers import LeasedTriggers
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 from silo.state.events import Events
@@ -32,12 +32,12 @@ from silo.state.replica import Mirror
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need
-    from silo.helper.judge_memory import JudgeMemory
-    from silo.helper.segment_judge import SegmentJudge, Step
+    from silo.conditions.memory import JudgeMemory
+    from silo.conditions.segment_judge import SegmentJudge, Step
 
 IDLE_S = 0.1  # how often is looked whether there is a run with triggers
 
-STATE_NAME = re.compile(r".*\.judge").fullmatch  # of what a judge leaves; `silo.helper.judge_state` reads it
+STATE_NAME = re.compile(r".*\.judge").fullmatch  # of what a judge leaves; `silo.conditions.state_file` reads it
 
 WORST_PERIOD_S = 0.5  # how soon others see in the status what is violated
 ORDER_S = 1.5  # how long a client waits for the judge thread; it asks for 2 s
@@ -125,7 +125,7 @@ class Judge:
         self._wake.set()
 
     def _note_due(self, reader: SegmentReader) -> None:
-        from silo.helper.judge_state import note_begun
+        from silo.conditions.state_file import note_begun
 
         note_begun(reader.schema)
         self._due.add(reader.schema.run)
@@ -371,7 +371,7 @@ class Judge:
 
     def _judge_left(self, reader: SegmentReader) -> None:
         """Judge a run that is over, from where a predecessor stood; told is what nobody told before."""
-        from silo.helper.segment_judge import SegmentJudge
+        from silo.conditions.segment_judge import SegmentJudge
 
         memory, run = self._remembering(), reader.schema.run
         state = memory.left(run)
@@ -405,7 +405,7 @@ class Judge:
 
     def _remembering(self) -> "JudgeMemory":
         if self._memory is None:
-            from silo.helper.judge_memory import JudgeMemory
+            from silo.conditions.memory import JudgeMemory
 
             now = self._mirror.now
             self._memory = JudgeMemory(now.robot.logger, now.options.id, now.robot.pid, self._events, self._writer)
@@ -416,7 +416,7 @@ class Judge:
         state = self._memory.left(reader.schema.run) if self._memory is not None else None
         if state is None:
             return False
-        from silo.helper.judge_memory import lost_text
+        from silo.conditions.memory import lost_text
 
         self._closed, self._failed = state.closed, state.failed
         try:
@@ -435,7 +435,7 @@ class Judge:
         return True
 
     def _made(self, reader: SegmentReader, extras: Extras, since: int) -> "SegmentJudge":
-        from silo.helper.segment_judge import SegmentJudge
+        from silo.conditions.segment_judge import SegmentJudge
 
         return SegmentJudge(reader, self._mirror.now.table.elements, extras, since, lambda: self._writer.size_bytes)
 

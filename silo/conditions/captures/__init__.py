@@ -1,0 +1,1 @@
+"""Captures: the rows of a trigger from the moment it fires until they stand in files."""
