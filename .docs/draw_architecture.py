@@ -17,7 +17,7 @@ PACKAGES = ("silo", "silo_tui")
 PROCESSES = {
     "robot": ("silo.logger", "robot program", "collect() once per tick"),
     "helper": ("silo.helper", "helper process", "one per logger that serves"),
-    "writing": ("silo.helper.writing", "writing process", "one per save"),
+    "writing": ("silo.recordings.writing", "writing process", "one per save"),
     "recorder": ("silo.recorder", "recorder", "one per endless recording"),
     "shell": ("silo.cli", "silo", "shell commands"),
     "tui": ("silo_tui", "silo-tui", "terminal"),

@@ -15,7 +15,7 @@ from silo.errors import RefusedError, SiloError
 
 if TYPE_CHECKING:
     from silo.ipc.client.client import Client
-    from silo.ipc.messages.recordings import Recordings, SavedRecording
+    from silo.recordings.requests import Recordings, SavedRecording
 
 MOST_LOOKS = 60  # each looks into as many files as fit into a second
 
@@ -38,7 +38,7 @@ def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) 
     """Complete the names of files of the logger that was typed before."""
     from silo.cli.common import find_logger
     from silo.ipc.exchange import ask_once
-    from silo.ipc.messages.recordings import RecordingRequests
+    from silo.recordings.requests import RecordingRequests
     from silo.rpc.declaring import request_of
 
     try:

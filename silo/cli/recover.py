@@ -11,7 +11,7 @@ from silo.core.elements import FileType
 from silo.errors import SaveError, SegmentError, SiloError
 
 if TYPE_CHECKING:
-    from silo.helper.recorder_process import Kept
+    from silo.recorder.process import Kept
     from silo.recovery.left import LeftRun
 
 
@@ -87,7 +87,7 @@ def _incomplete(paths: Sequence[Path], single: Sequence[Path]) -> "list[Kept]":
 
     if not any(runtime_dir().glob(f"*{RECORDERS_SUFFIX}")):
         return []
-    from silo.helper.left_recordings import left_lists
+    from silo.recorder.left_recordings import left_lists
 
     named = [path.resolve() for path in paths if path not in single]
     found = [one for _, kept in left_lists() for one in kept]
@@ -141,8 +141,8 @@ def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[Left
 
 def _recording_folders(paths: Sequence[Path], single: Sequence[Path], look_in: Path) -> list[Path]:
     """Where open parts of recordings may be."""
-    from silo.helper.recording_folder import DEFAULT
     from silo.journal.folders import RECORDINGS, remembered_folders
+    from silo.recorder.folder import DEFAULT
 
     named = [path for path in paths if path not in single and path.is_dir()] if paths else [look_in]
     # `log.record()` records there where nobody names a folder

@@ -9,7 +9,7 @@ import msgspec
 from silo.cli.common import TypedPath, json_option, show_rows
 
 if TYPE_CHECKING:
-    from silo.helper.verifying import RunCovered, Verified
+    from silo.verify.folder import RunCovered, Verified
 
 EXIT_NOT_WHOLE = 1
 
@@ -33,7 +33,7 @@ def verify(folder: Path, as_json: bool) -> int:
     Exit codes:
       0  whole, or what is missing was told        1  something is missing, twice, damaged, or disagrees
     """
-    from silo.helper.verifying import verify as held_against
+    from silo.verify.folder import verify as held_against
 
     found = held_against(folder)
     if as_json:

@@ -4,8 +4,8 @@ import argparse
 import logging
 import sys
 
-from silo.helper.heap import limit_heap
 from silo.helper.helper import Helper, ServingOptions, open_link
+from silo.recordings.heap import limit_heap
 
 
 def main() -> int:

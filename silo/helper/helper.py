@@ -33,11 +33,9 @@ from silo.helper.crash import after_crash
 from silo.helper.journaling import Journaling
 from silo.helper.marks import Marks
 from silo.helper.predecessor import PredecessorRecovery
-from silo.helper.recorders import Recording
 from silo.helper.robot import Robot, ending
 from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
-from silo.ipc.messages.recordings import Save, SaveStarted, StartRecorder, StopRecorder
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.live.publisher import Publisher
 from silo.net.access.logins import asks_for_passwords, watch_logins
@@ -45,6 +43,8 @@ from silo.net.configuration import robot_named
 from silo.net.folders import group_folder, share_socket
 from silo.net.keys import Root
 from silo.net.session import close, dead_mark, forget, open_server
+from silo.recorder.server import Recording
+from silo.recordings.requests import Save, SaveStarted, StartRecorder, StopRecorder
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Reply
 from silo.rpc.published import EventKind

@@ -61,7 +61,7 @@ class PredecessorRecovery:
     def _recover(self, stale: LeftRun) -> None:
         if stale.schema is None or stale.holdings is None:
             return
-        from silo.helper.writing import save_apart
+        from silo.recordings.writing import save_apart
 
         who = f"an earlier run of this logger (process {stale.schema.pid}) ended without close()"
         try:

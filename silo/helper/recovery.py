@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 from silo.core.elements import Extras, FileType, SavedFile
 from silo.core.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
 from silo.errors import SegmentError
-from silo.helper.left_recordings import complete_recordings
-from silo.helper.recorder_process import Kept
 from silo.journal.holdings import Holdings
 from silo.journal.reader import JournalReader
+from silo.recorder.left_recordings import complete_recordings
+from silo.recorder.process import Kept
 from silo.recovery.left import RECOVERED, RunReader, has_unsaved, missing, save_reader
 from silo.recovery.runs import claimed_run, let_go
 from silo.rpc.published import EventKind

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from silo.core.elements import Extras, SavedFile
 from silo.errors import SegmentError, SiloError
 from silo.files.saving import describe
-from silo.helper.heap import trim_heap
 from silo.helper.robot import Robot
-from silo.ipc.messages.recordings import Save, SaveStarted
 from silo.link.messages import LinkSaved
+from silo.recordings.heap import trim_heap
+from silo.recordings.requests import Save, SaveStarted
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.reader import SegmentReader
@@ -137,7 +137,7 @@ class Saver:
         return True
 
     def _do(self, job: _Job) -> None:
-        from silo.helper.writing import WriteOrder, write_log
+        from silo.recordings.writing import WriteOrder, write_log
 
         names = ", ".join(file_type.name.lower() for file_type in job.request.types)
         by = job.request.client

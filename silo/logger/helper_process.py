@@ -20,7 +20,7 @@ _PROCESS_CLOCK = 2  # of another process, see clock_getcpuclockid(3)
 HELPER_ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
-    "PYTHONMALLOC": "malloc",  # gives freed memory back, see silo/helper/heap.py
+    "PYTHONMALLOC": "malloc",  # gives freed memory back, see silo/recordings/heap.py
 }
 
 

@@ -24,9 +24,7 @@ from silo.files.event_log import newest_number
 from silo.files.manifest import Ledger, RunEntry
 from silo.files.parts.metadata import EVENTS_RING
 from silo.journal.derived_rows import with_derived
-from silo.recorder.draining import DROPPED, MOST_PERIOD_S, Drain, Drained
-from silo.recorder.happening import Happening
-from silo.recorder.layout import ending, layout_of
+from silo.recorder.event_tail import Happening
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
     TEXT_BYTES,
@@ -38,6 +36,8 @@ from silo.recorder.orders import (
     encode,
     extras_of,
 )
+from silo.recorder.parts.layout import ending, layout_of
+from silo.recorder.ring_cursor import DROPPED, MOST_PERIOD_S, Drain, Drained
 from silo.recorder.writing import Disk, ExtrasChange, Look, News, RunBegins, RunEnds, Settle, Writing
 from silo.recovery.parts import Closing, fewer_rows, left_rows
 from silo.segment.reader import SegmentReader

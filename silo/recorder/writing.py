@@ -24,11 +24,11 @@ from silo.files.manifest import ClosedPart, Ledger, RunEntry
 from silo.files.mcap.writer import Write
 from silo.files.parts.metadata import EVENTS_RING
 from silo.journal.folders import RECORDINGS, remember_folder
-from silo.recorder.draining import TOO_SLOW, Drained, Loss
-from silo.recorder.happening import Happening
-from silo.recorder.layout import Layout
+from silo.recorder.event_tail import Happening
 from silo.recorder.orders import RecordOrder
-from silo.recorder.part import Part, stamps_fit
+from silo.recorder.parts.layout import Layout
+from silo.recorder.parts.part import Part, stamps_fit
+from silo.recorder.ring_cursor import TOO_SLOW, Drained, Loss
 from silo.recovery.parts import finished_part
 from silo.segment.rows import Rows
 

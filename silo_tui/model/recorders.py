@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from silo.core.elements import RecorderState
 from silo.core.names import matching
-from silo.ipc.messages.recordings import RecorderInfo
+from silo.recordings.requests import RecorderInfo
 from silo_tui.model import text
 
 WORDS = {

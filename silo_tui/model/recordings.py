@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from datetime import datetime
 
 from silo.core.elements import FileType
-from silo.ipc.messages.recordings import RecordingFile, Recordings, SavedRecording
+from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
 from silo_tui.model import lists, text
 from silo_tui.model.lists import Order
 

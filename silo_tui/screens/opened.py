@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from silo.core.elements import SavedFile
 from silo.errors import SiloError
-from silo.ipc.messages.recordings import RecordingFile
+from silo.recordings.requests import RecordingFile
 from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.model.overlay import overlay_of

@@ -14,7 +14,7 @@ from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
 from silo.errors import SiloError
-from silo.ipc.messages.recordings import Recordings, SavedRecording
+from silo.recordings.requests import Recordings, SavedRecording
 from silo.rpc.frames import Frame
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later, SiloScreen

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from silo.core.elements import FileType
-from silo.ipc.messages.recordings import RecordingFile
+from silo.recordings.requests import RecordingFile
 from silo_tui.model import text
 
 if TYPE_CHECKING:

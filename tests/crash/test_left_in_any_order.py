@@ -27,12 +27,12 @@ from silo.core.runtime import boot_id, lock_as_writer, pid_namespace
 from silo.files.event_log import append_events, event_log_path, read_events
 from silo.files.formats import read_recording
 from silo.files.parts.scan import scan_part
-from silo.helper import writing
 from silo.helper.predecessor import PredecessorRecovery
 from silo.journal.disk import Disk
 from silo.journal.format import Head, free_name
 from silo.journal.writer import JournalWriter
 from silo.logger.logger import Logger
+from silo.recordings import writing
 from silo.recovery.left import RECOVERED, save_reader
 from silo.recovery.runs import find_all, look_back
 from silo.segment.held_runs import held_name

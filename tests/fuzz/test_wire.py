@@ -35,7 +35,6 @@ from silo.core.elements import (
 )
 from silo.errors import SiloError
 from silo.helper.answers.answering import Answers
-from silo.helper.recorders import Recording
 from silo.helper.requests import decode_ask, decode_do
 from silo.helper.robot import Robot
 from silo.helper.saver import Saver
@@ -85,7 +84,6 @@ from silo.ipc.messages import (
     Stop,
     TryTrigger,
 )
-from silo.ipc.messages.recordings import GetPiece, Save, StartRecorder, StopRecorder
 from silo.link.channel import LinkChannel
 from silo.link.messages import LinkReply, LinkRequest
 from silo.live.publisher import Publisher
@@ -93,6 +91,8 @@ from silo.live.requests import CloseView, GetSurvey, OpenView, ViewOpened
 from silo.logger.answers import answer, robot_state
 from silo.net.keys import Root
 from silo.net.session import close, open_server
+from silo.recorder.server import Recording
+from silo.recordings.requests import GetPiece, Save, StartRecorder, StopRecorder
 from silo.rpc.declaring import Request, leaves
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from silo.errors import ConnectionLostError, SaveError
-from silo.helper.recordings import RecordingFolder
-from silo.ipc import fetching
-from silo.ipc.fetching import Fetch
-from silo.ipc.messages.recordings import GetPiece, PartOfRecording, Piece, RecordingParts
+from silo.recordings import fetching
+from silo.recordings.fetching import Fetch
+from silo.recordings.folder import RecordingFolder
+from silo.recordings.requests import GetPiece, PartOfRecording, Piece, RecordingParts
 from silo.rpc.refusals import RequestRefusedError
 from tests.ipc.test_recordings import recording, saved
 

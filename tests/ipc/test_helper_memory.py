@@ -14,7 +14,7 @@ import pytest
 
 import silo
 from silo.core.elements import FileType, Table
-from silo.helper.writing import WriteOrder
+from silo.recordings.writing import WriteOrder
 from silo.segment.reader import SegmentReader
 from silo.state.replica import sharing
 
@@ -133,7 +133,7 @@ def test_a_writing_process_whose_helper_was_killed_leaves_no_file_and_says_nothi
     with SegmentReader(log.segment_path).path.open("rb") as segment:
         reading, writing = os.pipe()
         os.close(reading)
-        command = [sys.executable, "-m", "silo.helper.writing", str(segment.fileno())]
+        command = [sys.executable, "-m", "silo.recordings.writing", str(segment.fileno())]
         order = msgspec.json.encode(WriteOrder(str(tmp_path), "test", [FileType.CSV], ""))
         run = subprocess.run(
             command,

@@ -338,7 +338,7 @@ def test_captures_that_are_not_written_when_the_logger_is_closed_are_written_by_
     bench.logger.start()
     helper = psutil.Process(client.status().helper_pid)
     spiked(bench, 50, {10})
-    (writer,) = wait_until(lambda: [one for one in helper.children() if "silo.helper.writing" in one.cmdline()])
+    (writer,) = wait_until(lambda: [one for one in helper.children() if "silo.recordings.writing" in one.cmdline()])
     freeze(writer.pid)
     spiked(bench, 100, {60, 70, 80, 100})
     closing = threading.Thread(target=bench.logger.close)

@@ -12,8 +12,8 @@ from silo.cli.main import EXIT_USAGE, run
 from silo.core.elements import BufferType, RecorderState
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError, StateError
 from silo.files.bag_reader import read_bag
-from silo.helper.recording_folder import recording_folder
 from silo.ipc.client.client import Client
+from silo.recorder.folder import recording_folder
 from silo.recovery.parts import left_parts
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered

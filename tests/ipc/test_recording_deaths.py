@@ -20,8 +20,8 @@ from silo.core.elements import RecorderState
 from silo.core.runtime import list_held, list_segments, runtime_dir
 from silo.files.bag_reader import read_bag
 from silo.files.manifest import read_written
-from silo.helper.recorder_process import stored
 from silo.ipc.client.client import Client
+from silo.recorder.process import stored
 from silo.segment.held_runs import held_runs, recorders_path
 from tests.waiting import answered, freeze, wait_until
 

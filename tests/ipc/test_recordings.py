@@ -13,9 +13,9 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
 from silo.files.bags.writer import write_bag
 from silo.files.convert import convert
-from silo.helper import recordings as module
-from silo.helper.recordings import RecordingFolder
-from silo.ipc.messages.recordings import GetPiece
+from silo.recordings import folder as module
+from silo.recordings.folder import RecordingFolder
+from silo.recordings.requests import GetPiece
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 SECOND = 10**9

@@ -15,10 +15,10 @@ from silo.errors import RefusedError
 from silo.history.requests import GetHistory
 from silo.ipc.client.client import Client
 from silo.ipc.exchange import encoded
-from silo.ipc.messages.recordings import Save
 from silo.live.requests import OpenView
 from silo.net.keys import ANY_ALIVE
 from silo.net.session import close, open_client
+from silo.recordings.requests import Save
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import ApplyEdits

@@ -9,11 +9,11 @@ import pytest
 import silo
 from silo.core.elements import FileType
 from silo.errors import SaveError
-from silo.helper import writing
 from silo.helper.saver import Saver
-from silo.helper.writing import WriteOrder, WriteReport, write_log
-from silo.ipc.messages.recordings import Save
 from silo.logger.answers import robot_state
+from silo.recordings import writing
+from silo.recordings.requests import Save
+from silo.recordings.writing import WriteOrder, WriteReport, write_log
 from silo.segment.reader import SegmentReader
 from silo.state.replica import Mirror
 
@@ -58,7 +58,7 @@ def test_a_name_that_is_taken_is_refused_by_the_writing_process(reader, tmp_path
 
 
 def test_a_writing_process_that_dies_is_an_error_with_a_way_out(reader, tmp_path, monkeypatch):
-    monkeypatch.setattr("silo.helper.writing.sys.executable", "/bin/false")
+    monkeypatch.setattr("silo.recordings.writing.sys.executable", "/bin/false")
     with pytest.raises(SaveError, match=r"exit code 1.*save as \.silo"):
         write_log(reader, order(tmp_path, FileType.BAG), lambda _: None)
     assert list(tmp_path.iterdir()) == []

@@ -17,7 +17,7 @@ from silo.errors import SaveError
 from silo.files import naming
 from silo.files.atomic import claimed, sweep_parts
 from silo.files.manifest import CaptureList
-from silo.helper import writing
+from silo.recordings import writing
 from silo.segment.reader import SegmentReader
 
 LONG_S = 1.0  # what the first one waits for may never come: then it goes on

@@ -45,7 +45,7 @@ import silo
 from silo.core.elements import LoggedEvent
 from silo.files.event_log import read_events
 from silo.files.manifest import Written, read_written
-from silo.helper.verifying import Verified
+from silo.verify.folder import Verified
 
 ROBOT = Path(__file__).with_name("pair_robot.py")
 MEMBERS = ("program", "helper", "recorder", "standby", "writer")
@@ -174,7 +174,7 @@ def _role(process: psutil.Process) -> str:
         words = process.cmdline()
         if str(ROBOT) in words:
             return "program"
-        if "silo.helper.writing" in words:
+        if "silo.recordings.writing" in words:
             return "writer"
         if "silo.recorder" in words:
             if "--close" in words:

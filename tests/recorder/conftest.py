@@ -17,9 +17,7 @@ from silo.core.elements import RecorderState
 from silo.core.recording import Recording
 from silo.files.manifest import Ledger
 from silo.logger.logger import Logger
-from silo.recorder.draining import Drain
-from silo.recorder.happening import Happening
-from silo.recorder.layout import layout_of
+from silo.recorder.event_tail import Happening
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
     Finish,
@@ -30,6 +28,8 @@ from silo.recorder.orders import (
     encode,
     extras_file,
 )
+from silo.recorder.parts.layout import layout_of
+from silo.recorder.ring_cursor import Drain
 from silo.recorder.writing import Disk, Look, RunBegins, RunEnds, Totals, Writing
 from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until

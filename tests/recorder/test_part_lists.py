@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from silo.files.manifest import PartEntry, Written, written_path
-from silo.helper.recorded_parts import part_named, parts_below
+from silo.recordings.recorded_parts import part_named, parts_below
 
 MANY = 50
 

@@ -12,9 +12,9 @@ from silo.analysis.opening import open_log
 from silo.core.elements import RecorderState
 from silo.files.bag_reader import read_bag
 from silo.files.parts.metadata import PART_ENDING
-from silo.recorder.draining import Drain, Drained
 from silo.recorder.orders import Finish, Follow, RecordOrder, encode
 from silo.recorder.recorder import Recorder
+from silo.recorder.ring_cursor import Drain, Drained
 from silo.recovery import parts as left
 from silo.recovery.parts import close_parts, left_parts
 from tests.waiting import wait_until

@@ -15,9 +15,9 @@ from silo.conditions.segment_judge import SegmentJudge
 from silo.core.elements import LoggedEvent
 from silo.files.event_log import append_events, event_log_path
 from silo.files.manifest import CaptureEntry, CaptureList
-from silo.helper.verifying import verify
 from silo.recorder.orders import RecordOrder
 from silo.segment.reader import SegmentReader
+from silo.verify.folder import verify
 
 
 class Kept:

@@ -19,9 +19,9 @@ from silo.core.elements import (
 )
 from silo.core.quantities import read_keep, read_split
 from silo.errors import ScriptError
-from silo.helper.recordings import RecordingFolder
-from silo.ipc.fetching import Fetch
-from silo.ipc.messages.recordings import GetPiece, RecorderInfo, RecorderStarted, Recordings
+from silo.recordings.fetching import Fetch
+from silo.recordings.folder import RecordingFolder
+from silo.recordings.requests import GetPiece, RecorderInfo, RecorderStarted, Recordings
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import EditsApplied, KeptView, KeptViews, ScriptDiff, Scripts, ScriptText

@@ -26,11 +26,11 @@ from silo.core.elements import (
 )
 from silo.errors import ConnectionLostError, SiloError
 from silo.expressions.derived_signals import derived_infos
-from silo.helper.recordings import RecordingFolder
 from silo.ipc.bulk import Outcome
 from silo.ipc.member import Member
-from silo.ipc.messages.recordings import RecorderInfo
 from silo.net.access.senders import viewer_words
+from silo.recordings.folder import RecordingFolder
+from silo.recordings.requests import RecorderInfo
 from silo.rpc.published import Event, EventKind
 from silo.rpc.versions import PROTOCOL
 from silo.settings.script import format_script

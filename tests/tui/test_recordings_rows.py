@@ -1,7 +1,7 @@
 """The list of recordings as rows of text: names, dates, widths, filter."""
 
 from silo.core.elements import FileType
-from silo.ipc.messages.recordings import RecordingFile, SavedRecording
+from silo.recordings.requests import RecordingFile, SavedRecording
 from silo_tui.model import recordings as rows
 
 BEGIN = 1_790_000_000 * 10**9

@@ -12,8 +12,8 @@ from silo.core.elements import BufferType, Entry, FileType, RecorderState, State
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.silo.writer import write_silo
 from silo.ipc.member import Member
-from silo.ipc.messages.recordings import RecorderInfo, RecordingFile, Recordings, SavedRecording
 from silo.net.found import Found
+from silo.recordings.requests import RecorderInfo, RecordingFile, Recordings, SavedRecording
 from silo.rpc.published import Summary
 from silo.rpc.quantities import FROZEN, NOT_FINITE
 from silo_tui.app import SiloApp

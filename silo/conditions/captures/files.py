@@ -68,7 +68,7 @@ def _written(spool: Spool, folder: str, name: str, happened: Sequence[LoggedEven
     from silo.files import write_run
     from silo.files.formats import SAVED
     from silo.files.naming import custom_path
-    from silo.helper.writing import WriteOrder, write_apart
+    from silo.recordings.writing import WriteOrder, write_apart
 
     wanted: list[FileType] = list(dict.fromkeys((FileType.SILO, *spool.options.save)))
     paths = {kind: custom_path(folder, name, SAVED[kind].ending) for kind in wanted}

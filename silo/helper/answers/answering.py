@@ -10,12 +10,12 @@ from silo.helper.answers.live import LiveServer
 from silo.helper.answers.recorded import RecordingServer
 from silo.helper.answers.scripts import TableServer
 from silo.helper.answers.table import Parts, relayed
-from silo.helper.recorders import Recording
-from silo.helper.recordings import RecordingFolder
 from silo.helper.robot import Robot, ending
 from silo.helper.saver import Saver
 from silo.live.publisher import Publisher
 from silo.live.statistics import Surveyor
+from silo.recorder.server import Recording
+from silo.recordings.folder import RecordingFolder
 from silo.rpc.declaring import GoesOn, Request
 from silo.rpc.published import EventKind
 from silo.rpc.serving import Answer, Dispatch, Turn

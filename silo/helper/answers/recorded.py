@@ -3,8 +3,8 @@
 import msgspec
 
 from silo.helper.answers.table import Parts, must_live
-from silo.ipc.messages import recordings
-from silo.ipc.messages.recordings import (
+from silo.recordings import requests as recordings
+from silo.recordings.requests import (
     GetPiece,
     Piece,
     Recorders,

@@ -8,14 +8,14 @@ import msgspec
 from silo.conditions.monitor import Judge
 from silo.control.lock import Operators
 from silo.core.elements import State
-from silo.helper.recorders import Recording
-from silo.helper.recordings import RecordingFolder
 from silo.helper.robot import REPLY_TIMEOUT_S, Robot
 from silo.helper.saver import Saver
 from silo.history.pins import Pins
 from silo.ipc.refusals import refused_running
 from silo.live.publisher import Publisher
 from silo.live.statistics import Surveyor
+from silo.recorder.server import Recording
+from silo.recordings.folder import RecordingFolder
 from silo.rpc.declaring import Reply, ReplyT, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked, raised
 from silo.rpc.serving import Turn

@@ -26,10 +26,10 @@ from silo.ipc.connection import Connection
 from silo.ipc.discovery import discover
 from silo.ipc.exchange import NoAnswerError, client_name
 from silo.ipc.messages import AnyReply
-from silo.ipc.messages.recordings import RecordingRequests
 from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
 from silo.net.found import Found
+from silo.recordings.requests import RecordingRequests
 from silo.rpc.declaring import Ask, Do, ReplyT, Request
 from silo.rpc.published import Event
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked
@@ -370,7 +370,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
             RefusedError: there is no such recording, or it was written anew meanwhile.
             ElementError: an argument makes no sense; nothing was asked.
         """
-        from silo.ipc.fetching import Fetch
+        from silo.recordings.fetching import Fetch
 
         wait_s = real("patience_s", patience_s, 0, LONGEST_S, "s")
         ask = Fetch(self._parts_of, self._piece_of, lambda: self._connection.connected, wait_s)

@@ -24,7 +24,7 @@ from silo.rpc.declaring import (
 )
 from silo.rpc.refusals import Refused as Refused, RefusedWhy as RefusedWhy
 from silo.state.event_requests import Events as Events, Marked as Marked
-from silo.ipc.messages.recordings import (
+from silo.recordings.requests import (
     GetPiece as GetPiece,
     PartOfRecording as PartOfRecording,
     Piece as Piece,

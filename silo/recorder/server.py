@@ -24,10 +24,10 @@ from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.errors import SegmentError
 from silo.files.manifest import Sums
 from silo.files.naming import check_name
-from silo.helper.recorder_process import Kept, RecorderProcess, Spare, close_left, store, stored
-from silo.helper.recording_folder import recording_folder
-from silo.ipc.messages.recordings import RecorderInfo, RecorderStarted, StartRecorder, StopRecorder
+from silo.recorder.folder import recording_folder
 from silo.recorder.orders import CLOSED, RecordOrder
+from silo.recorder.process import Kept, RecorderProcess, Spare, close_left, store, stored
+from silo.recordings.requests import RecorderInfo, RecorderStarted, StartRecorder, StopRecorder
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.held_runs import child_of, recorders_path

@@ -17,7 +17,7 @@ from silo.core.elements import LoggedEvent, RecorderState
 from silo.core.runtime import RECORDERS_SUFFIX, list_segments, process_start, runtime_dir
 from silo.errors import SegmentError
 from silo.files.event_log import append_events, newest_number, read_events
-from silo.helper.recorder_process import Kept, RecorderProcess, store, stored
+from silo.recorder.process import Kept, RecorderProcess, store, stored
 from silo.recovery.left import claimed_file
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import Program, held_runs, is_live, number_of

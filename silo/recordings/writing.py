@@ -112,7 +112,7 @@ def write_apart(
     """
     segments = [reader.fileno()] if reader is not None else []
     decoder = msgspec.json.Decoder(WriteReport)
-    with ChildProcess("silo.helper.writing", segments, [*segments, *claims], stdin=PIPE, stdout=PIPE) as child:
+    with ChildProcess("silo.recordings.writing", segments, [*segments, *claims], stdin=PIPE, stdout=PIPE) as child:
         with contextlib.suppress(BrokenPipeError):  # its exit code, below, says more
             child.stdin.write(msgspec.json.encode(order))
             child.stdin.close()

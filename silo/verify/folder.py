@@ -16,7 +16,6 @@ from pathlib import Path
 import msgspec
 import zstandard
 
-from silo.collecting.spans import Span, doubled, merged, spans_text, without
 from silo.core.elements import DAMAGED, BufferType, LoggedEvent
 from silo.core.recording import Recording
 from silo.core.runtime import list_segments, read_own
@@ -29,6 +28,7 @@ from silo.files.parts.scan import PartScan, scan_part
 from silo.recorder.orders import CLOSED
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
+from silo.verify.spans import Span, doubled, merged, spans_text, without
 
 # what tells of a loss, once "0 lost" is taken out
 _LOSS = re.compile(

@@ -19,8 +19,8 @@ from silo.core.elements import FileType
 from silo.files.manifest import WRITTEN_ENDING, decode_written, own_status, written_path
 from silo.files.naming import logger_of
 from silo.files.summaries import Summary, opened_file, opened_folder
-from silo.ipc.fetching import mark_of
-from silo.ipc.messages.recordings import RecordingFile, SavedRecording
+from silo.recordings.fetching import mark_of
+from silo.recordings.requests import RecordingFile, SavedRecording
 
 ENDING = ".mcap"
 MOST_FOLDERS = 1000

@@ -24,10 +24,10 @@ from silo.files.csv.metadata import SIDECAR
 from silo.files.formats import SAVED
 from silo.files.naming import logger_of
 from silo.files.summaries import Summary, opened_file, opened_folder, read_summary
-from silo.helper.recorded_parts import ENDING as RECORDED
-from silo.helper.recorded_parts import Part, part_named, part_summary, parts_below, row_of
-from silo.ipc.fetching import mark_of
-from silo.ipc.messages.recordings import (
+from silo.recordings.fetching import mark_of
+from silo.recordings.recorded_parts import ENDING as RECORDED
+from silo.recordings.recorded_parts import Part, part_named, part_summary, parts_below, row_of
+from silo.recordings.requests import (
     GetPiece,
     PartOfRecording,
     Piece,

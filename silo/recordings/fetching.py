@@ -18,7 +18,7 @@ from typing import BinaryIO, TypeVar
 
 from silo.core.runtime import disk_room
 from silo.errors import ConnectionLostError, SaveError
-from silo.ipc.messages.recordings import PartOfRecording, Piece, RecordingParts
+from silo.recordings.requests import PartOfRecording, Piece, RecordingParts
 
 FIRST_PIECE = 64 << 10
 MIN_PIECE = 8 << 10

@@ -20,7 +20,7 @@ from silo.files.mcap.writer import McapFile, Write
 from silo.files.naming import log_path, next_run_number
 from silo.files.parts.events import event_messages
 from silo.files.parts.metadata import LOST_METADATA, PART_ATTACHMENT, TOTALS_METADATA, pack_part
-from silo.recorder.layout import Layout
+from silo.recorder.parts.layout import Layout
 from silo.recovery.parts import sync_folder
 from silo.segment.rows import Rows
 

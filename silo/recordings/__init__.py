@@ -1,0 +1,1 @@
+"""Saved logs on the robot: written, listed, read in pieces, deleted, held against one another."""
