@@ -7,10 +7,10 @@ import msgspec
 
 from silo.core.elements import Edit, Problem
 from silo.ipc.messages import AnyAsk, AnyDo
-from silo.ipc.refusals import check_revision
 from silo.rpc.declaring import Ask, Do, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.versions import client_problem
+from silo.scripts.early_refusals import check_revision
 from silo.scripts.requests import ApplyEdits
 from silo.settings.options import MAX_NAME, MAX_PROBLEMS, edit_problems, raw_problems, refusal, shorten
 from silo.state.replica import LoggerSnapshot

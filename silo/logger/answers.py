@@ -25,13 +25,13 @@ from silo.core.elements import (
     join_name,
 )
 from silo.errors import SaveError, ScriptError, StateError
-from silo.ipc.refusals import check_revision, refused_running
 from silo.logger.keywords import UnsavedWord
 from silo.loop.run import Run
 from silo.rpc.declaring import Reply, Request
 from silo.rpc.refusals import WHYS, RefusedWhy, RequestRefusedError, answered
 from silo.rpc.serving import Dispatch, Server, Turn
 from silo.scripts import requests
+from silo.scripts.early_refusals import check_revision, refused_running
 from silo.scripts.requests import ApplyEdits, EditsApplied
 from silo.segment.retention import large_text
 from silo.settings.options import refusal

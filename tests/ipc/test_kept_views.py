@@ -2,9 +2,9 @@
 
 import pytest
 
-from silo.helper import view_folder
-from silo.helper.script_folder import list_scripts
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.scripts import view_folder
+from silo.scripts.script_folder import list_scripts
 
 
 @pytest.fixture

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from silo.helper import script_folder
-from silo.helper.script_folder import check_target, folder_of, list_scripts, read_text, resolve
 from silo.rpc.refusals import RequestRefusedError
+from silo.scripts import script_folder
+from silo.scripts.script_folder import check_target, folder_of, list_scripts, read_text, resolve
 
 SCRIPT = "log_elements:\n  - name: /log/x\n    enabled: true\n"
 SECRET = "apiVersion: v1\nkind: Secret\ndata: {password: aGVsbG8=}\n"

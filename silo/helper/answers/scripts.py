@@ -3,13 +3,12 @@
 from pathlib import Path
 
 from silo.core.elements import Edit
-from silo.helper import script_folder, view_folder
 from silo.helper.answers.table import Parts, must_live, must_stop, relayed
 from silo.helper.requests import check_edits
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
-from silo.scripts import requests
+from silo.scripts import requests, script_folder, view_folder
 from silo.scripts.requests import ApplyEdits, EditsApplied, KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
 from silo.state.replica import LoggerSnapshot
 

@@ -11,7 +11,6 @@ from silo.core.elements import State
 from silo.helper.robot import REPLY_TIMEOUT_S, Robot
 from silo.helper.saver import Saver
 from silo.history.pins import Pins
-from silo.ipc.refusals import refused_running
 from silo.live.publisher import Publisher
 from silo.live.statistics import Surveyor
 from silo.recorder.server import Recording
@@ -19,6 +18,7 @@ from silo.recordings.folder import RecordingFolder
 from silo.rpc.declaring import Reply, ReplyT, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked, raised
 from silo.rpc.serving import Turn
+from silo.scripts.early_refusals import refused_running
 from silo.state.events import Events
 from silo.state.replica import LoggerSnapshot, Mirror
 
