@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         UnknownSignalError as UnknownSignalError,
     )
     from silo.analysis.opening import open_log as open_log, open_logs as open_logs
-    from silo.ipc.client import Client as Client, connect as connect, topic as topic
+    from silo.client.connect import Client as Client, connect as connect, topic as topic
     from silo.loop.types import register as register
     from silo.errors import (
         ArgumentError as ArgumentError,
@@ -95,7 +95,7 @@ _HOMES = {
     "silo.analysis.log": "Log Signal UnknownSignalError",
     "silo.analysis.opening": "open_log open_logs",
     "silo.analysis.compare": "Comparison compare",
-    "silo.ipc.client": "Client connect topic",
+    "silo.client.connect": "Client connect topic",
     "silo.logger.elements": "LoggedElement",
     "silo.logger.logger": "Logger",
     "silo.logger.new_values": "NewValues",

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import click
 
+from silo import requests as messages
 from silo.cli.main import COMMANDS, cli
 from silo.files.formats import FORMATS, Keeps
-from silo.ipc import messages
 from silo_tui.actions import COMMANDS as ACTIONS
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -16,7 +16,7 @@ from silo.errors import ConnectionLostError, RefusedError, SiloError
 from silo.history.arrays import Batch, Samples, Stream
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
 PERIOD_S = 0.05
 TABLE_PERIOD_S = 1.0

@@ -8,7 +8,7 @@ from silo.errors import ConnectionLostError
 from silo.files.bags.ros_types import ENCAPSULATION
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
 Connect = Callable[[], "Client"]
 Call = Callable[[str], str]  # takes who calls, in words; says what came of it

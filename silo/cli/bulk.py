@@ -10,7 +10,7 @@ from silo.cli.common import discovered, many, read_only, show_json, tell_unreach
 from silo.errors import ConnectionLostError, SiloError
 
 if TYPE_CHECKING:
-    from silo.ipc.bulk import Job
+    from silo.client.bulk import Job
     from silo.net.found import Found
 
 
@@ -26,7 +26,7 @@ def many_meant(verb: str, logger: str | None, *, everyone: bool) -> "list[Found]
     A glob without `--all` names them and asks on a terminal. Raises UsageError where nobody can be asked, Abort for no,
     ConnectionLostError where there is none.
     """
-    from silo.ipc.discovery import not_found_text
+    from silo.fleet.discovery import not_found_text
     from silo.net.addresses import logger_of
     from silo.net.found import is_glob, told_apart
 
@@ -53,7 +53,7 @@ def carry_out(verb: str, found: "Sequence[Found]", job: "Job", *, as_json: bool 
 
     Raises SiloError where one of them did not, or where a remote wasn't reached that may have more.
     """
-    from silo.ipc.bulk import outcomes
+    from silo.client.bulk import outcomes
     from silo.net.found import told_apart
 
     names = told_apart(found)

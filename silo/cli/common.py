@@ -16,9 +16,9 @@ from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionErr
 from silo.files.formats import SAVED_NAMES, file_type
 
 if TYPE_CHECKING:
+    from silo.client.client import Client
     from silo.core.elements import ElementInfo, Status
-    from silo.ipc.client.client import Client
-    from silo.ipc.discovery import Discovery
+    from silo.fleet.discovery import Discovery
     from silo.net.found import Found
 
 MOST_COMPLETIONS = 100
@@ -94,7 +94,7 @@ def _take_config(ctx: click.Context, _param: click.Parameter, value: str | None)
 
 def discovered() -> "Discovery":
     """Return the loggers that are there: looked for once in a command."""
-    from silo.ipc.discovery import discover
+    from silo.fleet.discovery import discover
 
     ctx = click.get_current_context(silent=True)
     kept = ctx.find_root().meta if ctx else {}
@@ -165,7 +165,7 @@ def find_logger(name: str | None) -> "Found":
 
     Raises ConnectionLostError where there is none, UsageError where several could be meant.
     """
-    from silo.ipc.discovery import SeveralError
+    from silo.fleet.discovery import SeveralError
 
     discovery = discovered()
     try:
@@ -186,7 +186,7 @@ def tell_unreachable(unreachable: Mapping[str, str]) -> None:
 def connect(name: str | None) -> "Client":
     """Return a client of the logger; close it, or use it as a context manager."""
     found = find_logger(name)
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
     return Client.connect(found, read_only=read_only())
 
@@ -254,7 +254,7 @@ def complete_words(ctx: click.Context, param: click.Parameter, incomplete: str) 
 
 def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem]:
     """Complete names of elements; namespaces where there would be too many."""
-    from silo.ipc.exchange import ask_once
+    from silo.requests.exchange import ask_once
     from silo.rpc.declaring import request_of
     from silo.scripts.requests import TableRequests
 
@@ -269,7 +269,7 @@ def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem
 
 def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Complete a logger, or a script on its side."""
-    from silo.ipc.exchange import ask_once
+    from silo.requests.exchange import ask_once
     from silo.rpc.declaring import request_of
     from silo.scripts.requests import TableRequests
 

@@ -25,8 +25,8 @@ from silo.errors import ElementError, RefusedError
 from silo.settings.typed import Settings, apply_settings, completions, help_rows, is_setting, rate_words, read_settings
 
 if TYPE_CHECKING:
+    from silo.client.client import Client
     from silo.core.elements import ElementInfo, ElementOptions, FieldChange, Table
-    from silo.ipc.client.client import Client
 
 MOST_CHANGES = 100  # of 10,000 elements, nobody reads each; `--dry-run` shows all
 

@@ -14,7 +14,7 @@ from silo.errors import LogNotFoundError, SiloError
 from silo.files.formats import means_log
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
 FOLLOW_S = 0.2
 MOST = 10_000

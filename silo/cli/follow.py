@@ -12,8 +12,8 @@ from silo.cli.common import configuration, many, show_duration, show_json
 from silo.core.printing import printable
 
 if TYPE_CHECKING:
-    from silo.ipc.fleet import Fleet, FleetNow
-    from silo.ipc.member import Member
+    from silo.fleet.fleet import Fleet, FleetNow
+    from silo.fleet.member import Member
 
 PERIOD_S = 1.0  # of a terminal: times go on
 STEADY_SHARE = 0.05  # a rate that differs by less is no change
@@ -25,7 +25,7 @@ UP, CLEAR_LINE, CLEAR_BELOW = "\x1b[{}A", "\x1b[K", "\x1b[J"
 
 def follow_fleet(pattern: str, *, as_json: bool) -> None:
     """Show the loggers that a pattern means until Ctrl-C. Raises ConnectionLostError for no such configuration."""
-    from silo.ipc.fleet import Fleet
+    from silo.fleet.fleet import Fleet
     from silo.net.configuration import find_file
     from silo.net.remotes import LOCAL
 
@@ -83,7 +83,7 @@ def _show_in_place(fleet: "Fleet", pattern: str) -> None:
 def screen_lines(found: "FleetNow", chosen: "Sequence[Member]", room: int, now_s: float, now_ns: int) -> list[str]:
     """Return at most `room` lines: the loggers, the worst first, then what can't be reached and how many there are."""
     names = addresses(found)
-    from silo.ipc.member import segments
+    from silo.fleet.member import segments
 
     notes = [f"remote '{name}': {why}".replace("\n", " ") for name, why in found.unreachable.items()]
     down = segments(chosen)
@@ -109,7 +109,7 @@ def screen_lines(found: "FleetNow", chosen: "Sequence[Member]", room: int, now_s
 
 def _cells(one: "Member", name: str, now_s: float, now_ns: int) -> tuple[str, ...]:
     from silo.core.stalls import idle_words
-    from silo.ipc.member import size
+    from silo.fleet.member import size
 
     told, run_s, unseen_s = one.summary, one.run_s(now_ns), one.unseen_s(now_s)
     if told is None:
@@ -170,7 +170,7 @@ def told_lines(
     news: "Sequence[tuple[str, Member]]", chosen: "Sequence[Member]", now_s: float, now_ns: int
 ) -> list[str]:
     """Return a line for each logger that says something new; one for all of a host of which several fell silent."""
-    from silo.ipc.member import segments
+    from silo.fleet.member import segments
 
     fell = {one.found.host for _, one in news if one.lost}
     down = {one.host: one for one in segments(chosen) if one.host in fell}
@@ -200,7 +200,7 @@ def changed(found: "FleetNow", chosen: "Sequence[Member]", known: "dict[str, Kno
 def sentence(one: "Member") -> str:
     """Return all that is known of a logger in a line."""
     from silo.core.stalls import idle_words
-    from silo.ipc.member import size
+    from silo.fleet.member import size
 
     told = one.summary
     if told is None:

@@ -33,7 +33,7 @@ def foxglove(logger: str | None, port: int, bind: str, control: bool, token: boo
     from silo.bridges.foxglove.program import run
     from silo.bridges.foxglove.server import Terms
     from silo.bridges.services import pinned, services
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
     config, looks = configuration(), not check_control(control)  # of this thread's command
 

@@ -41,7 +41,7 @@ def start(logger: str | None, save_first: bool, discard: bool, everyone: bool) -
     """
     chosen = unsaved(save_first=save_first, discard=discard)
     if (found := many_meant("start", logger, everyone=everyone)) is not None:
-        from silo.ipc.bulk import starting
+        from silo.client.bulk import starting
 
         carry_out("start", found, starting(chosen))
         return
@@ -65,7 +65,7 @@ def stop(logger: str | None, everyone: bool) -> None:
       silo stop --all                        (every logger)
     """
     if (found := many_meant("stop", logger, everyone=everyone)) is not None:
-        from silo.ipc.bulk import stopping
+        from silo.client.bulk import stopping
 
         carry_out("stop", found, stopping())
         return
@@ -87,7 +87,7 @@ def restart(logger: str | None, save_first: bool, discard: bool, everyone: bool)
     """
     chosen = unsaved(save_first=save_first, discard=discard)
     if (found := many_meant("restart", logger, everyone=everyone)) is not None:
-        from silo.ipc.bulk import restarting
+        from silo.client.bulk import restarting
 
         carry_out("restart", found, restarting(chosen))
         return
@@ -119,7 +119,7 @@ def save(logger: str | None, types: tuple[str, ...], name: str, timeout: float, 
     """
     chosen = file_types(types)
     if (found := many_meant("save", logger, everyone=everyone)) is not None:
-        from silo.ipc.bulk import saving
+        from silo.client.bulk import saving
 
         carry_out("save", found, saving(chosen, name, timeout), as_json=as_json)
         return

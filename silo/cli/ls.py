@@ -25,8 +25,8 @@ from silo.net.remotes import LOCAL
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from silo.ipc.fleet import FleetNow
-    from silo.ipc.member import Member
+    from silo.fleet.fleet import FleetNow
+    from silo.fleet.member import Member
     from silo.net.found import Found
 
 
@@ -59,8 +59,8 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
 
         follow_fleet(pattern, as_json=as_json)
         return
-    from silo.ipc.discovery import Discovery, by_name, not_found_text
-    from silo.ipc.fleet import surveyed
+    from silo.fleet.discovery import Discovery, by_name, not_found_text
+    from silo.fleet.fleet import surveyed
 
     if configuration() in ("", LOCAL):
         _sweep()
@@ -96,7 +96,7 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
 
 def _tell_gone(seen: "FleetNow", lost: "list[Member]") -> None:
     """What routers refused, and who was there and isn't any more, without having been closed while somebody looked."""
-    from silo.ipc.member import lost_lines
+    from silo.fleet.member import lost_lines
 
     lines = lost_lines(lost, time.monotonic(), time.time_ns())
     more = [f"and {many(len(lines) - MOST_LOST, 'host')} more"] if len(lines) > MOST_LOST else []
@@ -148,7 +148,7 @@ def _show_table(answers: "list[Member]") -> None:
 
 def _free(answers: "list[Member]") -> list[str]:
     """How much room is left where each saves."""
-    from silo.ipc.member import size
+    from silo.fleet.member import size
 
     known = [answer.status for answer in answers]
     return [size(one.disk_free_bytes) if one is not None and one.disk_bytes else "" for one in known]

@@ -14,7 +14,7 @@ from silo.cli.common import TypedPath, complete_logger, connect, json_option, ma
 from silo.errors import RefusedError, SiloError
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
     from silo.recordings.requests import Recordings, SavedRecording
 
 MOST_LOOKS = 60  # each looks into as many files as fit into a second
@@ -37,8 +37,8 @@ def files() -> None:
 def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Complete the names of files of the logger that was typed before."""
     from silo.cli.common import find_logger
-    from silo.ipc.exchange import ask_once
     from silo.recordings.requests import RecordingRequests
+    from silo.requests.exchange import ask_once
     from silo.rpc.declaring import request_of
 
     try:

@@ -213,7 +213,7 @@ def doctor(name: str) -> None:
       silo remote doctor client.json5
     """
     from silo.cli.common import configuration
-    from silo.ipc.examining import examine
+    from silo.fleet.examining import examine
     from silo.net.access.probing import LayerError
 
     given = name or configuration()

@@ -35,7 +35,7 @@ def ros2(logger: str | None, router: str, domain: int, distro: str, control: boo
     from silo.bridges.ros2.graph import Graph, joined
     from silo.bridges.ros2.names import Distribution, Node, ros_name
     from silo.bridges.services import pinned, services
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
     config, looks = configuration(), not check_control(control)  # of this thread's command
 

@@ -31,7 +31,7 @@ def router(config: Path) -> None:
       silo router --config silo-lab/server.json5    (as `silo remote init lab --robot robot3` says)
     """
     from silo.control.denials import Denials
-    from silo.ipc.routers import RouterFeed
+    from silo.fleet.routers import RouterFeed
     from silo.net.access.admission import direction_words, hold_directions, router_admission
     from silo.net.access.logins import asks_for_passwords, watch_logins
     from silo.net.configuration import from_file

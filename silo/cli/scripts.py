@@ -21,7 +21,7 @@ from silo.cli.common import (
 from silo.cli.edits import show_changes
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
 
 @click.group()
@@ -130,7 +130,7 @@ def load(words: tuple[str, ...], dry_run: bool, everyone: bool) -> None:
     if dry_run and everyone:
         raise click.UsageError("--dry-run shows what one logger would change; leave out --all")
     if not dry_run and (found := many_meant("load the script for", logger, everyone=everyone)) is not None:
-        from silo.ipc.bulk import loading
+        from silo.client.bulk import loading
 
         carry_out("load", found, loading(path))
         return

@@ -25,8 +25,8 @@ from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.rpc.published import NOT_LIVE_TEXTS
 
 if TYPE_CHECKING:
+    from silo.client.client import Client
     from silo.core.elements import ElementInfo, Entry
-    from silo.ipc.client.client import Client
     from silo.live.view import View
     from silo.rpc.frames import Frame
 

@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 
 from silo.core.elements import Edit, Problem
-from silo.ipc.messages import AnyAsk, AnyDo
+from silo.requests import AnyAsk, AnyDo
 from silo.rpc.declaring import Ask, Do, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.versions import client_problem

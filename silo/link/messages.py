@@ -3,7 +3,7 @@
 import msgspec
 
 from silo.core.elements import SavedFile
-from silo.ipc.messages import AnyDo, AnyReply
+from silo.requests import AnyDo, AnyReply
 from silo.state.robot_state import RobotState
 
 FILES_DELETED = 75  # exit code of a helper process that ends so that its successor makes its socket anew

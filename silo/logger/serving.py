@@ -22,7 +22,6 @@ import msgspec
 from silo.core.calls import told_class
 from silo.core.elements import FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
-from silo.ipc.messages import AnyReply
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.logger.answers import Served, answer, robot_state
 from silo.logger.consumers import has_conditions, has_left
@@ -32,6 +31,7 @@ from silo.logger.identity import drawn_id
 from silo.logger.patience import FROZEN_ROUNDS, ROUND_S, Patience
 from silo.logger.viewers import FoxgloveProcess
 from silo.recordings.requests import RecorderStarted, Save, SaveStarted, StartRecorder, StopRecorder
+from silo.requests import AnyReply
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused

@@ -113,7 +113,7 @@ class RobotRequest(Do[ReplyT], Generic[ReplyT], frozen=True):
 
 
 class Caller:
-    """Base of the classes that declare requests; `silo.ipc.client` says how they are sent."""
+    """Base of the classes that declare requests; `silo.client.connect` says how they are sent."""
 
     def _call(self, request: Request[ReplyT]) -> ReplyT:
         raise NotImplementedError

@@ -18,7 +18,7 @@ from silo_tui.screens.loggers import LoggersScreen
 from silo_tui.sessions.finder import ClientFinder, FoundLogger
 
 if TYPE_CHECKING:
-    from silo.ipc.bulk import Job, Outcome
+    from silo.client.bulk import Job, Outcome
 
 NO = Choice("no", "No")
 
@@ -63,7 +63,7 @@ class Many:
     async def _start_or_stop(
         self, able: Sequence[fleet.Line], body: Text
     ) -> "tuple[str, Sequence[fleet.Line], Job] | None":
-        from silo.ipc.bulk import starting, stopping, stopping_and_saving
+        from silo.client.bulk import starting, stopping, stopping_and_saving
 
         running = [one for one in able if one.member.running]
         stopped = [one for one in able if not one.member.running]
@@ -86,7 +86,7 @@ class Many:
         return ("start", stopped, starting(answer)) if answer else None
 
     async def _restart(self, able: Sequence[fleet.Line], body: Text) -> "tuple[str, Sequence[fleet.Line], Job] | None":
-        from silo.ipc.bulk import restarting
+        from silo.client.bulk import restarting
 
         count = text.plural(len(able), "logger")
         choices = [Choice("save", f"Save, and restart {count}", "s"),
@@ -97,8 +97,8 @@ class Many:
         return ("restart", able, restarting(answer)) if answer else None
 
     async def _save(self, able: Sequence[fleet.Line], body: Text) -> "tuple[str, Sequence[fleet.Line], Job] | None":
+        from silo.client.bulk import saving
         from silo.core.elements import FileType
-        from silo.ipc.bulk import saving
 
         choices = [Choice("silo", "Save as .silo, each in its own folder", "y"),
                    Choice("all", "Save as .silo, CSV and bag", "a")]  # fmt: skip
@@ -107,7 +107,7 @@ class Many:
         return ("save", able, saving(types)) if answer else None
 
     async def _load(self, able: Sequence[fleet.Line], body: Text) -> "tuple[str, Sequence[fleet.Line], Job] | None":
-        from silo.ipc.bulk import loading
+        from silo.client.bulk import loading
 
         title = f"Load a script into {text.plural(len(able), 'logger')}"
         words = f"{body.plain}The script of that name in each one's own folder; those that run refuse."

@@ -28,7 +28,7 @@ from silo_tui.settings.themes import THEMES
 from silo_tui.theme import theme_name
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
 LOST = "lost"  # the view of what a lost terminal showed, unless there is one of that name
 ROBOT = "robot:"  # in front of the name of a view that the robot keeps

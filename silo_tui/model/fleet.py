@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from silo.core.elements import State
 from silo.core.stalls import idle_words
-from silo.ipc.member import NO_TICK, Member, Stands, segments, size
+from silo.fleet.member import NO_TICK, Member, Stands, segments, size
 from silo_tui.model import text
 from silo_tui.model.conditions import ago
 from silo_tui.model.lists import Order

@@ -22,7 +22,7 @@ from silo_tui.sessions.live_source import LiveSource
 from silo_tui.widgets.bars import color
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
 MOST_LINES = 500
 

@@ -25,7 +25,7 @@ MOST_PLOTS = 6
 Status = TypeVar("Status")
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
 
 class ConditionsScreen(FilteredScreen, Generic[Status]):

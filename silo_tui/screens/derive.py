@@ -15,7 +15,7 @@ from silo_tui.screens.form import Form
 from silo_tui.sessions.live import Session
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
 LINES = (("name", "unit"), ("is",))
 HINTS = {"name": "power", "unit": "else as it follows", "is": "joints/torque * joints/velocity"}

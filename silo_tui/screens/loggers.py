@@ -16,7 +16,7 @@ from textual.binding import Binding
 from textual.containers import Vertical
 from textual.widgets import Static
 
-from silo.ipc.member import Member
+from silo.fleet.member import Member
 from silo.net.found import Found
 from silo_tui.actions import bindings_for
 from silo_tui.model import fleet

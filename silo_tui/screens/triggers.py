@@ -25,7 +25,7 @@ from silo_tui.screens.trigger_editor import TriggerEditor
 from silo_tui.widgets.bars import color
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
     from silo_tui.sessions.recorded import FileSession
 
 # what is the matter first

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from silo.ipc.member import Member
+from silo.fleet.member import Member
 
 if TYPE_CHECKING:
-    from silo.ipc.bulk import Job, Outcome
-    from silo.ipc.client.client import Client
-    from silo.ipc.fleet import Fleet
+    from silo.client.bulk import Job, Outcome
+    from silo.client.client import Client
+    from silo.fleet.fleet import Fleet
     from silo.net import found
 
 FIRST_LOOK_S = 10.0
@@ -89,9 +89,9 @@ class ClientFinder:
 
         The first time it waits until all ways were tried: one that comes at once needn't be the only one.
         """
-        from silo.ipc.exchange import client_name
-        from silo.ipc.fleet import Fleet
-        from silo.ipc.near import down_text
+        from silo.fleet.fleet import Fleet
+        from silo.fleet.near import down_text
+        from silo.requests.exchange import client_name
 
         self._own_name = client_name()
         if self._fleet is None:
@@ -129,7 +129,7 @@ class ClientFinder:
 
     def ask_many(self, loggers: "Sequence[FoundLogger]", job: "Job") -> "Iterator[Outcome]":
         """Ask all of them the same; yields an outcome for each as it comes."""
-        from silo.ipc.bulk import outcomes
+        from silo.client.bulk import outcomes
 
         return outcomes([self._seen[logger.key] for logger in loggers], job, read_only=self._read_only)
 
@@ -140,6 +140,6 @@ class ClientFinder:
 
     def connect(self, logger: FoundLogger) -> "Client":
         """Connect to a logger that was found. ConnectionLostError says what to do when it doesn't answer."""
-        from silo.ipc.client.client import Client
+        from silo.client.client import Client
 
         return Client.connect(self._seen[logger.key], read_only=self._read_only)

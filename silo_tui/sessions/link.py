@@ -19,7 +19,7 @@ from silo.rpc.frames import Frame
 from silo.rpc.published import Event
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
     from silo.live.view import View
 
 Result = TypeVar("Result")

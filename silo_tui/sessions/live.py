@@ -34,7 +34,7 @@ from silo_tui.sessions.link import Link, ViewRequest
 from silo_tui.sessions.recordings import Fetching
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
 Result = TypeVar("Result")
 

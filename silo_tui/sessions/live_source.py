@@ -17,7 +17,7 @@ from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
 MAX_HISTORY_NAMES = 64
 AHEAD_NS = 2_000_000_000

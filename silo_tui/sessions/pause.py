@@ -23,8 +23,8 @@ from silo_tui.sessions.live import Session
 from silo_tui.sessions.live_source import in_pieces
 
 if TYPE_CHECKING:
+    from silo.client.client import Client
     from silo.history.arrays import Pin
-    from silo.ipc.client.client import Client
 
 REPLY_BYTES = 2**18  # on a thin link a key gets its turn after half a minute at most
 

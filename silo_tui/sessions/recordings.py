@@ -17,7 +17,7 @@ from silo.recordings.requests import RecordingFile
 from silo_tui.model import text
 
 if TYPE_CHECKING:
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
 
 CACHED_BYTES = 4_000_000_000
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import silo
-from silo.ipc.client.client import Client
+from silo.client.client import Client
 
 NAME = "durability"
 DOUBLES = 500

@@ -22,10 +22,10 @@ from pathlib import Path
 import psutil
 from terminal import Link, Terminal, cpu_s, shows
 
+from silo.client.client import Client
 from silo.core.elements import State
-from silo.ipc.client.client import Client
-from silo.ipc.fleet import Fleet, surveyed
-from silo.ipc.member import Member
+from silo.fleet.fleet import Fleet, surveyed
+from silo.fleet.member import Member
 
 REAL = 5
 ROBOTS = Path(__file__).parents[1] / "stand_ins" / "simulated_robots.py"

@@ -17,9 +17,9 @@ from collections.abc import Callable
 import numpy as np
 
 import silo
+from silo.client.client import Client
 from silo.core.elements import Action, FileType
 from silo.core.runtime import shared_memory_root
-from silo.ipc.client.client import Client
 
 FREQUENCY = 1000
 ELEMENTS = 500

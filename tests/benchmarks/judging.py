@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 import silo
+from silo.client.client import Client
 from silo.core.elements import Entry
 from silo.core.runtime import shared_memory_root
 from silo.expressions.binding import Catalogue, Known, bind
 from silo.expressions.evaluation import Evaluator, SourceRows
-from silo.ipc.client.client import Client
 
 EXPRESSIONS = (
     "abs(tau_3) > 20 and mode == 2", "diff(v) < -0.5", "rate(x)", "norm(tau)", "any(tau > 50)", "mean(x, 20ms)",

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import silo
+from silo.client.client import Client
 from silo.core.elements import BufferType, Edit, ElementInfo, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
-from silo.ipc.client.client import Client
 from silo.rpc.published import Event, EventKind
 from tests.stand_ins.fake_logger import FakeClient
 from tests.stand_ins.fake_signals import HZ, START_NS

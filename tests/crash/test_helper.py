@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 import silo
+from silo.client.client import Client
 from silo.core.elements import FileType, State
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError
-from silo.ipc.client.client import Client
-from silo.ipc.discovery import discover
-from silo.ipc.fleet import surveyed
+from silo.fleet.discovery import discover
+from silo.fleet.fleet import surveyed
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy
 from tests.waiting import freeze, wait_until
@@ -214,7 +214,7 @@ def test_frozen_robot_program_holds_up_no_status(robot, watcher) -> None:
 
 CLIENT = """
 import sys
-from silo.ipc.client import Client
+from silo.client.connect import Client
 client = Client.connect("bot")
 view = client.view(["/log/x", "/log/q"], ["/log/x"], rate_hz=30)
 topics = [client.topic("/log/q"), client.topic("/log/x")]

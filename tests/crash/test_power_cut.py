@@ -19,9 +19,9 @@ import pytest
 import silo
 from silo.analysis.log import LogWarning
 from silo.cli.main import EXIT_FAILED, run
+from silo.client.client import Client
 from silo.core.runtime import process_start
 from silo.errors import SegmentError
-from silo.ipc.client.client import Client
 from silo.journal.format import SCHEMA_FILE
 from silo.journal.reader import JournalReader
 from silo.recovery.journals import find_stale_journals, is_written

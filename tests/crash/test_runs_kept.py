@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 import silo
+from silo.client.client import Client
 from silo.core.runtime import list_held
 from silo.errors import SegmentError, StateError
-from silo.ipc.client.client import Client
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import bytes_of
 from silo.state.handover import offer_run

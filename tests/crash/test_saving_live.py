@@ -18,11 +18,11 @@ import pytest
 from numpy.typing import NDArray
 
 import silo
+from silo.client.client import Client
 from silo.core.elements import BufferType, FileType
 from silo.core.runtime import shared_memory_root
 from silo.errors import RefusedError, SaveError
 from silo.files.formats import SAVED
-from silo.ipc.client.client import Client
 from silo.rpc.published import EventKind
 from silo.segment.layout import RingSchema
 from silo.segment.reader import SegmentReader

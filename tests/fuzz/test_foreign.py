@@ -20,10 +20,10 @@ from silo.history.found_moments import found_of
 from silo.history.requests import Columns, OpenStream, SampleRows, StreamOpened
 from silo.history.sampled_rows import SampledEntry, SampledName, SampledRows, StreamFrame
 from silo.history.search_requests import FoundIn, MomentsFound
-from silo.ipc.exchange import decode_reply
 from silo.live.requests import OpenView, ViewOpened
 from silo.live.topic import batch_of
 from silo.live.view import View, history_columns
+from silo.requests.exchange import decode_reply
 from silo.rpc.foreign import MOST, Foreign
 from silo.rpc.published import Event, EventKind, NotLive, Summary, ViewFrame
 

@@ -50,8 +50,16 @@ from silo.history.requests import (
     OpenStream,
 )
 from silo.history.search_requests import FindMoments, MeasureSpan
-from silo.ipc.exchange import decode_reply, encoded
-from silo.ipc.messages import (
+from silo.link.channel import LinkChannel
+from silo.link.messages import LinkReply, LinkRequest
+from silo.live.publisher import Publisher
+from silo.live.requests import CloseView, GetSurvey, OpenView, ViewOpened
+from silo.logger.answers import answer, robot_state
+from silo.net.keys import Root
+from silo.net.session import close, open_server
+from silo.recorder.server import Recording
+from silo.recordings.requests import GetPiece, Save, StartRecorder, StopRecorder
+from silo.requests import (
     Acknowledge,
     AddMark,
     ArmTrigger,
@@ -84,15 +92,7 @@ from silo.ipc.messages import (
     Stop,
     TryTrigger,
 )
-from silo.link.channel import LinkChannel
-from silo.link.messages import LinkReply, LinkRequest
-from silo.live.publisher import Publisher
-from silo.live.requests import CloseView, GetSurvey, OpenView, ViewOpened
-from silo.logger.answers import answer, robot_state
-from silo.net.keys import Root
-from silo.net.session import close, open_server
-from silo.recorder.server import Recording
-from silo.recordings.requests import GetPiece, Save, StartRecorder, StopRecorder
+from silo.requests.exchange import decode_reply, encoded
 from silo.rpc.declaring import Request, leaves
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered

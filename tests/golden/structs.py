@@ -22,12 +22,12 @@ from silo.files.manifest import CaptureEntry, Written
 from silo.files.parts.metadata import PartFacts
 from silo.files.silo.format import ElementFacts, LogFacts
 from silo.history.sampled_rows import StreamFrame
-from silo.ipc.messages import AnyReply
 from silo.journal.format import Commit, Head
 from silo.link.messages import LinkMessage
 from silo.recorder.orders import Command, RecordOrder, Report
 from silo.recorder.process import Kept
 from silo.recordings.writing import WriteOrder, WriteReport
+from silo.requests import AnyReply
 from silo.rpc.declaring import Request, RobotRequest, leaves, reply_type
 from silo.rpc.published import Event, Summary, ViewFrame
 from silo.state.handover import RunOffer

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import silo
-from silo.ipc.client.client import Client
+from silo.client.client import Client
 from silo.rpc.published import Event, EventKind
 from tests.waiting import wait_until
 

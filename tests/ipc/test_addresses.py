@@ -14,11 +14,11 @@ import zenoh
 
 import silo
 from silo.cli.main import EXIT_USAGE, run
+from silo.client.client import Client
 from silo.core.elements import State
 from silo.errors import ConnectionLostError
-from silo.ipc.client.client import Client
-from silo.ipc.discovery import Discovery, SeveralError, discover
-from silo.ipc.fleet import Fleet as Followed
+from silo.fleet.discovery import Discovery, SeveralError, discover
+from silo.fleet.fleet import Fleet as Followed
 from silo.logger.identity import drawn_id, machine_digits
 from silo.net.found import Found, is_glob, told_apart
 from silo.net.keys import Root, robot_of, root_of

@@ -9,7 +9,7 @@ import pytest
 import silo
 from silo.bridges.services import pinned, services
 from silo.cli.main import EXIT_FAILED, run
-from silo.ipc.client.client import Client
+from silo.client.client import Client
 from silo.net.access.rights import access_control
 
 

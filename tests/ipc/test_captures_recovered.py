@@ -10,12 +10,12 @@ import pytest
 import silo
 from silo.analysis.log import LogWarning
 from silo.cli.main import run
+from silo.client.client import Client
 from silo.core.elements import FileType, TriggerOptions
 from silo.core.runtime import list_segments
 from silo.errors import SaveError
 from silo.files.event_log import read_events
 from silo.helper.recovery import recover
-from silo.ipc.client.client import Client
 from silo.rpc.published import EventKind
 from tests.waiting import freeze, wait_until
 

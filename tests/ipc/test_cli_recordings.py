@@ -9,9 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from silo.cli.main import cli
+from silo.client.client import Client
 from silo.errors import RefusedError
-from silo.ipc.client.client import Client
-from silo.ipc.exchange import client_name
+from silo.requests.exchange import client_name
 from silo.rpc.published import EventKind
 from tests.ipc.conftest import Heard
 from tests.waiting import wait_until

@@ -9,9 +9,9 @@ import pytest
 
 import silo
 from silo.cli.main import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, run
+from silo.client.client import Client
 from silo.core.elements import State
 from silo.errors import ElementError
-from silo.ipc.client.client import Client
 from tests.waiting import freeze
 
 pytestmark = pytest.mark.slow

@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 import silo
+from silo.client.client import Client
+from silo.client.connection import Connection
 from silo.errors import ConnectionLostError
-from silo.ipc.asking import Asking
-from silo.ipc.client.client import Client
-from silo.ipc.connection import Connection
-from silo.ipc.discovery import discover
-from silo.ipc.fleet import surveyed
+from silo.fleet.discovery import discover
+from silo.fleet.fleet import surveyed
+from silo.requests.many import Asking
 from silo.rpc.published import EventKind
 from tests.waiting import DEADLINE_S
 
@@ -87,8 +87,8 @@ def test_survey_asks_all_loggers_at_the_same_time(bench, robots, monkeypatch) ->
 
 def test_asking_needs_neither_numpy_nor_click_nor_textual(bench) -> None:
     code = (
-        "import sys; from silo.ipc.client import Client\n"
-        "from silo.ipc.fleet import surveyed\n"
+        "import sys; from silo.client.connect import Client\n"
+        "from silo.fleet.fleet import surveyed\n"
         "surveyed()\n"
         "with Client.connect('bot') as client: client.table()\n"
         "print({'numpy', 'click', 'textual', 'yaml', 'plotext', 'mcap'} & set(sys.modules))"
@@ -98,7 +98,7 @@ def test_asking_needs_neither_numpy_nor_click_nor_textual(bench) -> None:
 
 
 def test_program_that_forgets_to_close_still_ends(bench) -> None:
-    code = "from silo.ipc.client import Client; client = Client.connect('bot'); view = client.view(['/log/x'])"
+    code = "from silo.client.connect import Client; client = Client.connect('bot'); view = client.view(['/log/x'])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=DEADLINE_S, check=True)
     assert done.stderr == ""
 
@@ -183,9 +183,9 @@ def test_table_of_ten_thousand_elements_arrives(runtime, tmp_path) -> None:
 # Python may lie where only root can read: all is imported, then the rights are dropped
 PERSON = """
 import os, sys, encodings.idna
-from silo.ipc.asking import Asking
-from silo.ipc.client import Client
-from silo.ipc.connection import Connection
+from silo.requests.many import Asking
+from silo.client.connect import Client
+from silo.client.connection import Connection
 from silo.errors import SiloError
 groups = [int(group) for group in sys.argv[1:]]
 os.setgroups(groups), os.setgid(54322), os.setuid(54322)

@@ -2,9 +2,9 @@
 
 import pytest
 
+from silo.client.client import Client
 from silo.core.elements import FileType
 from silo.errors import SiloError
-from silo.ipc.client.client import Client
 
 MISTAKES = {
     "edits of a number": (lambda c: c.apply(5, 1), "edits must be a list"),

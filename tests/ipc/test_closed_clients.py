@@ -6,12 +6,12 @@ from silo.cli import codes
 from silo.cli.alarms import _code
 from silo.cli.ls import _reasons
 from silo.cli.main import run
+from silo.client.client import Client
 from silo.conditions.requests import Alarms
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import State, Status
 from silo.errors import ConnectionLostError
-from silo.ipc.client.client import Client
-from silo.ipc.member import Member
+from silo.fleet.member import Member
 from silo.net.found import Found
 from tests.ipc.test_follow import FINE
 

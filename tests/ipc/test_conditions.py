@@ -7,9 +7,9 @@ import pytest
 import silo
 from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
+from silo.client.client import Client
 from silo.conditions.standing import LimitWord, TriggerWord
 from silo.core.elements import SignalLimits, TriggerOptions
-from silo.ipc.client.client import Client
 from silo.rpc.published import EventKind
 from silo.settings.script import read_script
 from tests.waiting import wait_until

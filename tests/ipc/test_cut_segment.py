@@ -4,10 +4,10 @@ import os
 
 import pytest
 
+from silo.client.client import Client
 from silo.core.elements import FileType, State
 from silo.core.runtime import list_segments
 from silo.errors import RefusedError
-from silo.ipc.client.client import Client
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RequestRefusedError
 from tests.ipc.conftest import Heard

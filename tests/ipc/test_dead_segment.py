@@ -23,7 +23,7 @@ HEALTHY = 12
 # on the desk: who is seen with an answer, again and again, until all of the dead host are told to be lost
 LOOKING = """
 import sys, json
-from silo.ipc.fleet import Fleet, surveyed
+from silo.fleet.fleet import Fleet, surveyed
 
 def seen():
     return [one.found.host for one in surveyed(config, answer_s=8.0).members if one.status is not None]

@@ -8,10 +8,10 @@ import pytest
 
 import silo
 from silo.cli.main import run as silo_command
+from silo.client.client import Client
 from silo.core.elements import Edit, RecorderState, State
 from silo.errors import RefusedError
 from silo.history.requests import OpenPin
-from silo.ipc.client.client import Client
 from silo.rpc.published import EventKind
 from silo.rpc.quantities import QUANTITIES
 from tests.ipc.conftest import TICK_NS, Heard

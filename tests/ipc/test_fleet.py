@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 import silo
+from silo.client.client import Client
 from silo.core.elements import State
-from silo.ipc.client.client import Client
-from silo.ipc.discovery import discover
-from silo.ipc.fleet import Fleet
-from silo.ipc.member import Member
+from silo.fleet.discovery import discover
+from silo.fleet.fleet import Fleet
+from silo.fleet.member import Member
 from silo.live.summary import differs, room_of
 from silo.net.session import close, open_router
 from silo.net.sessions import open_configurations

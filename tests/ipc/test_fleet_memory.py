@@ -10,10 +10,10 @@ from silo.cli import codes
 from silo.cli.main import run
 from silo.core.elements import State
 from silo.core.runtime import runtime_dir
-from silo.ipc import fleet_memory
-from silo.ipc.fleet import Fleet
-from silo.ipc.fleet_memory import NAME, remember, remembered
-from silo.ipc.member import Member, lost_lines
+from silo.fleet import memory
+from silo.fleet.fleet import Fleet
+from silo.fleet.member import Member, lost_lines
+from silo.fleet.memory import NAME, remember, remembered
 from silo.net.found import Found
 from silo.net.keys import Root
 from silo.rpc.published import Summary
@@ -136,7 +136,7 @@ def there(config: str, host: str, **more) -> Member:
 
 
 def test_the_file_is_for_this_user_alone_and_holds_so_many(desk, monkeypatch) -> None:
-    monkeypatch.setattr(fleet_memory, "MOST", 3)
+    monkeypatch.setattr(memory, "MOST", 3)
     remember([desk], [there(desk, f"rob{place}") for place in range(9)])
     assert len(remembered(desk)) == 3
     assert stat.S_IMODE((runtime_dir() / NAME).stat().st_mode) == 0o600
@@ -156,9 +156,9 @@ def test_one_that_went_unseen_is_remembered_for_a_shorter_time_than_one_that_was
     lost = there(desk, "rob2", here=False, since_s=time.monotonic())
     remember([desk], [there(desk, "rob1"), lost])
     assert [one.unwatched for one in remembered(desk)] == [False, True]
-    for later_s, hosts in ((fleet_memory.GONE_S, ["rob2"]), (fleet_memory.LOST_S, [])):
+    for later_s, hosts in ((memory.GONE_S, ["rob2"]), (memory.LOST_S, [])):
         now_ns = time.time_ns() + int(later_s * 1e9)
-        monkeypatch.setattr(fleet_memory.time, "time_ns", lambda now_ns=now_ns: now_ns)
+        monkeypatch.setattr(memory.time, "time_ns", lambda now_ns=now_ns: now_ns)
         assert [one.found.host for one in remembered(desk)] == hosts
         monkeypatch.undo()
 

@@ -13,8 +13,8 @@ import pytest
 
 from silo.cli.follow import changed, meant, screen_lines, sentence, told_lines
 from silo.core.elements import State
-from silo.ipc.fleet import FleetNow
-from silo.ipc.member import Member
+from silo.fleet.fleet import FleetNow
+from silo.fleet.member import Member
 from silo.net.found import Found
 from silo.net.session import close, open_router
 from silo.rpc.published import Summary

@@ -23,9 +23,9 @@ import silo
 from silo.bridges.feed import Feed
 from silo.bridges.listening import bound
 from silo.bridges.services import services
+from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
-from silo.ipc.client.client import Client
-from silo.ipc.exchange import client_name
+from silo.requests.exchange import client_name
 from tests import chromium
 from tests.ipc.conftest import Bench
 from tests.waiting import DEADLINE_S, wait_until

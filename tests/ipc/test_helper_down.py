@@ -8,12 +8,12 @@ import pytest
 
 import silo
 from silo.cli.main import EXIT_NO_LOGGER, run
+from silo.client.client import Client
 from silo.core.runtime import down_mark, down_marks, sweep_unfinished
 from silo.errors import ConnectionLostError
 from silo.files.event_log import read_events
+from silo.fleet.discovery import Discovery, Found, discover
 from silo.history.requests import OpenStream, StreamOpened
-from silo.ipc.client.client import Client
-from silo.ipc.discovery import Discovery, Found, discover
 from silo.live.requests import OpenView, ViewOpened
 from silo.live.streams import Stream
 from silo.live.views import View

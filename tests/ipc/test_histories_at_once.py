@@ -9,8 +9,8 @@ import zenoh
 
 from silo.core.arrays.columns import MAX_COLUMNS
 from silo.history.requests import Columns, GetHistory
-from silo.ipc.exchange import decode_reply, encoded
 from silo.net.session import close, open_client
+from silo.requests.exchange import decode_reply, encoded
 from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow

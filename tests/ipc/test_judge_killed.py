@@ -13,12 +13,12 @@ import pytest
 
 import silo
 from silo.cli.main import run as silo_run
+from silo.client.client import Client
 from silo.conditions.standing import TriggerWord
 from silo.conditions.state_file import read_state, state_path, store_state
 from silo.core.runtime import boot_id, list_held, pid_namespace, process_start
 from silo.errors import ConnectionLostError, LogWarning
 from silo.files.event_log import read_events
-from silo.ipc.client.client import Client
 from silo.logger import serving
 from silo.logger.helper_process import HelperProcess
 from silo.rpc.published import EventKind

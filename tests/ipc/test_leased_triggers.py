@@ -2,10 +2,10 @@
 
 import pytest
 
+from silo.client.client import Client
 from silo.conditions.standing import TriggerWord
 from silo.core.elements import TriggerOptions
 from silo.errors import RefusedError
-from silo.ipc.client.client import Client
 from tests.ipc.test_conditions import judged, trigger
 from tests.waiting import wait_until
 

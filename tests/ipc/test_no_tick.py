@@ -7,10 +7,10 @@ import msgspec
 import pytest
 
 from silo.cli.ls import _ls_row
+from silo.client.client import Client
 from silo.core.elements import State
 from silo.core.stalls import idle_words, is_stalled
-from silo.ipc.client.client import Client
-from silo.ipc.member import Member, Stands
+from silo.fleet.member import Member, Stands
 from silo.live.summary import differs
 from silo.net.found import Found
 from silo.rpc.published import Summary

@@ -9,10 +9,10 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
 from silo.cli.main import EXIT_USAGE, run
+from silo.client.client import Client
 from silo.core.elements import BufferType, RecorderState
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError, StateError
 from silo.files.bag_reader import read_bag
-from silo.ipc.client.client import Client
 from silo.recorder.folder import recording_folder
 from silo.recovery.parts import left_parts
 from silo.rpc.published import EventKind

@@ -16,11 +16,11 @@ import pytest
 
 from silo.analysis.opening import open_log
 from silo.cli.main import run
+from silo.client.client import Client
 from silo.core.elements import RecorderState
 from silo.core.runtime import list_held, list_segments, runtime_dir
 from silo.files.bag_reader import read_bag
 from silo.files.manifest import read_written
-from silo.ipc.client.client import Client
 from silo.recorder.process import stored
 from silo.segment.held_runs import held_runs, recorders_path
 from tests.waiting import answered, freeze, wait_until

@@ -15,7 +15,7 @@ import silo
 from silo.cli.authority import Made, make_network, robot_of, role_of
 from silo.cli.main import EXIT_NO_LOGGER, EXIT_USAGE, cli, run
 from silo.errors import RefusedError, SiloError
-from silo.ipc.examining import examine
+from silo.fleet.examining import examine
 from silo.net.access.probing import Layer, LayerError, endpoint_of, reach
 from silo.net.access.rights import access_control
 from silo.net.configuration import find_file, from_file, scaled
@@ -349,7 +349,7 @@ def test_a_user_whom_no_rule_names_is_a_matter_of_the_role(network, tmp_path) ->
 
 @pytest.mark.slow
 def test_another_silo_is_a_matter_of_the_version(network, monkeypatch) -> None:
-    monkeypatch.setattr("silo.ipc.exchange.PROTOCOL", PROTOCOL)
+    monkeypatch.setattr("silo.requests.exchange.PROTOCOL", PROTOCOL)
     monkeypatch.setattr("silo.rpc.versions.PROTOCOL", PROTOCOL + 1)
     failed = failure(str(network.made.clients["alice"]))
     assert (failed.layer, "runs an older silo" in str(failed)) == (Layer.VERSION, True)

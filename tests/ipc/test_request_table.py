@@ -8,13 +8,13 @@ from typing import get_args
 import pytest
 
 import silo
+from silo import requests as messages
+from silo.client.client import Client
 from silo.conditions import requests as conditions
 from silo.conditions.requests import ConditionRequests
 from silo.core.elements import Problem, TriggerOptions
 from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, SaveError, StateError, UnsavedError
 from silo.helper.answers.answering import SERVERS
-from silo.ipc import messages
-from silo.ipc.client.client import Client
 from silo.logger.answers import RobotServer
 from silo.net.access import rights
 from silo.rpc.declaring import (

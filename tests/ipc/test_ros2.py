@@ -18,9 +18,9 @@ from rosbags.typesys import Stores, get_typestore
 import silo
 from silo.bridges.feed import Feed
 from silo.bridges.services import services
+from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
 from silo.history.arrays import Samples
-from silo.ipc.client.client import Client
 from tests.ipc.conftest import Bench
 from tests.waiting import DEADLINE_S, wait_until
 

@@ -19,13 +19,13 @@ import silo
 from silo.cli.authority import Made, make_network
 from silo.cli.follow import screen_lines
 from silo.cli.main import run
+from silo.client.client import Client
 from silo.errors import ConnectionLostError, RefusedError
-from silo.ipc.client.client import Client
-from silo.ipc.discovery import discover
-from silo.ipc.exchange import exchange
-from silo.ipc.fleet import Fleet
+from silo.fleet.discovery import discover
+from silo.fleet.fleet import Fleet
 from silo.net.session import close, open_router
 from silo.net.sessions import borrowed
+from silo.requests.exchange import exchange
 from silo.state.requests import Hello
 from silo.version import VERSION
 from silo_tui.sessions.finder import ClientFinder

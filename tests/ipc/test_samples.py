@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import silo
+from silo.client.client import Client
 from silo.core.elements import BufferType, Edit, ElementOptions
 from silo.errors import RefusedError
 from silo.history.requests import ClosePin
-from silo.ipc.client.client import Client
 from silo.rpc.refusals import RefusedWhy
 from tests.waiting import wait_until
 

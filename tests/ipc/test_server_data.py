@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import silo
+from silo.client.client import Client
 from silo.core.elements import BufferType, Edit, ElementOptions, FileType, State
 from silo.errors import RefusedError, SaveError
-from silo.ipc.client.client import Client
 from silo.live.requests import OpenView, ViewOpened
 from silo.rpc.published import EventKind, NotLive
 from silo.rpc.refusals import Refused, RefusedWhy

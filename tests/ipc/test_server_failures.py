@@ -7,7 +7,7 @@ import pytest
 
 import silo
 from silo.cli.main import run
-from silo.ipc.client.client import Client
+from silo.client.client import Client
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow

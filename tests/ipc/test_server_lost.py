@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import silo
-from silo.ipc.client.client import Client
+from silo.client.client import Client
 from silo.rpc.published import EventKind
 
 pytestmark = pytest.mark.slow

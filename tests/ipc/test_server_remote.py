@@ -11,10 +11,10 @@ import pytest
 
 import silo
 from silo.cli.main import run
+from silo.client.client import Client
 from silo.core.elements import State
 from silo.errors import ConnectionLostError, RefusedError
-from silo.ipc.client.client import Client
-from silo.ipc.discovery import discover
+from silo.fleet.discovery import discover
 
 pytestmark = pytest.mark.slow
 

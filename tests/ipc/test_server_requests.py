@@ -10,15 +10,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import silo
+from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, FileType, State
 from silo.errors import RefusedError
 from silo.history.requests import GetHistory
-from silo.ipc.client.client import Client
-from silo.ipc.exchange import encoded
 from silo.live.requests import OpenView
 from silo.net.keys import ANY_ALIVE
 from silo.net.session import close, open_client
 from silo.recordings.requests import Save
+from silo.requests.exchange import encoded
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import ApplyEdits

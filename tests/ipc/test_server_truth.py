@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import silo
+from silo.client.client import Client
 from silo.core.arrays.columns import ColumnGrid, ColumnStore, Hole, Mark, holes_of
 from silo.core.elements import BufferType, Edit, ElementOptions
 from silo.history.history import _fill
 from silo.history.requests import GetHistory
-from silo.ipc.client.client import Client
 from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
 

@@ -8,8 +8,8 @@ import pytest
 
 import silo
 from silo.cli.main import run
+from silo.client.client import Client
 from silo.files.event_log import read_events
-from silo.ipc.client.client import Client
 from silo.rpc.published import EventKind
 from tests.stand_ins.ticking import Robot, collect, warnings_of
 from tests.waiting import wait_until

@@ -10,13 +10,13 @@ import pytest
 
 import silo
 from silo.cli.main import EXIT_NO_LOGGER, run
+from silo.client.client import Client
 from silo.errors import ConnectionLostError, RefusedError, VersionError
+from silo.fleet.fleet import surveyed
 from silo.helper.requests import decode_ask, decode_do
-from silo.ipc.client.client import Client
-from silo.ipc.exchange import decode_reply, encoded
-from silo.ipc.fleet import surveyed
-from silo.ipc.messages import GetStatus, Start
 from silo.net.session import close, open_client
+from silo.requests import GetStatus, Start
+from silo.requests.exchange import decode_reply, encoded
 from silo.rpc.declaring import Done, Request, leaves
 from silo.rpc.published import Event, EventKind, ViewFrame
 from silo.rpc.refusals import Refused, RefusedWhy, answered, checked
@@ -187,7 +187,7 @@ def test_silo_ls_lists_a_logger_of_another_silo_as_such(other, capsys) -> None:
 
 
 def test_a_logger_that_comes_back_with_another_silo_is_told_as_such(bench, client, monkeypatch) -> None:
-    monkeypatch.setattr("silo.ipc.exchange.PROTOCOL", PROTOCOL)
+    monkeypatch.setattr("silo.requests.exchange.PROTOCOL", PROTOCOL)
     monkeypatch.setattr("silo.rpc.versions.PROTOCOL", PROTOCOL + 1)  # from now on ours is the newer one
     bench.serving.close()
     wait_until(lambda: not client.connected)
@@ -206,9 +206,7 @@ def test_a_logger_that_comes_back_with_another_silo_is_told_as_such(bench, clien
 
 
 def test_checking_versions_needs_no_numpy(bench) -> None:
-    code = (
-        "import sys; from silo.ipc.client import Client; Client.connect('bot').close(); print('numpy' in sys.modules)"
-    )
+    code = "import sys; from silo.client.connect import Client; Client.connect('bot').close(); print('numpy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=DEADLINE_S, check=True)
     assert done.stdout.strip() == "False"
 

@@ -17,8 +17,8 @@ from functools import partial
 import psutil
 from processes import Peak, connected, memory_of, show, wait_until, workplace
 
+from silo.client.client import Client
 from silo.core.elements import FileType
-from silo.ipc.client.client import Client
 
 NAME = "weighed"
 REST_S = 3.0

@@ -16,8 +16,8 @@ from types import TracebackType
 
 import psutil
 
+from silo.client.client import Client
 from silo.errors import ConnectionLostError
-from silo.ipc.client.client import Client
 
 HERE = Path(__file__).resolve().parent
 ROBOT = HERE / "robot.py"

@@ -120,7 +120,7 @@ def main() -> int:
 
 def phases(options: argparse.Namespace, folder: Path, robot: int, helper: int) -> int:
     """The three phases."""
-    from silo.ipc.client.client import Client
+    from silo.client.client import Client
     from silo.recovery.parts import close_parts
 
     rng = random.Random(options.seed)

@@ -14,8 +14,8 @@ from collections.abc import Callable
 import numpy as np
 
 import silo
+from silo.client.client import Client
 from silo.core.elements import FileType
-from silo.ipc.client.client import Client
 
 NAME = "soaked"
 FLOODING = 8

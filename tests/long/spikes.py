@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 import silo
+from silo.client.client import Client
 from silo.files.event_log import read_events
-from silo.ipc.client.client import Client
 from silo.rpc.published import EventKind
 from tests.long.processes import wait_until, workplace
 

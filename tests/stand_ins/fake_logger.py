@@ -10,6 +10,7 @@ from typing import Any
 
 import msgspec
 
+from silo.client.bulk import Outcome
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.elements import (
     BufferType,
@@ -26,8 +27,7 @@ from silo.core.elements import (
 )
 from silo.errors import ConnectionLostError, SiloError
 from silo.expressions.derived_signals import derived_infos
-from silo.ipc.bulk import Outcome
-from silo.ipc.member import Member
+from silo.fleet.member import Member
 from silo.net.access.senders import viewer_words
 from silo.recordings.folder import RecordingFolder
 from silo.recordings.requests import RecorderInfo

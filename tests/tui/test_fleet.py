@@ -5,7 +5,7 @@ import pytest
 
 from silo.core.elements import State
 from silo.errors import RefusedError
-from silo.ipc.member import Member, Stands
+from silo.fleet.member import Member, Stands
 from silo.net.found import Found
 from silo.rpc.published import Summary
 from silo_tui.model import fleet

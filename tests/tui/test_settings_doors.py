@@ -7,9 +7,9 @@ import pytest
 
 import silo
 from silo.cli.main import EXIT_FAILED, run
+from silo.client.client import Client
 from silo.core.elements import Action, BufferType, Edit, ElementOptions
 from silo.errors import ElementError, RefusedError, ScriptError
-from silo.ipc.client.client import Client
 from silo.settings.typed import find_option
 from silo_tui.commands.runner import CommandRunner
 from silo_tui.model.fields import Field, options_of, rows_of

@@ -11,7 +11,7 @@ from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, Trig
 from silo.core.elements import BufferType, Entry, FileType, RecorderState, State, TriggerOptions
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.silo.writer import write_silo
-from silo.ipc.member import Member
+from silo.fleet.member import Member
 from silo.net.found import Found
 from silo.recordings.requests import RecorderInfo, RecordingFile, Recordings, SavedRecording
 from silo.rpc.published import Summary

@@ -4,11 +4,11 @@ from collections import deque
 
 import msgspec
 
+from silo.client.leases import Held
+from silo.client.leases import Leases as Renewals
 from silo.control.authentication import Sender
 from silo.control.lock import CONTROL, Operators
 from silo.control.requests import TakeControl
-from silo.ipc.client.leases import Held
-from silo.ipc.client.leases import Leases as Renewals
 from silo.rpc.declaring import Done
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import Refused, RefusedWhy

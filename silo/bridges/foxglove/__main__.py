@@ -8,7 +8,7 @@ import sys
 
 from silo.bridges.foxglove.program import run
 from silo.bridges.foxglove.server import Terms
-from silo.ipc.client.client import Client
+from silo.client.client import Client
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from silo import requests as messages
 from silo.helper.answers.table import Parts
 from silo.history import requests as sample_requests
 from silo.history import search_requests as moment_requests
@@ -23,7 +24,6 @@ from silo.history.requests import (
 from silo.history.samples import check_samples, samples
 from silo.history.search import check_moments, check_span, find_moments, measure_span
 from silo.history.search_requests import FindMoments, MeasureSpan, MomentsFound, SpanMeasured
-from silo.ipc import messages
 from silo.live import requests as view_requests
 from silo.live.requests import CloseView, GetSurvey, OpenView, Survey, ViewOpened
 from silo.rpc.published import EventKind

@@ -15,7 +15,7 @@ import msgspec
 
 from silo.core.runtime import read_own, runtime_dir, write_private
 from silo.errors import SiloError
-from silo.ipc.member import Member
+from silo.fleet.member import Member
 from silo.net.configuration import find_file
 from silo.net.found import Found
 from silo.net.keys import Root

@@ -17,9 +17,9 @@ import zenoh
 
 from silo.core.elements import State
 from silo.errors import SiloError
-from silo.ipc.exchange import decode_reply, encoded
 from silo.net import keys
 from silo.net.sessions import Borrowed
+from silo.requests.exchange import decode_reply, encoded
 from silo.rpc.published import MOST_REASON, Summary
 from silo.state.requests import GetSummary, SummaryReply
 

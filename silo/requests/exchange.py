@@ -11,10 +11,10 @@ import zenoh
 
 from silo.core.runtime import user_name
 from silo.errors import ConnectionLostError, VersionError
-from silo.ipc.messages import AnyReply
 from silo.net import keys
 from silo.net.found import Found
 from silo.net.sessions import Borrowed, borrowed
+from silo.requests import AnyReply
 from silo.rpc.clocks import UNKNOWN, TheirClock
 from silo.rpc.declaring import Do, ReplyT, Request
 from silo.rpc.foreign import NOT_UNDERSTOOD

@@ -1,6 +1,6 @@
 """Many loggers at a glance: who comes and goes, and a summary of each, without asking again and again.
 
-One session per configuration, whatever the number of robots behind it (`silo.ipc.fleet_way`); one to the socket of each
+One session per configuration, whatever the number of robots behind it (`silo.fleet.link`); one to the socket of each
 logger of this computer. Each way has a thread, so that one that is silent holds up no other; `Fleet.now` never waits.
 Who looks once, as `silo ls` does and every command that is given a name, has the same with another plan.
 """
@@ -12,11 +12,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from silo.errors import SiloError
-from silo.ipc.fleet_memory import remember
-from silo.ipc.fleet_way import FOLLOWING, Change, Plan, Way
-from silo.ipc.member import HELPER_DOWN, Member
-from silo.ipc.near import Near, down_text, near_loggers
-from silo.ipc.routers import RouterTold
+from silo.fleet.link import FOLLOWING, Change, Plan, Way
+from silo.fleet.member import HELPER_DOWN, Member
+from silo.fleet.memory import remember
+from silo.fleet.near import Near, down_text, near_loggers
+from silo.fleet.routers import RouterTold
 from silo.net.found import Found
 from silo.net.keys import Root
 from silo.net.remotes import LOCAL, remotes

@@ -6,9 +6,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 from silo.errors import ConnectionLostError
-from silo.ipc.fleet import FleetNow, looked
-from silo.ipc.fleet_way import Plan, who_is_there
-from silo.ipc.near import down_text, near_loggers
+from silo.fleet.fleet import FleetNow, looked
+from silo.fleet.link import Plan, who_is_there
+from silo.fleet.near import down_text, near_loggers
 from silo.net import keys
 from silo.net.access.rights import host_part
 from silo.net.addresses import logger_of

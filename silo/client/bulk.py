@@ -9,9 +9,9 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from silo.client.client import LONGEST_S, Client
 from silo.core.elements import FileType, SavedFile, Status
 from silo.errors import SiloError
-from silo.ipc.client.client import LONGEST_S, Client
 from silo.net.found import Found
 from silo.state.requests import Unsaved
 

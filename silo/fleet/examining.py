@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 
 from silo.errors import ConnectionLostError, VersionError
-from silo.ipc.discovery import discover
-from silo.ipc.exchange import ask_once, exchange
+from silo.fleet.discovery import discover
 from silo.net.access.probing import Layer, LayerError, reach, tls_problem
 from silo.net.configuration import find_file, from_file, user_of
 from silo.net.found import Found, told_apart
 from silo.net.sessions import borrowed
+from silo.requests.exchange import ask_once, exchange
 from silo.state.requests import Hello, HelloReply
 from silo.version import VERSION
 

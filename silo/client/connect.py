@@ -7,11 +7,11 @@ topic or a history is asked for.
 
 from typing import TYPE_CHECKING
 
+from silo.client.client import Client
 from silo.core.arguments import text
 from silo.core.calls import told
 from silo.errors import ElementError
-from silo.ipc.client.client import Client
-from silo.ipc.discovery import Discovery, discover
+from silo.fleet.discovery import Discovery, discover
 from silo.net.addresses import parse_url
 from silo.net.found import Found
 from silo.rpc.declaring import Ask

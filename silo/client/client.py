@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from silo.client.connection import Connection
+from silo.client.leases import Held, Leases
+from silo.client.saves import Saves
 from silo.conditions.requests import ConditionRequests
 from silo.control.requests import GiveControl, ReleaseControl, TakeControl
 from silo.core.arguments import path, real, shown, switch, text, texts, whole
@@ -18,18 +21,15 @@ from silo.core.calls import told_class
 from silo.core.elements import SavedFile, Sought
 from silo.core.printing import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SiloError
+from silo.fleet.discovery import discover
 from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream, by_of
 from silo.history.search_requests import FindMoments, MeasureSpan
-from silo.ipc.client.leases import Held, Leases
-from silo.ipc.client.saves import Saves
-from silo.ipc.connection import Connection
-from silo.ipc.discovery import discover
-from silo.ipc.exchange import NoAnswerError, client_name
-from silo.ipc.messages import AnyReply
 from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
 from silo.net.found import Found
 from silo.recordings.requests import RecordingRequests
+from silo.requests import AnyReply
+from silo.requests.exchange import NoAnswerError, client_name
 from silo.rpc.declaring import Ask, Do, ReplyT, Request
 from silo.rpc.published import Event
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked

@@ -16,17 +16,17 @@ import msgspec
 import zenoh
 
 from silo.errors import ConnectionLostError, SiloError, VersionError
-from silo.ipc.asking import POLL_S as ANSWERED_S
-from silo.ipc.asking import Asking
-from silo.ipc.exchange import client_name, decode_reply, root_at
-from silo.ipc.fleet_memory import remembered
-from silo.ipc.member import NO_ANSWER, OTHER_SILO, Member
-from silo.ipc.routers import AskedRouters, RouterTold, told_of
+from silo.fleet.member import NO_ANSWER, OTHER_SILO, Member
+from silo.fleet.memory import remembered
+from silo.fleet.routers import AskedRouters, RouterTold, told_of
 from silo.net import keys
 from silo.net.access.probing import REACH_S, Layer, LayerError
 from silo.net.configuration import find_file, from_file, user_of
 from silo.net.found import Found
 from silo.net.sessions import Borrowed, borrowed, undeclare
+from silo.requests.exchange import client_name, decode_reply, root_at
+from silo.requests.many import POLL_S as ANSWERED_S
+from silo.requests.many import Asking
 from silo.rpc.declaring import Ask
 from silo.rpc.foreign import NOT_UNDERSTOOD
 from silo.rpc.published import Summary

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
 
+from silo.client.connection import Connection
 from silo.control.requests import TakeControl
 from silo.history.requests import ClosePin, CloseStream, KeepPin, OpenStream, StreamOpened
-from silo.ipc.asking import Pending
-from silo.ipc.connection import Connection
-from silo.ipc.exchange import decode_reply
 from silo.live.requests import CloseView, OpenView, ViewOpened
+from silo.requests.exchange import decode_reply
+from silo.requests.many import Pending
 from silo.rpc.declaring import Done, Request
 from silo.rpc.refusals import Refused, RefusedWhy
 

@@ -1,0 +1,1 @@
+"""Which loggers there are, here and elsewhere, and how they stand."""
