@@ -27,15 +27,15 @@ from silo.control.lock import Operators
 from silo.core.elements import Derived, Extras, FileType, State
 from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError
-from silo.helper.answers.answering import Answers
-from silo.helper.control import Control
+from silo.helper.control_threads import Control
 from silo.helper.crash import after_crash
 from silo.helper.journaling import Journaling
 from silo.helper.marks import Marks
-from silo.helper.predecessor import PredecessorRecovery
-from silo.helper.robot import Robot, ending
+from silo.helper.orphans import PredecessorRecovery
+from silo.helper.robot_link import Robot, ending
 from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
+from silo.helper.servers.dispatch import Answers
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.live.publisher import Publisher
 from silo.net.access.logins import asks_for_passwords, watch_logins

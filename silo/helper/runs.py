@@ -13,7 +13,7 @@ from silo.conditions.monitor import Judge
 from silo.core.elements import State
 from silo.errors import SegmentError
 from silo.helper.marks import Marks
-from silo.helper.robot import Robot
+from silo.helper.robot_link import Robot
 from silo.link.messages import LetGo
 from silo.recorder.server import Recording
 from silo.segment.reader import SegmentReader

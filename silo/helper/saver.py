@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from silo.core.elements import Extras, SavedFile
 from silo.errors import SegmentError, SiloError
 from silo.files.saving import describe
-from silo.helper.robot import Robot
+from silo.helper.robot_link import Robot
 from silo.link.messages import LinkSaved
 from silo.recordings.heap import trim_heap
 from silo.recordings.requests import Save, SaveStarted

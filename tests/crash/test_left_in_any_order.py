@@ -27,7 +27,7 @@ from silo.core.runtime import boot_id, lock_as_writer, pid_namespace
 from silo.files.event_log import append_events, event_log_path, read_events
 from silo.files.formats import read_recording
 from silo.files.parts.scan import scan_part
-from silo.helper.predecessor import PredecessorRecovery
+from silo.helper.orphans import PredecessorRecovery
 from silo.journal.disk import Disk
 from silo.journal.format import Head, free_name
 from silo.journal.writer import JournalWriter

@@ -34,10 +34,10 @@ from silo.core.elements import (
     TriggerOptions,
 )
 from silo.errors import SiloError
-from silo.helper.answers.answering import Answers
 from silo.helper.requests import decode_ask, decode_do
-from silo.helper.robot import Robot
+from silo.helper.robot_link import Robot
 from silo.helper.saver import Saver
+from silo.helper.servers.dispatch import Answers
 from silo.history.requests import (
     By,
     ClosePin,

@@ -12,7 +12,7 @@ from silo.control import lanes
 from silo.control.authentication import Door
 from silo.control.denials import Denials
 from silo.control.requests import ReleaseControl
-from silo.helper.control import Control
+from silo.helper.control_threads import Control
 from silo.net.keys import LOCAL_SENDER, Root
 from silo.net.session import close, open_client, open_server
 from silo.recordings.requests import StopRecorder

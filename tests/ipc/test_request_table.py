@@ -14,7 +14,7 @@ from silo.conditions import requests as conditions
 from silo.conditions.requests import ConditionRequests
 from silo.core.elements import Problem, TriggerOptions
 from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, SaveError, StateError, UnsavedError
-from silo.helper.answers.answering import SERVERS
+from silo.helper.servers.dispatch import SERVERS
 from silo.logger.answers import RobotServer
 from silo.net.access import rights
 from silo.rpc.declaring import (

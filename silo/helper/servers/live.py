@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from silo import requests as messages
-from silo.helper.answers.table import Parts
+from silo.helper.servers.parts import Parts
 from silo.history import requests as sample_requests
 from silo.history import search_requests as moment_requests
 from silo.history.history import check_history, history

@@ -9,7 +9,7 @@ from silo.conditions import requests
 from silo.conditions.requests import Alarms, ConditionRequests, Triggers, TriggerTried
 from silo.conditions.standing import worst_first
 from silo.core.elements import SignalLimits, TriggerOptions
-from silo.helper.answers.table import Parts, must_live, relayed
+from silo.helper.servers.parts import Parts, must_live, relayed
 from silo.rpc.declaring import Request, request_of
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError

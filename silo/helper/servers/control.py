@@ -2,7 +2,7 @@
 
 from silo.control import requests as control
 from silo.control.requests import GiveControl, ReleaseControl, TakeControl
-from silo.helper.answers.table import Parts, ask_robot
+from silo.helper.servers.parts import Parts, ask_robot
 from silo.net.keys import may_use
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Request, request_of

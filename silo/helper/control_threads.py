@@ -19,8 +19,8 @@ from silo.control.authentication import Door, attachment_of
 from silo.control.denials import Denials
 from silo.control.lanes import Lanes, Waiting, is_late
 from silo.control.lock import Operators
-from silo.helper.answers.answering import Answers
 from silo.helper.requests import decode_ask, decode_do
+from silo.helper.servers.dispatch import Answers
 from silo.net.keys import Root, may_use
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Do, GoesOn, Lane, Request, SlowAsk, spoken

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from silo.helper.answers.table import Parts, must_live
+from silo.helper.servers.parts import Parts, must_live
 from silo.recordings import requests as recordings
 from silo.recordings.requests import (
     GetPiece,

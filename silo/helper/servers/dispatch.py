@@ -4,14 +4,14 @@ from typing import Any
 
 from silo.conditions.monitor import Judge
 from silo.control.lock import Operators
-from silo.helper.answers.conditions import ConditionServer
-from silo.helper.answers.control import ControlServer
-from silo.helper.answers.live import LiveServer
-from silo.helper.answers.recorded import RecordingServer
-from silo.helper.answers.scripts import TableServer
-from silo.helper.answers.table import Parts, relayed
-from silo.helper.robot import Robot, ending
+from silo.helper.robot_link import Robot, ending
 from silo.helper.saver import Saver
+from silo.helper.servers.conditions import ConditionServer
+from silo.helper.servers.control import ControlServer
+from silo.helper.servers.live import LiveServer
+from silo.helper.servers.parts import Parts, relayed
+from silo.helper.servers.recorded import RecordingServer
+from silo.helper.servers.scripts import TableServer
 from silo.live.publisher import Publisher
 from silo.live.statistics import Surveyor
 from silo.recorder.server import Recording

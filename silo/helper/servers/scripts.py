@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from silo.core.elements import Edit
-from silo.helper.answers.table import Parts, must_live, must_stop, relayed
 from silo.helper.requests import check_edits
+from silo.helper.servers.parts import Parts, must_live, must_stop, relayed
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn

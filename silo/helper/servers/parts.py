@@ -8,7 +8,7 @@ import msgspec
 from silo.conditions.monitor import Judge
 from silo.control.lock import Operators
 from silo.core.elements import State
-from silo.helper.robot import REPLY_TIMEOUT_S, Robot
+from silo.helper.robot_link import REPLY_TIMEOUT_S, Robot
 from silo.helper.saver import Saver
 from silo.history.pins import Pins
 from silo.live.publisher import Publisher
