@@ -64,7 +64,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
     from silo.logger.elements import LoggedElement as LoggedElement
     from silo.logger.logger import Logger as Logger
     from silo.logger.new_values import NewValues as NewValues
-    from silo.logger.serving import Serving as Serving
+    from silo.logger.helper.serving import Serving as Serving
     from silo.logger.null import NullLogger as NullLogger
     from silo.core.elements import (
         Action as Action,
@@ -99,7 +99,7 @@ _HOMES = {
     "silo.logger.elements": "LoggedElement",
     "silo.logger.logger": "Logger",
     "silo.logger.new_values": "NewValues",
-    "silo.logger.serving": "Serving",
+    "silo.logger.helper.serving": "Serving",
     "silo.core.elements": (
         "Action BufferType Edit ElementInfo ElementOptions FileType LoggerOptions SavedFile Storage Threads"
     ),

@@ -13,8 +13,8 @@ from silo.core.arguments import line, shown, text, whole
 from silo.core.calls import told_class
 from silo.core.elements import Derived, Edit, Extras, FileType, SignalLimits, TriggerOptions, join_name
 from silo.errors import ElementError, SaveError
+from silo.logger.calls.options import file_types
 from silo.logger.configuration import Configuration
-from silo.logger.options import file_types
 
 log = logging.getLogger("silo")
 

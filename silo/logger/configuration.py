@@ -31,11 +31,11 @@ from silo.core.elements import (
 from silo.core.kinds import STRUCT, struct_text
 from silo.core.units import doubt
 from silo.errors import ArgumentError, ElementError, ScriptError, StateError
+from silo.logger.calls.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
+from silo.logger.calls.options import array_layout, edits_given, element_name, new_options, string_room
+from silo.logger.calls.other_names import HidesOtherNames, no_attribute_of, tell_of_element
+from silo.logger.calls.table import Table
 from silo.logger.elements import Elements
-from silo.logger.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
-from silo.logger.options import array_layout, edits_given, element_name, new_options, string_room
-from silo.logger.other_names import HidesOtherNames, no_attribute_of, tell_of_element
-from silo.logger.table import Table
 from silo.loop.arena import Arena
 from silo.loop.plan import Element
 from silo.loop.sources import reads

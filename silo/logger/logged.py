@@ -14,17 +14,17 @@ from silo.core.elements import FileType, LoggerOptions, SavedFile, State
 from silo.core.printing import MOST_ROWS, html_table
 from silo.core.recording import Recording
 from silo.errors import SaveError, SegmentError, StateError
+from silo.logger.calls.keywords import FileTypes
+from silo.logger.calls.options import file_types
+from silo.logger.calls.other_names import listed, not_deleted, not_set, with_other_names
 from silo.logger.conditions import Conditions
 from silo.logger.current_run import CurrentRun
 from silo.logger.elements import LoggedElement, SavedFiles, look_at, newest_text
-from silo.logger.keywords import FileTypes
 from silo.logger.new_values import NewValues, NewValuesReader
-from silo.logger.options import file_types
-from silo.logger.other_names import listed, not_deleted, not_set, with_other_names
 from silo.loop.run import Run
 
 if TYPE_CHECKING:
-    from silo.logger.serving import Serving
+    from silo.logger.helper.serving import Serving
 
 log = logging.getLogger("silo")
 
@@ -243,7 +243,7 @@ class Logged(Conditions):
         """The files that the helper process wrote; None where there is none, or one that is frozen."""
         if self._serving is None or not self._serving.is_up:
             return None
-        from silo.logger.serving import HelperFrozenError
+        from silo.logger.helper.serving import HelperFrozenError
 
         try:
             return self._serving.save(types, name, folder)

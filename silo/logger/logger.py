@@ -16,17 +16,17 @@ from silo.core.arguments import whole, word
 from silo.core.calls import told_class
 from silo.core.elements import DEFAULT_MAX_TIME_S, BufferType, ControlMode, GroupRole, Storage, Threads
 from silo.errors import SiloError, StateError
-from silo.logger.consumers import is_wanted
-from silo.logger.current_run import CurrentRun
-from silo.logger.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord, UnsavedWord
-from silo.logger.logged import Logged
-from silo.logger.new_values import NewValuesReader
-from silo.logger.options import (
+from silo.logger.calls.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord, UnsavedWord
+from silo.logger.calls.options import (
     logger_options,
     serving_config,
     serving_group,
     warn_if_not_durable,
 )
+from silo.logger.current_run import CurrentRun
+from silo.logger.helper.consumers import is_wanted
+from silo.logger.logged import Logged
+from silo.logger.new_values import NewValuesReader
 from silo.logger.unclosed import (
     drop_journals,
     end_namesakes,
@@ -45,7 +45,7 @@ from silo.segment.marks import NO_WORDS, Mark, no_mark
 from silo.segment.reasons import STOP_TEXTS, StopReason
 
 if TYPE_CHECKING:
-    from silo.logger.serving import Serving
+    from silo.logger.helper.serving import Serving
 
 log = logging.getLogger("silo")
 
@@ -333,7 +333,7 @@ class Logger(Logged):
             ConnectionLostError: the helper process didn't start; it says why.
             SiloError: the port of Foxglove is taken, or `websockets` is missing.
         """
-        from silo.logger.serving import Serving
+        from silo.logger.helper.serving import Serving
 
         group, config = serving_group(group), serving_config(config)
         role, mode = word("group_role", group_role, GroupRole), word("control", control, ControlMode)

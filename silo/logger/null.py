@@ -33,8 +33,7 @@ from silo.core.elements import (
 from silo.core.kinds import index_suffixes, kind_by_shape
 from silo.core.recording import Recording
 from silo.errors import ElementError
-from silo.logger.elements import Elements, LoggedElement, SavedFiles
-from silo.logger.keywords import (
+from silo.logger.calls.keywords import (
     AnyAction,
     AnyBuffer,
     AnyStorage,
@@ -49,10 +48,11 @@ from silo.logger.keywords import (
     Switch,
     UnsavedWord,
 )
+from silo.logger.calls.options import array_layout
+from silo.logger.calls.other_names import HidesOtherNames, listed, not_deleted, not_set, with_other_names
+from silo.logger.calls.table import hint
+from silo.logger.elements import Elements, LoggedElement, SavedFiles
 from silo.logger.new_values import NewValues
-from silo.logger.options import array_layout
-from silo.logger.other_names import HidesOtherNames, listed, not_deleted, not_set, with_other_names
-from silo.logger.table import hint
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack  # known to type checkers without being installed

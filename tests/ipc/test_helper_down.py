@@ -17,8 +17,8 @@ from silo.history.requests import OpenStream, StreamOpened
 from silo.live.requests import OpenView, ViewOpened
 from silo.live.streams import Stream
 from silo.live.views import View
-from silo.logger import helper_process, serving
-from silo.logger.down import DownMark
+from silo.logger.helper import process, serving
+from silo.logger.helper.down import DownMark
 from silo.rpc.refusals import Refused, answered
 from tests.fuzz.test_wire import Bench as Parts
 from tests.waiting import freeze, wait_until
@@ -68,7 +68,7 @@ def test_the_row_is_gone_when_a_helper_is_there_again(bench, monkeypatch, runtim
 def test_a_helper_process_that_is_slow_to_start_is_waited_for_while_it_works(new_logger, monkeypatch, tmp_path) -> None:
     (tmp_path / "sitecustomize.py").write_text("import time\nwhile time.process_time() < 1.5: pass\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(helper_process, "READY_TIMEOUT_S", 1.0)
+    monkeypatch.setattr(process, "READY_TIMEOUT_S", 1.0)
     assert new_logger("bot").serve().is_up
 
 
@@ -76,7 +76,7 @@ def test_a_helper_process_that_is_slow_to_start_is_waited_for_while_it_works(new
 def test_a_helper_process_that_does_nothing_is_given_up(new_logger, monkeypatch, tmp_path) -> None:
     (tmp_path / "sitecustomize.py").write_text("import signal\nsignal.pause()\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(helper_process, "READY_TIMEOUT_S", 1.0)
+    monkeypatch.setattr(process, "READY_TIMEOUT_S", 1.0)
     with pytest.raises(ConnectionLostError, match=r"didn't start: no answer within \d+ s"):
         new_logger("bot").serve()
 

@@ -15,7 +15,7 @@ from silo.conditions.requests import ConditionRequests
 from silo.core.elements import Problem, TriggerOptions
 from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, SaveError, StateError, UnsavedError
 from silo.helper.servers.dispatch import SERVERS
-from silo.logger.answers import RobotServer
+from silo.logger.helper.answers import RobotServer
 from silo.net.access import rights
 from silo.rpc.declaring import (
     Ask,

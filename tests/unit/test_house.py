@@ -101,8 +101,8 @@ DAMAGES = {
     "the public names": (insert("silo/loop/plan.py", "from silo import Logger"), "silo.loop.plan -> silo"),
     "a terminal": (insert("silo/cli/watch.py", "import silo_tui.app"), "silo.cli.watch -> silo_tui.app"),
     "the helper within the robot program": (
-        insert("silo/logger/table.py", "import silo.state.replica"),
-        "silo.logger.table -> silo.state.replica",
+        insert("silo/logger/calls/table.py", "import silo.state.replica"),
+        "silo.logger.calls.table -> silo.state.replica",
     ),
     "upstairs": (insert("silo/net/keys.py", "import silo.settings.script"), "silo.net.keys -> silo.settings.script"),
     "a circle of siblings": (

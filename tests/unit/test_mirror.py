@@ -3,7 +3,7 @@
 import os
 import threading
 
-from silo.logger.answers import robot_state
+from silo.logger.helper.answers import robot_state
 from silo.state.replica import Mirror
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from silo.core.elements import Storage, Threads
 from silo.files.formats import SAVED_NAMES
-from silo.logger.keywords import (
+from silo.logger.calls.keywords import (
     ActionWord,
     BufferWord,
     ElementKeywords,

@@ -23,13 +23,13 @@ from silo.core.calls import told_class
 from silo.core.elements import FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
-from silo.logger.answers import Served, answer, robot_state
-from silo.logger.consumers import has_conditions, has_left
-from silo.logger.down import DownMark
-from silo.logger.helper_process import HelperProcess
-from silo.logger.identity import drawn_id
-from silo.logger.patience import FROZEN_ROUNDS, ROUND_S, Patience
-from silo.logger.viewers import FoxgloveProcess
+from silo.logger.helper.answers import Served, answer, robot_state
+from silo.logger.helper.consumers import has_conditions, has_left
+from silo.logger.helper.down import DownMark
+from silo.logger.helper.identity import drawn_id
+from silo.logger.helper.patience import FROZEN_ROUNDS, ROUND_S, Patience
+from silo.logger.helper.process import HelperProcess
+from silo.logger.helper.viewers import FoxgloveProcess
 from silo.recordings.requests import RecorderStarted, Save, SaveStarted, StartRecorder, StopRecorder
 from silo.requests import AnyReply
 from silo.rpc.clocks import clock_s

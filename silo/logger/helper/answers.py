@@ -1,6 +1,6 @@
 """What a logger tells its helper process, and what it does for the clients that come through it.
 
-One function per request that the helper hands on. Called by the thread of `silo.logger.serving`, never by the loop.
+One function per request that the helper hands on. Called by the thread of `silo.logger.helper.serving`, never by the loop.
 """
 
 import os
@@ -25,7 +25,7 @@ from silo.core.elements import (
     join_name,
 )
 from silo.errors import SaveError, ScriptError, StateError
-from silo.logger.keywords import UnsavedWord
+from silo.logger.calls.keywords import UnsavedWord
 from silo.loop.run import Run
 from silo.rpc.declaring import Reply, Request
 from silo.rpc.refusals import WHYS, RefusedWhy, RequestRefusedError, answered
