@@ -27,40 +27,54 @@ class LazyCommand:
 
 
 COMMANDS = {
-    "ls": LazyCommand("Loggers", "silo.cli.ls", "ls", "List the loggers that run."),
-    "info": LazyCommand("Loggers", "silo.cli.info", "info", "Show a logger, its elements, or a saved file."),
-    "watch": LazyCommand("Loggers", "silo.cli.watch", "watch", "Print live values."),
-    "address": LazyCommand("Loggers", "silo.cli.address", "address", "Print how any language reaches a topic."),
+    "ls": LazyCommand("Loggers", "silo.cli.loggers.ls", "ls", "List the loggers that run."),
+    "info": LazyCommand("Loggers", "silo.cli.loggers.info", "info", "Show a logger, its elements, or a saved file."),
+    "watch": LazyCommand("Loggers", "silo.cli.loggers.watch", "watch", "Print live values."),
+    "address": LazyCommand("Loggers", "silo.cli.loggers.address", "address", "Print how any language reaches a topic."),
     "set": LazyCommand("Loggers", "silo.cli.edits", "set_command", "Change how elements are logged."),
-    "start": LazyCommand("Loggers", "silo.cli.loggers", "start", "Start logging."),
-    "stop": LazyCommand("Loggers", "silo.cli.loggers", "stop", "Stop logging; the data stays."),
-    "restart": LazyCommand("Loggers", "silo.cli.loggers", "restart", "Stop, and start with empty buffers."),
-    "save": LazyCommand("Loggers", "silo.cli.loggers", "save", "Save what the buffers hold to files."),
-    "files": LazyCommand("Loggers", "silo.cli.recordings", "files", "List, fetch, delete recordings of a robot."),
-    "record": LazyCommand("Loggers", "silo.cli.record", "record", "Record to MCAP files, for days."),
-    "mark": LazyCommand("Loggers", "silo.cli.events", "mark", "Mark the newest tick with some words."),
-    "events": LazyCommand("Loggers", "silo.cli.events", "events", "Print what happened, and who did it."),
-    "derive": LazyCommand("Loggers", "silo.cli.derive", "derive", "Compute signals from others."),
-    "script": LazyCommand("Loggers", "silo.cli.scripts", "script", "Show, check, load, save, compare scripts."),
-    "trigger": LazyCommand("Loggers", "silo.cli.triggers", "trigger", "Save what was logged around a condition."),
-    "alarms": LazyCommand("Loggers", "silo.cli.alarms", "alarms", "Show what is, or was, beyond its limits."),
-    "control": LazyCommand("Loggers", "silo.cli.control", "control", "One operator at a time: take, give, release."),
-    "recover": LazyCommand("Loggers", "silo.cli.recover", "recover", "Save what programs that died left behind."),
-    "convert": LazyCommand("Saved files", "silo.cli.files", "convert_command", "Convert a log to another format."),
-    "plot": LazyCommand("Saved files", "silo.cli.files", "plot_command", "Draw signals of a log."),
-    "stats": LazyCommand("Saved files", "silo.cli.files", "stats_command", "Minimum, maximum, mean ... of signals."),
-    "check": LazyCommand("Saved files", "silo.cli.check", "check_command", "Judge limits and conditions on a log."),
-    "verify": LazyCommand("Saved files", "silo.cli.verify", "verify", "Find what is missing or twice in a log folder."),
-    "diff": LazyCommand("Saved files", "silo.cli.files", "diff_command", "Show how two logs differ."),
-    "foxglove": LazyCommand(
-        "Other viewers", "silo.cli.foxglove", "foxglove", "Show a logger in Foxglove, PlotJuggler."
+    "start": LazyCommand("Loggers", "silo.cli.loggers.life_cycle", "start", "Start logging."),
+    "stop": LazyCommand("Loggers", "silo.cli.loggers.life_cycle", "stop", "Stop logging; the data stays."),
+    "restart": LazyCommand("Loggers", "silo.cli.loggers.life_cycle", "restart", "Stop, and start with empty buffers."),
+    "save": LazyCommand("Loggers", "silo.cli.loggers.life_cycle", "save", "Save what the buffers hold to files."),
+    "files": LazyCommand("Loggers", "silo.cli.logs.recordings", "files", "List, fetch, delete recordings of a robot."),
+    "record": LazyCommand("Loggers", "silo.cli.logs.record", "record", "Record to MCAP files, for days."),
+    "mark": LazyCommand("Loggers", "silo.cli.loggers.events", "mark", "Mark the newest tick with some words."),
+    "events": LazyCommand("Loggers", "silo.cli.loggers.events", "events", "Print what happened, and who did it."),
+    "derive": LazyCommand("Loggers", "silo.cli.conditions.derive", "derive", "Compute signals from others."),
+    "script": LazyCommand("Loggers", "silo.cli.loggers.scripts", "script", "Show, check, load, save, compare scripts."),
+    "trigger": LazyCommand(
+        "Loggers", "silo.cli.conditions.triggers", "trigger", "Save what was logged around a condition."
     ),
-    "ros2": LazyCommand("Other viewers", "silo.cli.ros2", "ros2", "Show a logger to ROS 2, by rmw_zenoh."),
-    "demo": LazyCommand("Programs", "silo.cli.programs", "demo", "Run a simulated legged robot that logs."),
-    "host": LazyCommand("Programs", "silo.cli.programs", "host", "Log this computer."),
-    "remote": LazyCommand("Programs", "silo.cli.remote", "remote", "Reach loggers of other computers."),
-    "router": LazyCommand("Programs", "silo.cli.router", "router", "Let robots and desks meet over one link."),
-    "config": LazyCommand("Programs", "silo.cli.config", "config", "List and copy examples of configuration."),
+    "alarms": LazyCommand(
+        "Loggers", "silo.cli.conditions.alarms", "alarms", "Show what is, or was, beyond its limits."
+    ),
+    "control": LazyCommand(
+        "Loggers", "silo.cli.loggers.control", "control", "One operator at a time: take, give, release."
+    ),
+    "recover": LazyCommand("Loggers", "silo.cli.logs.recover", "recover", "Save what programs that died left behind."),
+    "convert": LazyCommand("Saved files", "silo.cli.logs.files", "convert_command", "Convert a log to another format."),
+    "plot": LazyCommand("Saved files", "silo.cli.logs.files", "plot_command", "Draw signals of a log."),
+    "stats": LazyCommand(
+        "Saved files", "silo.cli.logs.files", "stats_command", "Minimum, maximum, mean ... of signals."
+    ),
+    "check": LazyCommand(
+        "Saved files", "silo.cli.logs.check", "check_command", "Judge limits and conditions on a log."
+    ),
+    "verify": LazyCommand(
+        "Saved files", "silo.cli.logs.verify", "verify", "Find what is missing or twice in a log folder."
+    ),
+    "diff": LazyCommand("Saved files", "silo.cli.logs.files", "diff_command", "Show how two logs differ."),
+    "foxglove": LazyCommand(
+        "Other viewers", "silo.cli.programs.foxglove", "foxglove", "Show a logger in Foxglove, PlotJuggler."
+    ),
+    "ros2": LazyCommand("Other viewers", "silo.cli.programs.ros2", "ros2", "Show a logger to ROS 2, by rmw_zenoh."),
+    "demo": LazyCommand(
+        "Programs", "silo.cli.programs.demo_and_host", "demo", "Run a simulated legged robot that logs."
+    ),
+    "host": LazyCommand("Programs", "silo.cli.programs.demo_and_host", "host", "Log this computer."),
+    "remote": LazyCommand("Programs", "silo.cli.network.remote", "remote", "Reach loggers of other computers."),
+    "router": LazyCommand("Programs", "silo.cli.network.router", "router", "Let robots and desks meet over one link."),
+    "config": LazyCommand("Programs", "silo.cli.programs.config", "config", "List and copy examples of configuration."),
     "completion": LazyCommand("Programs", "silo.cli.completion", "completion", "Completion for your shell."),
 }
 

@@ -23,8 +23,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from silo.cli import authority
-from silo.cli.authority import make_network
+from silo.cli.network import authority
+from silo.cli.network.authority import make_network
 from tests.thin_net import Computer, ThinNet, missing
 
 SILO = [sys.executable, "-c", "from silo.cli.main import main; main()"]

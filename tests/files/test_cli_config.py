@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from silo.cli import config as command
 from silo.cli.main import run
+from silo.cli.programs import config as command
 from silo.settings.script import read_script
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "config"

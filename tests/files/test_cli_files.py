@@ -10,7 +10,7 @@ import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
-from silo.cli.files import convert_command, diff_command, plot_command, print_file_info, stats_command
+from silo.cli.logs.files import convert_command, diff_command, plot_command, print_file_info, stats_command
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import LogNotFoundError
@@ -84,7 +84,7 @@ def test_logs_are_completed_as_files(folder):
 @pytest.mark.slow
 def test_the_commands_load_no_heavy_library_until_they_run():
     heavy = "{'numpy', 'plotext', 'matplotlib', 'pyarrow', 'zstandard', 'textual'}"
-    code = f"import sys, silo.cli.files; sys.exit(sorted({heavy} & set(sys.modules)))"
+    code = f"import sys, silo.cli.logs.files; sys.exit(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stderr.strip() in ("", "[]")
 

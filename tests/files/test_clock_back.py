@@ -5,7 +5,7 @@ import pytest
 from click.testing import CliRunner
 
 import silo
-from silo.cli.files import stats_command
+from silo.cli.logs.files import stats_command
 
 STEP = 10**7
 START = 10**18

@@ -8,7 +8,7 @@ import pytest
 
 import silo
 from silo.analysis.log import LogWarning
-from silo.cli.files import EXIT_DIFFERENT
+from silo.cli.logs.files import EXIT_DIFFERENT
 from silo.cli.main import run
 from silo.core.recording import NO_FAILURES, Failures
 from silo.files.formats import FORMATS, writer_for

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import silo
 from silo.analysis.reports import differences
-from silo.cli.files import diff_command
+from silo.cli.logs.files import diff_command
 from silo.errors import LogWarning
 
 

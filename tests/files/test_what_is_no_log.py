@@ -7,8 +7,8 @@ import pytest
 from click.testing import CliRunner
 
 import silo
-from silo.cli.events import events
-from silo.cli.info import info
+from silo.cli.loggers.events import events
+from silo.cli.loggers.info import info
 from silo.cli.main import cli
 from silo.errors import FileFormatError, LogNotFoundError
 from silo_tui.cli import _file

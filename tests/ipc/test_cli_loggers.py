@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import silo
+from silo.cli.loggers.watch import show_clock
 from silo.cli.main import EXIT_FAILED, EXIT_USAGE, run
-from silo.cli.watch import show_clock
 from silo.core.elements import Action, BufferType
 from tests.waiting import DEADLINE_S, wait_until
 
@@ -266,7 +266,7 @@ def test_watch_without_a_pattern_shows_what_is_on(log: silo.Logger, command: Run
     shown = command("watch", "arm", "--rate", "20", "--count", "1")
     assert "/log/joints/q" in shown.out
     assert "/log/joints/tau" in shown.out  # saved only
-    monkeypatch.setattr("silo.cli.watch.MOST_LINES", 1)
+    monkeypatch.setattr("silo.cli.loggers.watch.MOST_LINES", 1)
     few = command("watch", "--rate", "20", "--count", "1")
     assert len(few.out.splitlines()) == 1
     assert "that are on; say which" in few.err

@@ -3,8 +3,8 @@
 import pytest
 
 from silo.cli import codes
-from silo.cli.alarms import _code
-from silo.cli.ls import _reasons
+from silo.cli.conditions.alarms import _code
+from silo.cli.loggers.ls import _reasons
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.conditions.requests import Alarms

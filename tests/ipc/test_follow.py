@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from silo.cli.follow import changed, meant, screen_lines, sentence, told_lines
+from silo.cli.loggers.follow import changed, meant, screen_lines, sentence, told_lines
 from silo.core.elements import State
 from silo.fleet.fleet import FleetNow
 from silo.fleet.member import Member

@@ -11,7 +11,7 @@ import pytest
 import zenoh
 
 import silo
-from silo.cli.authority import Made, make_network
+from silo.cli.network.authority import Made, make_network
 from silo.fleet.discovery import discover
 from silo.net.configuration import FORCED, from_file, insert
 from silo.net.keys import Root

@@ -6,7 +6,7 @@ import signal
 import msgspec
 import pytest
 
-from silo.cli.ls import _ls_row
+from silo.cli.loggers.ls import _ls_row
 from silo.client.client import Client
 from silo.core.elements import State
 from silo.core.stalls import idle_words, is_stalled

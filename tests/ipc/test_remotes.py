@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import silo
-from silo.cli.authority import Made, make_network, robot_of, role_of
 from silo.cli.main import EXIT_NO_LOGGER, EXIT_USAGE, cli, run
+from silo.cli.network.authority import Made, make_network, robot_of, role_of
 from silo.errors import RefusedError, SiloError
 from silo.fleet.examining import examine
 from silo.net.access.probing import Layer, LayerError, endpoint_of, reach
@@ -320,7 +320,7 @@ def test_a_certificate_of_somebody_else_is_a_matter_of_the_tls_authority(network
 
 @pytest.mark.slow
 def test_a_certificate_that_ran_out_is_a_matter_of_the_tls_date(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("silo.cli.authority.ROBOT_DAYS", -1)
+    monkeypatch.setattr("silo.cli.network.authority.ROBOT_DAYS", -1)
     port = free_port()
     made = make_network(tmp_path / "lab", ["localhost"], port, {"alice": "operator"}, "127.0.0.1")
     logger = silo.Logger("late", folder=tmp_path, script=tmp_path / "late.yaml")

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 import silo
-from silo.cli.authority import Made, make_network
-from silo.cli.follow import screen_lines
+from silo.cli.loggers.follow import screen_lines
 from silo.cli.main import run
+from silo.cli.network.authority import Made, make_network
 from silo.client.client import Client
 from silo.errors import ConnectionLostError, RefusedError
 from silo.fleet.discovery import discover

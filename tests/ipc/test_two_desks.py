@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from silo.cli.authority import make_network
 from silo.cli.main import EXIT_FAILED, EXIT_USAGE
+from silo.cli.network.authority import make_network
 from silo.core.elements import LoggedEvent
 from silo.files.event_log import read_events
 from silo.net.keys import Root, root_of

@@ -99,7 +99,10 @@ DAMAGES = {
         "silo.files.saving -> silo.logger.logger",
     ),
     "the public names": (insert("silo/loop/plan.py", "from silo import Logger"), "silo.loop.plan -> silo"),
-    "a terminal": (insert("silo/cli/watch.py", "import silo_tui.app"), "silo.cli.watch -> silo_tui.app"),
+    "a terminal": (
+        insert("silo/cli/loggers/watch.py", "import silo_tui.app"),
+        "silo.cli.loggers.watch -> silo_tui.app",
+    ),
     "the helper within the robot program": (
         insert("silo/logger/calls/table.py", "import silo.state.replica"),
         "silo.logger.calls.table -> silo.state.replica",

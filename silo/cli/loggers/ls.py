@@ -1,4 +1,4 @@
-"""`silo ls`: the loggers that run, once, or followed (`silo.cli.follow`)."""
+"""`silo ls`: the loggers that run, once, or followed (`silo.cli.loggers.follow`)."""
 
 import time
 from collections.abc import Iterable
@@ -55,7 +55,7 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
 
     pattern = logger_of(pattern)
     if follow:
-        from silo.cli.follow import follow_fleet
+        from silo.cli.loggers.follow import follow_fleet
 
         follow_fleet(pattern, as_json=as_json)
         return

@@ -48,7 +48,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
       silo info demo_20260102_10-00-00_00001.silo
     """
     if len(words) == 1 and _is_log(words[0]):
-        from silo.cli.files import print_file_info
+        from silo.cli.logs.files import print_file_info
 
         print_file_info(Path(words[0]), as_json)
         return

@@ -10,7 +10,7 @@ from silo.cli.common import TypedPath, json_option, show_json
 from silo.errors import SiloError
 
 # a link to `config/` in the source tree, a folder in an installed package
-FOLDER = Path(__file__).resolve().parents[1] / "config"
+FOLDER = Path(__file__).resolve().parents[2] / "config"
 
 
 @dataclass(frozen=True)

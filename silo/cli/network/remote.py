@@ -176,7 +176,7 @@ def init(
       silo remote init lab --host router.local --user alice:operator --robot robot3 --robot robot4
       silo remote init lab --robot robot5    (one more)
     """
-    from silo.cli.authority import check_roles, make_network, robot_of, role_of
+    from silo.cli.network.authority import check_roles, make_network, robot_of, role_of
     from silo.net.access.rights import ROBOT, SHARED
 
     people, own = dict(map(role_of, users)), {**dict(map(robot_of, names)), **({SHARED: ROBOT} if robots else {})}

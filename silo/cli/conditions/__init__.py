@@ -1,0 +1,1 @@
+"""Commands on limits, triggers and derived signals."""

@@ -1,0 +1,1 @@
+"""Commands on saved logs and recordings, here and on the robot."""

@@ -1,0 +1,1 @@
+"""Commands on ways to other computers."""

@@ -1,0 +1,1 @@
+"""Commands that run a program beside: demo, host, viewers, routers, examples."""
