@@ -25,7 +25,7 @@ from silo_tui.sessions.finder import ClientFinder
 from silo_tui.sessions.link import LinkChanged, LoggerEvent, ViewFailed
 from silo_tui.sessions.live import Session
 from silo_tui.settings.options import Settings
-from silo_tui.settings.reading import Problem
+from silo_tui.settings.reading import SettingsProblem
 from silo_tui.unforeseen import Guarded, Unforeseen
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class SiloApp(Guarded, App[None]):
         file: "FileSession | None" = None,
         view: str = "",
         settings: Settings | None = None,
-        settings_problems: Sequence[Problem] = (),
+        settings_problems: Sequence[SettingsProblem] = (),
     ) -> None:
         # without colours the terminal's own two are left as they are, and no shades of grey are sent instead
         super().__init__(driver_class=terminal.driver_class(), ansi_color=True if "NO_COLOR" in os.environ else None)

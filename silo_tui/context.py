@@ -21,7 +21,7 @@ from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
 from silo_tui.settings.options import Settings
-from silo_tui.settings.reading import Problem
+from silo_tui.settings.reading import SettingsProblem
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
 
@@ -66,7 +66,7 @@ class Context:
         *,
         read_only: bool,
         settings: Settings | None = None,
-        settings_problems: Sequence[Problem] = (),
+        settings_problems: Sequence[SettingsProblem] = (),
     ) -> None:
         self.app = app
         self.holding = holding  # makes what owns the keys while a flow is under way

@@ -14,7 +14,7 @@ import numpy as np
 
 from silo.analysis.compute.arithmetic import in_common
 from silo.analysis.compute.samples import Samples
-from silo.analysis.plots.curves import Picked, picked, text_of
+from silo.analysis.plots.curves import CurveSource, picked, text_of
 from silo.analysis.plots.events import LogEvent, event_lines, events_of
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, stamps_of
 from silo.errors import ElementError
@@ -139,7 +139,7 @@ def _type_name(dtype: np.dtype[np.generic]) -> str:
     return "string" if dtype.kind in "SU" else dtype.name
 
 
-def statistics(signal: Picked) -> SignalStats:
+def statistics(signal: CurveSource) -> SignalStats:
     """Return the minimum, maximum, mean ...
 
     Of the finite samples; of strings and enumerations the most common values too.
@@ -213,7 +213,7 @@ def _compare(
     return found
 
 
-def _compare_values(a: Picked, b: Picked, starts: Sequence[int], tolerance: float) -> list[Difference]:
+def _compare_values(a: CurveSource, b: CurveSource, starts: Sequence[int], tolerance: float) -> list[Difference]:
     """Compare at the time that both have, which counts from these stamps."""
     if not len(a.values) or not len(b.values):
         return []  # how many samples each has is told
@@ -231,7 +231,7 @@ def _compare_values(a: Picked, b: Picked, starts: Sequence[int], tolerance: floa
     return [*found, Difference(a.name, text)] if text else found
 
 
-def _values_differ(a: Picked, b: Picked, when: Samples, tolerance: float) -> str:
+def _values_differ(a: CurveSource, b: CurveSource, when: Samples, tolerance: float) -> str:
     """How values at the same stamps differ; "" where they don't."""
     if a.values.dtype.kind in "SUV":
         texts = [[text_of(v) for v in one.values.tolist()] for one in (a, b)]

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from silo.analysis.compute import calculus, exports, frames, indexing, spectra
 from silo.analysis.compute.arithmetic import warn_outside, wide
-from silo.analysis.compute.operators import Operators
+from silo.analysis.compute.operators import SignalOperators
 from silo.analysis.compute.samples import new_times
 from silo.core import units
 from silo.core.arguments import INT64, shown, text
@@ -53,7 +53,7 @@ _OTHER_NAMES = {
 
 @told_class("signal", make="silo.Signal")
 @dataclass(frozen=True, eq=False, repr=False)
-class Signal(Operators):
+class Signal(SignalOperators):
     """Samples `values[i]` at `time_ns[i]`, with what one asks of them; the fields are those of `Samples`."""
 
     # ------------------------------------------------------------------------------------------------ values at times

@@ -13,7 +13,7 @@ import numpy as np
 
 from silo.core.elements import ElementInfo, State
 from silo.errors import ConnectionLostError, RefusedError, SiloError
-from silo.history.arrays import Batch, Samples, Stream
+from silo.history.arrays import SampleArrays, Stream, StreamBatch
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -31,11 +31,11 @@ class Listener:
     """Who is told, each from the feed's thread. `taken` of the samples is to be called when they were dealt with."""
 
     table: Callable[[str, Sequence[ElementInfo]], None]  # the logger's label and its elements; none: it is gone
-    samples: Callable[[Mapping[str, Samples], Callable[[], None]], None]
+    samples: Callable[[Mapping[str, SampleArrays], Callable[[], None]], None]
     told: Callable[[str], None]
 
 
-class Feed:
+class LoggerFollower:
     """Reads a logger for a bridge. Its thread begins with `start` and ends with `close`.
 
     `missed` counts samples that were overwritten or dropped before the bridge had them.
@@ -141,7 +141,7 @@ class Feed:
             self._stream.close()
         self._stream, self._streamed = None, frozenset()
 
-    def _pass_on(self, batch: Batch | None) -> None:
+    def _pass_on(self, batch: StreamBatch | None) -> None:
         if batch is None:
             return
         fresh = {name: self._unseen(batch.run, name, batch[name]) for name in batch}
@@ -150,7 +150,7 @@ class Feed:
                 return
         self._listener.samples({name: one for name, one in fresh.items() if len(one)}, self._pending.release)
 
-    def _unseen(self, run: str, name: str, samples: Samples) -> Samples:
+    def _unseen(self, run: str, name: str, samples: SampleArrays) -> SampleArrays:
         """What of it was not passed on by the stream before."""
         if not len(samples):
             return samples

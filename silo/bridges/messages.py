@@ -19,7 +19,7 @@ from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import SaveError
 from silo.files.bags.ros_types import ENCAPSULATION, STRING, Channel, channels_of
 from silo.files.bags.writer import utf8_entry
-from silo.history.arrays import Samples
+from silo.history.arrays import SampleArrays
 
 SECOND_NS = 1_000_000_000
 Head = Sequence[tuple[str, str]]
@@ -57,7 +57,7 @@ class LiveTopic:
         names, formats, offsets = zip(*fields, strict=True)
         return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at + self.message_bytes})
 
-    def fill(self, messages: "NDArray[np.void]", samples: Samples) -> None:
+    def fill(self, messages: "NDArray[np.void]", samples: SampleArrays) -> None:
         """Write samples into an array of `message_dtype`, zero before, as long as they are."""
         messages["encapsulation"] = np.frombuffer(ENCAPSULATION, dtype="<u4")[0]
         messages["sec"] = samples.time_ns // SECOND_NS
@@ -68,7 +68,7 @@ class LiveTopic:
         for k, part in enumerate(self.channel.parts):
             messages[f"value{k}"] = to_wire(entry_values(samples, part.entry), part.wire, part.count)
 
-    def texts(self, samples: Samples) -> Iterator[tuple[int, bytes]]:
+    def texts(self, samples: SampleArrays) -> Iterator[tuple[int, bytes]]:
         """Yield time stamp and message of each sample of a topic of texts."""
         (part,) = self.channel.parts
         for time_ns, value in zip(samples.time_ns.tolist(), entry_values(samples, part.entry).tolist(), strict=True):
@@ -79,7 +79,7 @@ class LiveTopic:
             yield time_ns, head.ljust(part.offset, b"\0") + struct.pack("<I", len(letters)) + letters
 
 
-def entry_values(samples: Samples, entry: int) -> NDArray[Any]:
+def entry_values(samples: SampleArrays, entry: int) -> NDArray[Any]:
     """Return shape `(n,)`: the values of one scalar of an element, by its place among the entries."""
     values = samples.values
     if values.dtype.names:

@@ -11,7 +11,7 @@ from silo.errors import ConnectionLostError, SiloError
 
 if TYPE_CHECKING:
     from silo.client.bulk import Job
-    from silo.net.found import Found
+    from silo.net.found import LoggerAddress
 
 
 def everyone_option(command: "Callable[..., object]") -> "Callable[..., object]":
@@ -20,7 +20,7 @@ def everyone_option(command: "Callable[..., object]") -> "Callable[..., object]"
     return click.option("--all", "everyone", is_flag=True, help=words)(command)
 
 
-def many_meant(verb: str, logger: str | None, *, everyone: bool) -> "list[Found] | None":
+def many_meant(verb: str, logger: str | None, *, everyone: bool) -> "list[LoggerAddress] | None":
     """Return the loggers that a glob or `--all` means; None where one is meant, as ever.
 
     A glob without `--all` names them and asks on a terminal. Raises UsageError where nobody can be asked, Abort for no,
@@ -48,7 +48,7 @@ def many_meant(verb: str, logger: str | None, *, everyone: bool) -> "list[Found]
     return found
 
 
-def carry_out(verb: str, found: "Sequence[Found]", job: "Job", *, as_json: bool = False) -> None:
+def carry_out(verb: str, found: "Sequence[LoggerAddress]", job: "Job", *, as_json: bool = False) -> None:
     """Ask all of them, and print an answer for each as it comes.
 
     Raises SiloError where one of them did not, or where a remote wasn't reached that may have more.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from silo.client.client import Client
     from silo.core.elements import ElementInfo, Status
     from silo.fleet.discovery import Discovery
-    from silo.net.found import Found
+    from silo.net.found import LoggerAddress
 
 MOST_COMPLETIONS = 100
 TRY_AGAIN_S = 1.0
@@ -160,7 +160,7 @@ def tell_viewers(client: "Client") -> None:
         raise RefusedError(hello.why_not)
 
 
-def find_logger(name: str | None) -> "Found":
+def find_logger(name: str | None) -> "LoggerAddress":
     """Return the logger that an address means (`robot3/anymal`, `anymal`, `anymal.4711`), or the only one.
 
     Raises ConnectionLostError where there is none, UsageError where several could be meant.

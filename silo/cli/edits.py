@@ -22,7 +22,15 @@ from silo.cli.common import (
 from silo.core.names import matching, places
 from silo.core.quantities import duration
 from silo.errors import ElementError, RefusedError
-from silo.settings.typed import Settings, apply_settings, completions, help_rows, is_setting, rate_words, read_settings
+from silo.settings.typed import (
+    ElementSettings,
+    apply_settings,
+    completions,
+    help_rows,
+    is_setting,
+    rate_words,
+    read_settings,
+)
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -107,7 +115,7 @@ def set_command(words: tuple[str, ...], dry_run: bool, restart: bool, save_first
 
 
 def _set(
-    client: "Client", patterns: Sequence[str], settings: Settings, *, dry_run: bool, restart: bool, keep: str
+    client: "Client", patterns: Sequence[str], settings: ElementSettings, *, dry_run: bool, restart: bool, keep: str
 ) -> None:
     from silo.core.elements import Edit, State
     from silo.settings.script import diff_options
@@ -157,7 +165,7 @@ def _set(
     click.echo(f"changed {what} (revision {applied.revision}){'; logging again' if runs else ''}")
 
 
-def _tell_rate(settings: Settings, options: "Sequence[ElementOptions]", frequency_hz: float) -> None:
+def _tell_rate(settings: ElementSettings, options: "Sequence[ElementOptions]", frequency_hz: float) -> None:
     """What became of a rate; not before it is known that it becomes that."""
     if words := rate_words(settings, options[0].divider, frequency_hz):
         click.echo(words, err=True)

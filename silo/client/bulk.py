@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from silo.client.client import LONGEST_S, Client
 from silo.core.elements import FileType, SavedFile, Status
 from silo.errors import SiloError
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.state.requests import Unsaved
 
 AT_ONCE = 32
@@ -34,10 +34,10 @@ Job = Callable[[Client], tuple[str, tuple[SavedFile, ...]]]
 
 
 def outcomes(
-    targets: Sequence[Found], job: Job, *, read_only: bool = False, at_once: int = AT_ONCE
+    targets: Sequence[LoggerAddress], job: Job, *, read_only: bool = False, at_once: int = AT_ONCE
 ) -> Iterator[Outcome]:
     """Yield one outcome for each logger as it comes. Who stops iterating has no further ones asked."""
-    waiting: queue.SimpleQueue[tuple[int, Found]] = queue.SimpleQueue()
+    waiting: queue.SimpleQueue[tuple[int, LoggerAddress]] = queue.SimpleQueue()
     for item in enumerate(targets):
         waiting.put(item)
     answers: queue.SimpleQueue[Outcome] = queue.SimpleQueue()
@@ -61,7 +61,7 @@ def outcomes(
         stop.set()
 
 
-def _ask(place: int, found: Found, job: Job, *, read_only: bool) -> Outcome:
+def _ask(place: int, found: LoggerAddress, job: Job, *, read_only: bool) -> Outcome:
     try:
         with Client.connect(found, read_only=read_only) as client:
             text, files = job(client)

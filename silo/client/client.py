@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from silo.client.connection import Connection
-from silo.client.leases import Held, Leases
+from silo.client.leases import ControlLease, Renewals
 from silo.client.saves import Saves
 from silo.conditions.requests import ConditionRequests
 from silo.control.requests import GiveControl, ReleaseControl, TakeControl
@@ -26,7 +26,7 @@ from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, 
 from silo.history.search_requests import FindMoments, MeasureSpan
 from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.recordings.requests import RecordingRequests
 from silo.requests import AnyReply
 from silo.requests.exchange import NoAnswerError, client_name
@@ -44,9 +44,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from silo.core.arrays.columns import HistoryColumns
-    from silo.expressions.search import Found as FoundMoments
+    from silo.expressions.search import FoundMoments
     from silo.expressions.span import Between
-    from silo.history.arrays import Pin, Samples, Stream
+    from silo.history.arrays import Pin, SampleArrays, Stream
     from silo.live.topic import Topic
     from silo.live.view import View
 
@@ -59,9 +59,9 @@ LONGEST_S = 1e6  # that anybody waits
 class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, ConditionRequests):
     """A connection to one logger. A context manager."""
 
-    _held: Held | None = None
+    _held: ControlLease | None = None
 
-    def __init__(self, found: Found, timeout_s: float = Ask.timeout_s, *, read_only: bool = False) -> None:
+    def __init__(self, found: LoggerAddress, timeout_s: float = Ask.timeout_s, *, read_only: bool = False) -> None:
         """Connect to a logger that was found; `connect` looks for it.
 
         Args:
@@ -73,14 +73,14 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
             ConnectionLostError: nobody answers.
             ElementError: that is no logger that was found.
         """
-        if not isinstance(found, Found):
+        if not isinstance(found, LoggerAddress):
             raise ElementError(f"a client is made by silo.connect('robot'), got {shown(found)}")
         self._timeout_s = timeout_s
         self.read_only = read_only
         self._name = client_name()
         self._saves = Saves()
         self._connection = Connection(found, timeout_s, self._name, self._renew)
-        self._leases = Leases(self._connection, lambda: self._name)
+        self._leases = Renewals(self._connection, lambda: self._name)
         self._connection.on_event(self._saves.note)
         self._connection.on_link(self._saves.note_link)
         self._connection.watch()
@@ -88,7 +88,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
     @classmethod
     def connect(
         cls,
-        logger: "str | Found" = "",
+        logger: "str | LoggerAddress" = "",
         timeout_s: float = Ask.timeout_s,
         config: str = "",
         *,
@@ -111,7 +111,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
         """
         switch("read_only", read_only)
         timeout_s = real("timeout_s", timeout_s, 0, LONGEST_S, "s", include_low=False)
-        if isinstance(logger, Found):
+        if isinstance(logger, LoggerAddress):
             return cls(logger, timeout_s, read_only=read_only)
         text("logger", logger, 'Client.connect("robot")')
         text("config", config, 'Client.connect("robot", config="client.json5")')
@@ -142,7 +142,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
         return "closed" if self._connection.closed else "connected" if self.connected else "not connected"
 
     @property
-    def found(self) -> Found:
+    def found(self) -> LoggerAddress:
         """Which logger this is; changes when the robot program was started anew."""
         return self._connection.found
 
@@ -276,7 +276,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
         words = self._call(TakeControl(lease_s=lease_s or LEASE_S, force=force)).text
         if lease_s is None:
             self._let_go()
-            self._held = Held(TakeControl(lease_s=LEASE_S, renew=True), on_lost)
+            self._held = ControlLease(TakeControl(lease_s=LEASE_S, renew=True), on_lost)
             self._leases.add(self._held)
         return words
 
@@ -457,7 +457,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
             period_s: time between two deliveries, s.
 
         Returns:
-            The stream, of batches with `Samples` by name; close it, or use it as a context manager.
+            The stream, of batches with `SampleArrays` by name; close it, or use it as a context manager.
 
         Raises:
             RefusedError: a name is unknown, a number out of range, or too many streams are open.
@@ -521,7 +521,7 @@ class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, Con
         pin: "Pin | None" = None,
         reply_bytes: int = 2**20,
         told: Callable[[float], None] | None = None,
-    ) -> "dict[str, Samples]":
+    ) -> "dict[str, SampleArrays]":
         """Return all samples that the buffers (or a pin) hold of elements or entries, with `start <= ... < end`.
 
         What comes while it is read is left out.

@@ -13,18 +13,18 @@ from silo.core.calls import told
 from silo.errors import ElementError
 from silo.fleet.discovery import Discovery, discover
 from silo.net.addresses import parse_url
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.rpc.declaring import Ask
 
 if TYPE_CHECKING:
     from silo.live.topic import Topic
 
-__all__ = ["Client", "Discovery", "Found", "connect", "discover", "topic"]
+__all__ = ["Client", "Discovery", "LoggerAddress", "connect", "discover", "topic"]
 
 
 @told("silo.connect")
 def connect(
-    logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "", *, read_only: bool = False
+    logger: "str | LoggerAddress" = "", timeout_s: float = Ask.timeout_s, config: str = "", *, read_only: bool = False
 ) -> Client:
     """Connect to a running logger.
 

@@ -24,9 +24,9 @@ from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.fleet.discovery import namesakes
 from silo.fleet.near import seen_now
 from silo.net import keys
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.net.session import owner_is_gone
-from silo.net.sessions import Borrowed, borrow, give_back, undeclare
+from silo.net.sessions import SessionLease, borrow, give_back, undeclare
 from silo.requests import AnyReply
 from silo.requests.exchange import exchange, root_at
 from silo.requests.many import Pending
@@ -63,7 +63,7 @@ class Attachable(Protocol):
 class Connection:
     """A watched session to one logger."""
 
-    def __init__(self, found: Found, timeout_s: float, who: str, on_round: Callable[[], None]) -> None:
+    def __init__(self, found: LoggerAddress, timeout_s: float, who: str, on_round: Callable[[], None]) -> None:
         """Connects. Raises ConnectionLostError, VersionError. `on_round` is called 20 times a second after `watch`."""
         self.found = found
         self._who = who
@@ -74,7 +74,7 @@ class Connection:
         self._event_callbacks: list[Callable[[Event], None]] = []
         self._link_callbacks: list[Callable[[bool], None]] = []
         self._session: zenoh.Session | None = None
-        self._borrowed: Borrowed | None = None
+        self._borrowed: SessionLease | None = None
         self._dead = False
         self._lost_s = 0.0
         self._retry_s = 0.0
@@ -95,7 +95,7 @@ class Connection:
 
     # -------------------------------------------------------------------------------------------- one session
 
-    def _open(self, found: Found, timeout_s: float) -> None:
+    def _open(self, found: LoggerAddress, timeout_s: float) -> None:
         borrowed = borrow(found.socket, found.config, REACH_S)
         session = borrowed.session
         declared: list[Any] = []
@@ -155,7 +155,7 @@ class Connection:
             give_back(borrowed)  # takes 2.5 s if it is closed and the other side is frozen
 
     @staticmethod
-    def label_of(found: Found) -> str:
+    def label_of(found: LoggerAddress) -> str:
         """Return how to speak of a logger."""
         return f"logger '{found.host}/{found.name}'" if found.config else f"logger '{found.name}'"
 
@@ -179,7 +179,7 @@ class Connection:
             )
         return session
 
-    def borrowed(self) -> Borrowed:
+    def borrowed(self) -> SessionLease:
         """Return what requests go through. Raises ConnectionLostError while there is no session."""
         borrowed = self._borrowed
         if borrowed is None:
@@ -349,7 +349,7 @@ class Connection:
             return
         self._retry_s = time.monotonic() + RETRY_S
 
-    def _candidates(self) -> list[Found]:
+    def _candidates(self) -> list[LoggerAddress]:
         """Return the same helper process or its successor first, then other loggers of the name, the newest first."""
         if self.found.config:
             return [self.found, *self._namesakes()]
@@ -358,7 +358,7 @@ class Connection:
             return [seen_now(self.found)]
         return self._namesakes()
 
-    def _namesakes(self) -> list[Found]:
+    def _namesakes(self) -> list[LoggerAddress]:
         """Return loggers of the same name on the same computer that were started after we connected.
 
         Those that were there are other robots, and so are those of another computer that calls itself the same.
@@ -395,12 +395,12 @@ def _wait_for_token(alive: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]", time
         time.sleep(TOKEN_POLL_S)
 
 
-def _mark(found: Found) -> str:
+def _mark(found: LoggerAddress) -> str:
     """Return what tells a logger from others of its name."""
     return found.socket or str(found.root)
 
 
-def _may_follow(found: Found, mine: Found) -> bool:
+def _may_follow(found: LoggerAddress, mine: LoggerAddress) -> bool:
     """Return whether this may be the same robot, started again."""
     if not mine.config:  # of this computer
         return (found.name, found.user) == (mine.name, mine.user)
@@ -420,7 +420,7 @@ def _state_of(reply: AnyReply) -> State:
     return reply.status.state
 
 
-def _age(found: Found) -> float:
+def _age(found: LoggerAddress) -> float:
     """Return when the socket was made; 0 if it is gone."""
     try:
         return Path(found.socket).stat().st_ctime

@@ -26,7 +26,7 @@ RENEW_S = 2.0  # a third of a view's lease
 GONE = (RefusedWhy.NOT_FOUND, RefusedWhy.CONTROL, RefusedWhy.FORBIDDEN)  # it is no more, or somebody else has it
 
 
-class Held:
+class ControlLease:
     """Control that a client renews until it gives it up, or somebody takes it."""
 
     refused = ""
@@ -41,10 +41,10 @@ class Held:
             self._on_lost(why)
 
 
-Leased: TypeAlias = "View | Stream | Pin | Held"
+Leased: TypeAlias = "View | Stream | Pin | ControlLease"
 
 
-class Leases:
+class Renewals:
     """Renews them while the connection is up, and opens them anew with another helper process."""
 
     def __init__(self, connection: Connection, name: Callable[[], str]) -> None:

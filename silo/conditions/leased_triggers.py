@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import msgspec
 
 from silo.core.arguments import real
-from silo.core.elements import ElementInfo, Extras, LoggerOptions, TriggerOptions
+from silo.core.elements import Conditions, ElementInfo, LoggerOptions, TriggerOptions
 from silo.errors import ElementError
 from silo.rpc.leases import Leases
 
@@ -24,7 +24,7 @@ class LeasedTriggers:
         self._leased: Leases[str, TriggerOptions] = Leases(MOST_LEASED)
 
     def set(
-        self, one: TriggerOptions, lease_s: float, owner: str, extras: Extras, table: Sequence[ElementInfo],
+        self, one: TriggerOptions, lease_s: float, owner: str, extras: Conditions, table: Sequence[ElementInfo],
         logger: LoggerOptions,
     ) -> bool:  # fmt: skip
         """Hold a trigger, or another one of its name; the same again only renews the lease. Whether it is a new one.
@@ -63,7 +63,7 @@ class LeasedTriggers:
         found = self._leased.find(name)
         return found.owner if found is not None else ""
 
-    def beside(self, extras: Extras) -> Extras:
+    def beside(self, extras: Conditions) -> Conditions:
         """Return the extras of the logger with those that are held; a name that the logger has is the logger's."""
         held = [one.value for one in self._leased.all()]
         names = {one.name for one in extras.triggers}

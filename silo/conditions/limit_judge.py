@@ -17,7 +17,7 @@ from silo.conditions.rows import JudgedRows
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import SignalLimits
 from silo.errors import ElementError
-from silo.expressions.binding import OFF, Bound, Column, Signal, meaning
+from silo.expressions.binding import OFF, BoundExpression, BoundSignal, ScalarPlace, meaning
 from silo.expressions.evaluation import Evaluator, EvaluatorMemory, SourceRows
 from silo.judging.definitions import bind_limits, scalar_names
 from silo.judging.limits import EntryState, Level, Limit, LimitRule, Violation
@@ -36,7 +36,7 @@ _WORDS = {
 
 
 @dataclass
-class Scalar:
+class ScalarMemory:
     """What is kept of a scalar beside its state: the worst of its violations, and what clients were told.
 
     `untold` is the worst since they were told of it, `told` the range that they were told of last.
@@ -58,7 +58,7 @@ class LimitMemory:
     """What is kept of the limits of one signal, to go on elsewhere."""
 
     options: SignalLimits
-    scalars: list[Scalar]
+    scalars: list[ScalarMemory]
     states: list[EntryState]
     newest: np.ndarray
     evaluator: EvaluatorMemory | None
@@ -70,16 +70,16 @@ class _Limited:
 
     options: SignalLimits
     why: str = ""
-    scalars: list[Scalar] = field(default_factory=list)
+    scalars: list[ScalarMemory] = field(default_factory=list)
     unit: str = ""
     limit: Limit = field(default_factory=lambda: Limit(LimitRule()))
-    expressions: tuple[Bound, ...] = ()
+    expressions: tuple[BoundExpression, ...] = ()
     evaluator: Evaluator | None = None
     newest: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     stirred: bool = False  # not all of it is green, or was
     silent: str = ""  # why nothing of it is recorded any more
 
-    def columns(self) -> list[Column]:
+    def columns(self) -> list[ScalarPlace]:
         return [column for bound in self.expressions for column in bound.columns]
 
     def take(self, found: Sequence[Violation]) -> None:
@@ -183,15 +183,17 @@ class LimitJudge:
             rule, expressions = bind_limits(options, catalogue)
         except ElementError as error:
             problems.append(f"limits of '{options.name}' are not judged: {error}")
-            return _Limited(options, str(error), [Scalar(options.name)])
+            return _Limited(options, str(error), [ScalarMemory(options.name)])
         signal = expressions[0]
-        scalars = [Scalar(name) for name in scalar_names(signal, catalogue, options.name)]
+        scalars = [ScalarMemory(name) for name in scalar_names(signal, catalogue, options.name)]
         if not signal.sources or any(bound.columns and not bound.sources for bound in expressions):
             off = ", ".join(self._rows.off_names(expressions)[:3])
             problems.append(f"limits of '{options.name}' are blind: {off} is off")
             return _Limited(options, f"{off} is off", scalars, signal.unit)
         sources = {column.source for column in signal.columns}
-        plain = len(expressions) == 1 and isinstance(signal.root, Signal) and len(sources) == 1 and OFF not in sources
+        plain = (
+            len(expressions) == 1 and isinstance(signal.root, BoundSignal) and len(sources) == 1 and OFF not in sources
+        )
         return _Limited(
             options, "", scalars, signal.unit, Limit(rule, len(scalars)), expressions,
             None if plain else Evaluator(*expressions), np.full(len(scalars), np.nan), bool(rule.stale_ns),
@@ -228,7 +230,7 @@ class LimitJudge:
         return bool(self._limited)
 
     @property
-    def columns(self) -> list[Column]:
+    def columns(self) -> list[ScalarPlace]:
         """What must be read for them."""
         return [column for one in self._limited.values() if not one.why for column in one.columns()]
 
@@ -322,7 +324,7 @@ class LimitJudge:
         return news
 
 
-def _sample_ticks(bound: Bound, rows: Mapping[int, SourceRows]) -> NDArray[np.int64]:
+def _sample_ticks(bound: BoundExpression, rows: Mapping[int, SourceRows]) -> NDArray[np.int64]:
     return np.concatenate([rows[ring].ticks for ring in bound.sources])
 
 
@@ -371,7 +373,7 @@ def _with_worst(made: LimitStatus, rule: LimitRule, state: EntryState, worst: Vi
     )  # fmt: skip
 
 
-def _severity(scalar: Scalar) -> int:
+def _severity(scalar: ScalarMemory) -> int:
     return abs(scalar.untold.worst) if scalar.untold is not None else 0
 
 
@@ -379,7 +381,7 @@ def _is_over(state: EntryState) -> bool:
     return bool(state.level or state.stale or state.is_open)
 
 
-def _is_due(scalar: Scalar, state: EntryState, now_s: float) -> bool:
+def _is_due(scalar: ScalarMemory, state: EntryState, now_s: float) -> bool:
     """Whether clients must be told of it: at once of what is worse than they know."""
     if _severity(scalar) > abs(scalar.told):
         return True
@@ -388,7 +390,7 @@ def _is_due(scalar: Scalar, state: EntryState, now_s: float) -> bool:
     return changed and now_s - scalar.told_s >= TELL_AGAIN_S
 
 
-def _news(one: _Limited, scalar: Scalar, state: EntryState) -> list[LimitNews]:
+def _news(one: _Limited, scalar: ScalarMemory, state: EntryState) -> list[LimitNews]:
     """Say what has become of it since clients were told, and take it as told."""
     new, new_stale, over = state.count - scalar.told_count, state.stale_count - scalar.told_stale, _is_over(state)
     untold, told = scalar.untold, scalar.told

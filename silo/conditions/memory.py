@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 
 from silo.conditions.captures.writer import CaptureWriter
-from silo.conditions.segment_judge import SegmentJudge, Step
+from silo.conditions.segment_judge import JudgedStep, SegmentJudge
 from silo.conditions.state_file import (
     JudgeState,
     KeptCapture,
@@ -28,7 +28,7 @@ from silo.errors import SegmentError
 from silo.files.manifest import CaptureList
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
-from silo.state.events import Events
+from silo.state.events import EventNotifier
 
 KEEP_S = 1.0  # how often a state is stored in which only rows are new
 SHARE = 0.05  # of the time, at most, where it is large
@@ -42,7 +42,7 @@ log = logging.getLogger("silo.helper")
 class JudgeMemory:
     """The files of one judge."""
 
-    def __init__(self, logger: str, logger_id: str, pid: int, events: Events, writer: CaptureWriter) -> None:
+    def __init__(self, logger: str, logger_id: str, pid: int, events: EventNotifier, writer: CaptureWriter) -> None:
         self._logger, self._id, self._pid, self._events, self._writer = logger, logger_id, pid, events, writer
         self._left: dict[str, JudgeState] = {}
         self._own: dict[str, Path] = {}
@@ -139,7 +139,7 @@ class JudgeMemory:
         """Whether the state should be stored though nothing happened but rows."""
         return time.monotonic() >= self._due_s
 
-    def keep(self, judge: SegmentJudge, found: Step | None, *, closed: bool, failed: str) -> None:
+    def keep(self, judge: SegmentJudge, found: JudgedStep | None, *, closed: bool, failed: str) -> None:
         """Store the state, with what is about to be told."""
         begun_s = time.monotonic()
         run = judge.reader.schema.run
@@ -165,14 +165,14 @@ class JudgeMemory:
         now_s = time.monotonic()
         self._due_s = now_s + max(KEEP_S, (now_s - begun_s) / SHARE)
 
-    def tell(self, found: Step, judge: SegmentJudge) -> None:
+    def tell(self, found: JudgedStep, judge: SegmentJudge) -> None:
         """Publish what was found."""
         run = judge.reader.schema.run
         told = self._told.setdefault(run, [])
         before = self._before.get(run, ())
         told += [(self._publish(one, run), one) for one in untold(found) if (one.kind, one.text) not in before]
 
-    def tell_new(self, found: Step, judge: SegmentJudge) -> None:
+    def tell_new(self, found: JudgedStep, judge: SegmentJudge) -> None:
         """Publish what was found in a run that is over, as far as nobody did before."""
         reader = judge.reader
         self._tell_new(untold(found), reader.schema.run, reader.ticks - 1, reader.last_time_ns)
@@ -226,7 +226,7 @@ def lost_text(kept: KeptCapture, why: str) -> str:
     return f"capture {capture.number} of '{kept.options.name}', ticks {capture.first} to {capture.last}, is lost: {why}"
 
 
-def untold(found: Step) -> list[Untold]:
+def untold(found: JudgedStep) -> list[Untold]:
     """Return what a step is to tell."""
     events = [Untold(EventKind.BLIND.value, text) for text in found.blind]
     for name, fires in found.fired:

@@ -22,18 +22,18 @@ import msgspec
 from silo.conditions.captures.writer import CaptureWriter
 from silo.conditions.leased_triggers import LeasedTriggers
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
-from silo.core.elements import NO_EXTRAS, Extras, TriggerOptions
+from silo.core.elements import NO_EXTRAS, Conditions, TriggerOptions
 from silo.core.runtime import runtime_dir
 from silo.errors import ElementError, SegmentError, SiloError
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
-from silo.state.events import Events
-from silo.state.replica import Mirror
+from silo.state.events import EventNotifier
+from silo.state.replica import Replica
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need
     from silo.conditions.memory import JudgeMemory
-    from silo.conditions.segment_judge import SegmentJudge, Step
+    from silo.conditions.segment_judge import JudgedStep, SegmentJudge
 
 IDLE_S = 0.1  # how often is looked whether there is a run with triggers
 
@@ -58,7 +58,7 @@ class Standing:
 class Judge:
     """Owns the judge thread and the one that writes captures."""
 
-    def __init__(self, mirror: Mirror, events: Events) -> None:
+    def __init__(self, mirror: Replica, events: EventNotifier) -> None:
         self._mirror, self._events = mirror, events
         self.leased = LeasedTriggers()
         self._wake = threading.Event()
@@ -434,12 +434,12 @@ class Judge:
             self._judge = judge
         return True
 
-    def _made(self, reader: SegmentReader, extras: Extras, since: int) -> "SegmentJudge":
+    def _made(self, reader: SegmentReader, extras: Conditions, since: int) -> "SegmentJudge":
         from silo.conditions.segment_judge import SegmentJudge
 
         return SegmentJudge(reader, self._mirror.now.table.elements, extras, since, lambda: self._writer.size_bytes)
 
-    def _begin(self, reader: SegmentReader, extras: Extras, since: int = 0) -> None:
+    def _begin(self, reader: SegmentReader, extras: Conditions, since: int = 0) -> None:
         self._judge = judge = self._made(reader, extras, since)
         if since:
             judge.count_from(self._remembering().numbers(reader.schema.run))
@@ -448,7 +448,7 @@ class Judge:
         self._tell_problems(judge)
         self._keep(judge)  # a successor that finds nothing judges all: then nothing was told
 
-    def _keep(self, judge: "SegmentJudge", found: "Step | None" = None) -> None:
+    def _keep(self, judge: "SegmentJudge", found: "JudgedStep | None" = None) -> None:
         self._remembering().keep(judge, found, closed=self._closed, failed=self._failed)
 
     def _tell_problems(self, judge: "SegmentJudge") -> None:
@@ -469,7 +469,7 @@ class Judge:
         self._standing = self._stands()
         self._judge = None
 
-    def _bring(self, judge: "SegmentJudge", found: "Step") -> None:
+    def _bring(self, judge: "SegmentJudge", found: "JudgedStep") -> None:
         """Store what is known by now, then tell what was found and have it written: never the other way round."""
         memory = self._remembering()
         if found or memory.is_due():
@@ -479,7 +479,7 @@ class Judge:
             self._writer.add(spool)
 
 
-def _has_conditions(extras: Extras) -> bool:
+def _has_conditions(extras: Conditions) -> bool:
     return extras is not NO_EXTRAS and bool(extras.triggers or extras.limits)
 
 

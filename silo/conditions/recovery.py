@@ -15,7 +15,7 @@ from silo.conditions.captures.files import write_capture
 from silo.conditions.memory import lost_news, untold
 from silo.conditions.segment_judge import SegmentJudge
 from silo.conditions.state_file import SUFFIX, JudgeState, Untold, all_states, begun_state, read_state, state_path
-from silo.core.elements import Extras, LoggedEvent, SavedFile
+from silo.core.elements import Conditions, LoggedEvent, SavedFile
 from silo.core.runtime import HELD_SUFFIX, list_held, list_segments
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import append_events, newest_number, read_events
@@ -45,7 +45,7 @@ class RecoveredCaptures:
 
     files: list[SavedFile]
     texts: list[str]
-    extras: Extras | None = None
+    extras: Conditions | None = None
     is_whole: bool = True
 
 

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from silo.core.elements import BufferType, Derived, ElementInfo
-from silo.expressions.binding import OFF, Bound, Catalogue, Column, Known
+from silo.expressions.binding import OFF, BoundExpression, Catalogue, Known, ScalarPlace
 from silo.expressions.evaluation import SourceRows
 from silo.segment.layout import ElementSchema, EntrySchema
 from silo.segment.picking import RowPicker
@@ -62,7 +62,7 @@ class JudgedRows:
         self.catalogue = Catalogue(self.catalogue.elements, self.catalogue.prefix, derived)
         return True
 
-    def want(self, columns: Iterable[Column], since: int) -> None:
+    def want(self, columns: Iterable[ScalarPlace], since: int) -> None:
         """Read these and no others from now on: what was not read before from tick `since` on."""
         wanted: dict[int, dict[tuple[int, int], EntrySchema]] = {}
         for column in columns:
@@ -104,7 +104,7 @@ class JudgedRows:
         """Rings that record no more, as their buffers are full: what is in them can't be told from here on."""
         return frozenset(self._silent)
 
-    def silent_why(self, expressions: Iterable[Bound]) -> str:
+    def silent_why(self, expressions: Iterable[BoundExpression]) -> str:
         """Return which signals of expressions record no more, in words; empty where all do."""
         full = [
             (column.element, self._reader.schema.rings[column.source])
@@ -133,7 +133,7 @@ class JudgedRows:
         """Return what is known of these elements."""
         return [one.info for one in self._elements if one.info.name in names]
 
-    def off_names(self, expressions: Iterable[Bound]) -> list[str]:
+    def off_names(self, expressions: Iterable[BoundExpression]) -> list[str]:
         """Return the elements in expressions that are off."""
         places = {column.element for bound in expressions for column in bound.columns if column.source == OFF}
         return [self._elements[place].info.name for place in sorted(places)]

@@ -9,18 +9,18 @@ from dataclasses import dataclass, field, replace
 
 import msgspec
 
-from silo.conditions.captures.buffer import Spool, bytes_per_tick
+from silo.conditions.captures.buffer import CaptureBuffer, bytes_per_tick
 from silo.conditions.limit_judge import LimitJudge, LimitNews
 from silo.conditions.rows import JudgedRows
 from silo.conditions.standing import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
 from silo.conditions.state_file import JudgeState, KeptCapture, KeptTrigger, Untold
-from silo.core.elements import ElementInfo, Extras, TriggerOptions
+from silo.core.elements import Conditions, ElementInfo, TriggerOptions
 from silo.errors import ElementError
-from silo.expressions.binding import Bound, meaning
+from silo.expressions.binding import BoundExpression, meaning
 from silo.expressions.evaluation import Evaluator
 from silo.judging.definitions import trigger_rule
 from silo.judging.switched_off import trigger_conditions
-from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Mode, Trigger, TriggerState, longest_capture
+from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Trigger, TriggerMode, TriggerState, longest_capture
 from silo.segment.held_runs import program_of
 from silo.segment.layout import TIME_RING
 from silo.segment.reader import SegmentReader
@@ -45,7 +45,7 @@ class _Watched:
 
     options: TriggerOptions
     trigger: Trigger
-    expressions: tuple[Bound, ...] = ()
+    expressions: tuple[BoundExpression, ...] = ()
     evaluator: Evaluator | None = None
     why: str = ""
     note: str = ""  # what it is judged without
@@ -55,7 +55,7 @@ class _Watched:
 
 
 @dataclass
-class Step:
+class JudgedStep:
     """What one look at the rings brought: words for clients, and captures that are whole.
 
     `fired` has for each thing to tell the trigger and its fires, of what chatters several.
@@ -63,7 +63,7 @@ class Step:
 
     fired: list[tuple[str, list[Fire]]] = field(default_factory=list)
     blind: list[str] = field(default_factory=list)
-    whole: list[Spool] = field(default_factory=list)
+    whole: list[CaptureBuffer] = field(default_factory=list)
     limits: list[LimitNews] = field(default_factory=list)
 
     def __bool__(self) -> bool:
@@ -77,7 +77,7 @@ class SegmentJudge:
         self,
         reader: SegmentReader,
         table: Sequence[ElementInfo],
-        extras: Extras | None = None,
+        extras: Conditions | None = None,
         since: int = 0,
         unwritten: Callable[[], int] = int,
     ) -> None:
@@ -88,19 +88,19 @@ class SegmentJudge:
         """
         self.reader = reader
         self.problems: list[str] = []
-        self.extras = Extras()
+        self.extras = Conditions()
         self._rows = JudgedRows(reader, table)
         self._watched: dict[str, _Watched] = {}
         self._limits = LimitJudge(self._rows)
         self._until, self._steps = since, 0
-        self._spools: list[Spool] = []
+        self._spools: list[CaptureBuffer] = []
         self._numbers: dict[str, int] = {}  # captures of each name so far: they stand in names of files
         self._off: set[str] = set()  # elements in conditions that are off
-        self._found = Step()
+        self._found = JudgedStep()
         self._unwritten = unwritten
         self.adopt(reader.schema.extras if extras is None else extras)
 
-    def adopt(self, extras: Extras) -> None:
+    def adopt(self, extras: Conditions) -> None:
         """Judge these triggers and limits from now on; those that stay the same go on as they are."""
         self.problems = []
         before, self.extras = self._watched, extras
@@ -137,7 +137,9 @@ class SegmentJudge:
         self._off.update(found.off, found.without)
         if found.problem:
             self.problems.append(f"trigger '{options.name}' {found.problem}")
-        if (not found.can_fire and rule.mode is not Mode.AUTO) or not any(bound.sources for bound in found.bounds):
+        if (not found.can_fire and rule.mode is not TriggerMode.AUTO) or not any(
+            bound.sources for bound in found.bounds
+        ):
             made.why = f"{', '.join(found.off[:3])} is off"
             return made
         made.note = found.problem.removeprefix("is ")
@@ -181,7 +183,7 @@ class SegmentJudge:
         else:
             watched.trigger.disarm()
 
-    def force(self, name: str) -> tuple[Step, int]:
+    def force(self, name: str) -> tuple[JudgedStep, int]:
         """Fire at the newest tick that is judged; returns what that brought, and the tick. Raises ElementError."""
         if name not in self._watched:
             raise ElementError(f"no trigger is called '{name}'; nothing was changed")
@@ -208,7 +210,7 @@ class SegmentJudge:
         trigger, tick = one.trigger, self._until
         state, why = _WORDS.get(trigger.state(tick)), one.why or one.note
         if state is None:
-            over = one.options.mode == Mode.SINGLE.value and one.options.armed
+            over = one.options.mode == TriggerMode.SINGLE.value and one.options.armed
             state = TriggerWord.FIRED if over else TriggerWord.OFF
         elif one.evaluator is None:
             state = TriggerWord.BLIND
@@ -233,9 +235,9 @@ class SegmentJudge:
 
     # ------------------------------------------------------------------------------------------------------ judging
 
-    def step(self, is_late: Callable[[], bool] = bool) -> Step:
+    def step(self, is_late: Callable[[], bool] = bool) -> JudgedStep:
         """Judge what is new, up to the tick that stands in all rings; what is left when `is_late` is told."""
-        self._found = found = Step()
+        self._found = found = JudgedStep()
         # the time ring's head is written last: rows of all ticks before it stand in every ring
         ticks = self.reader.ticks
         while self._until < ticks and self.active:
@@ -259,7 +261,7 @@ class SegmentJudge:
             self.reader.release_pages()  # else this process would count all buffers as its own memory
         return found
 
-    def _judge(self, until: int, found: Step) -> None:
+    def _judge(self, until: int, found: JudgedStep) -> None:
         rows, lost = self._rows.read(until)
         if lost:
             what = " and ".join(word for word, there in (("triggers", self._watched), ("limits", self._limits.active))
@@ -276,7 +278,7 @@ class SegmentJudge:
             self._note_fires(one, found)
             self._check_silent(one, one.evaluator, until - 1, found)
 
-    def _note_fires(self, one: _Watched, found: Step) -> None:
+    def _note_fires(self, one: _Watched, found: JudgedStep) -> None:
         """Have each fire told, also one that makes a capture longer; of what chatters the first of each second."""
         if not one.options.save:
             return  # it is for looking
@@ -293,7 +295,7 @@ class SegmentJudge:
         if rest:
             found.fired.append((name, rest))
 
-    def _check_silent(self, one: _Watched, evaluator: Evaluator, tick: int, found: Step) -> None:
+    def _check_silent(self, one: _Watched, evaluator: Evaluator, tick: int, found: JudgedStep) -> None:
         """Take in that none of the signals of a trigger is recorded any more."""
         why = self._rows.silent_why(one.expressions) if self._rows.silent.issuperset(evaluator.sources) else ""
         if why:
@@ -304,7 +306,7 @@ class SegmentJudge:
 
     # ------------------------------------------------------------------------------------------------- captures
 
-    def _capture(self, options: TriggerOptions, capture: Capture, found: Step) -> None:
+    def _capture(self, options: TriggerOptions, capture: Capture, found: JudgedStep) -> None:
         for spool in self._spools:
             if spool.trigger == options.name and spool.capture.number == capture.number:
                 spool.extend(capture)
@@ -317,13 +319,13 @@ class SegmentJudge:
                 f"written, take more than {MOST_SPOOL_BYTES // 2**20} MB; make pre and post shorter, or give a holdoff"
             )
             return
-        spool = Spool(options, capture, self.reader, self.extras)
+        spool = CaptureBuffer(options, capture, self.reader, self.extras)
         # at once, whatever was judged: the oldest rows are overwritten next
         spool.append(self.reader.ticks)
         self._spools.append(spool)
 
-    def _copy(self, until: int, found: Step) -> None:
-        under_way: list[Spool] = []
+    def _copy(self, until: int, found: JudgedStep) -> None:
+        under_way: list[CaptureBuffer] = []
         for spool in self._spools:
             is_whole = spool.append(until)
             if spool.is_cut:
@@ -339,21 +341,21 @@ class SegmentJudge:
     def _taken_bytes(self) -> int:
         return self._unwritten() + sum(spool.size_bytes for spool in self._spools)
 
-    def _cut(self, spool: Spool, why: str) -> None:
+    def _cut(self, spool: CaptureBuffer, why: str) -> None:
         """Close a capture before its end; what fires next begins another one."""
         self._end_spool(spool, why)
         one = self._watched.get(spool.trigger)
         if one is not None and one.trigger.capture is not None and one.trigger.capture.number == spool.capture.number:
             one.trigger.capture = replace(one.trigger.capture, last=spool.ticks - 1)
 
-    def end(self, why: str, is_late: Callable[[], bool] = bool) -> Step:
+    def end(self, why: str, is_late: Callable[[], bool] = bool) -> JudgedStep:
         """Judge the rest, and close the captures that are under way, with the reason."""
         self.step(is_late)
         return self.close(why)
 
-    def close(self, why: str) -> Step:
+    def close(self, why: str) -> JudgedStep:
         """Close the captures that are under way and judge no more; with what the last step found until it failed."""
-        found, self._found = self._found, Step()
+        found, self._found = self._found, JudgedStep()
         found.limits += self._limits.news(last=True)  # what would have been told a little later
         for spool in self._spools:
             self._end_spool(spool, why)
@@ -361,11 +363,11 @@ class SegmentJudge:
         self._spools = []
         return found
 
-    def _end_spool(self, spool: Spool, why: str) -> None:
+    def _end_spool(self, spool: CaptureBuffer, why: str) -> None:
         missing = max(0, spool.capture.last + 1 - spool.ticks)
         spool.ended = f"{why}, {missing} ticks before its end"
 
-    def hand_over(self, why: str) -> Step:
+    def hand_over(self, why: str) -> JudgedStep:
         """Judge the rest, and close the captures that a successor would not find whole in the rings any more."""
         found = self.step()
         gone = [spool for spool in self._spools if not spool.is_held()]
@@ -397,7 +399,7 @@ class SegmentJudge:
         for name, one in self._watched.items():
             one.trigger.captures = max(one.trigger.captures, numbers.get(name, 0))
 
-    def recall(self, state: JudgeState) -> list[Spool]:
+    def recall(self, state: JudgeState) -> list[CaptureBuffer]:
         """Go on where another one stood, of the same extras; returns the captures that only have to be written.
 
         Those under way are copied anew, as far as the rings still hold them. Raises ValueError, KeyError.
@@ -411,9 +413,9 @@ class SegmentJudge:
         self._limits.recall(state.limits)
         self._rows.recall(state.cursors)
         self._numbers.update(state.numbers)
-        whole: list[Spool] = []
+        whole: list[CaptureBuffer] = []
         for capture in state.captures:
-            spool = Spool(capture.options, capture.capture, self.reader, self.extras)
+            spool = CaptureBuffer(capture.options, capture.capture, self.reader, self.extras)
             spool.ended = capture.ended
             is_whole = spool.append(self._until)
             (whole if is_whole or capture.ended else self._spools).append(spool)

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from silo.conditions.limit_judge import LimitMemory
-from silo.core.elements import ElementInfo, Extras, TriggerOptions
+from silo.core.elements import Conditions, ElementInfo, TriggerOptions
 from silo.core.runtime import process_start, runtime_dir, write_private
 from silo.errors import SegmentError
 from silo.expressions.evaluation import EvaluatorMemory
@@ -63,7 +63,7 @@ class JudgeState(msgspec.Struct, frozen=True):
     pid: int
     pid_start: int
     until: int
-    extras: Extras
+    extras: Conditions
     cursors: dict[int, int]
     triggers: list[KeptTrigger]
     limits: list[LimitMemory]

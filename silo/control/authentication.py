@@ -29,7 +29,7 @@ from silo.rpc.serving import Sender
 REFUSED = "refused"
 
 
-class Door:
+class Authentication:
     """Knows who may come in."""
 
     def __init__(self, root: Root, admission: Admission = NO_NETWORK) -> None:
@@ -41,7 +41,7 @@ class Door:
         self._group, self._group_may_change = "", True
 
     @classmethod
-    def of(cls, root: Root, config: str | None) -> "Door":
+    def of(cls, root: Root, config: str | None) -> "Authentication":
         """Return the door to a logger that is served by a configuration; for None, by its Unix socket alone."""
         if config is None:
             return cls(root)

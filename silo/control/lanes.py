@@ -24,7 +24,7 @@ log = logging.getLogger("silo.helper")
 
 
 @dataclass(frozen=True)
-class Limit:
+class LaneLimit:
     """How much may wait in a lane; alone anything may."""
 
     count: int = 64
@@ -33,7 +33,7 @@ class Limit:
 
 # The answers of slow readings, of which one of 64 names takes 4.5 MB, are made one after the other: here are only their
 # questions.
-LIMITS = {lane: Limit() for lane in Lane} | {Lane.SLOW: Limit(256, 4 * 2**20)}
+LIMITS = {lane: LaneLimit() for lane in Lane} | {Lane.SLOW: LaneLimit(256, 4 * 2**20)}
 
 
 @dataclass(eq=False)

@@ -17,19 +17,19 @@ from silo.rpc.leases import Lease, Leases
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Sender
-from silo.state.events import Events, plain
-from silo.state.replica import Mirror
+from silo.state.events import EventNotifier, plain
+from silo.state.replica import Replica
 
 CONTROL = "control"
 LONGEST_LEASE_S = 24 * 3600.0
 GIVEN_S = 60.0  # in which whom it is given to must renew it
 
 
-class Operators:
+class ControlLock:
     """Whose changes are done now. Any thread may ask."""
 
     def __init__(
-        self, events: Events, mirror: Mirror, logger: str, *, one: bool = False, closed: Callable[[], str] = str
+        self, events: EventNotifier, mirror: Replica, logger: str, *, one: bool = False, closed: Callable[[], str] = str
     ) -> None:
         """`one`: nothing is changed but by who has control; `closed` tells why nothing is from the network, if so."""
         self.closed = closed

@@ -219,7 +219,7 @@ class CaptureFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     ended: str = ""
 
 
-class Extras(msgspec.Struct, frozen=True, omit_defaults=True):
+class Conditions(msgspec.Struct, frozen=True, omit_defaults=True):
     """What belongs to a log beside its elements. A derived signal may use those before it."""
 
     derived: tuple[Derived, ...] = ()
@@ -228,7 +228,7 @@ class Extras(msgspec.Struct, frozen=True, omit_defaults=True):
     capture: CaptureFacts | None = None
 
 
-NO_EXTRAS = Extras()
+NO_EXTRAS = Conditions()
 
 
 MARKER = "marker"  # the kind of an event that somebody set

@@ -25,7 +25,7 @@ _TWIST = (*(f"_linear{axis}" for axis in _XYZ), *(f"_angular{axis}" for axis in 
 _ANGLE_AXIS = ("_angle", *_XYZ)
 
 
-class Group(msgspec.Struct, frozen=True):
+class EntryGroup(msgspec.Struct, frozen=True):
     """Entries `start ... start + len(suffixes)` are one element of this name, kind and shape."""
 
     name: str
@@ -35,7 +35,7 @@ class Group(msgspec.Struct, frozen=True):
     suffixes: tuple[str, ...]
 
 
-class Message(msgspec.Struct, frozen=True):
+class GeometryMessage(msgspec.Struct, frozen=True):
     """A message of ROS' `geometry_msgs`: `<name>Stamped` with the value in `field`; `fields` are the value's own."""
 
     name: str
@@ -63,7 +63,7 @@ class Kind(msgspec.Struct, frozen=True):
     orders: Mapping[str, tuple[str, ...]] = {}
     shown: str = ""
     read_name: Callable[[str], tuple[str, ...] | None] | None = None
-    message: Message | None = None
+    message: GeometryMessage | None = None
     array: bool = False
     sizes: tuple[str, ...] = ()
     find: Callable[[Sequence[str], int], Found | None] | None = None
@@ -181,7 +181,7 @@ VECTOR = Kind(
     suffixes=_XYZ,
     shape=(3,),
     orders={"vector": _XYZ},
-    message=Message("Vector3", "vector", (("float64", "x"), ("float64", "y"), ("float64", "z"))),
+    message=GeometryMessage("Vector3", "vector", (("float64", "x"), ("float64", "y"), ("float64", "z"))),
     array=True,
     find=_find_vector,
 )
@@ -197,7 +197,7 @@ KINDS = (
         suffixes=_XYZW,
         shape=(4,),
         orders={"quaternion": _XYZW, "quaternion_wxyz": _WXYZ},
-        message=Message(
+        message=GeometryMessage(
             "Quaternion",
             "quaternion",
             (("float64", "x"), ("float64", "y"), ("float64", "z"), ("float64", "w")),
@@ -208,7 +208,7 @@ KINDS = (
         suffixes=_POSE,
         shape=(7,),
         orders={"pose": _POSE},
-        message=Message(
+        message=GeometryMessage(
             "Pose", "pose", (("geometry_msgs/Point", "position"), ("geometry_msgs/Quaternion", "orientation"))
         ),
     ),
@@ -217,7 +217,9 @@ KINDS = (
         suffixes=_TWIST,
         shape=(6,),
         orders={"twist": _TWIST},
-        message=Message("Twist", "twist", (("geometry_msgs/Vector3", "linear"), ("geometry_msgs/Vector3", "angular"))),
+        message=GeometryMessage(
+            "Twist", "twist", (("geometry_msgs/Vector3", "linear"), ("geometry_msgs/Vector3", "angular"))
+        ),
     ),
     Kind(
         "vector_at_position",
@@ -316,9 +318,9 @@ def _field(one: tuple[str, Any, list[int]]) -> tuple[Any, ...]:
     return name, inner, tuple(shape)
 
 
-def regroup(names: Sequence[str], likeness: Sequence[Hashable]) -> list[Group]:
+def regroup(names: Sequence[str], likeness: Sequence[Hashable]) -> list[EntryGroup]:
     """Groups that cover all entries in order; only neighbours of equal `likeness` (divider, type ...) are joined."""
-    groups: list[Group] = []
+    groups: list[EntryGroup] = []
     start = 0
     while start < len(names):
         stop = start + 1
@@ -334,10 +336,10 @@ def regroup(names: Sequence[str], likeness: Sequence[Hashable]) -> list[Group]:
     return groups
 
 
-def _group_at(run: Sequence[str], place: int, start: int) -> Group:
+def _group_at(run: Sequence[str], place: int, start: int) -> EntryGroup:
     for kind in KINDS:
         found = kind.found_at(run, place)
         if found is not None:
             name, shape, suffixes = found
-            return Group(name, kind.name, shape, start + place, suffixes)
-    return Group(run[place], SCALAR.name, (), start + place, ("",))
+            return EntryGroup(name, kind.name, shape, start + place, suffixes)
+    return EntryGroup(run[place], SCALAR.name, (), start + place, ("",))

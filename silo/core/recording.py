@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.calls import no_attribute
-from silo.core.elements import NO_EXTRAS, BufferType, Entry, Extras, LoggedEvent
+from silo.core.elements import NO_EXTRAS, BufferType, Conditions, Entry, LoggedEvent
 from silo.core.printing import html_table
 from silo.errors import ArgumentError
 
@@ -172,7 +172,7 @@ class Recording:
     time_looping: bool = False
     warnings: Sequence[str] = field(default=())
     why: str = ""
-    extras: Extras = NO_EXTRAS
+    extras: Conditions = NO_EXTRAS
     events: tuple[LoggedEvent, ...] = ()
 
     def __repr__(self) -> str:

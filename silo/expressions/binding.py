@@ -14,20 +14,20 @@ import numpy as np
 
 from silo.core import units
 from silo.expressions.catalogue import OFF, Catalogue, Known
-from silo.expressions.parsing import Call, Comparison, Expression, Name, Node, Number, Operation, parse
+from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
 from silo.expressions.tokens import ExpressionError
 
 __all__ = [
     "OFF",
-    "Bound",
+    "BoundExpression",
+    "BoundSignal",
     "Catalogue",
-    "Column",
     "Computed",
     "Constant",
     "Known",
     "Part",
     "Remembered",
-    "Signal",
+    "ScalarPlace",
     "bind",
     "columns_of",
     "meaning",
@@ -41,7 +41,7 @@ _NUMERIC = "biufMm"
 
 
 @dataclass(frozen=True)
-class Column:
+class ScalarPlace:
     """Where one scalar comes from: element and entry by number, and the source of the element."""
 
     element: int
@@ -60,10 +60,10 @@ class Constant:
 
 
 @dataclass(frozen=True)
-class Signal:
+class BoundSignal:
     """A scalar, or a vector of several."""
 
-    columns: tuple[Column, ...]
+    columns: tuple[ScalarPlace, ...]
     vector: bool
 
 
@@ -85,11 +85,11 @@ class Remembered:
     sources: tuple[int, ...]
 
 
-Part = Constant | Signal | Computed | Remembered
+Part = Constant | BoundSignal | Computed | Remembered
 
 
 @dataclass(frozen=True)
-class Bound:
+class BoundExpression:
     """An expression with its signals. `width` is 0 for a scalar, else the length of its vector.
 
     `sources` has every source that it is judged at, with its divider; empty where all its signals are off.
@@ -101,10 +101,10 @@ class Bound:
     unit: str
     logical: bool
     labels: Mapping[int, str]
-    columns: tuple[Column, ...]
+    columns: tuple[ScalarPlace, ...]
     sources: Mapping[int, int]
 
-    def condition(self) -> "Bound":
+    def condition(self) -> "BoundExpression":
         """Return the same, where it is one truth. Raises ExpressionError for a vector."""
         if self.width:
             raise self.expression.error(
@@ -125,7 +125,7 @@ class _Found:
     labels: Mapping[int, str] = field(default_factory=dict)
 
 
-def bind(expression: Expression | str, catalogue: Catalogue) -> Bound:
+def bind(expression: Expression | str, catalogue: Catalogue) -> BoundExpression:
     """Return an expression bound to these elements. Raises ExpressionError with the place, and the nearest names."""
     if isinstance(expression, str):
         expression = parse(expression)
@@ -136,22 +136,22 @@ def bind(expression: Expression | str, catalogue: Catalogue) -> Bound:
     dividers.pop(OFF, None)
     if not columns:
         raise expression.error("this names no signal, so it never changes", expression.root)
-    return Bound(
+    return BoundExpression(
         expression, found.part, found.width, found.unit or "-", found.logical, found.labels, columns,
         dict(sorted(dividers.items())),
     )  # fmt: skip
 
 
-def columns_of(part: Part) -> list[Column]:
+def columns_of(part: Part) -> list[ScalarPlace]:
     """Return all scalars that a part depends on."""
-    if isinstance(part, Signal):
+    if isinstance(part, BoundSignal):
         return list(part.columns)
     if isinstance(part, Computed):
         return [column for one in part.parts for column in columns_of(one)]
     return columns_of(part.part) if isinstance(part, Remembered) else []
 
 
-def meaning(bound: Bound) -> object:
+def meaning(bound: BoundExpression) -> object:
     """Return what two expressions have in common that compute the same, whatever words they are written in."""
     return _meaning(bound.root)
 
@@ -180,7 +180,7 @@ class _Binder:
             return _Found(Constant(node.value), unit=node.unit or None, literal=True)
         if isinstance(node, Name):
             return self._name(node)
-        if isinstance(node, Comparison):
+        if isinstance(node, ComparisonChain):
             return self._comparison(node)
         if isinstance(node, Operation):
             return self._operation(node)
@@ -211,7 +211,7 @@ class _Binder:
                     raise self._error(
                         f"'{self._catalogue.name(place, entry)}' is no number ({element.entries[number].dtype})", node
                     )
-            columns += [Column(place, number, element.source) for number in numbers]
+            columns += [ScalarPlace(place, number, element.source) for number in numbers]
         if not 1 <= len(columns) <= MOST_WIDTH:
             raise self._error(f"'{node.text}' has {len(columns)} values; 1 to {MOST_WIDTH} go together", node)
         entries = [self._catalogue.elements[column.element].entries[column.entry] for column in columns]
@@ -220,7 +220,7 @@ class _Binder:
         vector = pattern or len(columns) > 1
         same = all(entry.labels == entries[0].labels for entry in entries)
         return _Found(
-            Signal(tuple(columns), vector), len(columns) if vector else 0, None if unit in ("", "-") else unit,
+            BoundSignal(tuple(columns), vector), len(columns) if vector else 0, None if unit in ("", "-") else unit,
             np.dtype(entries[0].dtype).kind == "b", labels=(entries[0].labels or {}) if same else {},
         )  # fmt: skip
 
@@ -242,7 +242,7 @@ class _Binder:
 
     # ---------------------------------------------------------------------------------------------- operations
 
-    def _comparison(self, node: Comparison) -> _Found:
+    def _comparison(self, node: ComparisonChain) -> _Found:
         found: list[_Found | None] = [None if isinstance(one, Name) else self.bind(one) for one in node.operands]
         # labels last: which are meant tells what they are compared with
         for at, one in enumerate(node.operands):

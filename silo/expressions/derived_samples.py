@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Derived, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.expressions.binding import Bound
+from silo.expressions.binding import BoundExpression
 from silo.expressions.derived_signals import bound_derived, entries_of, info_of
 from silo.expressions.evaluation import UNOBSERVABLE
 from silo.expressions.over_recordings import RecordingJudge
@@ -44,7 +44,7 @@ def with_derived(recording: Recording) -> Recording:
     return replace(recording, elements=[*recording.elements, *made], warnings=tuple(warnings))
 
 
-def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: Bound) -> RecordedElement:
+def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: BoundExpression) -> RecordedElement:
     """The samples from where all its signals have one to where the first of them ends.
 
     Of looping buffers readers expect the newest samples: where it ends earlier, NaN follows.
@@ -86,7 +86,7 @@ def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: 
     )
 
 
-def _buffer(recording: Recording, bound: Bound) -> BufferType:
+def _buffer(recording: Recording, bound: BoundExpression) -> BufferType:
     """The type of the buffers that it is computed from; looping if one of them is."""
     elements = list(recording.elements)
     kinds = [elements[column.element].buffer_type for column in bound.columns]

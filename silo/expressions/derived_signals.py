@@ -14,7 +14,7 @@ import msgspec
 from silo.core.elements import Action, BufferType, Derived, ElementInfo, ElementOptions, Entry
 from silo.core.kinds import ARRAY, SCALAR
 from silo.errors import ElementError
-from silo.expressions.binding import OFF, Bound, Catalogue, Computed, Known, Part, Remembered, bind
+from silo.expressions.binding import OFF, BoundExpression, Catalogue, Computed, Known, Part, Remembered, bind
 from silo.expressions.parsing import names_in, parse
 from silo.expressions.tokens import ExpressionError
 
@@ -29,7 +29,7 @@ class Lookback:
     ticks: int
 
 
-def lookback(bound: Bound) -> Lookback:
+def lookback(bound: BoundExpression) -> Lookback:
     """Return how far before a tick samples are needed to compute what an expression gives there."""
     longest = max(bound.sources.values(), default=1)  # what holds may be so old
     found = _lookback(bound.root, longest)
@@ -51,7 +51,7 @@ def entries_of(width: int) -> tuple[Entry, ...]:
     return tuple(Entry(f"_{at}", NUMBER) for at in range(width)) if width else (Entry("", NUMBER),)
 
 
-def info_of(one: Derived, bound: Bound | None, why: str = "") -> ElementInfo:
+def info_of(one: Derived, bound: BoundExpression | None, why: str = "") -> ElementInfo:
     """Return a derived signal as a row of the table; it is off where `why` says that it can't be computed."""
     width, divider = (bound.width, math.gcd(*bound.sources.values()) or 1) if bound is not None else (0, 1)
     unit = one.unit if one.unit not in ("", "-") or bound is None else bound.unit
@@ -94,7 +94,7 @@ def _ticks_held(options: ElementOptions) -> int:
     return min(options.buffer_size * options.divider, 2**31 - 1)
 
 
-def bound_derived(catalogue: Catalogue) -> Iterable[tuple[Derived, Bound | None, str]]:
+def bound_derived(catalogue: Catalogue) -> Iterable[tuple[Derived, BoundExpression | None, str]]:
     """Yield each derived signal with what it is computed by; with a reason where it can't be computed now."""
     for place, one in enumerate(catalogue.derived):
         try:

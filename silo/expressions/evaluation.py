@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.expressions.binding import OFF, Bound, Computed, Constant, Part, Remembered, Signal, columns_of
+from silo.expressions.binding import OFF, BoundExpression, BoundSignal, Computed, Constant, Part, Remembered, columns_of
 from silo.expressions.operations import OPERATIONS, REDUCING, Truth, Value, as_numbers, as_truth, columned, raw, spread
 from silo.expressions.windows import Window, WindowMemory
 
@@ -195,7 +195,7 @@ class Evaluator:
     The expressions are judged together, at every tick where a signal of any of them has a sample.
     """
 
-    def __init__(self, *expressions: Bound) -> None:
+    def __init__(self, *expressions: BoundExpression) -> None:
         self._roots = [expression.root for expression in expressions]
         dividers = {source: divider for one in expressions for source, divider in one.sources.items()}
         self._sources = {source: _Source(dividers[source]) for source in sorted(dividers)}
@@ -300,7 +300,7 @@ class Evaluator:
     def _value(self, part: Part, grid: _Grid) -> Value:
         if isinstance(part, Constant):
             return part.value
-        if isinstance(part, Signal):
+        if isinstance(part, BoundSignal):
             columns = [self._column(column.element, column.entry, column.source, grid) for column in part.columns]
             return np.stack(columns, axis=1) if part.vector else columns[0]
         if isinstance(part, Remembered):
@@ -374,7 +374,7 @@ _NO_VALUES = np.zeros(0)
 
 def trailing(part: Part) -> tuple[int, ...]:
     """The shape of one value of a part."""
-    if isinstance(part, Signal):
+    if isinstance(part, BoundSignal):
         return (len(part.columns),) if part.vector else ()
     if isinstance(part, Remembered):
         return trailing(part.part)

@@ -22,7 +22,7 @@ from silo.core.recording import (
     has_own_stamps,
     places_on,
 )
-from silo.expressions.binding import Bound, Catalogue, Known, bind
+from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
 
 BATCH_TICKS = 16_384  # what is computed at once stays in the cache
@@ -35,7 +35,7 @@ class Evaluated:
     `ticks` are time stamps of the recording, by number.
     """
 
-    bound: Bound
+    bound: BoundExpression
     ticks: NDArray[np.int64]
     time_ns: NDArray[np.int64]
     values: NDArray[np.float64] | NDArray[np.bool_]
@@ -112,7 +112,7 @@ class RecordingJudge:
         ]  # fmt: skip
         self.catalogue = Catalogue(known, recording.prefix, recording.extras.derived)
 
-    def batches(self, *expressions: Bound) -> Iterator[Judged]:
+    def batches(self, *expressions: BoundExpression) -> Iterator[Judged]:
         """Judge bound expressions together from the first tick to the last."""
         evaluator = Evaluator(*expressions)
         wanted: dict[int, set[tuple[int, int]]] = {}
@@ -137,7 +137,7 @@ class RecordingJudge:
             return int(layout.own[0]), int(layout.own[-1]) + layout.divider
         return layout.first, layout.first + layout.divider * layout.count
 
-    def has_sample(self, bound: Bound, ticks: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def has_sample(self, bound: BoundExpression, ticks: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return at which ticks a signal of an expression has a sample of its own, not one that is held."""
         found = np.zeros(len(ticks), bool)
         for source in bound.sources:
@@ -173,7 +173,7 @@ def _own_ticks(axis: NDArray[np.int64], stamps: NDArray[np.int64]) -> _Ticks:
     return _Ticks(0, longest, len(ticks), ticks)
 
 
-def _known(bound: Bound, judged: Judged) -> tuple[NDArray[np.float64] | NDArray[np.bool_], NDArray[np.bool_]]:
+def _known(bound: BoundExpression, judged: Judged) -> tuple[NDArray[np.float64] | NDArray[np.bool_], NDArray[np.bool_]]:
     """The results at all ticks, and at which of them they can be told."""
     if bound.logical:
         codes = judged.codes()

@@ -13,7 +13,7 @@ from difflib import get_close_matches
 
 from silo.expressions.tokens import ExpressionError, Tokens, tokens
 
-__all__ = ["FUNCTIONS", "Call", "Comparison", "Expression", "ExpressionError", "Name", "Node", "Number", "Operation",
+__all__ = ["FUNCTIONS", "Call", "ComparisonChain", "Expression", "ExpressionError", "Name", "Node", "Number", "Operation",
            "parse"]  # fmt: skip
 
 MOST_NODES = 200
@@ -72,7 +72,7 @@ class Operation:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ComparisonChain:
     """A chain: `operands[i] operators[i] operands[i + 1]` for each i."""
 
     operators: tuple[str, ...]
@@ -91,7 +91,7 @@ class Call:
     end: int
 
 
-Node = Number | Name | Operation | Comparison | Call
+Node = Number | Name | Operation | ComparisonChain | Call
 
 
 def names_in(node: Node) -> list[str]:
@@ -192,7 +192,7 @@ class _Reader:
             return Operation(operator, tuple(map(self._node, node.values)), at, end)
         if isinstance(node, ast.Compare) and all(type(op) in _COMPARED for op in node.ops):
             operators = tuple(_COMPARED[type(op)] for op in node.ops)
-            return Comparison(operators, tuple(map(self._node, (node.left, *node.comparators))), at, end)
+            return ComparisonChain(operators, tuple(map(self._node, (node.left, *node.comparators))), at, end)
         if isinstance(node, ast.Call):
             return self._call(node)
         raise self._error(f"{_WORDS.get(type(node), 'this')} has no place in an expression", node)

@@ -39,7 +39,7 @@ class Looking:
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundMoments:
     """Moments of one signal, oldest first: `total` in all, of which `before` come before those that are here.
 
     `values` are those of the samples, of a hole its length in ns. `begin_ns` and `end_ns` are the oldest and the newest
@@ -227,7 +227,7 @@ class Finder:
         self._counts[side] += len(time_ns)
 
     @property
-    def found(self) -> Found:
+    def found(self) -> FoundMoments:
         """What was found in all blocks."""
         most = self._most[0]
         kept = min(self._counts[0], most)
@@ -235,7 +235,7 @@ class Finder:
         times = np.concatenate([*self._times[0], *self._times[1], np.zeros(0, np.int64)])[skip:]
         parts = [*self._values[0], *self._values[1]]
         values = np.concatenate(parts)[skip:] if parts else np.zeros(0)
-        return Found(self._total, self._early - kept, times, values, self._begin_ns, self._end_ns)
+        return FoundMoments(self._total, self._early - kept, times, values, self._begin_ns, self._end_ns)
 
 
 def _floats(values: NDArray[Any]) -> NDArray[np.float64]:

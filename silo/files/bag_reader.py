@@ -25,8 +25,8 @@ from silo.files.bags.index import (
     DAMAGE,
     GAPS,
     BagElements,
+    DamageNotes,
     Index,
-    Told,
     damage_told,
     read_index,
     record_at,
@@ -91,7 +91,7 @@ def _as_of_others(source: Path, error: ValueError) -> Recording:
     except SiloError:
         raise error from None
     lost = f"what silo wrote beside the messages can't be read ({error}): read as a bag of others, each topic by itself"
-    if isinstance(found.warnings, Told):
+    if isinstance(found.warnings, DamageNotes):
         found.warnings.insert(0, lost)
     return found
 

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import msgspec
 
-from silo.core.elements import Extras
+from silo.core.elements import Conditions
 from silo.core.runtime import open_own, read_own
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, reason
@@ -254,7 +254,7 @@ class RunEntry(msgspec.Struct):
     size_bytes: int = 0
     done: bool = False
     gone: str = ""
-    extras: Extras | None = None
+    extras: Conditions | None = None
 
     def lost(self, more: dict[int, int] | None = None, end: dict[int, int] | None = None) -> int:
         """Return how many samples are in no file; `more` are rows in parts that are open, with which it is at `end`."""
@@ -266,7 +266,7 @@ class RunEntry(msgspec.Struct):
         )
 
 
-class Sums(msgspec.Struct):
+class RecordedTotals(msgspec.Struct):
     """What became of an order: finished parts and their bytes, samples in them, samples that are in none.
 
     `gone` are runs of which an end is missing that nobody could count.
@@ -302,13 +302,13 @@ class Written(msgspec.Struct):
     parts: list[PartEntry] = []
     order: str = ""
     runs: list[RunEntry] = []
-    before: Sums = msgspec.field(default_factory=Sums)  # of the runs before these
+    before: RecordedTotals = msgspec.field(default_factory=RecordedTotals)  # of the runs before these
 
     def entry(self, run: str) -> RunEntry | None:
         """Return what there is of a run."""
         return next((one for one in self.runs if one.run == run), None)
 
-    def sums(self) -> Sums:
+    def sums(self) -> RecordedTotals:
         """Return what became of the order."""
         sums = msgspec.structs.replace(self.before)
         for run in self.runs:
@@ -421,7 +421,7 @@ class Ledger:
 
     def begin_order(self, order: str) -> None:
         """Count anew: of the parts of orders before this one is known that they are there."""
-        self.written.order, self.written.runs, self.written.before = order, [], Sums()
+        self.written.order, self.written.runs, self.written.before = order, [], RecordedTotals()
 
     def rows_of(self, run: str) -> dict[int, int] | None:
         """Return with which rows to go on in a run; None where nothing is known of it."""
@@ -487,7 +487,9 @@ class Ledger:
             entry.extras = None if done else entry.extras
         self._store()
 
-    def sums(self, run: str = "", rows: Mapping[int, int] | None = None, end: Mapping[int, int] | None = None) -> Sums:
+    def sums(
+        self, run: str = "", rows: Mapping[int, int] | None = None, end: Mapping[int, int] | None = None
+    ) -> RecordedTotals:
         """Return what became of the order; of `run` with `rows` more in a part that is open, read as far as `end`."""
         sums = self.written.sums()
         for one in self.written.runs:

@@ -11,7 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from silo.core.elements import Extras, FileType, LoggedEvent, SavedFile
+from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
 from silo.core.recording import Progress, Recording, with_events
 from silo.errors import SaveError
 from silo.files.atomic import reason
@@ -89,7 +89,7 @@ def write_run(
     why: str = "",
     *,
     events: Iterable[LoggedEvent] | LogOfRun,
-    extras: Extras | None = None,
+    extras: Conditions | None = None,
     damage: Sequence[str] = (),
 ) -> list[SavedFile]:
     """Save what a run holds as `write` does, with what there is to say of it beside its samples. Raises SaveError.

@@ -29,7 +29,7 @@ _CSV_FACTS_END = b',\n "elements":'
 
 
 @dataclass(frozen=True)
-class Summary:
+class FileSummary:
     """What a file says of itself; `logger` is empty for one of the original, the times are 0 where it says none."""
 
     logger: str = ""
@@ -39,7 +39,7 @@ class Summary:
     markers: int = 0
 
 
-def read_summary(folder: int, name: str) -> Summary | None:
+def read_summary(folder: int, name: str) -> FileSummary | None:
     """Return what a recording in an open folder says of itself, None if it is none that silo wrote.
 
     A CSV file is one by the file beside it. Raises OSError.
@@ -74,7 +74,7 @@ def opened_folder(folder: int, name: str) -> Iterator[int]:
         os.close(descriptor)
 
 
-def _of_silo(folder: int, name: str) -> Summary | None:
+def _of_silo(folder: int, name: str) -> FileSummary | None:
     with opened_file(folder, name) as file:
         text = os.pread(file, _FIRST, 0)
         if not text.startswith(form.BANNER):
@@ -82,15 +82,15 @@ def _of_silo(folder: int, name: str) -> Summary | None:
         mark = b"\n" + form.LOG_FACTS
         while (begin := text.find(mark)) < 0 or text.find(b"\n", begin + 1) < 0:
             if b"\n" + form.DATA_LINE in text or len(text) >= _MOST:
-                return Summary()  # of the original, which says no more
+                return FileSummary()  # of the original, which says no more
             more = os.pread(file, 3 * len(text), len(text))
             if not more:
-                return Summary()
+                return FileSummary()
             text += more
     return _of_facts(text[begin + len(mark) : text.find(b"\n", begin + 1)])
 
 
-def _of_csv(folder: int, name: str) -> Summary | None:
+def _of_csv(folder: int, name: str) -> FileSummary | None:
     try:
         with opened_file(folder, name + SIDECAR) as file, opened_file(folder, name):
             text = os.pread(file, _FIRST, 0)
@@ -103,15 +103,15 @@ def _of_csv(folder: int, name: str) -> Summary | None:
     return _of_facts(text[begin + len(b'"log": ') : end]) if 0 <= begin < end else None
 
 
-def _of_facts(text: bytes) -> Summary | None:
+def _of_facts(text: bytes) -> FileSummary | None:
     try:
         facts = _LOG_DECODER.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return None
-    return Summary(facts.logger, facts.why, *facts.span, facts.markers)
+    return FileSummary(facts.logger, facts.why, *facts.span, facts.markers)
 
 
-def _of_bag(folder: int, name: str) -> Summary | None:
+def _of_bag(folder: int, name: str) -> FileSummary | None:
     with opened_folder(folder, name) as bag, opened_file(bag, "metadata.yaml") as file:
         head = os.pread(file, _BAG_FACTS, 0)
         size = os.fstat(file).st_size
@@ -122,7 +122,7 @@ def _of_bag(folder: int, name: str) -> Summary | None:
         return None  # of other tools
     first = int(begin[1])
     markers = said.get("silo_markers", "0")
-    return Summary(
+    return FileSummary(
         said["silo_logger"],
         said.get("silo_why", ""),
         first,

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 from silo.errors import ConnectionLostError
 from silo.fleet.fleet import FleetNow, looked
-from silo.fleet.link import Plan, who_is_there
+from silo.fleet.link import FleetQuestion, who_is_there
 from silo.fleet.near import down_text, near_loggers
 from silo.net import keys
 from silo.net.access.rights import host_part
 from silo.net.addresses import logger_of
 from silo.net.folders import ForbiddenFolder
-from silo.net.found import Found, is_glob, told_apart
+from silo.net.found import LoggerAddress, is_glob, told_apart
 from silo.net.remotes import remotes
 from silo.net.sessions import borrowed
 
@@ -25,9 +25,9 @@ class Discovery:
     `unreachable` says of remotes that don't answer why.
     """
 
-    loggers: list[Found]
+    loggers: list[LoggerAddress]
     forbidden: list[ForbiddenFolder]
-    down: list[Found] = field(default_factory=list)
+    down: list[LoggerAddress] = field(default_factory=list)
     unreachable: dict[str, str] = field(default_factory=dict)
 
     @classmethod
@@ -36,18 +36,18 @@ class Discovery:
         loggers = sorted((one.found for one in seen.members if one.here), key=by_name)
         return cls(loggers, list(seen.near.forbidden), list(seen.near.down), seen.unreachable)
 
-    def named(self, wanted: str) -> list[Found]:
+    def named(self, wanted: str) -> list[LoggerAddress]:
         """Return who can be meant by a name or an address, all by an empty one; the dead only where none of them
         lives.
         """
         named = [found for found in self.loggers if found.is_meant_by(wanted)]
         return [found for found in named if not found.dead] or named
 
-    def matching(self, pattern: str) -> list[Found]:
+    def matching(self, pattern: str) -> list[LoggerAddress]:
         """Return all that a glob means, or a name or address."""
         return [found for found in self.loggers if found.is_meant_by(pattern) or found.matches(pattern)]
 
-    def one(self, wanted: str) -> Found:
+    def one(self, wanted: str) -> LoggerAddress:
         """Return the only one that is meant. Raises SeveralError with the address of each where several are, else
         ConnectionLostError.
         """
@@ -74,7 +74,7 @@ class SeveralError(ConnectionLostError):
     """A name fits several loggers, or can; the message says how to name one."""
 
 
-def by_name(found: Found) -> tuple[str, int, str, str]:
+def by_name(found: LoggerAddress) -> tuple[str, int, str, str]:
     """Return what loggers are ordered by in lists for people who type their names."""
     return found.name, found.pid, found.host, found.id
 
@@ -89,17 +89,17 @@ def discover(timeout_s: float = 1.0, config: str = "", holding: ExitStack | None
     `unreachable`. Sessions to remotes stay open until `holding` is closed, for what is to be asked next: over a slow
     link to open one is most of the time. Raises ConnectionLostError where `config` can't be reached.
     """
-    return Discovery.of(looked(config, Plan(question=None, answer_s=timeout_s, holding=holding)))
+    return Discovery.of(looked(config, FleetQuestion(question=None, answer_s=timeout_s, holding=holding)))
 
 
-def namesakes(found: Found, timeout_s: float) -> list[Found]:
+def namesakes(found: LoggerAddress, timeout_s: float) -> list[LoggerAddress]:
     """Return the loggers of that name on computers of that name, itself among them while it lives. Raises SiloError."""
     if not found.config:
         return list(near_loggers().loggers)
     _, host, name = str(keys.Root(found.host, found.name)).split("/")
     with borrowed("", found.config) as mine:  # of a hundred loggers, one token comes and not all
         roots = who_is_there(mine, f"silo/{host_part(host)}/{name}/alive", timeout_s)
-    return [Found.behind(found.config, root) for root in roots]
+    return [LoggerAddress.behind(found.config, root) for root in roots]
 
 
 def not_found_text(name: str, discovery: Discovery) -> str:

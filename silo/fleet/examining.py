@@ -6,7 +6,7 @@ from silo.errors import ConnectionLostError, VersionError
 from silo.fleet.discovery import discover
 from silo.net.access.probing import Layer, LayerError, reach, tls_problem
 from silo.net.configuration import find_file, from_file, user_of
-from silo.net.found import Found, told_apart
+from silo.net.found import LoggerAddress, told_apart
 from silo.net.sessions import borrowed
 from silo.requests.exchange import ask_once, exchange
 from silo.state.requests import Hello, HelloReply
@@ -40,7 +40,7 @@ def examine(config: str) -> Iterator[tuple[Layer, str]]:
         yield from _asked(loggers, user)
 
 
-def _asked(loggers: list[Found], user: str) -> Iterator[tuple[Layer, str]]:
+def _asked(loggers: list[LoggerAddress], user: str) -> Iterator[tuple[Layer, str]]:
     """Ask every logger who it is, and whether it takes changes of us."""
     for found, address in zip(loggers, told_apart(loggers), strict=True):
         try:
@@ -58,7 +58,7 @@ def _asked(loggers: list[Found], user: str) -> Iterator[tuple[Layer, str]]:
         yield Layer.VERSION, f"{address}: silo {reply.version}, protocol {reply.protocol}"
 
 
-def _may_change(found: Found) -> bool:
+def _may_change(found: LoggerAddress) -> bool:
     root = found.root
     if root is None:
         return False

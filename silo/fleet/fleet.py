@@ -12,12 +12,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from silo.errors import SiloError
-from silo.fleet.link import FOLLOWING, Change, Plan, Way
+from silo.fleet.link import FOLLOWING, Change, FleetLink, FleetQuestion
 from silo.fleet.member import HELPER_DOWN, Member
 from silo.fleet.memory import remember
 from silo.fleet.near import Near, down_text, near_loggers
 from silo.fleet.routers import RouterTold
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.net.keys import Root
 from silo.net.remotes import LOCAL, remotes
 from silo.state.requests import Hello
@@ -46,12 +46,12 @@ class FleetNow:
         return [one for one in (*self.members, *down) if is_meant(one.found, pattern)]
 
 
-def is_meant(found: Found, pattern: str) -> bool:
+def is_meant(found: LoggerAddress, pattern: str) -> bool:
     """Return whether a glob, a name or an address means a logger; an empty one all."""
     return found.is_meant_by(pattern) or found.matches(pattern)
 
 
-def looked(config: str, plan: Plan) -> FleetNow:
+def looked(config: str, plan: FleetQuestion) -> FleetNow:
     """Look around once: it takes as long as the slowest way, of which each step has its limit.
 
     Raises ConnectionLostError where `config` can't be reached.
@@ -65,18 +65,20 @@ def surveyed(config: str = "", pattern: str = "", answer_s: float = 1.0) -> Flee
 
     Raises ConnectionLostError where `config` can't be reached.
     """
-    return looked(config, Plan(Hello(version=VERSION), lambda found: is_meant(found, pattern), answer_s=answer_s))
+    return looked(
+        config, FleetQuestion(Hello(version=VERSION), lambda found: is_meant(found, pattern), answer_s=answer_s)
+    )
 
 
 class Fleet:
     """Knows all loggers that a user can reach, and follows them until it is closed. A context manager."""
 
-    def __init__(self, config: str = "", plan: Plan = FOLLOWING) -> None:
+    def __init__(self, config: str = "", plan: FleetQuestion = FOLLOWING) -> None:
         """`config` is a remote or a configuration, to look there alone; `local` for this computer alone."""
         self._config, self._plan = config, plan
         self._changed = threading.Condition()
         self._now = FleetNow()
-        self._ways: dict[str, Way] = {}
+        self._ways: dict[str, FleetLink] = {}
         self._tried: set[str] = set()
         self._members: dict[str, Member] = {}
         self._failed: dict[str, SiloError] = {}  # by way, why it isn't there
@@ -194,7 +196,7 @@ class Fleet:
             way.thread.join()
 
     def _look(self) -> None:
-        wanted: dict[str, Found | None] = {}  # by socket a logger of this computer, else a configuration
+        wanted: dict[str, LoggerAddress | None] = {}  # by socket a logger of this computer, else a configuration
         near = Near()
         if self._config in ("", LOCAL):
             near = near_loggers()
@@ -220,7 +222,7 @@ class Fleet:
             self._tried |= {""}
             self._tell()
 
-    def _have_ways(self, wanted: dict[str, Found | None]) -> None:
+    def _have_ways(self, wanted: dict[str, LoggerAddress | None]) -> None:
         for name, way in list(self._ways.items()):
             if name not in wanted:
                 way.end()
@@ -228,7 +230,7 @@ class Fleet:
                 del self._ways[name]
         for name, found in wanted.items():
             if name not in self._ways:
-                self._ways[name] = Way(name, found, self, self._plan, patient=name != self._config)
+                self._ways[name] = FleetLink(name, found, self, self._plan, patient=name != self._config)
 
     # ------------------------------------------------------------------------------------------- what the ways report
 
@@ -287,7 +289,7 @@ class Fleet:
             self._changed.notify_all()
 
 
-def _follows(one: Found, other: Found) -> bool:
+def _follows(one: LoggerAddress, other: LoggerAddress) -> bool:
     """Return whether this is the same robot, started again."""
     if one.socket or other.socket:
         return bool(one.socket and other.socket) and (one.name, one.user) == (other.name, other.user)

@@ -22,8 +22,8 @@ from silo.fleet.routers import AskedRouters, RouterTold, told_of
 from silo.net import keys
 from silo.net.access.probing import REACH_S, Layer, LayerError
 from silo.net.configuration import find_file, from_file, user_of
-from silo.net.found import Found
-from silo.net.sessions import Borrowed, borrowed, undeclare
+from silo.net.found import LoggerAddress
+from silo.net.sessions import SessionLease, borrowed, undeclare
 from silo.requests.exchange import client_name, decode_reply, root_at
 from silo.requests.many import POLL_S as ANSWERED_S
 from silo.requests.many import Asking
@@ -52,21 +52,23 @@ _decoder = msgspec.msgpack.Decoder(Summary)
 
 
 @dataclass(frozen=True)
-class Plan:
+class FleetQuestion:
     """What a fleet looks for: once, or following; `question` is asked of each whom `whom` means, None asks nobody.
 
     Sessions to remotes stay open until `holding` is closed, where there is one, for what is to be asked next.
     """
 
     question: Ask[Any] | None  # GetSummary, or Hello for all that there is to say
-    whom: Callable[[Found], bool] = lambda _: True
+    whom: Callable[[LoggerAddress], bool] = lambda _: True
     follow: bool = False
     answer_s: float = ANSWER_S
     reach_s: float = REACH_S
     holding: ExitStack | None = None
 
 
-FOLLOWING = Plan(GetSummary(), follow=True, reach_s=2.0)  # it looks for a way again and again, and is to end soon
+FOLLOWING = FleetQuestion(
+    GetSummary(), follow=True, reach_s=2.0
+)  # it looks for a way again and again, and is to end soon
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ class _Failure:
 _failed: dict[str, _Failure] = {}  # by configuration, of all fleets of this process
 
 
-class Told(Protocol):
+class FleetGatherer(Protocol):
     """Who gathers what the ways report. `attentive`: somebody looks at summaries."""
 
     attentive: bool
@@ -95,10 +97,12 @@ class Told(Protocol):
         """Note what routers refused; None of one that isn't reached."""
 
 
-class Way:
+class FleetLink:
     """A thread with one session: to the logger `found` of this computer, or to the configuration `name`."""
 
-    def __init__(self, name: str, found: Found | None, told: Told, plan: Plan, *, patient: bool = True) -> None:
+    def __init__(
+        self, name: str, found: LoggerAddress | None, told: FleetGatherer, plan: FleetQuestion, *, patient: bool = True
+    ) -> None:
         """Who is `patient` leaves a remote alone for a while that didn't answer."""
         self._name, self._found, self._told, self._plan, self._patient = name, found, told, plan, patient
         self._question = plan.question and msgspec.structs.replace(plan.question, client=client_name())
@@ -176,7 +180,7 @@ class Way:
 
     # ------------------------------------------------------------------------------------------------------- a look
 
-    def _look(self, mine: Borrowed) -> None:
+    def _look(self, mine: SessionLease) -> None:
         """Say who is there, and what they answer. Raises SiloError, ZError."""
         if self._found is not None:
             there = [root_at(mine, self._found, self._plan.answer_s)]
@@ -193,7 +197,7 @@ class Way:
 
     # ---------------------------------------------------------------------------------------------------- following
 
-    def _follow(self, mine: Borrowed, main: threading.Thread) -> None:
+    def _follow(self, mine: SessionLease, main: threading.Thread) -> None:
         """Follow who comes, who goes and what they say, until the way is given up. Raises SiloError, ZError."""
         answer_s = self._plan.answer_s
         session, root = mine.session, root_at(mine, self._found, answer_s) if self._found is not None else None
@@ -266,10 +270,10 @@ class Way:
     def _key(self, root: keys.Root) -> str:
         return self._found.socket if self._found is not None else str(root)
 
-    def _found_at(self, root: keys.Root) -> Found:
+    def _found_at(self, root: keys.Root) -> LoggerAddress:
         if self._found is not None:
             return replace(self._found, host=root.host, id=root.id)
-        return Found.behind(self._name, root)
+        return LoggerAddress.behind(self._name, root)
 
     def _come(self, roots: Iterable[keys.Root], asking: Asking[str]) -> None:
         now_s, changes = time.monotonic(), []
@@ -318,7 +322,7 @@ class Way:
         if self._question is not None and self._plan.whom(self._found_at(root)):
             asking.add(key, root, self._question)
 
-    def _ask_routers(self, mine: Borrowed) -> AskedRouters | None:
+    def _ask_routers(self, mine: SessionLease) -> AskedRouters | None:
         return AskedRouters(mine, self._plan.answer_s) if self.far and self._question is not None else None
 
     def _take_routers(self, routers: AskedRouters | None) -> None:
@@ -364,7 +368,7 @@ class Way:
 # ------------------------------------------------------------------------------------------------------- who is there
 
 
-def who_is_there(mine: Borrowed, alive: str, timeout_s: float) -> list[keys.Root]:
+def who_is_there(mine: SessionLease, alive: str, timeout_s: float) -> list[keys.Root]:
     """Return whose tokens are there, sorted; where nobody is, it is looked again for a moment."""
     with mine.looking:
         roots = _those_there(mine, alive, timeout_s)
@@ -375,7 +379,7 @@ def who_is_there(mine: Borrowed, alive: str, timeout_s: float) -> list[keys.Root
     return roots
 
 
-def _those_there(mine: Borrowed, alive: str, timeout_s: float) -> list[keys.Root]:
+def _those_there(mine: SessionLease, alive: str, timeout_s: float) -> list[keys.Root]:
     replies = mine.session.liveliness().get(alive, timeout=timeout_s + mine.slack_s)
     seen = {keys.robot_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
     return sorted(root for root in seen if root is not None)
@@ -390,7 +394,7 @@ def _nobody_there(config: str, session: zenoh.Session) -> str:
     return f"{config}: {who}, but sees no logger: {rules}"
 
 
-def _settle(mine: Borrowed, alive: str, count: int, timeout_s: float) -> None:
+def _settle(mine: SessionLease, alive: str, count: int, timeout_s: float) -> None:
     """Wait until who asks is told of so many again; one that went meanwhile is waited for no longer than that takes."""
     until_s = time.monotonic() + SETTLED_S + mine.slack_s
     while len(_those_there(mine, alive, timeout_s)) < count and time.monotonic() < until_s:
@@ -413,7 +417,7 @@ def _history(tokens: Any, there: list[keys.Root], timeout_s: float) -> list[zeno
 # ------------------------------------------------------------------------------------------------- what becomes known
 
 
-def _coming(found: Found, now_s: float) -> Change:
+def _coming(found: LoggerAddress, now_s: float) -> Change:
     def come(known: Member | None) -> Member:
         before = known or Member(found)
         return replace(before, found=found, here=True, problem="", seen_s=now_s, since_s=now_s, unwatched=False)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from silo.core.elements import State, Status
 from silo.core.stalls import is_stalled
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.rpc.published import Summary
 
 SLOW_SHARE = 0.95  # of the nominal rate, as in surveys (which need NumPy)
@@ -44,7 +44,7 @@ class Member:
     is (all of `time.monotonic`).
     """
 
-    found: Found
+    found: LoggerAddress
     summary: Summary | None = None
     here: bool = True
     problem: str = ""
@@ -179,7 +179,7 @@ class Member:
 
 
 @dataclass(frozen=True)
-class Segment:
+class SilentHost:
     """Loggers of one host that fell silent: as a rule its link is down, and not each of them."""
 
     host: str
@@ -198,14 +198,14 @@ def gone_words(since_s: float, now_s: float, now_ns: int, *, unwatched: bool) ->
     return f"closed or unreachable, last seen {since}" if unwatched else f"unreachable since {since}"
 
 
-def segments(members: Iterable[Member]) -> list[Segment]:
+def segments(members: Iterable[Member]) -> list[SilentHost]:
     """Return the hosts of which several loggers fell silent, with how many, by name."""
     silent: dict[str, list[Member]] = {}
     for one in members:
         if one.lost and one.found.host:
             silent.setdefault(one.found.host, []).append(one)
     return [
-        Segment(host, len(they), min(one.since_s for one in they), all(one.unwatched for one in they))
+        SilentHost(host, len(they), min(one.since_s for one in they), all(one.unwatched for one in they))
         for host, they in sorted(silent.items())
         if len(they) > 1
     ]

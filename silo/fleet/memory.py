@@ -17,7 +17,7 @@ from silo.core.runtime import read_own, runtime_dir, write_private
 from silo.errors import SiloError
 from silo.fleet.member import Member
 from silo.net.configuration import find_file
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.net.keys import Root
 
 NAME = "fleet.seen"
@@ -60,7 +60,7 @@ def remembered(config: str) -> list[Member]:
 def _gone(config: str, one: Seen, now_s: float, now_ns: int) -> Member:
     at_s = now_s - max(0, now_ns - one.seen_ns) / 1e9
     since_s = now_s - max(0, now_ns - (one.lost_ns or one.seen_ns)) / 1e9
-    found = Found.behind(config, Root(one.host, one.logger, one.id))
+    found = LoggerAddress.behind(config, Root(one.host, one.logger, one.id))
     why = "it can't be reached" if one.lost_ns else "it was closed or can't be reached: nobody looked when it went"
     return Member(found, here=False, problem=why, seen_s=at_s, since_s=since_s, unwatched=not one.lost_ns)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from silo.core.runtime import DOWN_SUFFIX, down_marks, user_name
 from silo.net import keys
 from silo.net.folders import ForbiddenFolder, forbidden_folders, usable_folders
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.net.session import SOCKET_SUFFIX, dead_mark, key_file, owner_is_gone
 
 _SOCKET = re.compile(r"(?P<name>.+)\.(?P<pid>[0-9]+)(?:-(?P<copy>[0-9]+))?\.sock")
@@ -19,9 +19,9 @@ _DOWN = re.compile(rf"(?P<name>.+)\.(?P<pid>[0-9]+){re.escape(DOWN_SUFFIX)}")
 class Near:
     """The loggers of this computer, the folders that are closed to us, and those that nobody can reach now."""
 
-    loggers: tuple[Found, ...] = ()
+    loggers: tuple[LoggerAddress, ...] = ()
     forbidden: tuple[ForbiddenFolder, ...] = ()
-    down: tuple[Found, ...] = ()
+    down: tuple[LoggerAddress, ...] = ()
 
 
 def near_loggers() -> Near:
@@ -36,7 +36,7 @@ def near_loggers() -> Near:
     return Near(tuple(loggers), tuple(forbidden_folders()), tuple(down))
 
 
-def _down() -> list[Found]:
+def _down() -> list[LoggerAddress]:
     """Loggers of this user whose helper process died, and whose program can't start another."""
     loggers = []
     for path in down_marks():
@@ -47,11 +47,11 @@ def _down() -> list[Found]:
             continue  # it is there again
         if match is not None:
             owner = user_name(found.st_uid)
-            loggers.append(Found(match["name"], int(match["pid"]), "", owner, since=found.st_mtime))
+            loggers.append(LoggerAddress(match["name"], int(match["pid"]), "", owner, since=found.st_mtime))
     return loggers
 
 
-def down_text(found: Found) -> str:
+def down_text(found: LoggerAddress) -> str:
     """Return what it means that a logger is down."""
     return (
         f"logger '{found.name}' (process {found.pid}): its helper process is down since "
@@ -60,13 +60,13 @@ def down_text(found: Found) -> str:
     )
 
 
-def _has_successor(gone: Found, others: list[Found]) -> bool:
+def _has_successor(gone: LoggerAddress, others: list[LoggerAddress]) -> bool:
     """Return whether a logger of this name was started after this one died."""
     same = [found for found in others if not found.dead and (found.name, found.user) == (gone.name, gone.user)]
     return any(found.since >= gone.since for found in same)
 
 
-def _scan(folder: Path) -> list[Found]:
+def _scan(folder: Path) -> list[LoggerAddress]:
     loggers = []
     for path in folder.glob(f"*{SOCKET_SUFFIX}"):
         match = _SOCKET.fullmatch(path.name)
@@ -82,11 +82,11 @@ def _scan(folder: Path) -> list[Found]:
         root = _root_of_socket(path)
         host, drawn = (root.host, root.id) if root is not None else ("", "")
         name, pid, copy = match["name"], int(match["pid"]), int(match["copy"] or 0)
-        loggers.append(Found(name, pid, str(path), owner, "", host, dead, since, drawn, copy))
+        loggers.append(LoggerAddress(name, pid, str(path), owner, "", host, dead, since, drawn, copy))
     return loggers
 
 
-def seen_now(found: Found) -> Found:
+def seen_now(found: LoggerAddress) -> LoggerAddress:
     """Return a logger of this computer with the keys that it has now: it draws others when it is served again."""
     root = _root_of_socket(Path(found.socket))
     return replace(found, host=root.host, id=root.id) if root is not None else replace(found, host="", id="")

@@ -18,7 +18,7 @@ import zenoh
 from silo.core.elements import State
 from silo.errors import SiloError
 from silo.net import keys
-from silo.net.sessions import Borrowed
+from silo.net.sessions import SessionLease
 from silo.requests.exchange import decode_reply, encoded
 from silo.rpc.published import MOST_REASON, Summary
 from silo.state.requests import GetSummary, SummaryReply
@@ -84,7 +84,7 @@ class RouterFeed:
 class AskedRouters:
     """A question to all routers of ours behind a session, whose answers are looked at when they have come."""
 
-    def __init__(self, mine: Borrowed, timeout_s: float) -> None:
+    def __init__(self, mine: SessionLease, timeout_s: float) -> None:
         self._replies: Any = mine.session.get(
             f"silo/*/{NAME}/ask", zenoh.handlers.FifoChannel(MOST), payload=encoded(GetSummary()),
             timeout=timeout_s + mine.slack_s,

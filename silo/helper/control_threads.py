@@ -15,10 +15,10 @@ from typing import Any, NoReturn
 import msgspec
 import zenoh
 
-from silo.control.authentication import Door, attachment_of
+from silo.control.authentication import Authentication, attachment_of
 from silo.control.denials import Denials
 from silo.control.lanes import Lanes, Waiting, is_late
-from silo.control.lock import Operators
+from silo.control.lock import ControlLock
 from silo.helper.requests import decode_ask, decode_do
 from silo.helper.servers.dispatch import Answers
 from silo.net.keys import Root, may_use
@@ -37,7 +37,7 @@ log = logging.getLogger("silo.helper")
 _encoder = msgspec.msgpack.Encoder()
 
 
-class Control:
+class RequestThreads:
     """Owns the control threads."""
 
     def __init__(
@@ -45,8 +45,8 @@ class Control:
         session: zenoh.Session,
         root: Root,
         answers: Answers,
-        door: Door,
-        operators: Operators,
+        door: Authentication,
+        operators: ControlLock,
         know: Callable[[str, str, str], None],
         denials: Denials,
     ) -> None:

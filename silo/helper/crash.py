@@ -12,15 +12,15 @@ from silo.recovery.left import BusyError, SavedMeanwhileError, save_reader
 from silo.recovery.segments import claimed, discard, mark_saved
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
-from silo.state.events import Events
-from silo.state.replica import Mirror
+from silo.state.events import EventNotifier
+from silo.state.replica import Replica
 
 ENDING_S = 5.0  # how long a process may take from closing its files to its end
 
 log = logging.getLogger("silo.helper")
 
 
-def after_crash(mirror: Mirror, events: Events) -> bool:
+def after_crash(mirror: Replica, events: EventNotifier) -> bool:
     """Save the segment if it isn't saved, delete it once it is, and tell the clients.
 
     Returns whether there was anything to save, which people may want to read about later.
@@ -36,7 +36,7 @@ def after_crash(mirror: Mirror, events: Events) -> bool:
         return True
 
 
-def _after_crash(mirror: Mirror, events: Events, who: str) -> bool:
+def _after_crash(mirror: Replica, events: EventNotifier, who: str) -> bool:
     reader = mirror.open_reader()
     if reader is None or not reader.ticks or mirror.is_saved():
         kept = "all that it logged was saved before" if reader and reader.ticks else "it had logged nothing"
@@ -52,7 +52,7 @@ def _after_crash(mirror: Mirror, events: Events, who: str) -> bool:
     return True
 
 
-def _save(mirror: Mirror, events: Events, reader: SegmentReader, who: str) -> None:
+def _save(mirror: Replica, events: EventNotifier, reader: SegmentReader, who: str) -> None:
     files: list[SavedFile] = []
     told_s = time.monotonic()
 

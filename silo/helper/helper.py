@@ -21,18 +21,18 @@ from pathlib import Path
 import zenoh
 
 from silo.conditions.monitor import Judge
-from silo.control.authentication import Door
+from silo.control.authentication import Authentication
 from silo.control.denials import Denials
-from silo.control.lock import Operators
-from silo.core.elements import Derived, Extras, FileType, State
+from silo.control.lock import ControlLock
+from silo.core.elements import Conditions, Derived, FileType, State
 from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError
-from silo.helper.control_threads import Control
+from silo.helper.control_threads import RequestThreads
 from silo.helper.crash import after_crash
 from silo.helper.journaling import Journaling
-from silo.helper.marks import Marks
-from silo.helper.orphans import PredecessorRecovery
-from silo.helper.robot_link import Robot, ending
+from silo.helper.marks import MarkReader
+from silo.helper.orphans import OrphanRecovery
+from silo.helper.robot_link import RobotLink, ending
 from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
 from silo.helper.servers.dispatch import Answers
@@ -43,16 +43,16 @@ from silo.net.configuration import robot_named
 from silo.net.folders import group_folder, share_socket
 from silo.net.keys import Root
 from silo.net.session import close, dead_mark, forget, open_server
-from silo.recorder.server import Recording
+from silo.recorder.server import EndlessRecordings
 from silo.recordings.requests import Save, SaveStarted, StartRecorder, StopRecorder
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Reply
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from silo.state.event_log import EventLog
-from silo.state.events import Events, plain
+from silo.state.events import EventNotifier, plain
 from silo.state.held_runs import HeldRuns
-from silo.state.replica import LoggerSnapshot, Mirror
+from silo.state.replica import LoggerSnapshot, Replica
 from silo.state.robot_state import RobotState
 
 READY = 0  # number of the LinkReply that says that clients can come, or why they can't
@@ -89,7 +89,7 @@ class ServingOptions:
 class Helper:
     """One helper process. `run` returns when it has ended."""
 
-    def __init__(self, robot: Robot, name: str, serving: ServingOptions, drawn: str = "") -> None:
+    def __init__(self, robot: RobotLink, name: str, serving: ServingOptions, drawn: str = "") -> None:
         self._robot = robot
         self._name = name
         self._serving = serving
@@ -130,8 +130,8 @@ class Helper:
             share_socket(path, folder)
         return session, path
 
-    def _door(self, path: Path) -> Door:
-        door = Door.of(self._root, self._serving.config)
+    def _door(self, path: Path) -> Authentication:
+        door = Authentication.of(self._root, self._serving.config)
         if self._serving.group:
             door.share(path, self._serving.group, may_change=self._serving.group_role != "viewer")
         if door.old_rules:
@@ -140,35 +140,35 @@ class Helper:
             log.warning("%s: no changes are taken from the network: %s", self._name, door.admission.why)
         return door
 
-    def _people(self, path: Path, mirror: Mirror, events: Events) -> tuple[Door, Operators]:
+    def _people(self, path: Path, mirror: Replica, events: EventNotifier) -> tuple[Authentication, ControlLock]:
         one, door = self._serving.control == "one", self._door(path)
-        operators = Operators(events, mirror, self._name, one=one, closed=lambda: door.closed)
+        operators = ControlLock(events, mirror, self._name, one=one, closed=lambda: door.closed)
         mirror.control = lambda: (operators.control, operators.one)
         mirror.denied = lambda: self._denials.count
         self._denials.tell = lambda text, who: events.publish(EventKind.DENIED, text, by=who)
         return door, operators
 
     def _serve(self, session: zenoh.Session, path: Path, first: RobotState) -> None:
-        mirror = Mirror(first, self._root.host)
+        mirror = Replica(first, self._root.host)
         held = HeldRuns(mirror, self._poke)
         early = list(taken_over(self._robot, mirror, held))
         held.take()  # one that was not handed over
-        events = Events(session, self._root, mirror, EventLog(first.folder, first.logger))
-        marks = Marks(mirror, events)
+        events = EventNotifier(session, self._root, mirror, EventLog(first.folder, first.logger))
+        marks = MarkReader(mirror, events)
         publisher = Publisher(session, self._root, mirror, events)
         saver = Saver(mirror, events, self._robot)
         journaling = Journaling(mirror, events)
         judge = Judge(mirror, events)
-        recording = Recording(mirror, events, held)
+        recording = EndlessRecordings(mirror, events, held)
         runs = Runs(self._robot, mirror, held, events, marks, judge, recording, early)
         runs.begin()
         people = self._people(path, mirror, events)
         answers = Answers(mirror, events, publisher, saver, self._robot, judge, recording, people[1])
-        control = Control(session, self._root, answers, *people, publisher.name_client, self._denials)
+        control = RequestThreads(session, self._root, answers, *people, publisher.name_client, self._denials)
         for part in (marks, publisher, saver, journaling, judge, recording, control):
             part.start()
         token = session.liveliness().declare_token(self._root.key("alive"))
-        predecessors = PredecessorRecovery(mirror, events)
+        predecessors = OrphanRecovery(mirror, events)
         self._robot.send(LinkReply(READY, Done(str(path))))
         predecessors.start()
         with contextlib.ExitStack() as at_end:  # the last one first
@@ -208,7 +208,9 @@ class Helper:
 
     # ------------------------------------------------------------------------------------------- while it lives
 
-    def _follow_robot(self, runs: Runs, events: Events, saver: Saver, operators: Operators, path: Path) -> "_Ended":
+    def _follow_robot(
+        self, runs: Runs, events: EventNotifier, saver: Saver, operators: ControlLock, path: Path
+    ) -> "_Ended":
         """Take in what the robot process pushes, until one of its ends."""
         link, handed_over = self._robot.socket.fileno(), self._robot.runs.fileno()
         waited = [link, handed_over, self._wake]
@@ -254,7 +256,7 @@ class Helper:
         self,
         message: RobotState | LinkRequest | LinkReply | LinkSaved | LetGo | Beat,
         runs: Runs,
-        events: Events,
+        events: EventNotifier,
         saver: Saver,
     ) -> None:
         if isinstance(message, RobotState):
@@ -284,7 +286,7 @@ class Helper:
             self._robot.send(LinkReply(message.number, SaveStarted(job.number)))
             saver.submit(job)
 
-    def _record(self, recording: Recording, number: int, request: StartRecorder | StopRecorder) -> None:
+    def _record(self, recording: EndlessRecordings, number: int, request: StartRecorder | StopRecorder) -> None:
         def done() -> Reply:
             if isinstance(request, StartRecorder):
                 return recording.begin(request, anywhere=True)
@@ -326,12 +328,12 @@ def _stop_judge(judge: Judge, *, deleted: bool, gave_up: bool) -> None:
     judge.stop(ending, hand_over=gave_up, within_s=math.inf if gave_up else CAPTURES_GRACE_S)
 
 
-def _tell_end(events: Events, publisher: Publisher) -> None:
+def _tell_end(events: EventNotifier, publisher: Publisher) -> None:
     events.publish(EventKind.CLOSED, "the robot program closed its logger")
     publisher.summary.close()
 
 
-def _files_deleted(runs: Runs, events: Events, saver: Saver, path: Path) -> bool:
+def _files_deleted(runs: Runs, events: EventNotifier, saver: Saver, path: Path) -> bool:
     """Save what somebody deleted the names of; True if clients can't find this process any more either."""
     mirror = runs.mirror
     if mirror.run != runs.deleted and mirror.files_deleted():
@@ -352,7 +354,7 @@ def _ready(descriptors: list[int]) -> bool:
     return bool(select.select(descriptors, [], [], 0)[0])
 
 
-def _take_state(message: RobotState, runs: Runs, events: Events) -> None:
+def _take_state(message: RobotState, runs: Runs, events: EventNotifier) -> None:
     before, now = runs.mirror.take(message)
     runs.take_state(now)
     _tell_changes(events, before, now)
@@ -360,7 +362,7 @@ def _take_state(message: RobotState, runs: Runs, events: Events) -> None:
         runs.look()
 
 
-def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -> None:
+def _tell_changes(events: EventNotifier, before: LoggerSnapshot, now: LoggerSnapshot) -> None:
     """Events for what differs between two states of the robot process."""
     by = now.robot.by
     stopped = now.robot.state is State.STOPPED
@@ -384,14 +386,14 @@ def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -
         events.publish(EventKind.CONDITIONS, text)  # by the program: what clients change is told with their request
 
 
-def conditions_text(before: Extras, now: Extras) -> str:
+def conditions_text(before: Conditions, now: Conditions) -> str:
     """Return what became of limits and triggers, fit to show; empty where nothing did."""
     if (before.limits, before.triggers) == (now.limits, now.triggers):
         return ""
     from silo.settings.conditions_diff import NONE, diff_extras
 
     told = []
-    for change in diff_extras(Extras((), before.limits, before.triggers), Extras((), now.limits, now.triggers)):
+    for change in diff_extras(Conditions((), before.limits, before.triggers), Conditions((), now.limits, now.triggers)):
         what = f"{change.name} {change.field}".strip()
         told.append(f"{what} removed" if change.new == NONE and not change.field else f"{what}: {change.new}")
     more = f" and {len(told) - 3} more" if len(told) > 3 else ""
@@ -413,8 +415,8 @@ def derived_text(before: Sequence[Derived], now: Sequence[Derived]) -> str:
     return plain("; ".join(told[:3]) + more)
 
 
-def open_link(descriptor: int, runs: int) -> Robot:
+def open_link(descriptor: int, runs: int) -> RobotLink:
     """Return the channels that the robot process handed over."""
     handed = socket.socket(fileno=runs)
     handed.setblocking(False)
-    return Robot(socket.socket(fileno=descriptor), handed)
+    return RobotLink(socket.socket(fileno=descriptor), handed)

@@ -17,8 +17,8 @@ from silo.journal.writer import JournalWriter
 from silo.rpc.published import EventKind
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
-from silo.state.events import Events
-from silo.state.replica import Mirror
+from silo.state.events import EventNotifier
+from silo.state.replica import Replica
 from silo.state.run_follower import RunFollower
 
 PERIOD_S = 0.2
@@ -30,7 +30,7 @@ log = logging.getLogger("silo.helper")
 class Journaling:
     """Owns the journal thread."""
 
-    def __init__(self, mirror: Mirror, events: Events) -> None:
+    def __init__(self, mirror: Replica, events: EventNotifier) -> None:
         self._mirror, self._events = mirror, events
         self._ended = threading.Event()
         self._writer: JournalWriter | None = None

@@ -10,8 +10,8 @@ from silo.core.recording import unheld_text
 from silo.errors import SegmentError
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
-from silo.state.events import Events
-from silo.state.replica import Mirror
+from silo.state.events import EventNotifier
+from silo.state.replica import Replica
 from silo.state.run_follower import RunFollower
 
 PERIOD_S = 0.2
@@ -20,10 +20,10 @@ MOST_UNHELD = 10  # told of by name, at once
 log = logging.getLogger("silo.helper")
 
 
-class Marks:
+class MarkReader:
     """Owns the thread that looks for marks."""
 
-    def __init__(self, mirror: Mirror, events: Events) -> None:
+    def __init__(self, mirror: Replica, events: EventNotifier) -> None:
         self._mirror, self._events = mirror, events
         self._lock = threading.Lock()
         self._run = RunFollower(mirror)

@@ -15,16 +15,16 @@ from silo.helper.recovery import recover, settle_left
 from silo.recovery.left import LeftRun
 from silo.recovery.runs import left_of, sweep
 from silo.rpc.published import EventKind
-from silo.state.events import Events
-from silo.state.replica import Mirror
+from silo.state.events import EventNotifier
+from silo.state.replica import Replica
 
 log = logging.getLogger("silo.helper")
 
 
-class PredecessorRecovery:
+class OrphanRecovery:
     """Owns the thread that saves what predecessors left."""
 
-    def __init__(self, mirror: Mirror, events: Events) -> None:
+    def __init__(self, mirror: Replica, events: EventNotifier) -> None:
         self._mirror = mirror
         self._events = events
         self._ended = threading.Event()

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from silo.core.elements import Extras, FileType, SavedFile
+from silo.core.elements import Conditions, FileType, SavedFile
 from silo.core.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
 from silo.errors import SegmentError
 from silo.journal.holdings import Holdings
 from silo.journal.reader import JournalReader
 from silo.recorder.left_recordings import complete_recordings
-from silo.recorder.process import Kept
+from silo.recorder.process import RecorderHandover
 from silo.recovery.left import RECOVERED, RunReader, has_unsaved, missing, save_reader
 from silo.recovery.runs import claimed_run, let_go
 from silo.rpc.published import EventKind
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from silo.conditions.recovery import RecoveredCaptures
 
 Tell = Callable[[EventKind, str, list[SavedFile]], object]
-Save = Callable[[RunReader, str, Extras | None], tuple[list[SavedFile], Holdings]]
+Save = Callable[[RunReader, str, Conditions | None], tuple[list[SavedFile], Holdings]]
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def settle_left(
     tell: Tell,
     wanted: Callable[[str, str], bool],
     home: str = "",
-    recordings: Callable[[Kept], bool] = lambda _: True,
+    recordings: Callable[[RecorderHandover], bool] = lambda _: True,
 ) -> list[str]:
     """Have what reads runs of dead programs come to its end: endless recordings, and what triggers captured.
 

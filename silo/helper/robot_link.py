@@ -15,7 +15,7 @@ from silo.state.handover import RunOffer, taken_runs
 REPLY_TIMEOUT_S = 5.0
 
 
-class Robot:
+class RobotLink:
     """The robot process, as the helper talks to it. Any thread may ask; the main thread receives."""
 
     def __init__(self, sock: socket.socket, runs: socket.socket) -> None:

@@ -12,20 +12,20 @@ from collections.abc import Iterable, Iterator, Sequence
 from silo.conditions.monitor import Judge
 from silo.core.elements import State
 from silo.errors import SegmentError
-from silo.helper.marks import Marks
-from silo.helper.robot_link import Robot
+from silo.helper.marks import MarkReader
+from silo.helper.robot_link import RobotLink
 from silo.link.messages import LetGo
-from silo.recorder.server import Recording
+from silo.recorder.server import EndlessRecordings
 from silo.segment.reader import SegmentReader
-from silo.state.events import Events
+from silo.state.events import EventNotifier
 from silo.state.handover import RunOffer
 from silo.state.held_runs import HeldRuns, tell_left
-from silo.state.replica import LoggerSnapshot, Mirror
+from silo.state.replica import LoggerSnapshot, Replica
 
 log = logging.getLogger("silo.helper")
 
 
-def taken_over(robot: Robot, mirror: Mirror, held: HeldRuns) -> Iterator[RunOffer]:
+def taken_over(robot: RobotLink, mirror: Replica, held: HeldRuns) -> Iterator[RunOffer]:
     """Take over the runs that the robot process handed over, each by itself: it is the present one until the next."""
     for offer, descriptor in robot.taken_runs():
         try:
@@ -41,8 +41,8 @@ class Runs:
     """Who follows runs, and what each is told. For the main thread alone."""
 
     def __init__(
-        self, robot: Robot, mirror: Mirror, held: HeldRuns, events: Events, marks: Marks, judge: Judge,
-        recording: Recording, early: Sequence[RunOffer],
+        self, robot: RobotLink, mirror: Replica, held: HeldRuns, events: EventNotifier, marks: MarkReader, judge: Judge,
+        recording: EndlessRecordings, early: Sequence[RunOffer],
     ) -> None:  # fmt: skip
         """`early` were taken over before anybody was there to follow them."""
         self.mirror, self.recording = mirror, recording

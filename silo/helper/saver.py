@@ -6,18 +6,18 @@ import threading
 import time
 from dataclasses import dataclass
 
-from silo.core.elements import Extras, SavedFile
+from silo.core.elements import Conditions, SavedFile
 from silo.errors import SegmentError, SiloError
 from silo.files.saving import describe
-from silo.helper.robot_link import Robot
+from silo.helper.robot_link import RobotLink
 from silo.link.messages import LinkSaved
 from silo.recordings.heap import trim_heap
 from silo.recordings.requests import Save, SaveStarted
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.reader import SegmentReader
-from silo.state.events import Events, plain
-from silo.state.replica import Mirror
+from silo.state.events import EventNotifier, plain
+from silo.state.replica import Replica
 
 MAX_WAITING = 4
 PROGRESS_PERIOD_S = 0.1
@@ -37,13 +37,13 @@ class _Job:
     logger: str
     segment: str
     for_robot: bool
-    extras: Extras  # derived signals and limits as they are, not as they were when the run began
+    extras: Conditions  # derived signals and limits as they are, not as they were when the run began
 
 
 class Saver:
     """Owns the saver thread. The other methods may be called by any thread."""
 
-    def __init__(self, mirror: Mirror, events: Events, robot: Robot) -> None:
+    def __init__(self, mirror: Replica, events: EventNotifier, robot: RobotLink) -> None:
         self._mirror = mirror
         self._events = events
         self._robot = robot

@@ -29,7 +29,7 @@ _decoder = msgspec.msgpack.Decoder(StreamFrame)
 
 
 @dataclass(frozen=True)
-class Samples:
+class SampleArrays:
     """Samples of one element or entry, oldest first: `ticks` and `time_ns` int64 of shape `(n,)`, `values` beside them.
 
     `values` has the element's own type and shape `(n, *shape of the element)`; elements of several types give a
@@ -49,17 +49,17 @@ class Samples:
         return len(self.ticks)
 
 
-NO_SAMPLES = Samples(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+NO_SAMPLES = SampleArrays(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
 
 
-def samples_of(name: SampledName, rows: SampledRows, missed: int = 0) -> Samples:
+def samples_of(name: SampledName, rows: SampledRows, missed: int = 0) -> SampleArrays:
     """Return what rows have of a name, in arrays of its own. Raises ConnectionLostError for rows that make no sense."""
     with understood(f"rows of {name.name}", "the helper process"):
         _check_rows(rows)
         return _samples_of(name, rows, missed)
 
 
-def _samples_of(name: SampledName, rows: SampledRows, missed: int) -> Samples:
+def _samples_of(name: SampledName, rows: SampledRows, missed: int) -> SampleArrays:
     words = len(rows.data) // 8 // rows.count if rows.count else 0
     if any(entry.offset < STAMP_BYTES or np.dtype(entry.dtype).hasobject for entry in name.entries):
         raise ValueError("an entry lies where none can be")
@@ -69,17 +69,17 @@ def _samples_of(name: SampledName, rows: SampledRows, missed: int) -> Samples:
     found = np.frombuffer(rows.data, "<i8").reshape(rows.count, words) if rows.count else np.zeros((0, 2), np.int64)
     fields = [entry.suffix or f"f{at}" for at, entry in enumerate(name.entries)]
     values = shaped(Packer(name.entries, fields).of(found), name.shape)
-    return Samples(found[:, 0].copy(), found[:, 1].copy(), values, name.divider, missed)
+    return SampleArrays(found[:, 0].copy(), found[:, 1].copy(), values, name.divider, missed)
 
 
-def joined(parts: Sequence[Samples]) -> Samples:
+def joined(parts: Sequence[SampleArrays]) -> SampleArrays:
     """Return several stretches of a name as one."""
     if len(parts) == 1:
         return parts[0]
     ticks, time_ns, values = (
         np.concatenate([getattr(part, what) for part in parts]) for what in ("ticks", "time_ns", "values")
     )
-    return Samples(ticks, time_ns, values, parts[0].divider, parts[0].missed)
+    return SampleArrays(ticks, time_ns, values, parts[0].divider, parts[0].missed)
 
 
 class Gathering:
@@ -110,13 +110,13 @@ class Gathering:
         for rows in reply.rows:
             self._rows.setdefault(rows.group, []).append(rows)
 
-    def samples(self) -> dict[str, Samples]:
+    def samples(self) -> dict[str, SampleArrays]:
         """Return what has come, by name. Raises ConnectionLostError for what makes no sense."""
         with understood("samples", "the helper process"):
             return self._samples()
 
-    def _samples(self) -> dict[str, Samples]:
-        found: dict[str, list[Samples]] = {name: [] for name in self._wished}
+    def _samples(self) -> dict[str, SampleArrays]:
+        found: dict[str, list[SampleArrays]] = {name: [] for name in self._wished}
         for name in self._names:
             rows = self._rows.get(name.group) or [SampledRows(name.group, 0, 0, b"")]
             found[name.name] += [samples_of(name, some) for some in rows]
@@ -124,24 +124,24 @@ class Gathering:
         return {**{name: joined(_filled(parts)) for name, parts in found.items() if parts}, **none}
 
 
-def _none(why: str) -> Samples:
+def _none(why: str) -> SampleArrays:
     """Return no samples, and why."""
-    return Samples(NO_SAMPLES.ticks, NO_SAMPLES.time_ns, NO_SAMPLES.values, why=why)
+    return SampleArrays(NO_SAMPLES.ticks, NO_SAMPLES.time_ns, NO_SAMPLES.values, why=why)
 
 
-def _filled(parts: list[Samples]) -> list[Samples]:
+def _filled(parts: list[SampleArrays]) -> list[SampleArrays]:
     return [part for part in parts if len(part)] or parts[:1]
 
 
-class Batch(Mapping[str, Samples]):
+class StreamBatch(Mapping[str, SampleArrays]):
     """What came of a stream at once, by name. Arrays are made of a name when it is looked at."""
 
     def __init__(self, run: str, parts: dict[str, list[tuple[SampledName, SampledRows, int]]]) -> None:
         self.run = run  # changes with a new start, from which on ticks are counted anew
         self._parts = parts
-        self._made: dict[str, Samples] = {}
+        self._made: dict[str, SampleArrays] = {}
 
-    def __getitem__(self, name: str) -> Samples:
+    def __getitem__(self, name: str) -> SampleArrays:
         if name not in self._made:
             parts = [samples_of(*part) for part in self._parts[name]]
             with understood(f"rows of {name}", "the helper process"):
@@ -225,7 +225,7 @@ class Stream:
             self._frames.append(data)
             self._changed.notify_all()
 
-    def read(self, timeout_s: float | None = None) -> Batch | None:
+    def read(self, timeout_s: float | None = None) -> StreamBatch | None:
         """Return the next batch; waits for it, None where none came in time or the stream was closed.
 
         Raises RefusedError where the helper process ended the stream, ConnectionLostError for frames that can't be
@@ -245,7 +245,7 @@ class Stream:
                 self._changed.wait(left_s)
         return None
 
-    def _next(self) -> Batch | None:
+    def _next(self) -> StreamBatch | None:
         while self._frames:
             try:
                 self._unread.append(_decoded(self._frames.popleft()))
@@ -263,7 +263,7 @@ class Stream:
                 return self._batch(frame, self._opened[frame.generation])
         return None
 
-    def _batch(self, frame: StreamFrame, opened: StreamOpened) -> Batch:
+    def _batch(self, frame: StreamFrame, opened: StreamOpened) -> StreamBatch:
         by_group = {rows.group: rows for rows in frame.rows}
         parts: dict[str, list[tuple[SampledName, SampledRows, int]]] = {}
         # counted by name: another generation numbers groups anew
@@ -282,9 +282,9 @@ class Stream:
             parts.setdefault(name.name, []).append((name, some, more))
         self._expected = expected
         self.missed += sum(missed.values())
-        return Batch(frame.run, parts)
+        return StreamBatch(frame.run, parts)
 
-    def __iter__(self) -> Iterator[Batch]:
+    def __iter__(self) -> Iterator[StreamBatch]:
         while (batch := self.read()) is not None:
             yield batch
 

@@ -1,6 +1,6 @@
 """History: past samples of some entries in columns, straight from the buffers in shared memory."""
 
-from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, Hole, bins_of
+from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, Gap, bins_of
 from silo.history.picking import RingSource, first_row
 from silo.history.pinned_rows import PinnedRows
 from silo.history.requests import By, Columns, GetHistory
@@ -119,9 +119,9 @@ def _say_why_empty(
     newest = reader.last_time_ns // request.column_ns
     known = {signal for signal, _ in logged}
     for signal in range(len(request.names)):
-        grid.add_hole(signal, grid.first, start, Hole.BEFORE)
+        grid.add_hole(signal, grid.first, start, Gap.BEFORE)
         if signal not in known:
-            grid.add_hole(signal, start, newest + 1, Hole.OFF)
+            grid.add_hole(signal, start, newest + 1, Gap.OFF)
     ends: dict[int, tuple[int, int, bool, bool]] = {}
     for signal, element in logged:
         for ring in {element.ring, element.live_ring} - {-1}:
@@ -131,10 +131,10 @@ def _say_why_empty(
         if element.live_ring >= 0 and element.live_ring != element.ring:
             resumed = ends[element.live_ring][0] // request.column_ns
         if overwritten:
-            grid.add_hole(signal, start, oldest_ns // request.column_ns, Hole.OVERWRITTEN)
+            grid.add_hole(signal, start, oldest_ns // request.column_ns, Gap.OVERWRITTEN)
         if cut:
             lost = reader.ring_lost(element.ring) > 0
-            hole = Hole.LOST if lost else Hole.OVERWRITTEN if element.live_ring >= 0 else Hole.FULL
+            hole = Gap.LOST if lost else Gap.OVERWRITTEN if element.live_ring >= 0 else Gap.FULL
             grid.add_hole(signal, newest_ns // request.column_ns + 1, resumed, hole)
 
 

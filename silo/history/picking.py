@@ -33,7 +33,7 @@ class RingSource(Protocol):
 
 
 @dataclass(frozen=True)
-class Group:
+class RingGroup:
     """The words of one ring that are wanted, but none of rows that the ring `after` holds too (-1: there is none)."""
 
     ring: int
@@ -47,10 +47,10 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Picked:
+class RowSelection:
     """All that names ask for: groups, where each name stands in them, and why others have nothing."""
 
-    groups: tuple[Group, ...]
+    groups: tuple[RingGroup, ...]
     names: list[SampledName]
     missing: dict[str, str]
 
@@ -70,7 +70,7 @@ def pick(
     now: LoggerSnapshot,
     schema: SegmentSchema | None,
     held: Callable[[int, Words], bool] | None = None,
-) -> Picked:
+) -> RowSelection:
     """Return what elements or entries of these names need; they must be known. A name that is both is the element.
 
     `held` tells whether there are these words of a ring, where there aren't all.
@@ -94,7 +94,7 @@ def pick(
             continue
         for ring, after, entries in parts:
             wanted.setdefault((ring, after), []).append((name, element, entries, whole))
-    groups: list[Group] = []
+    groups: list[RingGroup] = []
     found: list[SampledName] = []
     for (ring, after), some in wanted.items():
         types, before = _places([entry for _, _, entries, _ in some for entry in entries])
@@ -104,8 +104,8 @@ def pick(
             shape = tuple(element.info.shape) if whole else ()
             sent = [SampledEntry(each.entry.suffix, each.dtype, next(offsets), each.swapped) for each in entries]
             found.append(SampledName(name, len(groups), element.info.options.divider, shape, sent))
-        groups.append(Group(ring, after, words))
-    return Picked(tuple(groups), found, missing)
+        groups.append(RingGroup(ring, after, words))
+    return RowSelection(tuple(groups), found, missing)
 
 
 def _places(entries: Sequence[EntrySchema]) -> tuple[list[np.dtype[Any]], NDArray[np.intp]]:
@@ -151,7 +151,7 @@ def first_row(source: RingSource, ring: int, by: By, value: int) -> int:
     return low
 
 
-def bounds(source: RingSource, group: Group, start: int, end: int, by: By) -> tuple[int, int]:
+def bounds(source: RingSource, group: RingGroup, start: int, end: int, by: By) -> tuple[int, int]:
     """Return the rows of a group with `start <= time stamp, tick or row < end` as begin and end."""
     head = source.head(group.ring)
     begin = first_row(source, group.ring, by, start) if start > -(2**62) else 0

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from silo.core.quantities import duration
-from silo.history.picking import Group, Picked, bounds, pick, unknown_name
+from silo.history.picking import RingGroup, RowSelection, bounds, pick, unknown_name
 from silo.history.pinned_rows import PinnedRows
 from silo.history.requests import By, OpenPin, PinOpened
 from silo.history.samples import MAX_NAMES, unknown
@@ -129,7 +129,7 @@ def _copied(
 class _Stretch:
     """Rows `begin` to before `end` of one ring, and which of their words are copied."""
 
-    group: Group
+    group: RingGroup
     begin: int
     end: int
 
@@ -143,7 +143,7 @@ class _Stretch:
         return (self.begin + ring.capacity - reader.head(self.group.ring)) * ring.divider / reader.schema.frequency_hz
 
 
-def _stretches(reader: SegmentReader, found: Picked, start_ns: int, end_ns: int) -> list[_Stretch]:
+def _stretches(reader: SegmentReader, found: RowSelection, start_ns: int, end_ns: int) -> list[_Stretch]:
     """What is copied, of each ring one stretch: all words of its groups, of the rows that any of them wants.
 
     A ring may have two groups: one element has all its samples there, another one those after its own buffer was full.
@@ -160,16 +160,16 @@ def _merged(one: _Stretch, other: _Stretch) -> _Stretch:
     spans = [stretch for stretch in (one, other) if stretch.begin < stretch.end] or [one]
     words = np.union1d(one.group.words, other.group.words)
     begin, end = min(stretch.begin for stretch in spans), max(stretch.end for stretch in spans)
-    return _Stretch(Group(one.group.ring, -1, words), begin, end)
+    return _Stretch(RingGroup(one.group.ring, -1, words), begin, end)
 
 
-def _oldest_ns(reader: SegmentReader, found: Picked) -> int:
+def _oldest_ns(reader: SegmentReader, found: RowSelection) -> int:
     """The oldest time stamp that the buffers hold of any of them, 0 where they hold none."""
     oldest = [reader.rows(group.ring, 0, 1) for group in found.groups]
     return min((int(rows.time_ns[0]) for rows in oldest if len(rows)), default=0)
 
 
-def _fitting(request: OpenPin, found: Picked, reader: SegmentReader, room: int) -> tuple[int | None, str]:
+def _fitting(request: OpenPin, found: RowSelection, reader: SegmentReader, room: int) -> tuple[int | None, str]:
     """From when on the rows fit into `room` bytes, and what is to be said of it; None where nothing fits."""
     stretches = _stretches(reader, found, request.start_ns, request.end_ns)
     total = sum(stretch.size_bytes for stretch in stretches)

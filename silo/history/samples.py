@@ -1,6 +1,6 @@
 """Raw samples of any enabled element: rows straight from the buffers, as many as a reply may hold."""
 
-from silo.history.picking import Picked, RingSource, bounds, pick, unknown_name
+from silo.history.picking import RingSource, RowSelection, bounds, pick, unknown_name
 from silo.history.pinned_rows import PinnedRows
 from silo.history.requests import GetSamples, SampleRows
 from silo.history.sampled_rows import SampledRows
@@ -59,7 +59,7 @@ def samples(request: GetSamples, now: LoggerSnapshot, source: RingSource | None)
 
 
 def _read(
-    found: Picked, source: RingSource, wanted: list[tuple[int, int]], room: int
+    found: RowSelection, source: RingSource, wanted: list[tuple[int, int]], room: int
 ) -> tuple[list[SampledRows], list[tuple[int, int]]]:
     read: list[SampledRows] = []
     resume: list[tuple[int, int]] = []

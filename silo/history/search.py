@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from silo.expressions.search import Finder, Looking
 from silo.expressions.span import HELD_PERIODS, Between, Measuring
-from silo.history.picking import Group, Picked, RingSource, bounds, pick, unknown_name
+from silo.history.picking import RingGroup, RingSource, RowSelection, bounds, pick, unknown_name
 from silo.history.pinned_rows import PinnedRows
 from silo.history.requests import By
 from silo.history.samples import unknown
@@ -29,7 +29,7 @@ NOTHING_HELD = "nothing of that recording is held"
 BLOCK_BYTES = 4 * 2**20
 
 
-class HeldRows:
+class SearchedRows:
     """The rows of pins where these have them, else those of the buffers; to be read as a segment is."""
 
     def __init__(self, reader: SegmentReader | None, pins: Sequence[PinnedRows]) -> None:
@@ -168,15 +168,15 @@ def _facts(name: str, found: Between) -> SpanFacts:
     )  # fmt: skip
 
 
-def _held(run: str, reader: SegmentReader | None, pins: Sequence[PinnedRows]) -> tuple[str, HeldRows | None]:
+def _held(run: str, reader: SegmentReader | None, pins: Sequence[PinnedRows]) -> tuple[str, SearchedRows | None]:
     """Return which run it is about, and what is held of it: None for nothing."""
     run = run or (reader.schema.run if reader is not None else "")
     pins = [pin for pin in pins if pin.schema.run == run]
     if reader is not None and reader.schema.run == run:
         # other derived signals have other rings
         pins = [pin for pin in pins if pin.schema.extras.derived == reader.schema.extras.derived]
-        return run, HeldRows(reader, pins)
-    return run, HeldRows(None, pins) if pins else None
+        return run, SearchedRows(reader, pins)
+    return run, SearchedRows(None, pins) if pins else None
 
 
 def _of(name: str, finder: Finder | None, why: str) -> FoundIn:
@@ -191,7 +191,7 @@ def _of(name: str, finder: Finder | None, why: str) -> FoundIn:
 
 
 def _blocks(
-    found: Picked, source: RingSource, start_ns: int, end_ns: int
+    found: RowSelection, source: RingSource, start_ns: int, end_ns: int
 ) -> Iterator[tuple[str, NDArray[np.int64], NDArray[np.generic]]]:
     """Return the samples of each name, block by block, oldest first; what is overwritten meanwhile is left out."""
     for number, group in enumerate(found.groups):
@@ -201,7 +201,7 @@ def _blocks(
                 yield name, rows.time_ns, rows.at(entry)
 
 
-def _rows(source: RingSource, group: Group, start_ns: int, end_ns: int) -> Iterator[Rows]:
+def _rows(source: RingSource, group: RingGroup, start_ns: int, end_ns: int) -> Iterator[Rows]:
     row, end = bounds(source, group, start_ns, end_ns + 1, By.TIME)
     most = max(1, BLOCK_BYTES // group.row_bytes)
     while row < end:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Derived, ElementInfo
-from silo.expressions.binding import OFF, Bound, Catalogue, Known
+from silo.expressions.binding import OFF, BoundExpression, Catalogue, Known
 from silo.expressions.derived_signals import Lookback, bound_derived, info_of, lookback
 from silo.expressions.evaluation import Evaluator, SourceRows
 from silo.segment.layout import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema, SegmentSchema
@@ -33,7 +33,7 @@ class DerivedSignal:
 
     ring: int
     divider: int
-    bound: Bound
+    bound: BoundExpression
     dividers: dict[int, int]
     pickers: dict[int, RowPicker[tuple[int, int]]]
     lookback: Lookback
@@ -92,7 +92,7 @@ def _source_ring(element: ElementSchema, schema: SegmentSchema) -> int:
     return element.ring
 
 
-def _ring(number: int, bound: Bound, schema: SegmentSchema) -> RingSchema:
+def _ring(number: int, bound: BoundExpression, schema: SegmentSchema) -> RingSchema:
     """A ring that holds what can be computed: it ends where the first of its signals' rings ends."""
     divider = int(np.gcd.reduce(list(bound.sources.values())))
     rings = [schema.rings[ring] for ring in bound.sources]

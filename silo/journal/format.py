@@ -42,7 +42,7 @@ MAGIC = int.from_bytes(b"SILOJNL1", "little")
 HEADER_WORDS = 8
 
 
-class Word(enum.IntEnum):
+class RecordWord(enum.IntEnum):
     """Words of a record's header. `checksum` is the CRC-32 of run id, header (with 0 in its place) and payload."""
 
     MAGIC = 0
@@ -55,7 +55,7 @@ class Word(enum.IntEnum):
     CHECKSUM = 7
 
 
-class Kind(enum.IntEnum):
+class RecordKind(enum.IntEnum):
     """What a record is."""
 
     ROWS = 1
@@ -144,7 +144,7 @@ def checksum(seed: int, header: NDArray[np.int64], payload: bytes | memoryview) 
 def bare_checksum(seed: int, header: NDArray[np.int64]) -> int:
     """The checksum of a record up to its payload."""
     bare = header.copy()
-    bare[Word.CHECKSUM] = 0
+    bare[RecordWord.CHECKSUM] = 0
     return zlib.crc32(bare.tobytes(), seed)
 
 

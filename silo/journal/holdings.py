@@ -43,7 +43,7 @@ def _many(count: int, what: str) -> str:
 
 
 @dataclass(frozen=True)
-class Kept:
+class RetainedAlike:
     """Elements that are kept alike hold the same samples: `count` of them."""
 
     ring: int
@@ -53,17 +53,17 @@ class Kept:
     count: int = 1
 
 
-def kept_alike(schema: SegmentSchema) -> list[Kept]:
+def kept_alike(schema: SegmentSchema) -> list[RetainedAlike]:
     """The saved elements of a segment, those that hold the same samples as one: few even of 10,000."""
     counts = Counter(
         (one.ring, one.info.options.divider, one.info.options.buffer_type, one.info.options.buffer_size)
         for one in schema.elements
         if one.info.options.action.saves
     )
-    return [Kept(*how, count) for how, count in counts.items()]
+    return [RetainedAlike(*how, count) for how, count in counts.items()]
 
 
-def segment_holdings(reader: SegmentReader | JournalReader, kept: list[Kept] | None = None) -> Holdings:
+def segment_holdings(reader: SegmentReader | JournalReader, kept: list[RetainedAlike] | None = None) -> Holdings:
     """What a snapshot of this segment, or journal, would hold now. Raises SegmentError where it is damaged.
 
     `kept` is what `kept_alike` returned for it, where this is asked again and again.
@@ -84,7 +84,7 @@ def segment_holdings(reader: SegmentReader | JournalReader, kept: list[Kept] | N
     return Holdings(ticks, elements, samples, seconds)
 
 
-def _samples(reader: SegmentReader | JournalReader, kept: Kept, ticks: int, first_tick: int) -> range:
+def _samples(reader: SegmentReader | JournalReader, kept: RetainedAlike, ticks: int, first_tick: int) -> range:
     """Numbers of the samples that are kept: as in a snapshot, none without its time stamp."""
     begin, end = kept_rows(kept, reader.first(kept.ring), min(-(-ticks // kept.divider), reader.head(kept.ring)))
     return range(max(begin, -(-first_tick // kept.divider)), end)

@@ -32,8 +32,8 @@ from silo.journal.format import (
     SCHEMA_FILE,
     Commit,
     Head,
-    Kind,
-    Word,
+    RecordKind,
+    RecordWord,
     bare_checksum,
     seed_of,
 )
@@ -122,13 +122,13 @@ class JournalReader:
         """Note what stands in a file. Raises ValueError, IndexError, MsgspecError for what its schema can't mean."""
         uncommitted: list[tuple[int, ...]] = []
         for record in _records(self._files[number], seed_of(self.schema.run)):
-            size = int(record.header[Word.PAYLOAD_BYTES])
-            if record.header[Word.KIND] == Kind.ROWS:
-                ring = self.schema.rings[int(record.header[Word.RING])]
-                count = int(record.header[Word.COUNT])
+            size = int(record.header[RecordWord.PAYLOAD_BYTES])
+            if record.header[RecordWord.KIND] == RecordKind.ROWS:
+                ring = self.schema.rings[int(record.header[RecordWord.RING])]
+                count = int(record.header[RecordWord.COUNT])
                 if count * 8 * ring.row_words != size:
                     raise ValueError(f"{count} rows of ring {ring.ring} in {size} bytes")
-                uncommitted.append((ring.ring, int(record.header[Word.FIRST]), count, number, record.offset))
+                uncommitted.append((ring.ring, int(record.header[RecordWord.FIRST]), count, number, record.offset))
                 continue
             payload = self._read(number, record.offset, size)
             ticks = msgspec.msgpack.decode(payload, type=_Ticks).ticks
@@ -264,14 +264,14 @@ def _records(descriptor: int, seed: int) -> Iterator[_Record]:
         head = bytearray(8 * HEADER_WORDS)
         _read_into(descriptor, memoryview(head), at)
         header = np.frombuffer(head, "<i8")
-        size = int(header[Word.PAYLOAD_BYTES])
-        if header[Word.MAGIC] != MAGIC or not 0 <= size <= length - begin:
+        size = int(header[RecordWord.PAYLOAD_BYTES])
+        if header[RecordWord.MAGIC] != MAGIC or not 0 <= size <= length - begin:
             return
-        if header[Word.CHECKSUM] != _checksum(descriptor, begin, size, bare_checksum(seed, header)):
+        if header[RecordWord.CHECKSUM] != _checksum(descriptor, begin, size, bare_checksum(seed, header)):
             return
-        if number is not None and header[Word.NUMBER] != number + 1:
+        if number is not None and header[RecordWord.NUMBER] != number + 1:
             return
-        number = int(header[Word.NUMBER])
+        number = int(header[RecordWord.NUMBER])
         yield _Record(header, begin)
         at = begin + size + -size % 8
 

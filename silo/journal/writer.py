@@ -21,8 +21,8 @@ from silo.journal.format import (
     SCHEMA_FILE,
     Commit,
     Head,
-    Kind,
-    Word,
+    RecordKind,
+    RecordWord,
     checksum,
     loop_file,
     remove_journal,
@@ -169,16 +169,16 @@ class JournalWriter:
                     break  # overwritten before they were read, and so is what follows: the next batch begins later
                 unbroken = len(rows) + (unbroken if rows.first == row else 0)
                 payload = np.ascontiguousarray(rows.words).tobytes()
-                self._record(stream, batch, [Kind.ROWS, ring.ring, rows.first, len(rows)], payload)
+                self._record(stream, batch, [RecordKind.ROWS, ring.ring, rows.first, len(rows)], payload)
                 row = rows.first + len(rows)
             batch.next_rows[ring.ring] = row
             batch.unbroken[ring.ring] = unbroken
-        self._record(stream, batch, [Kind.COMMIT, 0, commit.ticks, 0], msgspec.msgpack.encode(commit))
+        self._record(stream, batch, [RecordKind.COMMIT, 0, commit.ticks, 0], msgspec.msgpack.encode(commit))
         return batch
 
     def _record(self, stream: _Stream, batch: _Batch, words: list[int], payload: bytes) -> None:
         header = np.array([MAGIC, *words, len(payload), batch.number, 0], "<i8")
-        header[Word.CHECKSUM] = checksum(self._seed, header, payload)
+        header[RecordWord.CHECKSUM] = checksum(self._seed, header, payload)
         record = header.tobytes() + payload + bytes(-len(payload) % 8)
         assert len(header) == HEADER_WORDS
         self._disk.write(stream.descriptor, record, batch.offset)

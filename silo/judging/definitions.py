@@ -6,14 +6,14 @@ import msgspec
 import numpy as np
 
 from silo.core.arguments import real, shown, whole
-from silo.core.elements import BufferType, Derived, ElementInfo, Extras, SignalLimits, TriggerOptions
+from silo.core.elements import BufferType, Conditions, Derived, ElementInfo, SignalLimits, TriggerOptions
 from silo.core.quantities import both_meanings, seconds_of
 from silo.errors import ElementError
-from silo.expressions.binding import Bound, Catalogue, Known, bind
+from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.derived_signals import binds, placed
 from silo.expressions.tokens import ExpressionError
 from silo.judging.limits import LimitRule, limit_rule
-from silo.judging.triggers import Held, Mode, Slope, TriggerRule, check_length, check_pre
+from silo.judging.triggers import BufferSpan, Slope, TriggerMode, TriggerRule, check_length, check_pre
 
 MOST_DERIVED = 200
 MOST_LIMITS = 1000
@@ -41,7 +41,7 @@ def table_catalogue(elements: Sequence[ElementInfo], prefix: str, derived: Seque
     return Catalogue(known, prefix, derived)
 
 
-def with_derived(extras: Extras, one: Derived, elements: Sequence[ElementInfo], prefix: str) -> Extras:
+def with_derived(extras: Conditions, one: Derived, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
     """Return the extras with one more derived signal, or with a new expression for one of that name.
 
     Raises ElementError for a name that an element has, or for one that would be computed from itself, ExpressionError
@@ -56,7 +56,7 @@ def with_derived(extras: Extras, one: Derived, elements: Sequence[ElementInfo], 
     return msgspec.structs.replace(extras, derived=derived)
 
 
-def without_derived(extras: Extras, name: str, elements: Sequence[ElementInfo], prefix: str) -> Extras:
+def without_derived(extras: Conditions, name: str, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
     """Return the extras without the derived signal of this name, whole or from behind a `/`.
 
     Raises ElementError where there is none, or where something stands on it.
@@ -90,7 +90,7 @@ def _fits(limits: SignalLimits, catalogue: Catalogue) -> bool:
     return True
 
 
-def with_limits(extras: Extras, one: SignalLimits, elements: Sequence[ElementInfo], prefix: str) -> Extras:
+def with_limits(extras: Conditions, one: SignalLimits, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
     """Return the extras with limits of one more signal, or with new ones for it. Raises ElementError."""
     known = {old.name for old in extras.limits}
     if len(known) >= MOST_LIMITS and one.name not in known:
@@ -101,7 +101,7 @@ def with_limits(extras: Extras, one: SignalLimits, elements: Sequence[ElementInf
     return msgspec.structs.replace(extras, limits=made if one.name in known else (*made, one))
 
 
-def with_trigger(extras: Extras, one: TriggerOptions, elements: Sequence[ElementInfo], prefix: str) -> Extras:
+def with_trigger(extras: Conditions, one: TriggerOptions, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
     """Return the extras with one more trigger, or with a new one of that name. Raises ElementError."""
     known = {old.name for old in extras.triggers}
     if len(known) >= MOST_TRIGGERS and one.name not in known:
@@ -125,12 +125,12 @@ def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
         return round(real(f"{what} {name}", given_s, 0, MOST_TRIGGER_S, "s") * frequency_hz)
 
     try:
-        slope, mode = Slope(options.slope), Mode(options.mode)
+        slope, mode = Slope(options.slope), TriggerMode(options.mode)
     except ValueError as error:
         raise ElementError(
             f"edge {name} must be rising, falling, level, enter or leave, its mode normal or single: {error}"
         ) from None
-    if mode is Mode.AUTO and options.save:
+    if mode is TriggerMode.AUTO and options.save:
         raise ElementError(
             f"mode {name} must be normal or single: auto captures without end, which is for looking (a scope), not for "
             "files; nothing was changed"
@@ -166,13 +166,13 @@ def _bytes_per_tick(elements: Sequence[ElementInfo]) -> float:
     )
 
 
-def held_by(elements: Sequence[ElementInfo]) -> list[Held]:
+def held_by(elements: Sequence[ElementInfo]) -> list[BufferSpan]:
     """Return what buffers of the elements that are saved hold, for `check_pre`.
 
     Left out is what keeps its first samples, as somebody wanted: no size would hold the past.
     """
     return [
-        Held(info.name, now.divider, now.buffer_size, now.buffer_type is BufferType.LOOPING,
+        BufferSpan(info.name, now.divider, now.buffer_size, now.buffer_type is BufferType.LOOPING,
              now.buffer_type is BufferType.GROWING)
         for info in elements
         if (now := info.options).enabled and now.action.saves and now.buffer_type is not BufferType.FIXED
@@ -211,7 +211,7 @@ def rule_of(limits: SignalLimits) -> LimitRule:
     return limit_rule(limits.bounds, limits.persistence, limits.hysteresis, stale_ns, name)
 
 
-def bind_limits(limits: SignalLimits, catalogue: Catalogue) -> tuple[LimitRule, tuple[Bound, ...]]:
+def bind_limits(limits: SignalLimits, catalogue: Catalogue) -> tuple[LimitRule, tuple[BoundExpression, ...]]:
     """Return the rule of limits, and the expressions to judge together: the signal, and its context if it has one.
 
     Raises ElementError, for a name that isn't there ExpressionError.
@@ -228,7 +228,7 @@ def bind_limits(limits: SignalLimits, catalogue: Catalogue) -> tuple[LimitRule, 
     return rule, (signal, bind(limits.when, catalogue).condition())
 
 
-def scalar_names(bound: Bound, catalogue: Catalogue, name: str) -> list[str]:
+def scalar_names(bound: BoundExpression, catalogue: Catalogue, name: str) -> list[str]:
     """Return the names of the values that a bound name has: those of its scalars, or numbered ones if it is derived."""
     plain = catalogue.find(name)
     if plain:

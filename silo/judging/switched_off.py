@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 from silo.core.elements import Derived, ElementInfo, TriggerOptions
 from silo.expressions.binding import (
     OFF,
-    Bound,
+    BoundExpression,
+    BoundSignal,
     Catalogue,
-    Column,
     Computed,
     Constant,
     Known,
     Part,
     Remembered,
-    Signal,
+    ScalarPlace,
     bind,
     columns_of,
 )
@@ -34,7 +34,7 @@ class TriggerConditions:
     `without` are those without which it is judged; it can fire, and again, or waits for `off` in vain.
     """
 
-    bounds: tuple[Bound, ...]
+    bounds: tuple[BoundExpression, ...]
     without: tuple[str, ...] = ()
     can_fire: bool = True
     can_rearm: bool = True
@@ -54,7 +54,7 @@ class TriggerConditions:
 def trigger_conditions(options: TriggerOptions, catalogue: Catalogue) -> TriggerConditions:
     """Return how a trigger is judged. Raises ExpressionError."""
 
-    def named(columns: Iterable[Column]) -> tuple[str, ...]:
+    def named(columns: Iterable[ScalarPlace]) -> tuple[str, ...]:
         return tuple(dict.fromkeys(catalogue.elements[column.element].name for column in columns))
 
     slope = Slope(options.slope)
@@ -84,7 +84,7 @@ def off_problem(
     return trigger_conditions(options, Catalogue(known, prefix, derived)).problem
 
 
-def without_off(bound: Bound) -> tuple[Bound, list[Column]]:
+def without_off(bound: BoundExpression) -> tuple[BoundExpression, list[ScalarPlace]]:
     """Return an expression whose functions of several values (`any(legs/*/slip)`) leave out those that are off.
 
     With the scalars that are left out. Where all of a function are off, it stays as it is.
@@ -111,7 +111,7 @@ def can_be(part: Part) -> tuple[bool, bool]:
     return known, known
 
 
-def by_what_is_known(bound: Bound, *, rising: bool) -> Bound:
+def by_what_is_known(bound: BoundExpression, *, rising: bool) -> BoundExpression:
     """Return a condition whose alternatives count alone where nothing is known of the others.
 
     It is true (false, if not `rising`) at the same ticks. Where `a > 1 or b > 1` was true of `a` and no longer is, it
@@ -144,7 +144,7 @@ def _dropped(part: Part) -> Part:
 
 
 def _off(part: Part, width: int) -> set[int]:
-    if isinstance(part, Signal):
+    if isinstance(part, BoundSignal):
         if not part.vector:
             return set(range(width)) if part.columns[0].source == OFF else set()
         return {place for place, column in enumerate(part.columns) if column.source == OFF}
@@ -154,7 +154,7 @@ def _off(part: Part, width: int) -> set[int]:
 
 
 def _kept(part: Part, on: list[int]) -> Part:
-    if isinstance(part, Signal):
+    if isinstance(part, BoundSignal):
         return replace(part, columns=tuple(part.columns[place] for place in on)) if part.vector else part
     if isinstance(part, Computed) and part.operator not in REDUCING:
         return Computed(part.operator, tuple(_kept(one, on) for one in part.parts))

@@ -36,7 +36,7 @@ class Slope(str, enum.Enum):
         return {"enter": cls.RISING, "leave": cls.FALLING}.get(str(value))
 
 
-class Mode(str, enum.Enum):
+class TriggerMode(str, enum.Enum):
     """NORMAL captures each fire, SINGLE one and then disarms, AUTO captures without a fire too when none comes."""
 
     NORMAL = "normal"
@@ -59,7 +59,7 @@ class TriggerRule:
     slope: Slope = Slope.RISING
     persist: int = 0
     holdoff: int = 0
-    mode: Mode = Mode.NORMAL
+    mode: TriggerMode = TriggerMode.NORMAL
     patience: int = 0
     longest: int = NO_END
 
@@ -191,7 +191,7 @@ class Trigger:
         self.seen = True
         if condition != UNOBSERVABLE:
             self.known = condition
-        if self.rule.mode is Mode.AUTO and self.patient_until is None:
+        if self.rule.mode is TriggerMode.AUTO and self.patient_until is None:
             self.patient_until = int(ticks[0]) + self.rule.patience
         at = 0
         while at < len(ticks):
@@ -234,8 +234,8 @@ class Trigger:
         self._note(self.capture)
         self.fired.append(fire)
         self.fires += 1
-        self.patient_until = last + 1 + rule.patience if rule.mode is Mode.AUTO else None
-        if rule.mode is Mode.SINGLE:
+        self.patient_until = last + 1 + rule.patience if rule.mode is TriggerMode.AUTO else None
+        if rule.mode is TriggerMode.SINGLE:
             self.disarm()
         # what lasts is captured end to end, not as one capture without end
         at_least = rule.post + 1 if rule.slope is Slope.LEVEL else 0
@@ -251,7 +251,7 @@ class Trigger:
 
 
 @dataclass(frozen=True)
-class Held:
+class BufferSpan:
     """What one buffer holds: of `name` every `divider` ticks, the newest `size` samples if `looping`, else the first.
 
     `grows` where it keeps all.
@@ -280,7 +280,7 @@ def check_length(ticks: int, frequency_hz: float, bytes_per_tick: float) -> None
         )
 
 
-def check_pre(pre: int, frequency_hz: float, buffers: Sequence[Held]) -> None:
+def check_pre(pre: int, frequency_hz: float, buffers: Sequence[BufferSpan]) -> None:
     """Raise ElementError where buffers can't hold `pre` ticks with their slack, with the size that would do."""
     slack = round(SLACK_S * frequency_hz)
     problems = []

@@ -24,8 +24,8 @@ from silo.net import keys
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import lost_samples
-from silo.state.events import Events
-from silo.state.replica import Mirror
+from silo.state.events import EventNotifier
+from silo.state.replica import Replica
 from silo.state.run_follower import RunFollower
 
 IDLE_S = 0.1
@@ -40,7 +40,7 @@ log = logging.getLogger("silo.helper")
 class Publisher:
     """Owns the publisher thread. The other methods may be called by any thread."""
 
-    def __init__(self, session: zenoh.Session, root: keys.Root, mirror: Mirror, events: Events) -> None:
+    def __init__(self, session: zenoh.Session, root: keys.Root, mirror: Replica, events: EventNotifier) -> None:
         self._session = session
         self._root = root
         self._mirror = mirror

@@ -27,7 +27,7 @@ from silo.segment.layout import ElementSchema, EntrySchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows, Words
-from silo.state.replica import Mirror
+from silo.state.replica import Replica
 from silo.state.run_follower import RunFollower
 
 log = logging.getLogger(__name__)
@@ -372,7 +372,7 @@ class _Asker:
 class Surveyor:
     """Answers surveys; follows the rings in a thread of its own while anybody asks."""
 
-    def __init__(self, mirror: Mirror) -> None:
+    def __init__(self, mirror: Replica) -> None:
         self._mirror = mirror
         self._lock = threading.Lock()
         self._wake = threading.Event()

@@ -9,14 +9,14 @@ import time
 import msgspec
 import zenoh
 
-from silo.history.picking import Group, pick, unknown_name
+from silo.history.picking import RingGroup, pick, unknown_name
 from silo.history.requests import OpenStream, StreamOpened
 from silo.history.sampled_rows import SampledRows, StreamFrame
 from silo.history.samples import MAX_NAMES, unknown
 from silo.live.feeds import Feed, Feeds, Round
 from silo.net import keys
 from silo.segment.reader import SegmentReader
-from silo.state.replica import LoggerSnapshot, Mirror
+from silo.state.replica import LoggerSnapshot, Replica
 
 MIN_PERIOD_S, MAX_PERIOD_S = 0.01, 10.0
 MAX_FRAME_BYTES = 2**20  # the rest follows at once
@@ -24,7 +24,7 @@ MAX_FRAME_BYTES = 2**20  # the rest follows at once
 _encoder = msgspec.msgpack.Encoder()
 
 
-class Stream(Feed[OpenStream]):
+class ServedStream(Feed[OpenStream]):
     """A stream that is open."""
 
     def __init__(self, request: OpenStream, publisher: zenoh.Publisher, now_s: float) -> None:
@@ -33,7 +33,7 @@ class Stream(Feed[OpenStream]):
         self._table = -1  # the generation of the table that was adopted last
         self._run: str | None = None
         self._reader: SegmentReader | None = None
-        self._groups: tuple[Group, ...] = ()
+        self._groups: tuple[RingGroup, ...] = ()
         self._cursors: dict[tuple[int | str, int], int] = {}
         self._derived: dict[int, str] = {}  # rings of derived signals have no lasting numbers: their names
 
@@ -65,7 +65,7 @@ class Stream(Feed[OpenStream]):
             self.opened = StreamOpened(self.request.stream, self.opened.generation + 1, picked.names, missing)
         self._table, self._run, self._reader, self._groups = now.generation, run, reader, picked.groups
 
-    def _key(self, group: Group) -> tuple[int | str, int]:
+    def _key(self, group: RingGroup) -> tuple[int | str, int]:
         return self._derived.get(group.ring, group.ring), group.after
 
     def frame(self, this: Round) -> tuple[bytes | None, bool]:
@@ -92,12 +92,12 @@ class Stream(Feed[OpenStream]):
         return _encoder.encode(StreamFrame(self.opened.generation, reader.schema.run, found)), more
 
 
-class Streams(Feeds[OpenStream, Stream]):
+class Streams(Feeds[OpenStream, ServedStream]):
     """All streams of all clients."""
 
     kind, most, most_of_client = "stream", 32, 8
 
-    def __init__(self, session: zenoh.Session, root: keys.Root, mirror: Mirror) -> None:
+    def __init__(self, session: zenoh.Session, root: keys.Root, mirror: Replica) -> None:
         super().__init__(session, root)
         self._mirror = mirror
 
@@ -110,16 +110,16 @@ class Streams(Feeds[OpenStream, Stream]):
         return self.renewed(request.stream, request).opened
 
     def _is_same(self, old: OpenStream, new: OpenStream) -> bool:
-        # whatever the table has lost since: `Stream.adopt` goes on with what is there
+        # whatever the table has lost since: `ServedStream.adopt` goes on with what is there
         return (old.names, old.period_s) == (new.names, new.period_s)
 
-    def _check(self, request: OpenStream, _: list[Stream]) -> None:
+    def _check(self, request: OpenStream, _: list[ServedStream]) -> None:
         name = None if request.again else unknown_name(request.names, self._mirror.now)
         if name is not None:
             raise unknown(name)
 
-    def _made(self, request: OpenStream, publisher: zenoh.Publisher) -> Stream:
-        made = Stream(request, publisher, time.monotonic())
+    def _made(self, request: OpenStream, publisher: zenoh.Publisher) -> ServedStream:
+        made = ServedStream(request, publisher, time.monotonic())
         made.adopt(self._mirror.now, self._mirror.open_watcher())  # from here on nothing is left out
         return made
 

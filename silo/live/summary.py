@@ -17,7 +17,7 @@ from silo.core.stalls import is_stalled
 from silo.live.topics import matching
 from silo.net.keys import Root
 from silo.rpc.published import Summary
-from silo.state.replica import Mirror
+from silo.state.replica import Replica
 
 PERIOD_S = 1.0
 AGAIN_S = 10.0
@@ -30,7 +30,7 @@ _encoder = msgspec.msgpack.Encoder()
 class SummaryFeed:
     """Publishes what the status says in short. Used by the publisher thread alone, but for `die` and `close`."""
 
-    def __init__(self, session: zenoh.Session, root: Root, mirror: Mirror) -> None:
+    def __init__(self, session: zenoh.Session, root: Root, mirror: Replica) -> None:
         self._mirror = mirror
         self._publisher = session.declare_publisher(
             root.key("summary"), congestion_control=zenoh.CongestionControl.DROP
@@ -98,7 +98,7 @@ def differs(told: Summary, found: Summary) -> bool:
 class DiskWatch:
     """Owns the thread that looks how full the disk is to which the logger's files go."""
 
-    def __init__(self, mirror: Mirror) -> None:
+    def __init__(self, mirror: Replica) -> None:
         self._mirror = mirror
         self._ended = threading.Event()
         # a daemon: it may hang in the kernel for minutes, and it calls nothing but the kernel

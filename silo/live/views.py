@@ -1,6 +1,6 @@
 """Views: what one screen of one client shows, as one batch per refresh.
 
-`View` belongs to the publisher thread. What a view holds is bounded: names, columns, rate; the rest of a batch is as
+`ServedView` belongs to the publisher thread. What a view holds is bounded: names, columns, rate; the rest of a batch is as
 large as the screen that asked for it.
 """
 
@@ -23,7 +23,7 @@ from silo.segment.layout import ElementSchema, EntrySchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows, lost_samples
-from silo.state.replica import LoggerSnapshot, Mirror
+from silo.state.replica import LoggerSnapshot, Replica
 
 MIN_RATE_HZ, MAX_RATE_HZ = 0.1, 30.0
 MAX_VALUES = 20_000
@@ -49,7 +49,7 @@ def _problem(request: OpenView) -> str:
 
 
 @dataclass(frozen=True)
-class Layout:
+class FrameLayout:
     """What the arrays of a view's frames mean, by one generation of the table."""
 
     generation: int
@@ -66,7 +66,7 @@ class Layout:
         )
 
 
-def layout_of(request: OpenView, now: LoggerSnapshot) -> Layout:
+def layout_of(request: OpenView, now: LoggerSnapshot) -> FrameLayout:
     """How a view of the present table is laid out."""
     counts, entries, missing = [], [], []
     unpublished: dict[str, None] = {}
@@ -89,7 +89,7 @@ def layout_of(request: OpenView, now: LoggerSnapshot) -> Layout:
         info = now.element(found[0])
         if info is not None and not info.options.enabled:
             unpublished[found[0]] = None
-    return Layout(now.generation, counts, entries, plots, list(unpublished), missing)
+    return FrameLayout(now.generation, counts, entries, plots, list(unpublished), missing)
 
 
 @dataclass
@@ -101,7 +101,7 @@ class _Plots:
     begun: bool = False
 
 
-class View(Feed[OpenView]):
+class ServedView(Feed[OpenView]):
     """A view that is open."""
 
     def __init__(self, request: OpenView, publisher: zenoh.Publisher, now_s: float) -> None:
@@ -110,14 +110,14 @@ class View(Feed[OpenView]):
         self._sent_s = -HEARTBEAT_S
         self._sent_tick = -1
         self._since_ns = 0
-        self._layout: Layout | None = None
+        self._layout: FrameLayout | None = None
         self._newest: NewestValues | None = None
         self._plots: dict[int, _Plots] = {}
         self._sizes: dict[int, int] = {}
         self._liveness: Liveness | None = None
         self._reader: SegmentReader | None = None
 
-    def _adopt(self, now: LoggerSnapshot, reader: SegmentReader | None) -> Layout:
+    def _adopt(self, now: LoggerSnapshot, reader: SegmentReader | None) -> FrameLayout:
         """Prepares for the present generation and segment."""
         layout = layout_of(self.request, now)
         self._layout, self._reader = layout, reader
@@ -234,12 +234,12 @@ def _backlog_start(reader: SegmentReader, element: ElementSchema) -> int:
     return max(0, reader.head(element.watch_ring) - int(rows) - 1)
 
 
-class Views(Feeds[OpenView, View]):
+class Views(Feeds[OpenView, ServedView]):
     """All views of all clients."""
 
     kind, most, most_of_client = "view", 64, 16
 
-    def __init__(self, session: zenoh.Session, root: Root, mirror: Mirror) -> None:
+    def __init__(self, session: zenoh.Session, root: Root, mirror: Replica) -> None:
         super().__init__(session, root)
         self._mirror = mirror
 
@@ -256,11 +256,11 @@ class Views(Feeds[OpenView, View]):
         wishes = [(one.values, one.plots, one.rate_hz, one.column_ns) for one in (old, new)]
         return wishes[0] == wishes[1]
 
-    def _check(self, request: OpenView, others: list[View]) -> None:
+    def _check(self, request: OpenView, others: list[ServedView]) -> None:
         names = sum(len(one.values) + len(one.plots) for one in (request, *(view.request for view in others)))
         if names > MAX_NAMES_IN_VIEWS:
             text = f"all views together may show {MAX_NAMES_IN_VIEWS} names; close others first"
             raise self._cant_open(text, RefusedWhy.FAILED)
 
-    def _made(self, request: OpenView, publisher: zenoh.Publisher) -> View:
-        return View(request, publisher, time.monotonic())
+    def _made(self, request: OpenView, publisher: zenoh.Publisher) -> ServedView:
+        return ServedView(request, publisher, time.monotonic())

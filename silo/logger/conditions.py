@@ -11,7 +11,7 @@ import msgspec
 
 from silo.core.arguments import line, shown, text, whole
 from silo.core.calls import told_class
-from silo.core.elements import Derived, Edit, Extras, FileType, SignalLimits, TriggerOptions, join_name
+from silo.core.elements import Conditions, Derived, Edit, FileType, SignalLimits, TriggerOptions, join_name
 from silo.errors import ElementError, SaveError
 from silo.logger.calls.options import file_types
 from silo.logger.configuration import Configuration
@@ -20,7 +20,7 @@ log = logging.getLogger("silo")
 
 
 @told_class("log")
-class Conditions(Configuration):
+class LoggerConditions(Configuration):
     """Derived signals, limits and triggers of a logger."""
 
     def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
@@ -75,7 +75,7 @@ class Conditions(Configuration):
             self._check_open()
             self._take_derived(without_derived(self._extras, name, self._all_infos, self.options.prefix))
 
-    def _take_derived(self, extras: Extras) -> None:
+    def _take_derived(self, extras: Conditions) -> None:
         if extras.derived != self._extras.derived:
             self._take_extras(extras)
             self._tell()
@@ -284,7 +284,7 @@ class Conditions(Configuration):
             self._extras = msgspec.structs.replace(self._extras, triggers=kept)
             self._tell()
 
-    def apply_extras(self, extras: Extras, edits: Sequence[Edit] = ()) -> None:
+    def apply_extras(self, extras: Conditions, edits: Sequence[Edit] = ()) -> None:
         """Take derived signals, limits and triggers of a script in the place of all that there are.
 
         Args:

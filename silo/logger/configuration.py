@@ -20,9 +20,9 @@ from silo.core.calls import told_class, unknown_argument
 from silo.core.elements import (
     DEFAULT_OPTIONS,
     NO_EXTRAS,
+    Conditions,
     Edit,
     ElementInfo,
-    Extras,
     LoggerOptions,
     Problem,
     SignalLimits,
@@ -34,7 +34,7 @@ from silo.errors import ArgumentError, ElementError, ScriptError, StateError
 from silo.logger.calls.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
 from silo.logger.calls.options import array_layout, edits_given, element_name, new_options, string_room
 from silo.logger.calls.other_names import HidesOtherNames, no_attribute_of, tell_of_element
-from silo.logger.calls.table import Table
+from silo.logger.calls.table import Registrations
 from silo.logger.elements import Elements
 from silo.loop.arena import Arena
 from silo.loop.plan import Element
@@ -42,7 +42,7 @@ from silo.loop.sources import reads
 from silo.loop.types import describe, kind_of, label_map
 from silo.segment.retention import large_text
 from silo.settings.options import refusal
-from silo.settings.typed import Settings, apply_settings, rate_words, read_options
+from silo.settings.typed import ElementSettings, apply_settings, rate_words, read_options
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack  # known to type checkers without being installed
@@ -60,7 +60,7 @@ class Configuration(metaclass=HidesOtherNames):
     def __init__(self, options: LoggerOptions) -> None:
         self.options = options
         self._lock = threading.RLock()
-        self._table = Table(options.prefix)
+        self._table = Registrations(options.prefix)
         self._arena = Arena()
         self._extras = NO_EXTRAS
         self._running = False
@@ -261,12 +261,12 @@ class Configuration(metaclass=HidesOtherNames):
             log.warning("element '%s': %s; it is taken as given, and the next release will refuse it", name, wrong)
         return unit
 
-    def _tell_rate(self, name: str, asked: Settings, divider: int) -> None:
+    def _tell_rate(self, name: str, asked: ElementSettings, divider: int) -> None:
         """Tell what became of a rate that no divider gives."""
         if words := rate_words(asked, divider, self.options.frequency_hz):
             log.warning("element '%s': %s", name, words)
 
-    def _limited(self, info: ElementInfo, bounds: Sequence[float | None]) -> Extras:
+    def _limited(self, info: ElementInfo, bounds: Sequence[float | None]) -> Conditions:
         """The extras with limits of a new element. Raises ElementError."""
         from silo.judging.definitions import bounds_given, with_limits
 
@@ -335,7 +335,7 @@ class Configuration(metaclass=HidesOtherNames):
     # ------------------------------------------------------------------------------------ derived signals, limits
 
     @property
-    def extras(self) -> Extras:
+    def extras(self) -> Conditions:
         """Derived signals and limits, in the order in which they were given."""
         return self._extras
 
@@ -493,12 +493,12 @@ class Configuration(metaclass=HidesOtherNames):
             log.warning("%s: %s", file, unknown)
         return [unknown.name for unknown in plan.unknown]
 
-    def _take_extras(self, extras: Extras) -> None:
+    def _take_extras(self, extras: Conditions) -> None:
         if extras.derived != self._extras.derived:
             self._table.revision += 1  # clients show them as rows of the table
         self._extras = extras
 
-    def _extras_of(self, given: Extras, infos: Sequence[ElementInfo], file: Path) -> Extras:
+    def _extras_of(self, given: Conditions, infos: Sequence[ElementInfo], file: Path) -> Conditions:
         from silo.settings.script_conditions import checked_extras
 
         try:

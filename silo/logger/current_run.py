@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from silo.core.elements import Extras, LoggerOptions, Storage
+from silo.core.elements import Conditions, LoggerOptions, Storage
 from silo.errors import NoRoomError, StateError, UnsavedError
 from silo.journal.holdings import segment_holdings
 from silo.logger.unclosed import save_run
@@ -43,7 +43,7 @@ class CurrentRun:
         self,
         make: Callable[[], Run],
         options: LoggerOptions,
-        extras: Extras,
+        extras: Conditions,
         let_go: Callable[[bool], None],
         hand_over: Callable[[], None],
         wanted: Callable[[Run], bool],
@@ -99,7 +99,7 @@ class CurrentRun:
         error: NoRoomError,
         make: Callable[[], Run],
         options: LoggerOptions,
-        extras: Extras,
+        extras: Conditions,
         let_go: Callable[[bool], None],
         wanted: Callable[[Run], bool],
     ) -> Run:
@@ -207,7 +207,7 @@ class CurrentRun:
             run.saved_ticks = ticks
             run.segment.mark_saved(ticks)
 
-    def _save(self, options: LoggerOptions, extras: Extras) -> None:
+    def _save(self, options: LoggerOptions, extras: Conditions) -> None:
         """Save in this process: the link thread, which an answer of the helper comes by, may wait for the caller."""
         assert self.run is not None
         run, ticks = self.run, self.run.segment.ticks
@@ -216,7 +216,7 @@ class CurrentRun:
         self.saved_before = f"the last run was saved before it is cleared: {paths}"
         log.warning("%s: %s", options.name, self.saved_before)
 
-    def settle(self, unsaved: str, options: LoggerOptions, extras: Extras) -> None:
+    def settle(self, unsaved: str, options: LoggerOptions, extras: Conditions) -> None:
         """Do with unsaved data what `start(unsaved=...)` was told.
 
         Raises UnsavedError, or SaveError: nothing was changed.

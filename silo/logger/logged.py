@@ -17,7 +17,7 @@ from silo.errors import SaveError, SegmentError, StateError
 from silo.logger.calls.keywords import FileTypes
 from silo.logger.calls.options import file_types
 from silo.logger.calls.other_names import listed, not_deleted, not_set, with_other_names
-from silo.logger.conditions import Conditions
+from silo.logger.conditions import LoggerConditions
 from silo.logger.current_run import CurrentRun
 from silo.logger.elements import LoggedElement, SavedFiles, look_at, newest_text
 from silo.logger.new_values import NewValues, NewValuesReader
@@ -31,7 +31,7 @@ log = logging.getLogger("silo")
 
 @with_other_names
 @told_class("log")
-class Logged(Conditions):
+class Logged(LoggerConditions):
     """The state and the data of the current or last run."""
 
     def __init__(self, options: LoggerOptions) -> None:

@@ -17,10 +17,10 @@ from silo.core.calls import told_class
 from silo.core.elements import (
     DEFAULT_OPTIONS,
     NO_EXTRAS,
+    Conditions,
     Edit,
     ElementInfo,
     Entry,
-    Extras,
     FileType,
     LoggerOptions,
     SignalLimits,
@@ -215,7 +215,7 @@ class NullLogger(metaclass=HidesOtherNames):
     def remove_limits(self, name: str) -> None:
         """Do nothing."""
 
-    def apply_extras(self, extras: Extras, edits: Sequence[Edit] = ()) -> None:
+    def apply_extras(self, extras: Conditions, edits: Sequence[Edit] = ()) -> None:
         """Do nothing."""
 
     def update(self, *, read_script: bool = True) -> None:

@@ -7,7 +7,7 @@ import weakref
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from silo.core.elements import Extras, LoggerOptions, SavedFile, Storage
+from silo.core.elements import Conditions, LoggerOptions, SavedFile, Storage
 from silo.errors import SiloError
 from silo.journal.format import list_journals, remove_journal
 from silo.journal.holdings import segment_holdings
@@ -63,7 +63,7 @@ def _forked() -> None:
 os.register_at_fork(after_in_child=_forked)
 
 
-def save_run(run: Run, options: LoggerOptions, why: str, extras: Extras) -> list[SavedFile]:
+def save_run(run: Run, options: LoggerOptions, why: str, extras: Conditions) -> list[SavedFile]:
     """Save a run as `.silo` in this process, with what the event log says of it. Raises SaveError.
 
     `extras` are derived signals, limits and triggers as they are now, not as they were when it began.
@@ -74,7 +74,7 @@ def save_run(run: Run, options: LoggerOptions, why: str, extras: Extras) -> list
     return write_run(run.reader.snapshot(), options.folder, options.name, why=why, events=told, extras=extras)
 
 
-def save_at_end(run: Run, options: LoggerOptions, extras: Extras) -> bool:
+def save_at_end(run: Run, options: LoggerOptions, extras: Conditions) -> bool:
     """Save a run as `.silo`, and say where; False, and said where it stays, if that failed."""
     try:
         held = segment_holdings(run.reader).text

@@ -27,7 +27,7 @@ from silo.loop.pieces import memory_window, row_pieces
 from silo.loop.plan import Plan, RingPlan
 from silo.loop.scratch import Slot, packer
 from silo.loop.slow_reads import SlowReads
-from silo.loop.sources import Expression
+from silo.loop.sources import ValuePath
 from silo.segment.layout import ORDERED_STORES, STAMP_WORDS, TIME_RING, RingControl, RingSchema
 from silo.segment.reasons import StopReason
 from silo.segment.writer import Chunks, Segment
@@ -279,7 +279,7 @@ class _Writer:
     @staticmethod
     def _shared_calls(slots: list[Slot]) -> dict[int, tuple[str, object]]:
         """Functions whose result has several parts: called once per tick, so that the parts belong together."""
-        sources = [slot.source for slot in slots if isinstance(slot.source, Expression)]
+        sources = [slot.source for slot in slots if isinstance(slot.source, ValuePath)]
         roots = [source.root for source in sources if source.steps and source.steps[0].call]
         counts = Counter(map(id, roots))
         shared = {id(root): root for root in roots if counts[id(root)] > 1}
@@ -287,7 +287,7 @@ class _Writer:
 
     def _expression(self, slot: Slot, called: Mapping[int, tuple[str, object]]) -> str:
         source = slot.source
-        if not isinstance(source, Expression):
+        if not isinstance(source, ValuePath):
             return self._names.give("a", source.view)
         if source.steps and source.steps[0].call and id(source.root) in called:
             text, steps = called[id(source.root)][0], source.steps[1:]

@@ -22,7 +22,7 @@ Words = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Piece:
+class RowPiece:
     """Columns `begin <= column < end` of a ring's row, and what fills them: memory as it is, or words by indices.
 
     Neither for the stamp alone, which needs no memory.
@@ -59,7 +59,7 @@ def words_at(low: int, count: int) -> Words:
     return np.asarray(_Window(low, count))
 
 
-def row_pieces(words: Words, stamp: int, memory: Words, base: int) -> list[Piece]:
+def row_pieces(words: Words, stamp: int, memory: Words, base: int) -> list[RowPiece]:
     """How a row of these words (addresses / 8) is filled, the stamp at the word address `stamp` in front of them.
 
     Long runs of memory are copied, the rest is gathered, where that costs nothing with the stamp. `memory` begins at
@@ -67,25 +67,28 @@ def row_pieces(words: Words, stamp: int, memory: Words, base: int) -> list[Piece
     """
     if len(words) and int(words[-1] - words[0]) == len(words) - 1 and bool((np.diff(words) == 1).all()):
         start = int(words[0]) - base
-        return [Piece(0, STAMP_WORDS), Piece(STAMP_WORDS, STAMP_WORDS + len(words), memory[start:][: len(words)].data)]
+        return [
+            RowPiece(0, STAMP_WORDS),
+            RowPiece(STAMP_WORDS, STAMP_WORDS + len(words), memory[start:][: len(words)].data),
+        ]
     columns = np.concatenate([np.arange(stamp, stamp + STAMP_WORDS), words]) - base
-    pieces: list[Piece] = []
+    pieces: list[RowPiece] = []
     gathered = 0
     if -(-len(columns) // GATHER_WORDS) > -(-len(words) // GATHER_WORDS):
         gathered = STAMP_WORDS  # the stamp would cost a gather of its own
-        pieces.append(Piece(0, STAMP_WORDS))
+        pieces.append(RowPiece(0, STAMP_WORDS))
     for begin, end in _long_runs(columns):
         pieces += _gather(columns, gathered, begin)
-        pieces.append(Piece(begin, end, memory[columns[begin] : columns[end - 1] + 1].data))
+        pieces.append(RowPiece(begin, end, memory[columns[begin] : columns[end - 1] + 1].data))
         gathered = end
     return pieces + _gather(columns, gathered, len(columns))
 
 
-def _gather(columns: Words, begin: int, end: int) -> list[Piece]:
+def _gather(columns: Words, begin: int, end: int) -> list[RowPiece]:
     starts = range(begin, end, GATHER_WORDS)
     stops = [min(start + GATHER_WORDS, end) for start in starts]
     return [
-        Piece(start, stop, indices=np.ascontiguousarray(columns[start:stop], np.intp))
+        RowPiece(start, stop, indices=np.ascontiguousarray(columns[start:stop], np.intp))
         for start, stop in zip(starts, stops, strict=True)
     ]
 

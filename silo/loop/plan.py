@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
 from silo.loop.scratch import Scratch
-from silo.loop.sources import Expression, Reference
-from silo.loop.types import Part, expand
+from silo.loop.sources import Reference, ValuePath
+from silo.loop.types import Component, expand
 from silo.segment.layout import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema
 from silo.segment.writer import chunk_bytes_for
 
@@ -34,7 +34,7 @@ class Element:
     """An element of the table with the sources of its parts."""
 
     info: ElementInfo
-    parts: tuple[Part, ...]
+    parts: tuple[Component, ...]
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ def make_plan(
     scratch = Scratch()
     for element in enabled:
         for part in element.parts:
-            if checked or isinstance(part.source, Expression):
+            if checked or isinstance(part.source, ValuePath):
                 scratch.add(part.source, element.info.options.divider, element.info.name)
     scratch.freeze()
     placed = [_place(element, scratch) for element in enabled]
@@ -303,7 +303,7 @@ def _place(element: Element, scratch: Scratch) -> _Placed:
     return _Placed(element, copied, words, entries, _Layout(words, tuple(offsets), swapped))
 
 
-def _part_words(part: Part, scratch: Scratch) -> tuple[NDArray[np.int64], _Layout]:
+def _part_words(part: Component, scratch: Scratch) -> tuple[NDArray[np.int64], _Layout]:
     source = part.source
     address, strides = _memory(part, scratch)
     layout_of = _few_layout if part.is_small else _layout
@@ -329,7 +329,7 @@ def _layout(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ..
 _few_layout = functools.lru_cache(maxsize=1024)(_layout)
 
 
-def _memory(part: Part, scratch: Scratch) -> tuple[int, tuple[int, ...]]:
+def _memory(part: Component, scratch: Scratch) -> tuple[int, tuple[int, ...]]:
     """Address of a source's first item and its strides: its own memory, or its place in the scratch."""
     place = scratch.place_of(part.source)
     view = part.source.view if place is None and isinstance(part.source, Reference) else place

@@ -14,7 +14,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from silo.core.elements import NO_EXTRAS, Extras, LoggerOptions, Storage, Threads
+from silo.core.elements import NO_EXTRAS, Conditions, LoggerOptions, Storage, Threads
 from silo.core.runtime import (
     SEGMENT_SUFFIX,
     announce_segment,
@@ -52,7 +52,7 @@ class Run:
         clock: Callable[[], int],
         on_stop: Callable[[StopReason], None],
         after_end: Collect,
-        extras: Extras = NO_EXTRAS,
+        extras: Conditions = NO_EXTRAS,
         before: "Run | None" = None,
         number: int = 0,
         *,
@@ -123,7 +123,7 @@ class Run:
         return next(path for path in map(folder.joinpath, names) if not path.exists() and not held_name(path).exists())
 
     @staticmethod
-    def _schema(options: LoggerOptions, plan: Plan, extras: Extras, number: int, *, served: bool) -> SegmentSchema:
+    def _schema(options: LoggerOptions, plan: Plan, extras: Conditions, number: int, *, served: bool) -> SegmentSchema:
         pid = os.getpid()
         return SegmentSchema(
             logger=options.name,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.loop.sources import Expression, Reference, Source
+from silo.loop.sources import Reference, Source, ValuePath
 from silo.segment.layout import STAMP_WORDS
 
 logger = logging.getLogger("silo")
@@ -24,7 +24,7 @@ _PACKED |= {"u8": "Q", "u4": "I4x", "u2": "H6x", "u1": "B7x", "b1": "?7x"}
 
 def _pack_format(source: Source) -> str | None:
     """The struct format that stores an expression in whole words, None where NumPy has to store it."""
-    if not isinstance(source, Expression) or source.shape or source.dtype.str.startswith(">"):
+    if not isinstance(source, ValuePath) or source.shape or source.dtype.str.startswith(">"):
         return None
     if source.dtype.kind == "S":
         return f"{source.dtype.itemsize}s{-source.dtype.itemsize % 8}x"

@@ -51,7 +51,7 @@ class Reference:
 
 
 @dataclass(frozen=True)
-class Step:
+class PathStep:
     """One step from an object to a value: `.name`, `[key]`, or a call."""
 
     attr: str = ""
@@ -65,7 +65,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Expression:
+class ValuePath:
     """A value read from `root` by `steps` each due tick, stored as `dtype` of `shape`.
 
     `convert` turns what is read into what can be stored (an enumeration's member into its number); None where it can be
@@ -73,7 +73,7 @@ class Expression:
     """
 
     root: object
-    steps: tuple[Step, ...]
+    steps: tuple[PathStep, ...]
     dtype: np.dtype[Any]
     shape: tuple[int, ...] = ()
     convert: Callable[[Any], Any] | None = None
@@ -87,10 +87,10 @@ class Expression:
         return type(self.root).__name__ + "".join(map(str, self.steps))
 
 
-Source = Reference | Expression
+Source = Reference | ValuePath
 
 
-def read_steps(root: object, steps: tuple[Step, ...]) -> Any:
+def read_steps(root: object, steps: tuple[PathStep, ...]) -> Any:
     """What an expression reads."""
     value: Any = root
     for step in steps:
@@ -105,7 +105,7 @@ def read_steps(root: object, steps: tuple[Step, ...]) -> Any:
 
 def reads(source: Source, owners: Sequence[object]) -> bool:
     """Whether a source reads one of these objects, or memory of one."""
-    if isinstance(source, Expression):
+    if isinstance(source, ValuePath):
         return any(source.root is one for one in owners)
     arrays = [one for one in owners if isinstance(one, np.ndarray)]
     return any(one is held for one in owners for held in source.holds) or any(
@@ -263,8 +263,8 @@ def _cant_refer(value: object, name: str) -> str:
 
 
 def express(
-    root: object, steps: tuple[Step, ...], value: object, name: str, *, string_bytes: int | None = None
-) -> Expression:
+    root: object, steps: tuple[PathStep, ...], value: object, name: str, *, string_bytes: int | None = None
+) -> ValuePath:
     """An expression of one value; its type is that of the `value` now. Raises SourceError where it can't be logged."""
     made = _stored_as(value, string_bytes)
     if made is None:
@@ -274,7 +274,7 @@ def express(
         )
     _check_fits(value, made, name, string_bytes)
     dtype, shape, convert, labels = made
-    return Expression(root, steps, dtype, shape, convert, labels)
+    return ValuePath(root, steps, dtype, shape, convert, labels)
 
 
 def _check_fits(value: object, made: "_Stored", name: str, string_bytes: int | None) -> None:

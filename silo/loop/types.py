@@ -21,7 +21,7 @@ from silo.core.arguments import INT64, shown, text, whole
 from silo.core.calls import told
 from silo.core.elements import Entry
 from silo.errors import ElementError, SiloError, SourceError
-from silo.loop.sources import Expression, Reference, Source, Step, can_refer, express, read_steps, refer
+from silo.loop.sources import PathStep, Reference, Source, ValuePath, can_refer, express, read_steps, refer
 
 MAX_ENTRIES = 1_000_000
 KEPT_BYTES = 512  # of a source whose scalars are remembered: 10,000 elements have few layouts
@@ -37,7 +37,7 @@ class Scalar:
 
 
 @dataclass(frozen=True)
-class Part:
+class Component:
     """A source with the suffix of its entries within the element."""
 
     suffix: str
@@ -243,7 +243,7 @@ def _registered(value: object) -> _Registered | None:
 
 def describe(
     value: object, name: str, *, attr: str | None, kind: str, labels: Mapping[int, str] | None, string_bytes: int | None
-) -> list[Part]:
+) -> list[Component]:
     """The parts of what was given to `add`. Raises SourceError or ElementError, naming the element."""
     if isinstance(value, type) and attr is None:
         raise SourceError(
@@ -252,10 +252,10 @@ def describe(
     try:
         if attr is not None:
             _check_path(attr)
-            steps = tuple(Step(attr=piece) for piece in attr.split("."))
+            steps = tuple(PathStep(attr=piece) for piece in attr.split("."))
             parts = _describe(value, steps, "", name, kind, string_bytes)
         elif callable(value) and _registered(value) is None and not can_refer(value):
-            parts = _describe(value, (Step(call=True),), "", name, kind, string_bytes)
+            parts = _describe(value, (PathStep(call=True),), "", name, kind, string_bytes)
         else:
             parts = _describe(value, (), "", name, kind, string_bytes)
         _check_suffixes(parts)
@@ -278,7 +278,7 @@ def describe(
     return parts
 
 
-def _check_suffixes(parts: list[Part]) -> None:
+def _check_suffixes(parts: list[Component]) -> None:
     if len(parts) == 1 and parts[0].is_small:
         _check_few_suffixes(parts[0].source.dtype, parts[0].source.shape, parts[0].kind, parts[0].suffix)
     else:
@@ -299,8 +299,8 @@ def _check_distinct(suffixes: list[str]) -> None:
 
 
 def _describe(
-    root: object, steps: tuple[Step, ...], suffix: str, name: str, kind: str, string_bytes: int | None
-) -> list[Part]:
+    root: object, steps: tuple[PathStep, ...], suffix: str, name: str, kind: str, string_bytes: int | None
+) -> list[Component]:
     """Parts of the value that `steps` lead to. What can be reached without a step is logged by reference."""
     try:
         value = read_steps(root, steps)
@@ -309,7 +309,7 @@ def _describe(
             f"{name}: reading {''.join(map(str, steps))} failed ({type(error).__name__}: {error})"
         ) from error
 
-    def inside(step: tuple[Step, ...], part: str, part_kind: str = "") -> list[Part]:
+    def inside(step: tuple[PathStep, ...], part: str, part_kind: str = "") -> list[Component]:
         return _describe(root, steps + step, f"{suffix}_{part}", name, part_kind, string_bytes)
 
     registered = _registered(value)
@@ -318,7 +318,7 @@ def _describe(
             part
             for field in registered.fields
             for part in inside(
-                tuple(Step(attr=piece) for piece in field.split(".")),
+                tuple(PathStep(attr=piece) for piece in field.split(".")),
                 field.replace(".", "_"),
                 registered.kinds.get(field, ""),
             )
@@ -326,21 +326,21 @@ def _describe(
         for field, function in registered.computed.items():
             reader = _Computed(root, steps, function)
             parts += _describe(
-                reader, (Step(call=True),), f"{suffix}_{field}", name, registered.kinds.get(field, ""), string_bytes
+                reader, (PathStep(call=True),), f"{suffix}_{field}", name, registered.kinds.get(field, ""), string_bytes
             )
         return parts
     if isinstance(value, dict) and value:
-        return [part for key in value for part in inside((Step(key=key),), str(key))]
+        return [part for key in value for part in inside((PathStep(key=key),), str(key))]
     if isinstance(value, list | tuple) and value and not _is_plain(value):
         if hasattr(value, "_fields"):
-            return [part for i, field in enumerate(value._fields) for part in inside((Step(key=i),), field)]
+            return [part for i, field in enumerate(value._fields) for part in inside((PathStep(key=i),), field)]
         if not steps and all(can_refer(item) for item in value):
-            return [Part(f"{suffix}_{i}", refer(item, name), kind) for i, item in enumerate(value)]
-        return [part for i in range(len(value)) for part in inside((Step(key=i),), str(i))]
+            return [Component(f"{suffix}_{i}", refer(item, name), kind) for i, item in enumerate(value)]
+        return [part for i in range(len(value)) for part in inside((PathStep(key=i),), str(i))]
     if not steps:
-        return [Part(suffix, refer(value, name), kind)]
+        return [Component(suffix, refer(value, name), kind)]
     made = express(root, steps, value, name, string_bytes=string_bytes)
-    return [Part(suffix, made, kind, made.labels)]
+    return [Component(suffix, made, kind, made.labels)]
 
 
 @dataclass(frozen=True)
@@ -348,7 +348,7 @@ class _Computed:
     """A registered function bound to its object, which is looked up anew each time."""
 
     root: object
-    steps: tuple[Step, ...]
+    steps: tuple[PathStep, ...]
     function: Callable[[Any], object]
 
     def __call__(self) -> object:
@@ -385,4 +385,4 @@ def strides_of(source: Source) -> tuple[int, ...]:
     """Byte strides of a source; an expression is stored in C order."""
     if isinstance(source, Reference):
         return source.view.strides
-    return np.empty(source.shape, source.dtype).strides if isinstance(source, Expression) else ()
+    return np.empty(source.shape, source.dtype).strides if isinstance(source, ValuePath) else ()

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from silo.errors import ConnectionLostError
 from silo.net.configuration import FORCED, PATHS, find_file, from_file, written
-from silo.net.found import ADDRESS, Found
+from silo.net.found import ADDRESS, LoggerAddress
 from silo.net.session import secret_file
 
 SCHEME = "silo://"
@@ -65,7 +65,7 @@ def url_of(address: str, element: str = "") -> str:
     return f"{SCHEME}{logger}{'/' if element else ''}{element.strip('/')}"
 
 
-def zenoh_settings(found: Found) -> dict[str, Any]:
+def zenoh_settings(found: LoggerAddress) -> dict[str, Any]:
     """Return a configuration of Zenoh by which a program in any language reaches this logger, ready for JSON.
 
     Raises ConnectionLostError for a remote whose file is gone.

@@ -15,7 +15,7 @@ ADDRESS = re.compile(r"(?:[A-Za-z0-9][A-Za-z0-9_.-]*(?:~[0-9a-f]+)?/)?[A-Za-z0-9
 
 
 @dataclass(frozen=True)
-class Found:
+class LoggerAddress:
     """A logger that listens. `pid` is the robot program's; `socket` is empty for one that is reached by `config`."""
 
     name: str
@@ -30,7 +30,7 @@ class Found:
     copy: int = 0  # tells loggers of one name in one process apart
 
     @classmethod
-    def behind(cls, config: str, root: Root) -> "Found":
+    def behind(cls, config: str, root: Root) -> "LoggerAddress":
         """Return a logger that a configuration reaches."""
         return cls(root.logger, 0, "", "", config, root.host, id=root.id)
 
@@ -78,7 +78,7 @@ def is_glob(word: str) -> bool:
     return any(character in word for character in "*?[")
 
 
-def told_apart(found: Iterable[Found]) -> list[str]:
+def told_apart(found: Iterable[LoggerAddress]) -> list[str]:
     """Return for each logger the shortest address that fits no other of them: a process id before an id."""
     all_found = list(found)
     taken = [set(one.addresses) for one in all_found]

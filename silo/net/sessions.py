@@ -37,7 +37,7 @@ class _Shared:
 
 
 @dataclass(frozen=True)
-class Borrowed:
+class SessionLease:
     """A session to talk through, and the round trip time of its link in s, 0 on this computer.
 
     Changes go out under the name `user`; with `proof` where a group shares the socket. `looking` is held while somebody
@@ -62,14 +62,14 @@ _shared: dict[str, _Shared] = {}
 _guard = threading.Lock()
 
 
-def borrow(socket_path: str, config: str, reach_s: float = REACH_S) -> Borrowed:
+def borrow(socket_path: str, config: str, reach_s: float = REACH_S) -> SessionLease:
     """Return a session to a local socket, or one to what a configuration names: that which is open, or a new one.
 
     Raises ConnectionLostError, with the layer that fails where it is a network.
     """
     if socket_path:
         session, (proof, identity) = open_client(Path(socket_path)), _shown(Path(socket_path))
-        return Borrowed(session, "", proof=proof, identity=identity)
+        return SessionLease(session, "", proof=proof, identity=identity)
     path = find_file(config)
     with _guard:
         shared = _shared.setdefault(path, _Shared())
@@ -81,7 +81,7 @@ def borrow(socket_path: str, config: str, reach_s: float = REACH_S) -> Borrowed:
                 shared.session = open_client(None, path, reached)
                 shared.rtt_s = reached.rtt_s
             user = user_at(path)
-            return Borrowed(shared.session, path, shared.rtt_s, user, identity=user, looking=shared.looking)
+            return SessionLease(shared.session, path, shared.rtt_s, user, identity=user, looking=shared.looking)
     except BaseException:
         _leave(path)
         raise
@@ -106,7 +106,7 @@ def _shown(path: Path) -> tuple[bytes | None, str]:
     return None, local_identity(name)
 
 
-def give_back(borrowed: Borrowed) -> None:
+def give_back(borrowed: SessionLease) -> None:
     """Close a session, if nobody else uses it; takes up to 2.5 s if the other side is frozen."""
     if borrowed.config:
         _leave(borrowed.config)
@@ -127,7 +127,7 @@ def _leave(path: str) -> None:
 
 
 @contextmanager
-def borrowed(socket_path: str, config: str, reach_s: float = REACH_S) -> Iterator[Borrowed]:
+def borrowed(socket_path: str, config: str, reach_s: float = REACH_S) -> Iterator[SessionLease]:
     """Borrow a session for a moment. Raises ConnectionLostError."""
     mine = borrow(socket_path, config, reach_s)
     try:

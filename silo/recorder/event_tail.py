@@ -67,7 +67,7 @@ class _Tail:
         return found
 
 
-class Happening:
+class EventTail:
     """The events of one run, each once, with the time stamp of its tick. Used by the writing thread.
 
     That may wait for a disk, as reading the log does; `has_ended` is for the other one.

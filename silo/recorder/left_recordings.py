@@ -17,7 +17,7 @@ from silo.core.elements import LoggedEvent, RecorderState
 from silo.core.runtime import RECORDERS_SUFFIX, list_segments, process_start, runtime_dir
 from silo.errors import SegmentError
 from silo.files.event_log import append_events, newest_number, read_events
-from silo.recorder.process import Kept, RecorderProcess, store, stored
+from silo.recorder.process import RecorderHandover, RecorderProcess, store, stored
 from silo.recovery.left import claimed_file
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import Program, held_runs, is_live, number_of
@@ -31,7 +31,7 @@ Tell = Callable[[str], object]
 log = logging.getLogger("silo")
 
 
-def left_lists() -> list[tuple[Path, list[Kept]]]:
+def left_lists() -> list[tuple[Path, list[RecorderHandover]]]:
     """Return what recorded loggers that are gone; lists of older helper processes, that nobody can use, are removed."""
     found = []
     with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
@@ -58,7 +58,7 @@ def _is_forgotten(path: Path) -> bool:
     return not process_start(int(pid))
 
 
-def complete_recordings(tell: Tell, wanted: Callable[[Kept], bool] = lambda _: True) -> list[str]:
+def complete_recordings(tell: Tell, wanted: Callable[[RecorderHandover], bool] = lambda _: True) -> list[str]:
     """Complete what was recorded of loggers that are gone; `tell` is told of each recording.
 
     Returns in words what could not be completed: it stays for the next time.
@@ -76,7 +76,7 @@ def complete_recordings(tell: Tell, wanted: Callable[[Kept], bool] = lambda _: T
     return problems
 
 
-def _complete(path: Path, kept: Sequence[Kept], tell: Tell) -> list[str]:
+def _complete(path: Path, kept: Sequence[RecorderHandover], tell: Tell) -> list[str]:
     problems: list[str] = []
     rest = list(kept)
     if not rest:
@@ -122,7 +122,7 @@ def _runs_of(program: Program, closing: contextlib.ExitStack) -> list[SegmentRea
     return sorted(found, key=lambda reader: number_of(reader.path))
 
 
-def _complete_one(kept: Kept, runs: Sequence[SegmentReader], tell: Tell) -> str:
+def _complete_one(kept: RecorderHandover, runs: Sequence[SegmentReader], tell: Tell) -> str:
     """Have a recorder go on, to the end of the last run; returns why it could not."""
     order = msgspec.structs.replace(kept.order, resume=True)
     wanted = kept.wanted([reader.schema.run for reader in runs])

@@ -4,7 +4,7 @@ import os
 
 import msgspec
 
-from silo.core.elements import Extras, RecorderState
+from silo.core.elements import Conditions, RecorderState
 
 MAX_PACKET_BYTES = 180_000  # within the send buffer of a socket as Linux has it by default
 TEXT_BYTES = 2_000
@@ -35,7 +35,7 @@ class RecordOrder(msgspec.Struct, frozen=True):
 class Follow(msgspec.Struct, frozen=True, tag=True):
     """A run to be recorded; its segment comes along as a descriptor. What is still to come of the last one is taken.
 
-    A second descriptor is a file with its `Extras`, which may be larger than a packet: derived signals, limits and
+    A second descriptor is a file with its `Conditions`, which may be larger than a packet: derived signals, limits and
     triggers as they are when it is handed over; without it, as a recorder before this one knew them last, or as they
     were when the run began.
     """
@@ -43,8 +43,8 @@ class Follow(msgspec.Struct, frozen=True, tag=True):
     segment: str
 
 
-class Conditions(msgspec.Struct, frozen=True, tag=True):
-    """Limits and triggers are others from now on; the descriptor is a file with the `Extras`."""
+class NewConditions(msgspec.Struct, frozen=True, tag="Conditions"):
+    """Limits and triggers are others from now on; the descriptor is a file with the `Conditions`."""
 
 
 class Finish(msgspec.Struct, frozen=True, tag=True):
@@ -82,16 +82,16 @@ class Report(msgspec.Struct, frozen=True):
     told_tick: int = -1
 
 
-Command = Follow | Conditions | Finish
+Command = Follow | NewConditions | Finish
 
 encode = msgspec.json.Encoder().encode
 decode_order = msgspec.json.Decoder(RecordOrder).decode
 decode_command = msgspec.json.Decoder(Command).decode
 decode_report = msgspec.json.Decoder(Report).decode
-_decode_extras = msgspec.json.Decoder(Extras).decode
+_decode_extras = msgspec.json.Decoder(Conditions).decode
 
 
-def extras_file(extras: Extras) -> int:
+def extras_file(extras: Conditions) -> int:
     """Return a file in memory with extras, to be handed over and closed. Raises OSError."""
     descriptor = os.memfd_create("silo-extras", os.MFD_CLOEXEC)
     try:
@@ -103,6 +103,6 @@ def extras_file(extras: Extras) -> int:
     return descriptor
 
 
-def extras_of(descriptor: int) -> Extras:
+def extras_of(descriptor: int) -> Conditions:
     """Return the extras that a file has which was handed over. Raises OSError, MsgspecError."""
     return _decode_extras(os.pread(descriptor, os.fstat(descriptor).st_size, 0))

@@ -12,14 +12,14 @@ from pathlib import Path
 import msgspec
 
 from silo.core.child import PIPE, ChildProcess
-from silo.core.elements import NO_EXTRAS, Extras, RecorderState
+from silo.core.elements import NO_EXTRAS, Conditions, RecorderState
 from silo.core.runtime import write_private
-from silo.files.manifest import Sums, read_written
+from silo.files.manifest import RecordedTotals, read_written
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
-    Conditions,
     Finish,
     Follow,
+    NewConditions,
     RecordOrder,
     Report,
     decode_report,
@@ -37,7 +37,7 @@ MOST_IN_HAND = 2  # the run that a recorder reads, and the one by which it knows
 log = logging.getLogger("silo.helper")
 
 
-class Kept(msgspec.Struct, frozen=True):
+class RecorderHandover(msgspec.Struct, frozen=True):
     """What a helper process leaves for its successor of each recorder.
 
     `program` is whose runs it records, empty in older lists; of an order that is over, but not done, `ending` says why:
@@ -91,7 +91,7 @@ class Spare:
 class RecorderProcess:
     """A recorder that was started. Methods are for who holds the lock of `Recording`, but `wait`."""
 
-    def __init__(self, kept: Kept) -> None:
+    def __init__(self, kept: RecorderHandover) -> None:
         """It isn't started yet."""
         self.kept = kept
         self.report = Report(RecorderState.WAITING)
@@ -148,24 +148,24 @@ class RecorderProcess:
         in_hand = sum(one in self._handed for one in self.runs)
         return run not in self._handed and in_hand < MOST_IN_HAND and not self.again_s
 
-    def follow(self, reader: SegmentReader, extras: Extras | None) -> None:
+    def follow(self, reader: SegmentReader, extras: Conditions | None) -> None:
         """Hand a run over, with the limits and triggers that it has now, None: those that it had last."""
         self._handed.add(reader.schema.run)
         self._extras = extras or NO_EXTRAS
         self._hand_over(Follow(str(reader.path)), extras, reader.fileno())
 
-    def change(self, extras: Extras) -> None:
+    def change(self, extras: Conditions) -> None:
         """Tell limits and triggers of the run that was handed over, if they have changed."""
         if not self.ending and not self.again_s and _recorded(self._extras) != _recorded(extras):
             self._extras = extras
-            self._hand_over(Conditions(), extras)
+            self._hand_over(NewConditions(), extras)
 
     def done(self, run: str) -> None:
         """It has all of a run in files."""
         if run in self.runs:
             self.runs.remove(run)
 
-    def _hand_over(self, command: Follow | Conditions, extras: Extras | None, *descriptors: int) -> None:
+    def _hand_over(self, command: Follow | NewConditions, extras: Conditions | None, *descriptors: int) -> None:
         with contextlib.suppress(OSError):  # gone: its end is noticed, and it is started again
             if extras is None:
                 socket.send_fds(self.socket, [encode(command)], [*descriptors])
@@ -209,15 +209,15 @@ class RecorderProcess:
         self.socket.close()
         return self._child.wait()
 
-    def sums(self) -> Sums:
+    def sums(self) -> RecordedTotals:
         """Return what became of it, by its ledger; by its last words where that can't be read."""
         written = read_written(Path(self.order.folder), self.order.name)
         if written is not None and written.order == self.order.order:
             return written.sums()
-        return Sums(self.report.parts, self.report.samples, self.report.lost)
+        return RecordedTotals(self.report.parts, self.report.samples, self.report.lost)
 
 
-def _recorded(extras: Extras) -> tuple[object, ...]:
+def _recorded(extras: Conditions) -> tuple[object, ...]:
     """What of limits and triggers stands in parts; to arm a trigger makes no new one."""
     return extras.limits, tuple(msgspec.structs.replace(one, armed=True) for one in extras.triggers)
 
@@ -228,7 +228,7 @@ def close_left(folder: str) -> list[str]:
         return child.stdout.read().decode().splitlines()
 
 
-def store(path: Path, kept: list[Kept]) -> None:
+def store(path: Path, kept: list[RecorderHandover]) -> None:
     """Leave a list for the next helper process; an empty one is no file."""
     if not kept:
         path.unlink(missing_ok=True)
@@ -239,9 +239,9 @@ def store(path: Path, kept: list[Kept]) -> None:
         log.exception("recorders would not outlive this helper process")
 
 
-def stored(path: Path) -> list[Kept]:
+def stored(path: Path) -> list[RecorderHandover]:
     """Return the list that a helper process left."""
     try:
-        return msgspec.json.decode(path.read_bytes(), type=list[Kept])
+        return msgspec.json.decode(path.read_bytes(), type=list[RecorderHandover])
     except (OSError, msgspec.MsgspecError):
         return []

@@ -17,14 +17,14 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from silo.core.elements import Extras, RecorderState
+from silo.core.elements import Conditions, RecorderState
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
 from silo.files.event_log import newest_number
 from silo.files.manifest import Ledger, RunEntry
 from silo.files.parts.metadata import EVENTS_RING
 from silo.journal.derived_rows import with_derived
-from silo.recorder.event_tail import Happening
+from silo.recorder.event_tail import EventTail
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
     TEXT_BYTES,
@@ -37,8 +37,8 @@ from silo.recorder.orders import (
     extras_of,
 )
 from silo.recorder.parts.layout import ending, layout_of
-from silo.recorder.ring_cursor import DROPPED, MOST_PERIOD_S, Drain, Drained
-from silo.recorder.writing import Disk, ExtrasChange, Look, News, RunBegins, RunEnds, Settle, Writing
+from silo.recorder.ring_cursor import DROPPED, MOST_PERIOD_S, Drained, RingCursor
+from silo.recorder.writing import EventCheck, ExtrasChange, News, RecorderDisk, RunBegins, RunEnds, Settle, Writing
 from silo.recovery.parts import Closing, fewer_rows, left_rows
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows
@@ -62,15 +62,15 @@ class Recorder:
         self,
         order: RecordOrder,
         sock: socket.socket,
-        disk: Disk | None = None,
+        disk: RecorderDisk | None = None,
         calm_down: Callable[[], object] = lambda: None,
     ) -> None:
         """`calm_down` is called when it has caught up: from then on others may go first."""
         self._calm_down = calm_down
         self._order, self._socket = order, sock
-        self._disk = disk or Disk()
+        self._disk = disk or RecorderDisk()
         self._runs: deque[SegmentReader] = deque()
-        self._drain: Drain | None = None
+        self._drain: RingCursor | None = None
         self._pending = Drained()
         self._flushed_s = self._reported_s = self._released_s = time.monotonic()
         self._why = ""
@@ -196,7 +196,7 @@ class Recorder:
             self._news.append(f"a run can't be recorded: {error}")
         self._next_since_s = time.monotonic()
 
-    def _change(self, extras: Extras) -> None:
+    def _change(self, extras: Conditions) -> None:
         """Have limits and triggers of the newest run be others from here on."""
         if self._runs:
             run = self._runs[-1]
@@ -266,7 +266,7 @@ class Recorder:
         drain.reader.close()
         self._drain = None
 
-    def _read_some(self, drain: Drain) -> None:
+    def _read_some(self, drain: RingCursor) -> None:
         """Read what there is room for; the rest stays in the rings."""
         room = self._writing.room_bytes - self._pending.size_bytes
         if room <= 0:
@@ -287,7 +287,7 @@ class Recorder:
         pending, self._pending = self._pending, Drained()
         if pending.rows or pending.losses:
             self._writing.put(joined(pending))
-        self._writing.put(Look())
+        self._writing.put(EventCheck())
 
     def _close_left(self) -> None:
         """Close what predecessors left, once this recorder has caught up, and has the time."""
@@ -321,7 +321,7 @@ class Recorder:
             begin = self._begin_of(reader)
             self._last_number = max(self._last_number, schema.number)
             self._first = False
-            self._drain = drain = Drain(reader, layout_of(schema, self._order.patterns), begin)
+            self._drain = drain = RingCursor(reader, layout_of(schema, self._order.patterns), begin)
             since = begin.get(EVENTS_RING, 0) if begin is not None else newest_number(schema.folder, schema.logger) + 1
             self._announce(drain, since)
             return True
@@ -351,7 +351,7 @@ class Recorder:
             runs = f"runs {last + 1} to {number - 1}" if missed > 1 else f"run {last + 1}"
             self._tell_gone(f"{runs} of the logger {'are' if missed > 1 else 'is'} not recorded: {DROPPED}")
 
-    def _announce(self, drain: Drain, since: int) -> None:
+    def _announce(self, drain: RingCursor, since: int) -> None:
         """Have a run begin in the files, with events from `since` on; tell what can't be recorded without end."""
         layout = drain.layout
         if not layout.elements:
@@ -362,7 +362,7 @@ class Recorder:
                 f"{len(names)} elements come to an end when their buffers are full ({shown}): set "
                 "buffer_type=looping to record them without end"
             )
-        self._happening = Happening(drain.reader, since)
+        self._happening = EventTail(drain.reader, since)
         begin = {**drain.begun_with, EVENTS_RING: since}
         self._writing.put(RunBegins(layout, begin, self._happening, self._gone, tuple(self._missed)))
         self._gone, self._missed = "", []

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType
-from silo.recorder.parts.layout import Layout
+from silo.recorder.parts.layout import ChannelLayout
 from silo.segment.layout import ORDERED_STORES, STAMP_WORDS
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows
@@ -48,10 +48,10 @@ class Drained:
         return sum(rows.words.nbytes for rows in self.rows)
 
 
-class Drain:
+class RingCursor:
     """Cursors into the rings of one run."""
 
-    def __init__(self, reader: SegmentReader, layout: Layout, begin: Mapping[int, int] | None) -> None:
+    def __init__(self, reader: SegmentReader, layout: ChannelLayout, begin: Mapping[int, int] | None) -> None:
         """`begin` are the rows to begin with, by ring; None: with what comes from now on."""
         self.reader, self.layout = reader, layout
         ticks = reader.ticks

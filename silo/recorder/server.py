@@ -22,18 +22,18 @@ from silo.core.elements import BufferType, RecorderState
 from silo.core.names import matching
 from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.errors import SegmentError
-from silo.files.manifest import Sums
+from silo.files.manifest import RecordedTotals
 from silo.files.naming import check_name
 from silo.recorder.folder import recording_folder
 from silo.recorder.orders import CLOSED, RecordOrder
-from silo.recorder.process import Kept, RecorderProcess, Spare, close_left, store, stored
+from silo.recorder.process import RecorderHandover, RecorderProcess, Spare, close_left, store, stored
 from silo.recordings.requests import RecorderInfo, RecorderStarted, StartRecorder, StopRecorder
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.held_runs import child_of, recorders_path
-from silo.state.events import Events
+from silo.state.events import EventNotifier
 from silo.state.held_runs import HeldRuns
-from silo.state.replica import Mirror
+from silo.state.replica import Replica
 
 MOST_RECORDERS = 8
 MOST_PATTERNS, MOST_PATTERN_LETTERS = 1000, 50_000
@@ -46,10 +46,10 @@ MOST_ENDS = 3  # how often one is started again that is to end and dies before i
 log = logging.getLogger("silo.helper")
 
 
-class Recording:
+class EndlessRecordings:
     """All recorders. `begin`, `end` and `infos` may be called by any thread."""
 
-    def __init__(self, mirror: Mirror, events: Events, held: HeldRuns) -> None:
+    def __init__(self, mirror: Replica, events: EventNotifier, held: HeldRuns) -> None:
         self._mirror, self._events, self._held = mirror, events, held
         self._lock = threading.RLock()
         self._recorders: dict[str, RecorderProcess] = {}
@@ -97,7 +97,7 @@ class Recording:
             self._give_up(name)
             order = msgspec.structs.replace(checked, name=name, order=secrets.token_hex(8), **self._present())
             try:
-                recorder = self._spawn(Kept(order, request.client, time.time_ns(), self._program))
+                recorder = self._spawn(RecorderHandover(order, request.client, time.time_ns(), self._program))
             except OSError as error:
                 text = f"no process for the recorder: {error.strerror}; nothing is recorded"
                 raise RequestRefusedError(RefusedWhy.FAILED, text) from error
@@ -179,7 +179,7 @@ class Recording:
                     return {"run": reader.schema.run, "tick": reader.ticks}
         return {}
 
-    def _spawn(self, kept: Kept) -> RecorderProcess:
+    def _spawn(self, kept: RecorderHandover) -> RecorderProcess:
         with self._lock:
             # first: should all be killed now, whoever comes knows of it
             store(self._kept, [*self._living(), kept])
@@ -218,7 +218,7 @@ class Recording:
             self._store()
         if not over:
             report = recorder.report
-            held = Sums(report.parts, report.samples, report.lost).text
+            held = RecordedTotals(report.parts, report.samples, report.lost).text
             return f"recording '{name}' ends: {held} until now; it is still finishing its last part"
         return f"recording '{name}' ended: {recorder.sums().text}, in {recorder.order.folder}"
 
@@ -403,7 +403,7 @@ class Recording:
             self._follow(recorder)
             recorder.finish_again()
 
-    def _living(self) -> list[Kept]:
+    def _living(self) -> list[RecorderHandover]:
         goes_on = self._stopping and not self._forgets  # with another process
         recorders = self._recorders.values()
         return [one.kept for one in recorders if one.goes_on or (goes_on and not one.kept.ending)]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from silo.core.elements import Extras, LoggedEvent, RecorderState
+from silo.core.elements import Conditions, LoggedEvent, RecorderState
 from silo.core.runtime import disk_room
 from silo.errors import SiloError
 from silo.files.atomic import reason
@@ -24,10 +24,10 @@ from silo.files.manifest import ClosedPart, Ledger, RunEntry
 from silo.files.mcap.writer import Write
 from silo.files.parts.metadata import EVENTS_RING
 from silo.journal.folders import RECORDINGS, remember_folder
-from silo.recorder.event_tail import Happening
+from silo.recorder.event_tail import EventTail
 from silo.recorder.orders import RecordOrder
-from silo.recorder.parts.layout import Layout
-from silo.recorder.parts.part import Part, stamps_fit
+from silo.recorder.parts.layout import ChannelLayout
+from silo.recorder.parts.part import OpenPart, stamps_fit
 from silo.recorder.ring_cursor import TOO_SLOW, Drained, Loss
 from silo.recovery.parts import finished_part
 from silo.segment.rows import Rows
@@ -53,9 +53,9 @@ class RunBegins:
     `gone` tells of the runs before it that are not whole, `missed` are those of them that nobody handed over.
     """
 
-    layout: Layout
+    layout: ChannelLayout
     begin: Mapping[int, int]
-    happening: Happening
+    happening: EventTail
     gone: str = ""
     missed: tuple[RunEntry, ...] = ()
 
@@ -74,7 +74,7 @@ class RunEnds:
 
 
 @dataclass(frozen=True)
-class Look:
+class EventCheck:
     """It is time to look what happened: also where no rows come."""
 
 
@@ -82,7 +82,7 @@ class Look:
 class ExtrasChange:
     """The limits and triggers that hold from here on: a part has one set of them."""
 
-    extras: Extras
+    extras: Conditions
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Settle:
     closed: tuple[ClosedPart, ...]
 
 
-Item = RunBegins | RunEnds | Drained | Look | ExtrasChange | Settle
+Item = RunBegins | RunEnds | Drained | EventCheck | ExtrasChange | Settle
 _OF_RECORDERS = ("recording", "recording failed")  # kinds of news for which alone no part is begun
 
 
@@ -123,7 +123,7 @@ class Totals:
 
 
 @dataclass(frozen=True)
-class Disk:
+class RecorderDisk:
     """The disk as the writer sees it; tests put a slow or a full one in its place."""
 
     room: Callable[[Path], tuple[int, int]] = disk_room
@@ -133,14 +133,14 @@ class Disk:
 class Writing:
     """Owns the writing thread. `put`, `room_bytes` and `end` are for one other thread."""
 
-    def __init__(self, order: RecordOrder, ledger: Ledger, disk: Disk) -> None:
+    def __init__(self, order: RecordOrder, ledger: Ledger, disk: RecorderDisk) -> None:
         self._order, self._ledger, self._disk = order, ledger, disk
         self.totals = Totals()
         self._folder = Path(order.folder)
-        self._layout: Layout | None = None
+        self._layout: ChannelLayout | None = None
         self._next: dict[int, int] = {}
-        self._happening: Happening | None = None
-        self._part: Part | None = None
+        self._happening: EventTail | None = None
+        self._part: OpenPart | None = None
         self._waiting: list[LoggedEvent] = []  # for a part in which to stand
         self._gone = ""  # likewise
         self._why_lost = ""
@@ -221,7 +221,7 @@ class Writing:
             self._finish_part()
             self._layout = self._present_layout.with_extras(item.extras)
             self._ledger.begin_run(_entry(self._layout, self._next))
-        elif isinstance(item, Look):
+        elif isinstance(item, EventCheck):
             if self._happening is not None:
                 self._take_events(self._happening.read())
         elif isinstance(item, Settle):
@@ -280,7 +280,7 @@ class Writing:
         return drained.size_bytes + MESSAGE_BYTES * messages // 2
 
     @property
-    def _present_layout(self) -> Layout:
+    def _present_layout(self) -> ChannelLayout:
         assert self._layout is not None, "rows come after their run"
         return self._layout
 
@@ -299,9 +299,9 @@ class Writing:
                 "or keep less (--keep), and start it again"
             )
 
-    def _open_part(self) -> Part:
+    def _open_part(self) -> OpenPart:
         if self._part is None:
-            part = Part(self._folder, self._order.name, self._present_layout, self._next, self._disk.write)
+            part = OpenPart(self._folder, self._order.name, self._present_layout, self._next, self._disk.write)
             self._part = part
             with contextlib.suppress(OSError, RuntimeError):  # then `silo recover` must be told the folder
                 remember_folder(self._folder, RECORDINGS)
@@ -358,14 +358,14 @@ class Writing:
         self.totals.told.append(News(text, layout.schema.run, loss.begin * divider))
         self._count()
 
-    def _lost_event(self, part: Part) -> LoggedEvent:
+    def _lost_event(self, part: OpenPart) -> LoggedEvent:
         """That no sample is in a part but a loss: rows tell what is missing between them, and here are none."""
         schema = part.layout.schema
         text = f"{part.lost} samples of this run are in no file: {self._why_lost}"
         number = self._next.get(EVENTS_RING, 1)
         return LoggedEvent("lost", text, time.time_ns(), 0, schema.started_ns, schema.logger, schema.run, number)
 
-    def _is_long(self, part: Part, drained: Drained) -> bool:
+    def _is_long(self, part: OpenPart, drained: Drained) -> bool:
         order = self._order
         limits = [order.split_bytes, order.keep_bytes // 2]
         most_bytes = min((limit for limit in limits if limit), default=0)
@@ -425,7 +425,7 @@ def left_free(size_bytes: int) -> int:
     return int(min(ROOM_SHARE * size_bytes, ROOM_BYTES))
 
 
-def _entry(layout: Layout, begin: Mapping[int, int]) -> RunEntry:
+def _entry(layout: ChannelLayout, begin: Mapping[int, int]) -> RunEntry:
     schema = layout.schema
     channels = {ring: len(numbers) for ring, numbers in layout.ring_channels.items()}
     return RunEntry(schema.run, schema.number, dict(begin), channels=channels, extras=schema.extras)

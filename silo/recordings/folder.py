@@ -23,10 +23,10 @@ from silo.files.convert import CONVERTED
 from silo.files.csv.metadata import SIDECAR
 from silo.files.formats import SAVED
 from silo.files.naming import logger_of
-from silo.files.summaries import Summary, opened_file, opened_folder, read_summary
+from silo.files.summaries import FileSummary, opened_file, opened_folder, read_summary
 from silo.recordings.fetching import mark_of
 from silo.recordings.recorded_parts import ENDING as RECORDED
-from silo.recordings.recorded_parts import Part, part_named, part_summary, parts_below, row_of
+from silo.recordings.recorded_parts import FinishedPart, part_named, part_summary, parts_below, row_of
 from silo.recordings.requests import (
     GetPiece,
     PartOfRecording,
@@ -54,7 +54,7 @@ class RecordingFolder:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._known: OrderedDict[tuple[str, str], Summary | None] = OrderedDict()
+        self._known: OrderedDict[tuple[str, str], FileSummary | None] = OrderedDict()
 
     def listing(self, place: str, logger: str, most: int) -> Recordings:
         """Return what is there. Raises RequestRefusedError where it can't be read."""
@@ -130,7 +130,7 @@ class RecordingFolder:
     ) -> SavedRecording | None:
         """Return a row of the list, None for files of others that only end as ours do."""
         kept: list[_File] = []
-        summaries: list[Summary] = []
+        summaries: list[FileSummary] = []
         unread = False
         for file in files:
             if file.unfinished:
@@ -149,7 +149,7 @@ class RecordingFolder:
         if not kept:
             return None
         told = [file.told for file in sorted(kept, key=lambda file: file.kind)]
-        best = max(summaries, key=lambda one: (bool(one.logger), one.end_ns - one.begin_ns), default=Summary())
+        best = max(summaries, key=lambda one: (bool(one.logger), one.end_ns - one.begin_ns), default=FileSummary())
         return SavedRecording(
             stem=stem,
             files=told,
@@ -162,7 +162,7 @@ class RecordingFolder:
             unread=unread,
         )
 
-    def _part_row(self, folder: int, part: Part) -> SavedRecording:
+    def _part_row(self, folder: int, part: FinishedPart) -> SavedRecording:
         key = (f"{part.folder}/{part.name}", part.mark)
         with self._lock:
             known = self._known.get(key)
@@ -170,12 +170,12 @@ class RecordingFolder:
             try:
                 known = part_summary(folder, part)
             except OSError:
-                known = Summary()  # it vanished, or may not be read
+                known = FileSummary()  # it vanished, or may not be read
             with self._lock:
                 self._known[key] = known
         return row_of(part, known)
 
-    def _summary(self, folder: int, name: str, mark: str, until_s: float = 0.0) -> Summary | None:
+    def _summary(self, folder: int, name: str, mark: str, until_s: float = 0.0) -> FileSummary | None:
         key = (name, mark)
         with self._lock:
             if key in self._known:
@@ -190,7 +190,7 @@ class RecordingFolder:
                 self._known.popitem(last=False)
         return summary
 
-    def _recognised(self, folder: int, name: str) -> Summary:
+    def _recognised(self, folder: int, name: str) -> FileSummary:
         """Return what a recording says of itself. Raises RequestRefusedError for what is no recording."""
         _check_plain(name)
         if _kind(name) is None:
@@ -262,14 +262,14 @@ def _changed(one: SavedRecording) -> tuple[int, str]:
     return max(file.changed_ns for file in one.files), one.stem
 
 
-def _recorded_part(folder: int, name: str) -> Part | None:
+def _recorded_part(folder: int, name: str) -> FinishedPart | None:
     """Return the part of an endless recording that a plain name means, None where there is none."""
     if not name.endswith(RECORDED) or "/" in name:
         return None
     return part_named(folder, name)
 
 
-def _of_part(part: Part) -> PartOfRecording:
+def _of_part(part: FinishedPart) -> PartOfRecording:
     return PartOfRecording(part.name, part.about.st_size, part.mark, part.about.st_mtime_ns)
 
 
@@ -280,7 +280,7 @@ def _mark(folder: int, name: str) -> str:
         return mark_of([os.stat(each, dir_fd=bag, follow_symlinks=False) for each in _names(bag)])
 
 
-def _foreign(stem: str, summary: Summary, logger: str) -> str:
+def _foreign(stem: str, summary: FileSummary, logger: str) -> str:
     """Return why a recording is not surely one that this logger wrote, empty if it is."""
     if summary.logger != logger:
         return f"it is of the logger {summary.logger!r}, not of {logger!r}" if summary.logger else "it names no logger"

@@ -18,7 +18,7 @@ import msgspec
 from silo.core.elements import FileType
 from silo.files.manifest import WRITTEN_ENDING, decode_written, own_status, written_path
 from silo.files.naming import logger_of
-from silo.files.summaries import Summary, opened_file, opened_folder
+from silo.files.summaries import FileSummary, opened_file, opened_folder
 from silo.recordings.fetching import mark_of
 from silo.recordings.requests import RecordingFile, SavedRecording
 
@@ -32,7 +32,7 @@ _MOST_OFFSETS_BYTES = 4096
 
 
 @dataclass(frozen=True)
-class Part:
+class FinishedPart:
     """A finished part: the folder that holds it, below the logger's own, and how it is there now."""
 
     folder: str
@@ -51,7 +51,7 @@ class Part:
         return mark_of([self.about])
 
 
-def parts_below(place: int, only: str = "") -> Iterator[Part]:
+def parts_below(place: int, only: str = "") -> Iterator[FinishedPart]:
     """Yield the finished parts in the folders right below an open one that recorders wrote into; `only`: of a name."""
     with os.scandir(place) as entries:
         names = [entry.name for _, entry in zip(range(100 * MOST_FOLDERS), entries, strict=False)
@@ -61,12 +61,12 @@ def parts_below(place: int, only: str = "") -> Iterator[Part]:
             yield from _parts_of(folder, name, only)
 
 
-def part_named(place: int, name: str) -> Part | None:
+def part_named(place: int, name: str) -> FinishedPart | None:
     """Return the part of that plain name, None where there is none."""
     return next(parts_below(place, name), None)
 
 
-def _parts_of(folder: int, name: str, only: str) -> Iterator[Part]:
+def _parts_of(folder: int, name: str, only: str) -> Iterator[FinishedPart]:
     # a part is called after its recorder, as a rule: the list of that one is looked into first
     likely = written_path(Path(), logger_of(only.removesuffix(ENDING))).name
     lists = [each for each in os.listdir(folder) if each.endswith(WRITTEN_ENDING)]
@@ -79,14 +79,14 @@ def _parts_of(folder: int, name: str, only: str) -> Iterator[Part]:
                 # one of thousands is asked for with every piece of it: the others are not looked at
                 about = own_status(entry, folder) if only in ("", entry.name) else None
                 if about is not None and stat.S_ISREG(about.st_mode):
-                    yield Part(name, entry.name, written.recorder, about)
+                    yield FinishedPart(name, entry.name, written.recorder, about)
 
 
-def part_summary(place: int, part: Part) -> Summary:
+def part_summary(place: int, part: FinishedPart) -> FileSummary:
     """Return from when to when a part goes, of its last bytes. Raises OSError."""
     with opened_folder(place, part.folder) as folder, opened_file(folder, part.name) as file:
         begin, end = _times(file, os.fstat(file).st_size)
-    return Summary("", f"recording {part.recorder}", begin, end)
+    return FileSummary("", f"recording {part.recorder}", begin, end)
 
 
 def _times(file: int, size: int) -> tuple[int, int]:
@@ -110,7 +110,7 @@ def _times(file: int, size: int) -> tuple[int, int]:
     return 0, 0
 
 
-def row_of(part: Part, summary: Summary) -> SavedRecording:
+def row_of(part: FinishedPart, summary: FileSummary) -> SavedRecording:
     """Return a part as a row of the list. Never `own`: its recorder's budget deletes it, or somebody on the robot."""
     return SavedRecording(
         stem=f"{part.folder}/{part.name.removesuffix(ENDING)}",

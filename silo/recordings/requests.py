@@ -7,7 +7,7 @@ import msgspec
 
 from silo.core.arguments import text, texts, whole
 from silo.core.calls import told_class
-from silo.core.elements import Extras, FileType, RecorderState
+from silo.core.elements import Conditions, FileType, RecorderState
 from silo.rpc.declaring import Caller, Do, Done, Lane, Reply, SlowAsk, ask, change, given
 from silo.rpc.words import FileTypes, file_types
 
@@ -118,7 +118,7 @@ class Save(Do[SaveStarted], frozen=True):
     name: str = ""
     folder: str = ""
     why: str = ""
-    extras: Extras | None = None
+    extras: Conditions | None = None
 
 
 class RecorderInfo(msgspec.Struct, frozen=True):

@@ -15,7 +15,7 @@ from pathlib import Path
 import msgspec
 
 from silo.core.child import PIPE, ChildProcess
-from silo.core.elements import Extras, FileType, LoggedEvent, SavedFile
+from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
 from silo.errors import SaveError, SiloError
 from silo.files import LogOfRun, PartlySavedError, write, write_run
 from silo.journal.holdings import Holdings, segment_holdings
@@ -47,7 +47,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
     log: str = ""
     awaited: bool = False
     events: list[LoggedEvent] = []
-    extras: Extras | None = None
+    extras: Conditions | None = None
 
 
 class WriteReport(msgspec.Struct, frozen=True):
@@ -86,7 +86,7 @@ def _log_of(reader: RunReader) -> LogOfRun:
     return LogOfRun(reader.schema.folder, reader.schema.run)
 
 
-def save_apart(reader: RunReader, folder: str, extras: Extras | None) -> tuple[list[SavedFile], Holdings]:
+def save_apart(reader: RunReader, folder: str, extras: Conditions | None) -> tuple[list[SavedFile], Holdings]:
     """Save what a dead program left as `.silo`, in a process of its own that is nice to others; no file if it is
     nothing. Raises SaveError.
     """

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from silo.core.elements import Extras, FileType, LoggedEvent, SavedFile
+from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
 from silo.core.runtime import is_at, open_own
 from silo.errors import StateError
 from silo.journal.holdings import Holdings, recording_holdings
@@ -98,7 +98,7 @@ def save_reader(
     progress: Callable[[float], None] | None = None,
     why: str = DIED,
     events: Sequence[LoggedEvent] | None = None,
-    extras: Extras | None = None,
+    extras: Conditions | None = None,
 ) -> tuple[list[SavedFile], Holdings]:
     """Save all that is held, and tell how much that is; no file if it is nothing. Raises SaveError.
 

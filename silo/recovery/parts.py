@@ -24,7 +24,7 @@ from mcap.exceptions import McapError
 from silo.errors import FileFormatError, SaveError
 from silo.files.atomic import reason, sweep_parts
 from silo.files.manifest import ClosedPart, Ledger, number_of
-from silo.files.mcap.writer import McapFile, file_start
+from silo.files.mcap.writer import McapWriter, file_start
 from silo.files.parts.metadata import EVENTS_RING, PART_ENDING, TOTALS_METADATA, PartFacts
 from silo.files.parts.scan import PartScan, rows_after, scan_part
 from silo.recovery.left import BusyError, claimed_file
@@ -99,7 +99,7 @@ def close_part(path: Path) -> ClosedPart:
         if final.exists():
             raise SaveError(f"{path}: can't get its name, as there is a {final.name}: rename that one and try again")
         if not scan.finished:
-            mcap = McapFile.continued(file, scan.begun)
+            mcap = McapWriter.continued(file, scan.begun)
             mcap.add_metadata(TOTALS_METADATA, {"samples": str(samples), "closed": "later, its recorder was killed"})
             mcap.finish(scan.counts, scan.start_ns, scan.end_ns)
         os.fsync(file.fileno())

@@ -16,7 +16,7 @@ from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings
 from silo.recovery.left import LeftRun, SavedMeanwhileError, has_unsaved, locked
 from silo.segment.held_runs import hold, is_due, remove
-from silo.segment.layout import Control, SegmentSchema
+from silo.segment.layout import ControlWord, SegmentSchema
 from silo.segment.reader import SegmentReader
 
 
@@ -132,7 +132,7 @@ def mark_saved(reader: SegmentReader) -> None:
     """Note in the segment of a dead writer that all its ticks stand in a file, for those that have it open."""
     descriptor = os.open(f"/proc/self/fd/{reader.fileno()}", os.O_WRONLY | os.O_CLOEXEC)
     try:
-        os.pwrite(descriptor, reader.ticks.to_bytes(8, "little"), reader.control_offset(Control.SAVED_TICKS))
+        os.pwrite(descriptor, reader.ticks.to_bytes(8, "little"), reader.control_offset(ControlWord.SAVED_TICKS))
     finally:
         os.close(descriptor)
 

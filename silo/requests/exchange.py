@@ -12,8 +12,8 @@ import zenoh
 from silo.core.runtime import user_name
 from silo.errors import ConnectionLostError, VersionError
 from silo.net import keys
-from silo.net.found import Found
-from silo.net.sessions import Borrowed, borrowed
+from silo.net.found import LoggerAddress
+from silo.net.sessions import SessionLease, borrowed
 from silo.requests import AnyReply
 from silo.rpc.clocks import UNKNOWN, TheirClock
 from silo.rpc.declaring import Do, ReplyT, Request
@@ -65,7 +65,7 @@ def key_of(request: Request[Any], root: keys.Root, user: str) -> str:
     return root.do(user) if request.key == Do.key else root.key(request.key)
 
 
-def root_at(borrowed: Borrowed, found: Found, timeout_s: float) -> keys.Root:
+def root_at(borrowed: SessionLease, found: LoggerAddress, timeout_s: float) -> keys.Root:
     """Return where the keys of a logger begin, by its liveliness token where its socket doesn't tell.
 
     Raises ConnectionLostError where nobody has such a token, or several have.
@@ -95,7 +95,7 @@ class NoAnswerError(ConnectionLostError):
 
 
 def exchange(
-    mine: Borrowed,
+    mine: SessionLease,
     root: keys.Root,
     request: Request[Any],
     timeout_s: float,
@@ -165,7 +165,7 @@ def _check_peer(payload: bytes, who: str) -> None:
         raise VersionError(problem)
 
 
-def ask_once(found: Found, request: Request[ReplyT], timeout_s: float) -> ReplyT:
+def ask_once(found: LoggerAddress, request: Request[ReplyT], timeout_s: float) -> ReplyT:
     """Open a session, ask, close it. Raises ConnectionLostError, or RequestRefusedError."""
     with borrowed(found.socket, found.config) as mine:
         reply = exchange(mine, root_at(mine, found, timeout_s), request, timeout_s, f"logger '{found.name}'")

@@ -9,7 +9,7 @@ import zenoh
 
 from silo.errors import ConnectionLostError
 from silo.net.keys import Root
-from silo.net.sessions import Borrowed
+from silo.net.sessions import SessionLease
 from silo.requests.exchange import encoded, key_of, payload_of
 from silo.rpc.clocks import UNKNOWN, TheirClock
 from silo.rpc.declaring import Do, Request
@@ -24,7 +24,7 @@ class Pending:
     """A request whose answer nobody waits for: it is looked at when it has come."""
 
     def __init__(
-        self, mine: Borrowed, root: Root, request: Request[Any], timeout_s: float, clock: TheirClock = UNKNOWN
+        self, mine: SessionLease, root: Root, request: Request[Any], timeout_s: float, clock: TheirClock = UNKNOWN
     ) -> None:
         timeout_s += mine.slack_s
         # not a ring: it loses what it holds when the query ends
@@ -53,7 +53,7 @@ class Pending:
 class Asking(Generic[Tag]):
     """Requests to many loggers over one session, so many of them under way that a round trip serves them all."""
 
-    def __init__(self, mine: Borrowed, timeout_s: float, at_once: int = AT_ONCE) -> None:
+    def __init__(self, mine: SessionLease, timeout_s: float, at_once: int = AT_ONCE) -> None:
         self._mine, self._timeout_s, self._at_once = mine, timeout_s, at_once
         self._waiting: deque[tuple[Tag, Root, Request[Any]]] = deque()
         self._under_way: dict[Tag, Pending] = {}

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from silo.core.arguments import shown
 from silo.core.calls import told_class
-from silo.core.elements import Edit, Extras, FieldChange, Table
+from silo.core.elements import Conditions, Edit, FieldChange, Table
 from silo.errors import ElementError
 from silo.rpc.declaring import Caller, Lane, Reply, RobotRequest, ask, change
 
@@ -32,7 +32,7 @@ class ApplyEdits(RobotRequest[EditsApplied], frozen=True):
 
     revision: int
     edits: list[Edit]
-    extras: Extras | None = None  # derived signals, limits and triggers of a script, None: they stay
+    extras: Conditions | None = None  # derived signals, limits and triggers of a script, None: they stay
 
 
 class Scripts(Reply, frozen=True):

@@ -34,7 +34,7 @@ from silo.core.runtime import (
     withdraw_segment,
 )
 from silo.errors import SegmentError
-from silo.segment.layout import Control, Header, SegmentSchema
+from silo.segment.layout import ControlWord, HeaderWord, SegmentSchema
 from silo.segment.reader import SegmentReader
 
 HELD_RUNS = 64  # with their rows; each takes two descriptors of the helper process, as do stubs, of 1024
@@ -168,20 +168,20 @@ def is_live(program: Program) -> bool:
 
 
 @dataclass(frozen=True)
-class Bound:
+class HeldRunsLimit:
     """How much may be held of one logger."""
 
     runs: int
     size_bytes: int
 
 
-def bound_of(folder: Path) -> Bound:
+def bound_of(folder: Path) -> HeldRunsLimit:
     """Return how much may be held in this folder."""
     try:
         _, size_bytes = disk_room(folder)
     except OSError:
-        return Bound(HELD_RUNS, HELD_BYTES)
-    return Bound(HELD_RUNS, min(HELD_BYTES, int(HELD_SHARE * size_bytes)))
+        return HeldRunsLimit(HELD_RUNS, HELD_BYTES)
+    return HeldRunsLimit(HELD_RUNS, min(HELD_BYTES, int(HELD_SHARE * size_bytes)))
 
 
 def bytes_of(path: Path) -> int:
@@ -199,8 +199,8 @@ def _is_stub(path: Path) -> bool:
     except OSError:
         return False
     try:
-        control = _word(file, 8 * Header.CONTROL_OFFSET)
-        return _word(file, control + 8 * Control.DROPPED) != 0
+        control = _word(file, 8 * HeaderWord.CONTROL_OFFSET)
+        return _word(file, control + 8 * ControlWord.DROPPED) != 0
     except OSError:
         return False
     finally:
@@ -221,7 +221,7 @@ def trim(paths: Sequence[Path], *, in_memory: bool, room_bytes: int = 0) -> list
         remove(path)
     whole = [path for path in there[-STUBS:] if not _is_stub(path)]
     gone: list[Path] = []
-    bound = bound_of(whole[0].parent) if whole else Bound(0, 0)
+    bound = bound_of(whole[0].parent) if whole else HeldRunsLimit(0, 0)
     while whole and (
         len(whole) > bound.runs
         or sum(map(bytes_of, whole)) > bound.size_bytes
@@ -248,7 +248,7 @@ def make_stub(path: Path) -> None:
             # zeros too: who looks at a page that isn't there takes one, and ends by SIGBUS where there is none
             file.write(os.pread(reader.fileno(), reader.rows_offset, 0))
             file.truncate(reader.size_bytes)
-            file.seek(reader.control_offset(Control.DROPPED))
+            file.seek(reader.control_offset(ControlWord.DROPPED))
             file.write((1).to_bytes(8, "little"))
     except (OSError, SegmentError):
         remove(path)

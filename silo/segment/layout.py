@@ -1,8 +1,8 @@
 """How a segment file is laid out, and the structs with which it explains itself.
 
-    header       one page: eight 8-byte words, see `Header`
+    header       one page: eight 8-byte words, see `HeaderWord`
     schema       JSON of `SegmentSchema`
-    control      64-byte lines: one for the segment, then one per ring, see `Control` and `RingControl`
+    control      64-byte lines: one for the segment, then one per ring, see `ControlWord` and `RingControl`
     chunks       one 8-byte word per possible chunk of a growing ring: ring number + 1, 0 while unused
     failures     256 bytes for each element that is read by an expression, see `silo.segment.failures`
     marks        slots of 256 bytes, see `silo.segment.marks`
@@ -22,7 +22,7 @@ from typing import TypeVar
 
 import msgspec
 
-from silo.core.elements import NO_EXTRAS, BufferType, ElementInfo, ElementOptions, Entry, Extras
+from silo.core.elements import NO_EXTRAS, BufferType, Conditions, ElementInfo, ElementOptions, Entry
 
 MAGIC = int.from_bytes(b"SILOSEG1", "little")
 LAYOUT_VERSION = 2
@@ -37,7 +37,7 @@ TIME_RING = 0
 ORDERED_STORES = platform.machine() in ("x86_64", "AMD64", "i686")
 
 
-class Header(enum.IntEnum):
+class HeaderWord(enum.IntEnum):
     """Positions of the words of the header."""
 
     MAGIC = 0
@@ -50,7 +50,7 @@ class Header(enum.IntEnum):
     CHUNK_DATA_OFFSET = 7
 
 
-class Control(enum.IntEnum):
+class ControlWord(enum.IntEnum):
     """Words of the segment's own control line."""
 
     STATE = 0
@@ -170,7 +170,7 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     logger_id: str = ""
     run: str = ""
     pid_namespace: int = 0  # in which `pid` counts, 0 in older segments
-    extras: Extras = NO_EXTRAS
+    extras: Conditions = NO_EXTRAS
     marks: int = -1
     mark_slots: int = 0
     unheld: int = -1

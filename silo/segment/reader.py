@@ -30,9 +30,9 @@ from silo.segment.layout import (
     READABLE_LAYOUTS,
     STAMP_WORDS,
     TIME_RING,
-    Control,
+    ControlWord,
     ElementSchema,
-    Header,
+    HeaderWord,
     RingControl,
     RingSchema,
     SegmentSchema,
@@ -93,9 +93,12 @@ class SegmentReader:
         try:
             self._remap()
             self.schema = self._read_schema()
-            self._control, self._directory = self._words_at(Header.CONTROL_OFFSET), self._words_at(Header.CHUNKS_OFFSET)
-            self._directory_words = int(self._words[Header.CHUNKS_LIMIT])
-            self._chunk_data = 8 * self._words_at(Header.CHUNK_DATA_OFFSET)
+            self._control, self._directory = (
+                self._words_at(HeaderWord.CONTROL_OFFSET),
+                self._words_at(HeaderWord.CHUNKS_OFFSET),
+            )
+            self._directory_words = int(self._words[HeaderWord.CHUNKS_LIMIT])
+            self._chunk_data = 8 * self._words_at(HeaderWord.CHUNK_DATA_OFFSET)
             self._check_layout()
             self._written = self.schema  # a reader with derived signals has more elements
         except BaseException:
@@ -118,7 +121,7 @@ class SegmentReader:
             raise SegmentError(f"{self.path}: {self._size_bytes} bytes can't be mapped ({error})") from error
         self._words = np.frombuffer(self._map, np.uint64, self._size_bytes // 8)
 
-    def _words_at(self, position: Header) -> int:
+    def _words_at(self, position: HeaderWord) -> int:
         offset = int(self._words[position])
         if offset % 8:
             raise self._damaged(f"{position.name.lower()} is {offset}, no multiple of 8")
@@ -211,7 +214,7 @@ class SegmentReader:
 
     # ------------------------------------------------------------------------------------------------ state
 
-    def _control_word(self, word: Control) -> int:
+    def _control_word(self, word: ControlWord) -> int:
         self._check_size()
         return int(self._words[self._control + word])
 
@@ -222,12 +225,12 @@ class SegmentReader:
     @property
     def running(self) -> bool:
         """Whether the writer says that it collects (a writer that was killed still says so)."""
-        return self._control_word(Control.STATE) == SegmentState.RUNNING
+        return self._control_word(ControlWord.STATE) == SegmentState.RUNNING
 
     @property
     def stop_reason(self) -> str:
         """Why collection ended, fit to show; empty while it runs."""
-        code = self._control_word(Control.STOP_REASON)
+        code = self._control_word(ControlWord.STOP_REASON)
         return STOP_TEXTS[StopReason(code)] if code in StopReason._value2member_map_ else ""
 
     @property
@@ -238,9 +241,9 @@ class SegmentReader:
     @property
     def saved_ticks(self) -> int:
         """Ticks that stood in a file at the last save."""
-        return self._control_word(Control.SAVED_TICKS)
+        return self._control_word(ControlWord.SAVED_TICKS)
 
-    def control_offset(self, word: Control) -> int:
+    def control_offset(self, word: ControlWord) -> int:
         """Where in the file a word of its own stands."""
         return 8 * (self._control + word)
 
@@ -253,7 +256,7 @@ class SegmentReader:
     @functools.cached_property
     def dropped(self) -> bool:
         """Whether the rows of a run that was held went, for want of room: this is another file than was written."""
-        return self._control_word(Control.DROPPED) != 0
+        return self._control_word(ControlWord.DROPPED) != 0
 
     @property
     def last_time_ns(self) -> int:
@@ -393,7 +396,7 @@ class SegmentReader:
         """Which chunk of the file is the ring's chunk `number`."""
         places = self._growing.get(ring, [])
         if number >= len(places):
-            used = min(self._control_word(Control.CHUNKS), self._directory_words)
+            used = min(self._control_word(ControlWord.CHUNKS), self._directory_words)
             if used > self._chunks_seen and self._chunk_data + used * self.schema.chunk_bytes > self._size_bytes:
                 self._remap()
                 if self._chunk_data + used * self.schema.chunk_bytes > self._size_bytes:

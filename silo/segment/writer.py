@@ -35,9 +35,9 @@ from silo.segment.layout import (
     MAGIC,
     PAGE,
     TIME_RING,
-    Control,
+    ControlWord,
     ElementSchema,
-    Header,
+    HeaderWord,
     RingControl,
     RingSchema,
     SegmentSchema,
@@ -161,20 +161,20 @@ class Segment:
         self.mark = marker(marks, self.words, self.ring_control(TIME_RING))
         mapped[PAGE : PAGE + len(body)] = body
         header = {
-            Header.VERSION: LAYOUT_VERSION,
-            Header.SCHEMA_OFFSET: PAGE,
-            Header.SCHEMA_BYTES: len(body),
-            Header.CONTROL_OFFSET: self._control,
-            Header.CHUNKS_OFFSET: self._directory,
-            Header.CHUNKS_LIMIT: self._directory_words,
-            Header.CHUNK_DATA_OFFSET: self._chunk_data,
-            Header.MAGIC: MAGIC,
+            HeaderWord.VERSION: LAYOUT_VERSION,
+            HeaderWord.SCHEMA_OFFSET: PAGE,
+            HeaderWord.SCHEMA_BYTES: len(body),
+            HeaderWord.CONTROL_OFFSET: self._control,
+            HeaderWord.CHUNKS_OFFSET: self._directory,
+            HeaderWord.CHUNKS_LIMIT: self._directory_words,
+            HeaderWord.CHUNK_DATA_OFFSET: self._chunk_data,
+            HeaderWord.MAGIC: MAGIC,
         }
         for position, value in header.items():
             self.words[position] = value
-        self._set(Control.STATE, SegmentState.RUNNING)
+        self._set(ControlWord.STATE, SegmentState.RUNNING)
 
-    def _set(self, word: Control, value: int) -> None:
+    def _set(self, word: ControlWord, value: int) -> None:
         if self._counted:
             return  # deleted by another thread while a tick was under way
         self.words[self._control // 8 + word] = value
@@ -246,13 +246,13 @@ class Segment:
 
     def stop(self, reason: StopReason) -> None:
         """Mark that no more rows will come."""
-        self._set(Control.STOP_REASON, reason)
-        self._set(Control.STATE, SegmentState.STOPPED)
+        self._set(ControlWord.STOP_REASON, reason)
+        self._set(ControlWord.STATE, SegmentState.STOPPED)
         self._end_chunks()
 
     def mark_saved(self, ticks: int) -> None:
         """Remember how many ticks stand in a saved file."""
-        self._set(Control.SAVED_TICKS, ticks)
+        self._set(ControlWord.SAVED_TICKS, ticks)
 
     def first_chunks(self, ring: int) -> list[Chunk]:
         """The chunks that were made ready at start."""
@@ -327,7 +327,7 @@ class Segment:
         np.frombuffer(mapped, np.uint8)[:: PAGE // 2] = 0
         self.words[self._directory // 8 + self._chunks] = ring + 1
         self._chunks += 1
-        self._set(Control.CHUNKS, self._chunks)
+        self._set(ControlWord.CHUNKS, self._chunks)
         return Chunk(memoryview(mapped).cast("l"), self._growing[ring].capacity)
 
     def _end_chunks(self) -> None:

@@ -3,14 +3,14 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from silo.core.elements import Derived, Extras, FieldChange, FileType, SignalLimits, TriggerOptions
+from silo.core.elements import Conditions, Derived, FieldChange, FileType, SignalLimits, TriggerOptions
 
 NONE = "none"  # what stands for one that there isn't
 
 _Item = Derived | SignalLimits | TriggerOptions
 
 
-def diff_extras(now: Extras, new: Extras) -> list[FieldChange]:
+def diff_extras(now: Conditions, new: Conditions) -> list[FieldChange]:
     """Return what changes when `now` becomes `new`: an entry per field, one for what comes or goes as a whole."""
     return [
         *_diff("derived", now.derived, new.derived),

@@ -23,7 +23,7 @@ OptionValue = bool | int | Action | BufferType
 
 
 @dataclass(frozen=True)
-class Word:
+class OptionWord:
     """One value of an option that has few: `word` is shown and typed, `cell` too, where a column is narrow.
 
     `phrase` is for sentences (the word, if empty), `also` holds further spellings. Its number and the enumeration's own
@@ -45,7 +45,7 @@ class Word:
 
 
 @dataclass(frozen=True)
-class Option:
+class ElementOption:
     """One field of `ElementOptions`: `keys` may stand before the `=` (the first is shown), `words` are its values.
 
     The first of the words is the most wanted one: keys of `silo-tui` step through them in this order. An option without
@@ -55,7 +55,7 @@ class Option:
     name: str
     keys: tuple[str, ...]
     meaning: str
-    words: tuple[Word, ...] = ()
+    words: tuple[OptionWord, ...] = ()
     units: tuple[str, ...] = ()
     examples: tuple[str, ...] = ()
     absolute: tuple[str, ...] = ()  # of the examples, those that don't depend on the value before
@@ -76,7 +76,7 @@ class Option:
         ]
         return ", ".join(shown[:-1]) + " or " + shown[-1]
 
-    def word_of(self, value: object) -> Word:
+    def word_of(self, value: object) -> OptionWord:
         """The word of a valid value."""
         return next(word for word in self.words if word.value == value)
 
@@ -107,34 +107,34 @@ RANGES = _ranges()
 
 # in the order of the fields of `ElementOptions`
 OPTIONS = (
-    Option(
+    ElementOption(
         "enabled", ("enabled", "on", "log", "logging"), "log it or not",
         (
-            Word(True, "on", "on", "log it", ("yes", "y", "true", "x")),
-            Word(False, "off", "off", "leave it out", ("no", "n", "false")),
+            OptionWord(True, "on", "on", "log it", ("yes", "y", "true", "x")),
+            OptionWord(False, "off", "off", "leave it out", ("no", "n", "false")),
         ),
     ),
-    Option(
+    ElementOption(
         "divider", ("divider", "div"), "every fifth tick", units=("Hz",),
         examples=("5", "50Hz", "*2", "/2", "+1"), absolute=("50Hz",),
     ),
-    Option(
+    ElementOption(
         "action", ("action", "act"), "what becomes of the samples",
         (
-            Word(Action.SAVE, "save", "save", "into files"),
-            Word(Action.SAVE_AND_PUBLISH, "both", "both", "", ("save+publish",), "save and publish"),
-            Word(Action.PUBLISH, "publish", "pub", "live only"),
+            OptionWord(Action.SAVE, "save", "save", "into files"),
+            OptionWord(Action.SAVE_AND_PUBLISH, "both", "both", "", ("save+publish",), "save and publish"),
+            OptionWord(Action.PUBLISH, "publish", "pub", "live only"),
         ),
     ),
-    Option(
+    ElementOption(
         "buffer_type", ("buffer", "buf", "buffer_type"), "which samples are kept",
         (
-            Word(BufferType.LOOPING, "looping", "loop", "the newest samples"),
-            Word(BufferType.FIXED, "fixed", "fix", "the first samples"),
-            Word(BufferType.GROWING, "growing", "grow", "all"),
+            OptionWord(BufferType.LOOPING, "looping", "loop", "the newest samples"),
+            OptionWord(BufferType.FIXED, "fixed", "fix", "the first samples"),
+            OptionWord(BufferType.GROWING, "growing", "grow", "all"),
         ),
     ),
-    Option(
+    ElementOption(
         "buffer_size", ("size", "buffer_size"), "samples, or a time", units=("s",),
         examples=("1000", "10k", "10s", "*2", "/2", "+10"), absolute=("10k", "10s"),
     ),

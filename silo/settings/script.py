@@ -19,11 +19,11 @@ from pathlib import Path
 import msgspec
 import yaml
 
-from silo.core.elements import NO_EXTRAS, ElementInfo, ElementOptions, Extras, FieldChange
+from silo.core.elements import NO_EXTRAS, Conditions, ElementInfo, ElementOptions, FieldChange
 from silo.errors import SaveError, ScriptError
 from silo.settings.script_conditions import format_extras, kinds_of, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
-from silo.settings.typed import Settings, phrase, rate_words
+from silo.settings.typed import ElementSettings, phrase, rate_words
 from silo.settings.yaml_nodes import Pair, collector_paused, compose, explain, text_of
 
 MAX_SCRIPT_BYTES = 8 * 2**20  # about 60,000 elements; libyaml reads 1 - 2 MB/s
@@ -41,7 +41,7 @@ class Script:
     path: Path
     elements: tuple[ScriptElement, ...]
     unknown_keys: tuple[UnknownKey, ...] = ()
-    extras: Extras | None = None  # derived signals, limits and triggers, None where the script says nothing of them
+    extras: Conditions | None = None  # derived signals, limits and triggers, None where the script says nothing of them
     kinds: frozenset[str] = frozenset()  # keys of them that it has
 
     @property
@@ -51,7 +51,7 @@ class Script:
         more = len(self.unknown_keys) - MAX_PROBLEMS
         return shown + ([f"{self.path}: and {more} more unknown keys"] if more > 0 else [])
 
-    def extras_beside(self, now: Extras) -> Extras:
+    def extras_beside(self, now: Conditions) -> Conditions:
         """Return the extras that it leads to where there are these: kinds that it doesn't speak of stay."""
         return now if self.extras is None else merged(self.extras, self.kinds, now)
 
@@ -167,9 +167,9 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
     return ScriptPlan(tuple(options), unknown, tuple(rates))
 
 
-def _settings(element: ScriptElement) -> Settings:
+def _settings(element: ScriptElement) -> ElementSettings:
     enabled = bool(element.enabled)
-    return Settings(enabled, element.divider, element.action, element.buffer_type, element.buffer_size)
+    return ElementSettings(enabled, element.divider, element.action, element.buffer_type, element.buffer_size)
 
 
 def _nearest(name: str, names: Sequence[str]) -> str:
@@ -180,7 +180,7 @@ def _nearest(name: str, names: Sequence[str]) -> str:
 # ------------------------------------------------------------------------------------------------------------ writing
 
 
-def format_script(table: Sequence[ElementInfo], kept: Sequence[UnknownKey] = (), extras: Extras = NO_EXTRAS) -> str:
+def format_script(table: Sequence[ElementInfo], kept: Sequence[UnknownKey] = (), extras: Conditions = NO_EXTRAS) -> str:
     """The script that gives `table` its present options: all of them, in order, as the original writes it.
 
     `kept` are keys that silo doesn't know: they stand again where they stood, without their comments. `extras` stand in
@@ -219,7 +219,9 @@ def _quoted(name: str) -> str:
     return _NOT_PRINTABLE.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
-def write_script(path: str | os.PathLike[str], table: Sequence[ElementInfo], extras: Extras | None = None) -> list[str]:
+def write_script(
+    path: str | os.PathLike[str], table: Sequence[ElementInfo], extras: Conditions | None = None
+) -> list[str]:
     """Write `format_script(table)` to `path`, whole or not at all; a script that stands there is replaced.
 
     Keys of that script that silo doesn't know are kept, as far as their elements are in the table; returns them, as
@@ -257,7 +259,7 @@ def _placed(key: UnknownKey, elements: Container[str], conditions: Mapping[str, 
     return None if found is None else replace(key, element=found)
 
 
-def _kept(path: Path) -> tuple[list[UnknownKey], Extras]:
+def _kept(path: Path) -> tuple[list[UnknownKey], Conditions]:
     """The unknown keys and extras of a script that is about to be replaced; none where nobody can read it as one."""
     if not path.is_file():
         return [], NO_EXTRAS

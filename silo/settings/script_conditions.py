@@ -26,7 +26,7 @@ from typing import Any, Final, Literal, TypeVar
 import msgspec
 import yaml
 
-from silo.core.elements import NO_EXTRAS, Derived, ElementInfo, Extras, FileType, SignalLimits, TriggerOptions
+from silo.core.elements import NO_EXTRAS, Conditions, Derived, ElementInfo, FileType, SignalLimits, TriggerOptions
 from silo.settings.options import OPTION, shorten
 from silo.settings.typed import read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
@@ -42,14 +42,14 @@ _Item = TypeVar("_Item", Derived, SignalLimits, TriggerOptions)
 
 def read_extras(
     keys: Mapping[str, yaml.Node], report: Callable[[int, str], None], note: Callable[[Kind, str, Pair, str], None]
-) -> Extras | None:
+) -> Conditions | None:
     """Return what the keys of a script say; None if they aren't there.
 
     Problems are reported with their lines; keys that silo doesn't know are noted: of which kind, of what, and why.
     """
     if not any(key in keys for key in KEYS):
         return None
-    return Extras(
+    return Conditions(
         tuple(_items(keys.get(DERIVED), DERIVED, Derived, report, note)),
         tuple(_items(keys.get(LIMITS), LIMITS, SignalLimits, report, note)),
         tuple(_items(keys.get(TRIGGERS), TRIGGERS, TriggerOptions, report, note)),
@@ -61,7 +61,7 @@ def given_kinds(keys: Mapping[str, yaml.Node]) -> frozenset[str]:
     return frozenset(key for key in KEYS if key in keys)
 
 
-def merged(script: Extras, given: Collection[str], now: Extras) -> Extras:
+def merged(script: Conditions, given: Collection[str], now: Conditions) -> Conditions:
     """Return what a script leads to beside what there is: kinds whose keys it lacks stay."""
     return msgspec.structs.replace(
         now,
@@ -71,7 +71,7 @@ def merged(script: Extras, given: Collection[str], now: Extras) -> Extras:
     )
 
 
-def kinds_of(extras: Extras) -> list[tuple[Kind, Sequence[Derived | SignalLimits | TriggerOptions]]]:
+def kinds_of(extras: Conditions) -> list[tuple[Kind, Sequence[Derived | SignalLimits | TriggerOptions]]]:
     """Return what there is of each kind, by its key in a script."""
     return [(DERIVED, extras.derived), (LIMITS, extras.limits), (TRIGGERS, extras.triggers)]
 
@@ -184,7 +184,7 @@ def _bounds(node: yaml.Node) -> tuple[float | None, ...]:
     return tuple(found)
 
 
-def format_extras(extras: Extras, unknown: Callable[[str, str, int], str] = lambda place, name, indent: "") -> str:
+def format_extras(extras: Conditions, unknown: Callable[[str, str, int], str] = lambda place, name, indent: "") -> str:
     """Return the keys of a script; empty where there is nothing to say.
 
     unknown: the text of the keys that silo doesn't know, of a kind and a name, with so many blanks before each line.
@@ -202,7 +202,7 @@ def format_extras(extras: Extras, unknown: Callable[[str, str, int], str] = lamb
     return "".join(lines)
 
 
-def extras_text(extras: Extras) -> str:
+def extras_text(extras: Conditions) -> str:
     """Return how many there are of each, in words."""
     counts = [
         (len(extras.derived), "derived signal"), (len(extras.limits), "limit"), (len(extras.triggers), "trigger")
@@ -211,7 +211,7 @@ def extras_text(extras: Extras) -> str:
     return ", ".join(told) or "no derived signals, limits, triggers any more"
 
 
-def checked_extras(extras: Extras, elements: Sequence[ElementInfo], prefix: str, frequency_hz: float) -> Extras:
+def checked_extras(extras: Conditions, elements: Sequence[ElementInfo], prefix: str, frequency_hz: float) -> Conditions:
     """Return extras that fit a table. Raises ElementError for the first that doesn't."""
     from silo.judging.definitions import check_held, with_derived, with_limits, with_trigger
 

@@ -11,10 +11,10 @@ from typing import Any, Literal
 
 import yaml
 
-from silo.core.elements import Action, BufferType, Extras
+from silo.core.elements import Action, BufferType, Conditions
 from silo.settings.options import OPTION, shorten
 from silo.settings.script_conditions import KEYS, Kind, given_kinds, read_extras
-from silo.settings.typed import Amount, Change, UnreadableError, read_text, read_word
+from silo.settings.typed import Amount, RelativeValue, UnreadableError, read_text, read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
 
 _ELEMENT_KEYS = ("name", "enabled", "divider", "buffer", "action")
@@ -70,7 +70,7 @@ class Reader:
     def __init__(self) -> None:
         self.problems: list[tuple[int, str]] = []
         self.unknown: list[UnknownKey] = []
-        self.extras: Extras | None = None
+        self.extras: Conditions | None = None
         self.kinds: frozenset[str] = frozenset()  # of them that have their key
 
     def report(self, line: int, text: str) -> None:
@@ -209,7 +209,7 @@ class Reader:
             except UnreadableError as error:
                 self.report(line_of(node), f"{where}{error}")
                 return None
-        if isinstance(value, Change) or (isinstance(value, int) and option.accepts(value)):
+        if isinstance(value, RelativeValue) or (isinstance(value, int) and option.accepts(value)):
             return value
         got = text if _WHOLE.fullmatch(text) else str(value)
         self.report(line_of(node), where + option.problem(shorten(got)))

@@ -1,7 +1,7 @@
 """The one parser of typed settings: `divider=50Hz size=10k buffer=looping action=both off`.
 
 `log.set`, `log.add`, the script, `silo set`, the `:set` of `silo-tui` and its editors read by it, complete by it and
-show its help. Reading gives `Settings`; these make new options of the present ones, or problems in the words of
+show its help. Reading gives `ElementSettings`; these make new options of the present ones, or problems in the words of
 `rules`.
 """
 
@@ -16,7 +16,7 @@ from silo.core.arguments import shown, truth, whole_hint, whole_number
 from silo.core.elements import Action, BufferType, ElementOptions, Problem, buffer_size_for
 from silo.core.quantities import AMOUNT, COUNTS, SECONDS, tell_bare_m
 from silo.errors import ElementError
-from silo.settings.options import OPTION, OPTIONS, RANGES, Option, OptionValue, refusal, shorten
+from silo.settings.options import OPTION, OPTIONS, RANGES, ElementOption, OptionValue, refusal, shorten
 
 _KEYS = {key: option for option in OPTIONS for key in option.keys}
 _ENABLED = OPTION["enabled"]
@@ -27,7 +27,7 @@ _DIGITS = re.compile(r"[0-9]{1,300}")
 
 
 @dataclass(frozen=True)
-class Change:
+class RelativeValue:
     """A number that follows from the element: `operator` one of `*`, `/`, `+`, `-`, `s` (seconds), `Hz` (rate)."""
 
     operator: str
@@ -47,11 +47,11 @@ class Change:
         return {"*": value * self.amount, "+": value + self.amount, "-": value - self.amount}[self.operator]
 
 
-Amount = int | Change
+Amount = int | RelativeValue
 
 
 @dataclass(frozen=True)
-class Settings:
+class ElementSettings:
     """What somebody asks for; None leaves a field as it is. Whole numbers are not yet held against their range."""
 
     enabled: bool | None = None
@@ -67,14 +67,14 @@ class Settings:
         """
         problems: list[Problem] = []
 
-        def number(option: Option, asked: Amount | None, value: int, divider: int) -> int:
+        def number(option: ElementOption, asked: Amount | None, value: int, divider: int) -> int:
             if asked is None:
                 return value
             new = asked if isinstance(asked, int) else asked.on(value, divider, frequency_hz)
             low, high = RANGES[option.name]
             if low <= new <= high:
                 return round(new)
-            typed = f" ({asked.typed})" if isinstance(asked, Change) and asked.typed else ""
+            typed = f" ({asked.typed})" if isinstance(asked, RelativeValue) and asked.typed else ""
             problems.append(Problem(name, option.name, option.problem(_shown(new) + typed)))
             return value
 
@@ -96,10 +96,10 @@ def _shown(number: float) -> str:
     return f"{number:.0f}" if 1 <= abs(number) < 1e15 else f"{number:.6g}"
 
 
-def rate_words(settings: Settings, divider: int, frequency_hz: float) -> str:
+def rate_words(settings: ElementSettings, divider: int, frequency_hz: float) -> str:
     """What a rate became where no divider gives it: `divider=30Hz became 3: 33.3 Hz of 100 Hz`; "" where it is met."""
     asked = settings.divider
-    if not isinstance(asked, Change) or asked.operator != "Hz":
+    if not isinstance(asked, RelativeValue) or asked.operator != "Hz":
         return ""
     rate_hz = frequency_hz / divider
     if math.isclose(rate_hz, asked.amount, rel_tol=1e-3):
@@ -108,7 +108,7 @@ def rate_words(settings: Settings, divider: int, frequency_hz: float) -> str:
 
 
 def apply_settings(
-    settings: Settings, elements: Iterable[tuple[str, ElementOptions]], frequency_hz: float
+    settings: ElementSettings, elements: Iterable[tuple[str, ElementOptions]], frequency_hz: float
 ) -> list[ElementOptions]:
     """New options of elements, given by name and present options: of all, or an ElementError that says of which not."""
     made, problems = [], []
@@ -128,7 +128,7 @@ class UnreadableError(ValueError):
     """What was typed for an option can't be read; the text is the reason alone, for the door to complete."""
 
 
-def find_option(key: str, given: Container[str] = ()) -> Option:
+def find_option(key: str, given: Container[str] = ()) -> ElementOption:
     """The option that a key names. Raises UnreadableError with the nearest key, or if it is among those `given`."""
     found = _KEYS.get(key.strip().lower())
     if found is None:
@@ -140,13 +140,13 @@ def find_option(key: str, given: Container[str] = ()) -> Option:
     return found
 
 
-def read_word(option: Option, text: str) -> bool | Action | BufferType | None:
+def read_word(option: ElementOption, text: str) -> bool | Action | BufferType | None:
     """The value that a word or number stands for in an option with few values (any case), None for another word."""
     folded = text.strip().lower().replace("-", "_").replace(" ", "_")
     return next((word.value for word in option.words if folded in word.spellings), None)
 
 
-def _near_word(option: Option, text: str) -> str:
+def _near_word(option: ElementOption, text: str) -> str:
     spellings = {spelling: word.word for word in option.words for spelling in word.spellings if len(spelling) > 2}
     folded = text.strip().lower().rsplit(".", 1)[-1]  # `Action.SAVE`
     near = [folded] if folded in spellings else get_close_matches(folded, spellings, 1, 0.75)
@@ -154,7 +154,7 @@ def _near_word(option: Option, text: str) -> str:
     return f"; did you mean '{spellings[near[0]]}'?" if near else ""
 
 
-def read_text(option: Option, text: str, *, relative: bool = True) -> OptionValue | Change:
+def read_text(option: ElementOption, text: str, *, relative: bool = True) -> OptionValue | RelativeValue:
     """What was typed for an option. Raises UnreadableError that names the option, its range and the text.
 
     Without `relative`, what depends on the value before (`*2`, `+1`) is refused.
@@ -173,17 +173,17 @@ def read_text(option: Option, text: str, *, relative: bool = True) -> OptionValu
     if unit in SECONDS:
         if "s" not in option.units or operator:
             raise _unreadable(option, typed, relative, "a time only sets the buffer size")
-        return Change("s", float(digits) * SECONDS[unit], typed)
+        return RelativeValue("s", float(digits) * SECONDS[unit], typed)
     if unit == "hz":
         if "Hz" not in option.units or operator:
             raise _unreadable(option, typed, relative, "a rate only sets the divider")
         if not float(digits):
             raise _unreadable(option, typed, relative, "a rate is above 0")
-        return Change("Hz", float(digits), typed)
+        return RelativeValue("Hz", float(digits), typed)
     if operator and not relative:
         raise _unreadable(option, typed, relative, "a change of the value before has no place here")
     if operator:
-        return Change(operator, float(digits) * COUNTS[unit], typed)
+        return RelativeValue(operator, float(digits) * COUNTS[unit], typed)
     if not unit and _DIGITS.fullmatch(digits):
         return int(digits)
     number = round(float(digits) * COUNTS[unit], 6)  # 1.001k is 1000.9999999999999 in floating point
@@ -192,14 +192,14 @@ def read_text(option: Option, text: str, *, relative: bool = True) -> OptionValu
     return int(number)
 
 
-def _unreadable(option: Option, text: str, relative: bool, why: str = "") -> UnreadableError:
+def _unreadable(option: ElementOption, text: str, relative: bool, why: str = "") -> UnreadableError:
     low, high = RANGES[option.name]
     *most, last = (f"{low} to {high}", *(option.examples[1:] if relative else option.absolute))
     reason = f"{option.label} must be {', '.join(most)} or {last}, got {shorten(text) or 'nothing'}"
     return UnreadableError(f"{reason}; {why}" if why else reason)
 
 
-def read_value(option: Option, value: object) -> OptionValue | Change:
+def read_value(option: ElementOption, value: object) -> OptionValue | RelativeValue:
     """What a program gave for an option: a value, its number, or words. Raises UnreadableError."""
     if isinstance(value, str) and not isinstance(value, Action | BufferType):
         return read_text(option, value)
@@ -217,7 +217,7 @@ def _plainly(value: object) -> str:
     return str(value) if isinstance(value, Enum) else shown(value)
 
 
-def _hint(option: Option, value: object) -> str:
+def _hint(option: ElementOption, value: object) -> str:
     """What to write instead of something that is no value of an option."""
     if isinstance(value, Action | BufferType):
         other = OPTION["action" if isinstance(value, Action) else "buffer_type"]
@@ -225,13 +225,13 @@ def _hint(option: Option, value: object) -> str:
     return "" if option.words else whole_hint(option.name, value)
 
 
-def read_options(options: Mapping[str, object], name: str = "") -> Settings:
+def read_options(options: Mapping[str, object], name: str = "") -> ElementSettings:
     """The settings in keywords, as `log.set` takes them. Raises ElementError, for the element `name`."""
     return _read(options.items(), name)
 
 
-def _read(pairs: Iterable[tuple[str, object]], name: str = "") -> Settings:
-    found: dict[str, OptionValue | Change] = {}
+def _read(pairs: Iterable[tuple[str, object]], name: str = "") -> ElementSettings:
+    found: dict[str, OptionValue | RelativeValue] = {}
     try:
         for key, value in pairs:
             option = find_option(key, found)
@@ -239,7 +239,7 @@ def _read(pairs: Iterable[tuple[str, object]], name: str = "") -> Settings:
     except UnreadableError as error:
         where = f"element '{name}': " if name else ""
         raise ElementError(f"{where}{error}; nothing was changed") from None
-    return Settings(**found)  # type: ignore[arg-type]  # read_value gives each option what it takes
+    return ElementSettings(**found)  # type: ignore[arg-type]  # read_value gives each option what it takes
 
 
 def is_setting(word: str) -> bool:
@@ -247,7 +247,7 @@ def is_setting(word: str) -> bool:
     return "=" in word or word.lower() in _BARE
 
 
-def read_settings(words: Sequence[str]) -> Settings:
+def read_settings(words: Sequence[str]) -> ElementSettings:
     """The settings in words such as `divider=5`, `size=10s`, `on`. Raises ElementError."""
     pairs = []
     for word in words:
@@ -284,7 +284,7 @@ def format_settings(options: ElementOptions) -> str:
     return " ".join(f"{option.keys[0]}={typed_form(option.name, getattr(options, option.name))}" for option in OPTIONS)
 
 
-def examples(option: Option) -> str:
+def examples(option: ElementOption) -> str:
     """What may be typed for an option, in a few words."""
     return " ".join(option.examples or [word.word for word in option.words])
 

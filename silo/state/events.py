@@ -16,7 +16,7 @@ from silo.net.access.senders import came_by_network
 from silo.net.keys import Root
 from silo.rpc.published import Event, EventKind
 from silo.state.event_log import EventLog
-from silo.state.replica import Mirror
+from silo.state.replica import Replica
 
 MAX_BY = 120
 
@@ -31,10 +31,10 @@ def plain(text: str, limit: int = MAX_BY) -> str:
     return "".join(character for character in text[:limit] if character.isprintable())
 
 
-class Events:
+class EventNotifier:
     """Numbers events, logs and publishes them."""
 
-    def __init__(self, session: zenoh.Session, root: Root, mirror: Mirror, log: EventLog) -> None:
+    def __init__(self, session: zenoh.Session, root: Root, mirror: Replica, log: EventLog) -> None:
         self._publisher = session.declare_publisher(
             root.key("event"), congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.INTERACTIVE_HIGH
         )

@@ -10,25 +10,25 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from silo.core.elements import Extras
+from silo.core.elements import Conditions
 from silo.core.runtime import HELD_SUFFIX, is_at, list_held, runtime_dir
 from silo.errors import SegmentError
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import bound_of, bytes_of, held_name, held_runs, number_of, remove
 from silo.segment.reader import SegmentReader
-from silo.state.events import Events
-from silo.state.replica import HeldNow, Mirror
+from silo.state.events import EventNotifier
+from silo.state.replica import HeldNow, Replica
 
 
 class HeldRuns:
     """The main thread changes what there is; any thread may ask."""
 
-    def __init__(self, mirror: Mirror, changed: Callable[[], None]) -> None:
+    def __init__(self, mirror: Replica, changed: Callable[[], None]) -> None:
         """`changed` is called, by any thread, when a consumer needs a run no more: then `release` is due."""
         self._mirror, self.changed = mirror, changed
         self._lock = threading.Lock()
         self._runs: dict[str, SegmentReader] = {}  # by their ids, oldest first
-        self._extras: dict[str, Extras] = {}  # derived signals, limits and triggers that each had last
+        self._extras: dict[str, Conditions] = {}  # derived signals, limits and triggers that each had last
         self._known: set[str] = set()  # all that there ever were
         self._looked: set[Path] = set()
         self._told: set[str] = set()  # of which is known that they began
@@ -74,7 +74,7 @@ class HeldRuns:
             return found
         return []
 
-    def tell_starts(self, events: Events, *, at_end: bool = False) -> None:
+    def tell_starts(self, events: EventNotifier, *, at_end: bool = False) -> None:
         """Tell of runs that began and were followed by another one, or `at_end`, before their program could say so."""
         for run in [run for run in self.ids() if (at_end or run != self._mirror.run) and run not in self._told]:
             self._told.add(run)
@@ -142,7 +142,7 @@ class HeldRuns:
         with self._lock:
             return list(self._runs)
 
-    def extras(self, run: str) -> Extras | None:
+    def extras(self, run: str) -> Conditions | None:
         """Return what a run was watched for last, None where no helper process knew it."""
         return self._extras.get(run)
 
@@ -162,7 +162,7 @@ class HeldRuns:
             os.close(descriptor)
 
 
-def tell_left(reader: SegmentReader, events: Events) -> None:
+def tell_left(reader: SegmentReader, events: EventNotifier) -> None:
     """Tell what nobody told of a run that began, or ended too, while there was no helper process."""
     tell_start(reader, events)
     run = reader.schema.run
@@ -171,14 +171,14 @@ def tell_left(reader: SegmentReader, events: Events) -> None:
         events.publish(EventKind.STOPPED, text, tick=reader.ticks - 1, stamp_ns=reader.last_time_ns, run=run)
 
 
-def tell_start(reader: SegmentReader, events: Events) -> None:
+def tell_start(reader: SegmentReader, events: EventNotifier) -> None:
     """Tell that a run was started, if nobody did."""
     run, begun_ns = reader.schema.run, reader.schema.started_ns
     if not _is_told(EventKind.STARTED, run, events):
         events.publish(EventKind.STARTED, "started", tick=0, stamp_ns=reader.stamp_of(0), run=run, time_ns=begun_ns)
 
 
-def _is_told(kind: EventKind, run: str, events: Events) -> bool:
+def _is_told(kind: EventKind, run: str, events: EventNotifier) -> bool:
     return any(event.kind == kind.value for event in events.log.of_run(run))
 
 

@@ -1,6 +1,6 @@
 """The helper's copy of the logger: what the robot process pushed last, and a reader of its segment.
 
-`Mirror.now` is replaced as a whole by the main thread and read by all others without a lock. Nothing here talks to
+`Replica.now` is replaced as a whole by the main thread and read by all others without a lock. Nothing here talks to
 anybody.
 """
 
@@ -21,7 +21,7 @@ from silo.core.runtime import disk_room, runtime_dir, user_name
 from silo.errors import SegmentError
 from silo.expressions.derived_signals import derived_infos
 from silo.journal.derived_rows import DerivedPlan, DerivedReader, derived_plan
-from silo.journal.holdings import Holdings, Kept, kept_alike, segment_holdings
+from silo.journal.holdings import Holdings, RetainedAlike, kept_alike, segment_holdings
 from silo.scripts.requests import TableReply
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
@@ -85,7 +85,7 @@ class HeldNow:
     most_bytes: int = 0
 
 
-class Mirror:
+class Replica:
     """What all threads of the helper know of the logger."""
 
     def __init__(self, first: RobotState, host: str = "") -> None:
@@ -107,7 +107,7 @@ class Mirror:
         self._lock = threading.Lock()
         self._reader: SegmentReader | None = None  # of the present run, for the status
         self._descriptor = -1  # its file, as it was handed over
-        self._kept: list[Kept] = []  # how its elements are kept
+        self._kept: list[RetainedAlike] = []  # how its elements are kept
         self._plan: tuple[object, object, DerivedPlan] | None = (
             None  # of which schema and table, and how it is computed
         )
@@ -378,7 +378,7 @@ class _Read:
     unheld: dict[str, int]
 
 
-def _read(reader: SegmentReader | None, kept: list[Kept]) -> _Read:
+def _read(reader: SegmentReader | None, kept: list[RetainedAlike]) -> _Read:
     """Raises SegmentError for a segment that was cut short."""
     held = _holdings(reader, kept)
     if reader is None:
@@ -387,7 +387,7 @@ def _read(reader: SegmentReader | None, kept: list[Kept]) -> _Read:
     return _Read(reader.ticks, reader.last_time_ns, lost_samples(reader), held, failed, unheld)
 
 
-def _holdings(reader: SegmentReader | None, kept: list[Kept]) -> Holdings:
+def _holdings(reader: SegmentReader | None, kept: list[RetainedAlike]) -> Holdings:
     nothing = Holdings(0, 0, 0, 0.0)
     try:
         return segment_holdings(reader, kept) if reader is not None else nothing

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from silo.core.elements import NO_EXTRAS, Extras, State, Table
+from silo.core.elements import NO_EXTRAS, Conditions, State, Table
 
 
 class RobotState(msgspec.Struct, frozen=True, tag=True):
@@ -19,5 +19,5 @@ class RobotState(msgspec.Struct, frozen=True, tag=True):
     reason: str
     by: str
     table: Table | None = None
-    extras: Extras = NO_EXTRAS
+    extras: Conditions = NO_EXTRAS
     saved: str = ""  # where the run before this one was saved, if its start did that; fit to show

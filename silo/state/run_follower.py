@@ -3,7 +3,7 @@
 import time
 
 from silo.segment.reader import SegmentReader
-from silo.state.replica import Mirror
+from silo.state.replica import Replica
 
 RELEASE_PERIOD_S = 2.0  # a segment of 16 MB that is followed made the process 14 MB larger within 10 s
 
@@ -15,7 +15,7 @@ class RunFollower:
     never closed here, as others may read on; it goes with the last of them.
     """
 
-    def __init__(self, mirror: Mirror, *, derived: bool = False) -> None:
+    def __init__(self, mirror: Replica, *, derived: bool = False) -> None:
         """`derived`: with the derived signals, and gone over when others are derived, too."""
         self._mirror, self._derived = mirror, derived
         self.reader: SegmentReader | None = None

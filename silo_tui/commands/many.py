@@ -32,7 +32,7 @@ class Many:
         self._counts: list[int] = [0, 0, 0]  # did, did not, are waited for
         self._verb = ""
 
-    def begin(self, what: str, targets: Sequence[fleet.Line], found: Sequence[FoundLogger]) -> None:
+    def begin(self, what: str, targets: Sequence[fleet.LoggerLine], found: Sequence[FoundLogger]) -> None:
         """Ask about them; what is said yes to is asked of each."""
         if self._counts[2]:
             self._context.say(f"{self._verb}: {self._counts[2]} have not answered yet")
@@ -40,14 +40,14 @@ class Many:
         by_key = {one.key: one for one in found}
         self._context.app.run_worker(Later(self._ask, what, targets, by_key), group="many")
 
-    async def _ask(self, what: str, targets: Sequence[fleet.Line], found: dict[str, FoundLogger]) -> None:
+    async def _ask(self, what: str, targets: Sequence[fleet.LoggerLine], found: dict[str, FoundLogger]) -> None:
         now_ns = time.time_ns()
         body = Text("\n".join(fleet.asked_line(one, now_ns) for one in targets) + "\n")
         able = [one for one in targets if one.can_be_asked]
         if not able:
             self._context.say("none of them is there: r looks again")
             return
-        asks: dict[str, Callable[[Sequence[fleet.Line], Text], Any]] = {
+        asks: dict[str, Callable[[Sequence[fleet.LoggerLine], Text], Any]] = {
             "start_stop": self._start_or_stop, "restart": self._restart, "save": self._save, "load": self._load,
         }  # fmt: skip
         answer = await asks[what](able, body)
@@ -61,8 +61,8 @@ class Many:
         return answer if answer != "no" else None
 
     async def _start_or_stop(
-        self, able: Sequence[fleet.Line], body: Text
-    ) -> "tuple[str, Sequence[fleet.Line], Job] | None":
+        self, able: Sequence[fleet.LoggerLine], body: Text
+    ) -> "tuple[str, Sequence[fleet.LoggerLine], Job] | None":
         from silo.client.bulk import starting, stopping, stopping_and_saving
 
         running = [one for one in able if one.member.running]
@@ -85,7 +85,9 @@ class Many:
             return "stop", running, stopping() if answer == "stop" else stopping_and_saving()
         return ("start", stopped, starting(answer)) if answer else None
 
-    async def _restart(self, able: Sequence[fleet.Line], body: Text) -> "tuple[str, Sequence[fleet.Line], Job] | None":
+    async def _restart(
+        self, able: Sequence[fleet.LoggerLine], body: Text
+    ) -> "tuple[str, Sequence[fleet.LoggerLine], Job] | None":
         from silo.client.bulk import restarting
 
         count = text.plural(len(able), "logger")
@@ -96,7 +98,9 @@ class Many:
         answer = await self._put(f"Restart {count}?", body, choices)
         return ("restart", able, restarting(answer)) if answer else None
 
-    async def _save(self, able: Sequence[fleet.Line], body: Text) -> "tuple[str, Sequence[fleet.Line], Job] | None":
+    async def _save(
+        self, able: Sequence[fleet.LoggerLine], body: Text
+    ) -> "tuple[str, Sequence[fleet.LoggerLine], Job] | None":
         from silo.client.bulk import saving
         from silo.core.elements import FileType
 
@@ -106,7 +110,9 @@ class Many:
         types = [FileType.SILO] if answer == "silo" else [FileType.SILO, FileType.CSV, FileType.BAG]
         return ("save", able, saving(types)) if answer else None
 
-    async def _load(self, able: Sequence[fleet.Line], body: Text) -> "tuple[str, Sequence[fleet.Line], Job] | None":
+    async def _load(
+        self, able: Sequence[fleet.LoggerLine], body: Text
+    ) -> "tuple[str, Sequence[fleet.LoggerLine], Job] | None":
         from silo.client.bulk import loading
 
         title = f"Load a script into {text.plural(len(able), 'logger')}"

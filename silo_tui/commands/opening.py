@@ -11,7 +11,7 @@ from silo_tui.commands.many import Many
 from silo_tui.commands.runner import LOST, CommandRunner, view_shown
 from silo_tui.context import Context, Later
 from silo_tui.layouts import files, views
-from silo_tui.layouts.layout import Layout
+from silo_tui.layouts.layout import KeptLayout
 from silo_tui.screens.loggers import LoggersScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.demo import Demo
@@ -39,7 +39,7 @@ class Opener:
         self._view = view  # put on the screen of the first logger that is opened
         self.rate_hz = rate_hz
         self._many = Many(context, lambda: self._finder)
-        self._kept: Layout | None = None
+        self._kept: KeptLayout | None = None
         self._quits = False
         self._view_is_there = True  # not while a logger is being opened: what is kept of its view is yet to be shown
         self._failed: dict[str, str] = {}  # by key, why it could not be opened
@@ -192,7 +192,7 @@ class Opener:
         self._kept = layout
         name = self._context.session.name
         try:
-            if wish == "lost" and layout == Layout():
+            if wish == "lost" and layout == KeptLayout():
                 files.left_by_us(name).unlink(missing_ok=True)
             else:
                 files.save(files.last_of(name) if wish == "last" else files.left_by_us(name), layout)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
 from silo.rpc.refusals import RefusedWhy
-from silo.settings.typed import Settings, completions, read_settings
+from silo.settings.typed import ElementSettings, completions, read_settings
 from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
 from silo_tui.commands import flows
 from silo_tui.context import NOT_EDITED, Context, Later, SiloScreen
 from silo_tui.layouts import files, views
-from silo_tui.layouts.layout import Layout, read, write
+from silo_tui.layouts.layout import KeptLayout, read, write
 from silo_tui.model import command_line, text
 from silo_tui.model.paths import typed_file
 from silo_tui.model.people import people_words
@@ -140,7 +140,7 @@ class CommandRunner:
         wanted = read_settings(spelled.arguments)
         self._table_screen.sure_of_hidden(lambda: self._set(wanted))
 
-    def _set(self, wanted: Settings) -> None:
+    def _set(self, wanted: ElementSettings) -> None:
         context = self._context
         try:
             changed = context.session.change(wanted)
@@ -336,7 +336,7 @@ async def tell_views(context: Context) -> None:
     context.say(f"views: {', '.join(known)}" if known else none)
 
 
-async def keep_on_robot(context: Context, name: str, layout: Layout) -> None:
+async def keep_on_robot(context: Context, name: str, layout: KeptLayout) -> None:
     """Keep a view on the robot; over one of that name after a question."""
     link = context.link
     try:

@@ -11,7 +11,7 @@ from pathlib import Path
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file
 from silo.net.remotes import config_folder
-from silo_tui.layouts.layout import Layout, read, write
+from silo_tui.layouts.layout import KeptLayout, read, write
 from silo_tui.sessions.kept import lives
 from silo_tui.settings.reading import read_text
 
@@ -70,7 +70,7 @@ def names() -> list[str]:
     return sorted(name for name in found if _NAME.fullmatch(name))
 
 
-def load(name: str) -> tuple[Layout, list[str]]:
+def load(name: str) -> tuple[KeptLayout, list[str]]:
     """Return a view by its name, and what of its file was left out. ValueError when there is none."""
     file = place(name)
     if not file.exists():
@@ -81,7 +81,7 @@ def load(name: str) -> tuple[Layout, list[str]]:
     return load_file(file)
 
 
-def load_file(file: Path) -> tuple[Layout, list[str]]:
+def load_file(file: Path) -> tuple[KeptLayout, list[str]]:
     """Return the view in a file, and what of it was left out. ValueError when it can't be read."""
     try:
         return read(read_text(file))
@@ -90,7 +90,7 @@ def load_file(file: Path) -> tuple[Layout, list[str]]:
         raise ValueError(f"can't read '{file}': {reason}") from error
 
 
-def save(file: Path, layout: Layout) -> None:
+def save(file: Path, layout: KeptLayout) -> None:
     """Write a view, over what was there. SaveError, then nothing was changed."""
     try:
         file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What a view keeps, as data and as YAML. A new field touches `Layout`, `FIELDS` and both functions of `views`."""
+"""What a view keeps, as data and as YAML. A new field touches `KeptLayout`, `FIELDS` and both functions of `views`."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -13,7 +13,7 @@ from silo_tui.settings.reading import nodes, pairs
 
 
 @dataclass(frozen=True)
-class Layout:
+class KeptLayout:
     """Names are without the logger's prefix, so that a view of one robot fits the next; no plots: the table alone."""
 
     sort: str = "name"
@@ -107,7 +107,7 @@ FIELDS: dict[str, Callable[[yaml.Node], Any]] = {
 }  # fmt: skip
 
 
-def read(text: str) -> tuple[Layout, list[str]]:
+def read(text: str) -> tuple[KeptLayout, list[str]]:
     """Return a view as a file has it, and what of it was left out and why, by line."""
     root, struck, _ = nodes(text)
     problems = [f"line {problem.line}: {problem.reason}" for problem in struck]
@@ -119,7 +119,7 @@ def read(text: str) -> tuple[Layout, list[str]]:
         except ValueError as error:
             sign = " is" if name in FIELDS else ""
             problems.append(f"line {line_of(key)}: {name}{sign} {error}")
-    return Layout(**found), problems
+    return KeptLayout(**found), problems
 
 
 def _reader(name: str) -> Callable[[yaml.Node], Any]:
@@ -129,12 +129,12 @@ def _reader(name: str) -> Callable[[yaml.Node], Any]:
     return FIELDS[name]
 
 
-def write(layout: Layout) -> str:
+def write(layout: KeptLayout) -> str:
     """Return a view as its file has it: what differs from a table without anything chosen."""
     kept: dict[str, Any] = {}
-    for each in fields(Layout):
+    for each in fields(KeptLayout):
         value = getattr(layout, each.name)
-        if value != getattr(Layout(), each.name):
+        if value != getattr(KeptLayout(), each.name):
             kept[each.name] = value
     for name in kept.keys() & {"columns", "folded", "unfolded", "logs"}:
         kept[name] = list(kept[name])

@@ -1,10 +1,10 @@
-"""Between the screens and a `Layout`: `capture` takes it from them, `show` puts it on them."""
+"""Between the screens and a `KeptLayout`: `capture` takes it from them, `show` puts it on them."""
 
 from collections.abc import Callable
 from dataclasses import replace
 
 from silo_tui.context import Context
-from silo_tui.layouts.layout import Layout
+from silo_tui.layouts.layout import KeptLayout
 from silo_tui.model.orders import TREE
 from silo_tui.model.plots import SPANS_S
 from silo_tui.screens.monitor import MonitorScreen
@@ -22,13 +22,13 @@ def _monitor_of(context: Context) -> MonitorScreen | None:
     return next((each for each in context.app.screen_stack if isinstance(each, MonitorScreen)), None)
 
 
-def capture(context: Context) -> Layout | None:
+def capture(context: Context) -> KeptLayout | None:
     """Return what is on the screens of the logger that is open; None without one."""
     table, monitor = _table_of(context), _monitor_of(context)
     if table is None or not context.has_session or context.file_over_logger or not len(context.session.table):
         return None
     rows, short = context.session.rows, context.session.short_name
-    layout = Layout(
+    layout = KeptLayout(
         rows.sort,
         rows.turned,
         rows.filter.text,
@@ -69,7 +69,7 @@ def _components_of(session: Session) -> dict[str, str]:
     return found
 
 
-def _show_rows(session: Session, layout: Layout) -> None:
+def _show_rows(session: Session, layout: KeptLayout) -> None:
     """Fold, unfold, and choose entries of vectors; what this logger doesn't have is left out."""
     rows, table = session.rows, session.table
     by_short = {session.short_name(element.name): element for element in table.elements}
@@ -88,7 +88,7 @@ def _show_rows(session: Session, layout: Layout) -> None:
             rows.components[element.name] = places.index(word) + 1
 
 
-async def show(context: Context, layout: Layout) -> str:
+async def show(context: Context, layout: KeptLayout) -> str:
     """Put a view on the screens; return what of it isn't on this logger, empty when all is."""
     table = _table_of(context)
     if table is None:

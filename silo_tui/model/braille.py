@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.arrays.columns import HOLE_TEXTS, Hole, Mark, holes_of
+from silo.core.arrays.columns import HOLE_TEXTS, Gap, NonFinite, holes_of
 from silo_tui.model import dots
 from silo_tui.model.columns import Floats, Marks
 from silo_tui.model.dots import Cells, Dots
@@ -87,7 +87,11 @@ def draw_marks(cells: Cells, marks: Marks) -> None:
     pairs = _fit_marks(marks, 2 * cells.shape[1]).reshape(-1, 2)
     flags = pairs[:, 0] | pairs[:, 1]
     kinds = np.zeros(cells.shape, np.int64)
-    for flag, line, sign in ((Mark.POS_INF, 0, POS_INF), (Mark.NEG_INF, -1, NEG_INF), (Mark.NAN, -1, NAN)):
+    for flag, line, sign in (
+        (NonFinite.POS_INF, 0, POS_INF),
+        (NonFinite.NEG_INF, -1, NEG_INF),
+        (NonFinite.NAN, -1, NAN),
+    ):
         here = flags & flag != 0
         kinds[line, here] += 1
         cells[line, here] = ord(sign)
@@ -103,7 +107,7 @@ class DrawnHole:
 
     start: int
     stop: int
-    why: Hole
+    why: Gap
 
 
 def holes(low: Floats, marks: Marks, width: int) -> list[DrawnHole]:
@@ -125,7 +129,7 @@ def holes(low: Floats, marks: Marks, width: int) -> list[DrawnHole]:
     reasons = np.where(cells, why.reshape(-1, 2).max(axis=1).astype(np.int64), -1)
     edges = np.flatnonzero(np.diff(reasons, prepend=-2, append=-2))
     return [
-        DrawnHole(int(start), int(stop), Hole(int(reasons[start])))
+        DrawnHole(int(start), int(stop), Gap(int(reasons[start])))
         for start, stop in pairwise(edges)
         if reasons[start] >= 0
     ]
@@ -142,7 +146,7 @@ def draw_hole(cells: Cells, hole: DrawnHole) -> None:
     lines = band(len(cells))
     words = f" {HOLE_TEXTS[hole.why]} "
     # before the start nothing is missing
-    if hole.why is not Hole.BEFORE:
+    if hole.why is not Gap.BEFORE:
         cells[lines.start : lines.stop, hole.start : hole.stop] = ord(SHADE)
     if len(words) <= hole.stop - hole.start and len(cells) > 1:
         start = hole.start + (hole.stop - hole.start - len(words)) // 2

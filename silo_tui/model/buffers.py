@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from silo.expressions.search import Found, Looking
+from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import Between
 from silo_tui.model.pinned import PinReader
 
@@ -51,7 +51,7 @@ class Buffers(Protocol):
 
     async def find(
         self, looking: Mapping[str, Looking], around_ns: int, most: int, end_ns: int, pins: Sequence[PinHandle]
-    ) -> dict[str, Found]:
+    ) -> dict[str, FoundMoments]:
         """Look for moments in them and in these pins, all of one run."""
 
     async def measure(

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from silo.core.arrays.columns import ColumnStore, Floats, HistoryColumns, Marks, Piece
+from silo.core.arrays.columns import ColumnPiece, ColumnStore, Floats, HistoryColumns, Marks
 
-__all__ = ["ColumnStore", "Floats", "HistoryColumns", "Marks", "Piece", "hold", "hold_piece"]
+__all__ = ["ColumnPiece", "ColumnStore", "Floats", "HistoryColumns", "Marks", "hold", "hold_piece"]
 
 
 def hold(low: Floats, high: Floats, limit: int, marks: Marks | None = None) -> tuple[Floats, Floats]:
@@ -28,7 +28,7 @@ def hold(low: Floats, high: Floats, limit: int, marks: Marks | None = None) -> t
     return np.where(held, one, low), np.where(held, one, high)
 
 
-def hold_piece(piece: Piece, limit: int) -> Piece:
+def hold_piece(piece: ColumnPiece, limit: int) -> ColumnPiece:
     """Return a piece whose gaps are filled so."""
     low, high = hold(piece.low, piece.high, limit, piece.marks)
-    return Piece(low, high, piece.marks, piece.base)
+    return ColumnPiece(low, high, piece.marks, piece.base)

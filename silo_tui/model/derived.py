@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from silo.core.elements import Derived, ElementInfo, Extras, join_name
+from silo.core.elements import Conditions, Derived, ElementInfo, join_name
 from silo.errors import ElementError
 from silo.expressions.derived_signals import derived_infos
 from silo.judging.definitions import with_derived
@@ -36,7 +36,7 @@ def words_of(one: Derived, table: TableState) -> list[str]:
         raise ElementError("name it before Enter: it stands in tables, plots and files")
     whole = Derived(join_name(table.prefix, "", one.name), one.expression, one.unit)
     own = table.elements[: table.own]
-    extras = with_derived(Extras(present(table)), whole, own, table.prefix)
+    extras = with_derived(Conditions(present(table)), whole, own, table.prefix)
     info = next(info for info in derived_infos(own, table.prefix, extras.derived) if info.name == whole.name)
     return [_kind(info), *_users(whole.name, extras.derived, table)]
 

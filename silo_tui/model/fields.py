@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import Action, BufferType, ElementOptions
-from silo.settings.options import OPTIONS, Option
-from silo.settings.typed import Settings, phrase, read_options, read_word
+from silo.settings.options import OPTIONS, ElementOption
+from silo.settings.typed import ElementSettings, phrase, read_options, read_word
 
 Ints = NDArray[np.int64]
 
@@ -38,7 +38,7 @@ class Field(enum.IntEnum):
         return bool(self.option.words)
 
     @property
-    def option(self) -> Option:
+    def option(self) -> ElementOption:
         """What may be typed for it, and what its values are called."""
         return OPTIONS[self]
 
@@ -84,6 +84,6 @@ def next_value(field: Field, value: int) -> int:
     return cycle[(cycle.index(value) + 1) % len(cycle)]
 
 
-def parse_change(field: Field, text: str) -> Settings:
+def parse_change(field: Field, text: str) -> ElementSettings:
     """What was typed for one field: `1000`, `=1000`, `*2`, `10s`, `50Hz`, a word. Raises ElementError."""
     return read_options({field.option.name: text})

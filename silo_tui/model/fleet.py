@@ -22,7 +22,7 @@ CAUTION = (Stands.MUTE, Stands.FULL, Stands.YELLOW, Stands.SLOW, Stands.LOST)
 
 
 @dataclass(frozen=True)
-class Line:
+class LoggerLine:
     """One logger of the list: how to name it, whom it belongs to, how it stands, what it answered last."""
 
     key: str
@@ -37,7 +37,7 @@ class Line:
         return self.member.here and not self.member.dead
 
 
-ORDERS: Sequence[Order[Line]] = (
+ORDERS: Sequence[Order[LoggerLine]] = (
     Order("!", "!", "worst first", lambda one: (one.member.stands, one.address.casefold())),
     Order("logger", "n", "name", lambda one: one.address.casefold()),
     Order("state", "s", "state", lambda one: (one.member.word, one.address.casefold())),
@@ -48,11 +48,11 @@ ORDERS: Sequence[Order[Line]] = (
 )
 
 
-def _of(one: Line, name: str) -> float:
+def _of(one: LoggerLine, name: str) -> float:
     return float(getattr(one.member.summary, name)) if one.member.summary is not None and one.member.here else 0.0
 
 
-def name_width(lines: Sequence[Line], width: int) -> int:
+def name_width(lines: Sequence[LoggerLine], width: int) -> int:
     """Return how many cells the names get: as many as the longest takes, where there is room."""
     longest = max((len(one.address) for one in lines), default=0)
     return max(8, min(longest, width - len(_tail("", "", "", "", "", "", width)) - STATE_WIDTH - 4 - LEAST_WHO))
@@ -69,7 +69,7 @@ def head(names: int, width: int) -> str:
     return f"  {'logger':<{names}} {'state':<{STATE_WIDTH}} {tail}who"
 
 
-def row(one: Line, names: int, width: int, now_s: float, now_ns: int) -> str:
+def row(one: LoggerLine, names: int, width: int, now_s: float, now_ns: int) -> str:
     """Return a logger as a line; where it answered something, that stands behind its state."""
     begin = (
         f"  {cut_middle(one.address, names):<{names}} {STATES.get(one.member.word, one.member.word):<{STATE_WIDTH}} "
@@ -106,19 +106,19 @@ def cut_middle(name: str, width: int) -> str:
     return f"{name[: width - 1 - end]}…{name[-end:]}"
 
 
-def total(lines: Sequence[Line]) -> str:
+def total(lines: Sequence[LoggerLine]) -> str:
     """Return how many there are, and in which states."""
     words = [one.member.word for one in lines if one.member.word != "..."]
     counts = [f"{words.count(word)} {word}" for word in dict.fromkeys(sorted(words))]
     return f"{text.plural(len(lines), 'logger')}{': ' * bool(counts)}{', '.join(counts)}"
 
 
-def down(lines: Sequence[Line], now_s: float, now_ns: int) -> list[str]:
+def down(lines: Sequence[LoggerLine], now_s: float, now_ns: int) -> list[str]:
     """Return a line for each host of which several loggers can't be reached any more."""
     return [one.words(now_s, now_ns) for one in segments(line.member for line in lines)]
 
 
-def details(one: Line) -> str:
+def details(one: LoggerLine) -> str:
     """Return what the columns don't say of a logger."""
     member, told = one.member, one.member.summary
     parts = [f"{one.address}: {one.where}"]
@@ -138,7 +138,7 @@ def details(one: Line) -> str:
     return " │ ".join(parts)
 
 
-def asked_line(one: Line, now_ns: int) -> str:
+def asked_line(one: LoggerLine, now_ns: int) -> str:
     """Return a logger as a question about many names it."""
     told, run_s = one.member.summary, one.member.run_s(now_ns)
     state = f"{one.member.word}{f' {text.duration(run_s)}' if run_s is not None else ''}"
@@ -147,7 +147,7 @@ def asked_line(one: Line, now_ns: int) -> str:
     return f"{one.address}   {state}{ticks}{alone}"
 
 
-def is_unsaved(one: Line) -> bool:
+def is_unsaved(one: LoggerLine) -> bool:
     """Return whether a start would drop something."""
     told = one.member.summary
     return told is not None and told.ticks > 0 and not told.saved

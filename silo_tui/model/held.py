@@ -13,7 +13,7 @@ import numpy as np
 from silo.core.arrays.columns import ColumnStore, HistoryColumns
 from silo.core.elements import ElementInfo, LoggedEvent
 from silo.errors import RefusedError, SiloError
-from silo.expressions.search import Found, Looking
+from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import Between
 from silo_tui.model.buffers import Buffers, PinHandle
 from silo_tui.model.live import Reading
@@ -337,7 +337,9 @@ class HeldSource:
     def _all_here(self) -> bool:
         return all(piece.complete for piece in self._pieces) and not self._gaps(self.begin_ns, self.end_ns)
 
-    async def find(self, looking: Mapping[str, Looking], around_ns: int, most: int) -> tuple[dict[str, Found], str]:
+    async def find(
+        self, looking: Mapping[str, Looking], around_ns: int, most: int
+    ) -> tuple[dict[str, FoundMoments], str]:
         """Look for moments in all that is held of entries, and return why some of it could not be looked through."""
         if self._all_here or not self._in_buffers:
             why = "" if self._all_here else self._out_of_reach
@@ -345,7 +347,7 @@ class HeldSource:
         assert self._buffers is not None
         _, pins = self._of_one_run
         names = list(looking)
-        found: dict[str, Found] = {}
+        found: dict[str, FoundMoments] = {}
         try:
             for begin in range(0, len(names), NAMES_AT_ONCE):
                 some = {name: looking[name] for name in names[begin : begin + NAMES_AT_ONCE]}

@@ -6,7 +6,7 @@ from itertools import groupby
 import numpy as np
 
 from silo_tui.model import text
-from silo_tui.model.columns import Piece
+from silo_tui.model.columns import ColumnPiece
 
 FALSE, TRUE, BOTH = "▁", "█", "▄"
 EDGE = "│"
@@ -15,14 +15,14 @@ MANY = "…"  # several values in one cell, or a word that is longer than its pl
 _NOTHING, _SEVERAL = "\0nothing", "\0several"
 
 
-def bool_lane(piece: Piece, width: int) -> str:
+def bool_lane(piece: ColumnPiece, width: int) -> str:
     """Return `▁` where a boolean is false, `█` where it is true, `▄` where a cell has both."""
     low, high = _per_cell(piece, width)
     chars = np.where(np.isnan(low), " ", np.where(low > 0.5, TRUE, np.where(high > 0.5, BOTH, FALSE)))
     return "".join(chars.tolist())
 
 
-def band(piece: Piece, word_of: Callable[[float], str], width: int) -> str:
+def band(piece: ColumnPiece, word_of: Callable[[float], str], width: int) -> str:
     """Return the words of the values, each where it begins; `│` where one ends, `…` where several share a cell."""
     low, high = _per_cell(piece, width)
     cells = [
@@ -70,7 +70,7 @@ def _words(cells: Sequence[str], edges: set[int] | None = None) -> str:
     return "".join(line)
 
 
-def _per_cell(piece: Piece, width: int) -> tuple[np.ndarray, np.ndarray]:
+def _per_cell(piece: ColumnPiece, width: int) -> tuple[np.ndarray, np.ndarray]:
     """Smallest and largest value of both columns of a cell."""
     low, high = piece.low[-2 * width :].reshape(-1, 2), piece.high[-2 * width :].reshape(-1, 2)
     return np.fmin(low[:, 0], low[:, 1]), np.fmax(high[:, 0], high[:, 1])

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from silo.core.arrays.columns import Piece
+from silo.core.arrays.columns import ColumnPiece
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.recorded import RecordingSource
@@ -55,9 +55,13 @@ def overlay_of(name: str, source: RecordingSource) -> Overlay:
     return Overlay(name, source, began)
 
 
-def ghost_piece(store: ColumnStore, name: str, end: int, width: int) -> Piece | None:
+def ghost_piece(store: ColumnStore, name: str, end: int, width: int) -> ColumnPiece | None:
     """Return the newest columns of an entry without marks and holes; None where it has none there."""
     if store.row(name) is None:
         return None
     piece = store.piece(name, end, width)
-    return None if np.isnan(piece.low).all() else Piece(piece.low, piece.high, np.zeros_like(piece.marks), piece.base)
+    return (
+        None
+        if np.isnan(piece.low).all()
+        else ColumnPiece(piece.low, piece.high, np.zeros_like(piece.marks), piece.base)
+    )

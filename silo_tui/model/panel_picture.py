@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from silo_tui.model import dots
-from silo_tui.model.columns import ColumnStore, Piece
+from silo_tui.model.columns import ColumnPiece, ColumnStore
 from silo_tui.model.dots import BLANK
 from silo_tui.model.limits import NO_BOUNDS, Bounds4, level_line, lines_of
 from silo_tui.model.live import offset_text
@@ -43,7 +43,7 @@ class PanelSource:
 
 
 def drawn(
-    source: PanelSource, panel: Panel, chosen: Plotted, ghosts: Mapping[int, Piece], width: int, height: int
+    source: PanelSource, panel: Panel, chosen: Plotted, ghosts: Mapping[int, ColumnPiece], width: int, height: int
 ) -> Drawn:
     """Return a panel in so many cells; `ghosts` are what a saved run had, by the place of the signal."""
     right = sides(panel)
@@ -68,7 +68,7 @@ def drawn(
 
 
 def _newest_marks(
-    source: PanelSource, panel: Panel, pictures: Sequence[Picture], ghosts: Mapping[int, Piece]
+    source: PanelSource, panel: Panel, pictures: Sequence[Picture], ghosts: Mapping[int, ColumnPiece]
 ) -> dict[int, tuple[str, int]]:
     """Return the letters of curves beside their newest ends, where there are several."""
     marks: dict[int, tuple[str, int]] = {}

@@ -17,7 +17,7 @@ TITLE_WIDTH = 36  # cells that a signal of several needs in a title
 Panel = tuple[Plotted, ...]
 
 
-class Kind(enum.Enum):
+class CurveKind(enum.Enum):
     """How a signal is drawn."""
 
     CURVE = "curve"
@@ -26,18 +26,18 @@ class Kind(enum.Enum):
     TEXT = "text"
 
 
-def kind_of(plotted: Plotted) -> Kind:
+def kind_of(plotted: Plotted) -> CurveKind:
     """Return how a signal is drawn."""
     if not plotted.numeric:
-        return Kind.TEXT
+        return CurveKind.TEXT
     if plotted.entry.dtype[1:2] == "b":
-        return Kind.LANE
-    return Kind.BAND if plotted.entry.labels else Kind.CURVE
+        return CurveKind.LANE
+    return CurveKind.BAND if plotted.entry.labels else CurveKind.CURVE
 
 
 def has_curves(panel: Panel) -> bool:
     """Return whether a panel is a plot with an axis, no lane."""
-    return kind_of(panel[0]) is Kind.CURVE
+    return kind_of(panel[0]) is CurveKind.CURVE
 
 
 def sides(panel: Panel) -> tuple[bool, ...]:

@@ -21,7 +21,7 @@ from silo.core.arrays.columns import (
     ColumnGrid,
     ColumnStore,
     HistoryColumns,
-    Mark,
+    NonFinite,
     bins_of,
     coarser,
     grid_of,
@@ -297,7 +297,7 @@ def _ends_of(columns: HistoryColumns, row: int) -> Samples:
         (drawn, 0, np.where(falls, high, low)),
         (drawn[low != high], columns.column_ns // 2, np.where(falls, low, high)[low != high]),
     ]
-    for mark, value in ((Mark.NAN, math.nan), (Mark.POS_INF, math.inf), (Mark.NEG_INF, -math.inf)):
+    for mark, value in ((NonFinite.NAN, math.nan), (NonFinite.POS_INF, math.inf), (NonFinite.NEG_INF, -math.inf)):
         marked = np.flatnonzero(marks & mark)
         found.append((marked, columns.column_ns // 2 + 1, np.full(len(marked), value)))
     time_ns = np.concatenate([(columns.first + at) * columns.column_ns + later for at, later, _ in found])

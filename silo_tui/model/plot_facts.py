@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from silo.core.arrays.columns import HOLE_TEXTS, Hole
+from silo.core.arrays.columns import HOLE_TEXTS, Gap
 from silo_tui.model import braille, text
-from silo_tui.model.columns import ColumnStore, Piece
+from silo_tui.model.columns import ColumnPiece, ColumnStore
 from silo_tui.model.live import Reading, entry_text, offset_text
 from silo_tui.model.plots import Picture, Plotted, PlotWindow
 
@@ -65,7 +65,7 @@ class PlotFacts:
             words += [f"min {smallest}", f"max {largest}"]
         return "  ".join([*words, f"{self.when} {self.now(plotted)}"]) if words else ""
 
-    def of_lane(self, plotted: Plotted, piece: Piece, columns: int) -> str:
+    def of_lane(self, plotted: Plotted, piece: ColumnPiece, columns: int) -> str:
         """Return what stands at the right end of the title of a lane, a band or a text."""
         if self.window.cursor is None:
             return f"{self.when} {self.now(plotted)}"
@@ -89,10 +89,10 @@ def extremes(plotted: Plotted, picture: Picture) -> tuple[str, str]:
     return text.told_apart(picture.smallest, picture.largest)
 
 
-def missing(piece: Piece, store: ColumnStore, width: int) -> str:
+def missing(piece: ColumnPiece, store: ColumnStore, width: int) -> str:
     """Return what a curve of so many cells has no samples of, and why."""
     cell_s = 2 * store.column_ns / 1e9
-    seconds: dict[Hole, float] = {}
+    seconds: dict[Gap, float] = {}
     for hole in braille.holes(piece.low, piece.marks, width):
         seconds[hole.why] = seconds.get(hole.why, 0.0) + (hole.stop - hole.start) * cell_s
     return ", ".join(f"{text.span(float(f'{some:.2g}'))} {HOLE_TEXTS[why]}" for why, some in seconds.items())

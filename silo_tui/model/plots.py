@@ -8,10 +8,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.arrays.columns import Mark, Marks
+from silo.core.arrays.columns import Marks, NonFinite
 from silo.core.elements import ElementInfo, Entry
 from silo_tui.model import axes, braille, dots
-from silo_tui.model.columns import ColumnStore, Floats, Piece, hold_piece
+from silo_tui.model.columns import ColumnPiece, ColumnStore, Floats, hold_piece
 from silo_tui.model.log_axis import LogAxis, axis_of, scale_of, words_of
 
 SPANS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
@@ -149,7 +149,7 @@ class Picture:
     number. `newest` is the row of dots of the newest value, None where there is none.
     """
 
-    piece: Piece
+    piece: ColumnPiece
     lit: dots.Dots
     axis: Axis
     smallest: float
@@ -178,7 +178,7 @@ class Picture:
 
 def pieces_of(
     store: ColumnStore, series: Sequence[Plotted], columns: int, period_of: Callable[[str], int]
-) -> list[Piece]:
+) -> list[ColumnPiece]:
     """Return the newest columns of signals, the values of slow ones held between their samples."""
     return [
         hold_piece(
@@ -202,7 +202,7 @@ def draw_panel(
     width: int,
     height: int,
     period_of: Callable[[str], int],
-    ghosts: Mapping[int, Piece] = MappingProxyType({}),
+    ghosts: Mapping[int, ColumnPiece] = MappingProxyType({}),
 ) -> list[Picture]:
     """Draw signals that share a plot; `right` says which belong to the axis on the right.
 
@@ -236,7 +236,7 @@ def _zeros_met(found: dict[bool, Axis]) -> dict[bool, Axis]:
     return {side: replace(found[side], scale=scale) for side, scale in zip(found, scales, strict=True)}
 
 
-def _axis_of(window: PlotWindow, key: str, pieces: Sequence[Piece], height: int, base: int, *, log: bool) -> Axis:
+def _axis_of(window: PlotWindow, key: str, pieces: Sequence[ColumnPiece], height: int, base: int, *, log: bool) -> Axis:
     spans = [ends for piece in pieces if (ends := braille.value_range(piece.low, piece.high))]
     around = (min(low for low, _ in spans), max(high for _, high in spans)) if spans else None
     if not log:
@@ -254,14 +254,14 @@ def _axis_of(window: PlotWindow, key: str, pieces: Sequence[Piece], height: int,
     return Axis(scale, base, axis)
 
 
-def _on_base(piece: Piece, base: int) -> Piece:
+def _on_base(piece: ColumnPiece, base: int) -> ColumnPiece:
     if piece.base == base:
         return piece
     shift = float(piece.base - base)
-    return Piece(piece.low + shift, piece.high + shift, piece.marks, base)
+    return ColumnPiece(piece.low + shift, piece.high + shift, piece.marks, base)
 
 
-def _picture(window: PlotWindow, piece: Piece, axis: Axis, width: int, height: int) -> Picture:
+def _picture(window: PlotWindow, piece: ColumnPiece, axis: Axis, width: int, height: int) -> Picture:
     columns = 2 * width
     ends = braille.value_range(piece.low, piece.high) or (math.nan, math.nan)
     at_cursor, cursor_signs = None, ""
@@ -321,16 +321,16 @@ def together(pictures: Sequence[Picture], front: int = 0, ghosts: int = 0) -> tu
 def signs_of(marks: Marks) -> str:
     """Return which samples of these columns are no finite numbers: `nan inf`."""
     flags = int(np.bitwise_or.reduce(marks, initial=0))
-    names = ((Mark.NAN, "nan"), (Mark.POS_INF, "inf"), (Mark.NEG_INF, "-inf"))
+    names = ((NonFinite.NAN, "nan"), (NonFinite.POS_INF, "inf"), (NonFinite.NEG_INF, "-inf"))
     return " ".join(name for mark, name in names if flags & mark)
 
 
-def small_plot(piece: Piece, scale: tuple[float, float], width: int, height: int) -> list[str]:
+def small_plot(piece: ColumnPiece, scale: tuple[float, float], width: int, height: int) -> list[str]:
     """Return the lines of a plot without axes, of what holds between samples already."""
     return braille.rasterise(piece.low, piece.high, scale, width, height, piece.marks)
 
 
-def trend(piece: Piece, width: int) -> str:
+def trend(piece: ColumnPiece, width: int) -> str:
     """Return a whole signal in one line: it fills its height."""
     found = braille.value_range(piece.low, piece.high)
     scale = (math.nan, math.nan)

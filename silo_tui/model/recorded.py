@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.arrays.columns import Bins, ColumnGrid, HistoryColumns, Hole, grid_of
+from silo.core.arrays.columns import Bins, ColumnGrid, Gap, HistoryColumns, grid_of
 from silo.core.arrays.values import newest_values, numbers
 from silo.core.elements import Action, ElementInfo, ElementOptions, LoggedEvent
 from silo.core.recording import RecordedElement, Recording
-from silo.expressions.search import Found, Looking
+from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import Between, between
 from silo_tui.model.columns import Floats, Marks
 from silo_tui.model.live import Reading
@@ -37,7 +37,7 @@ Stamps = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Facts:
+class StretchFacts:
     """What a stretch of an entry holds, as offsets from `base`: NaN where there is no finite number."""
 
     smallest: float
@@ -56,7 +56,7 @@ class _Signal:
     values: NDArray[Any]
     first: int
     divider: int
-    ended: Hole = Hole.FULL  # why it ends before the recording does
+    ended: Gap = Gap.FULL  # why it ends before the recording does
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class RecordingSource:
         self._signals: dict[str, _Signal] = {}
         for info, element in zip(self.elements, recording.elements, strict=True):
             for entry, recorded in zip(info.entries, element.entries, strict=True):
-                ended = Hole.LOST if element.lost else Hole.FULL
+                ended = Gap.LOST if element.lost else Gap.FULL
                 signal = _Signal(recorded.values, element.first, element.divider, ended)
                 self._signals.setdefault(info.name + entry.suffix, signal)
         self._period_ns = _period(self._times, recording.frequency_hz)
@@ -184,12 +184,12 @@ class RecordingSource:
         bases = {row: base for row, base in enumerate(grid.bases) if base}
         return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases)
 
-    def facts(self, name: str, first: int, stop: int, column_ns: int) -> Facts:
+    def facts(self, name: str, first: int, stop: int, column_ns: int) -> StretchFacts:
         """Minimum, maximum and mean of the samples in columns `first ... stop - 1`."""
         with self._lock:
             tiles = self._covering(name, first, stop, column_ns) if name in self._signals else []
         if not tiles:
-            return Facts(math.nan, math.nan, math.nan, 0)
+            return StretchFacts(math.nan, math.nan, math.nan, 0)
         inside = slice(first % TILE, first % TILE + stop - first)
         base = max((tile.base for tile in tiles if tile.finite.any()), key=abs, default=0)
         shifts = [float(tile.base - base) for tile in tiles]
@@ -200,10 +200,10 @@ class RecordingSource:
         samples = int(np.concatenate([tile.count for tile in tiles])[inside].sum())
         finite = int(np.concatenate([tile.finite for tile in tiles])[inside].sum())
         if not finite:
-            return Facts(math.nan, math.nan, math.nan, samples, signs=signs_of(marks))
+            return StretchFacts(math.nan, math.nan, math.nan, samples, signs=signs_of(marks))
         with np.errstate(invalid="ignore", over="ignore"):
             mean = float(total.sum()) / finite
-        return Facts(float(np.nanmin(low)), float(np.nanmax(high)), mean, samples, finite, base, signs_of(marks))
+        return StretchFacts(float(np.nanmin(low)), float(np.nanmax(high)), mean, samples, finite, base, signs_of(marks))
 
     def _covering(self, name: str, first: int, stop: int, column_ns: int) -> list[_Tile]:
         return [self._tile(name, column_ns, number) for number in range(first // TILE, (stop - 1) // TILE + 1)]
@@ -260,7 +260,7 @@ class RecordingSource:
             grid.add_hole(row, begin, end + 1, signal.ended)
             return
         if signal.first - self._begin >= signal.divider:
-            grid.add_hole(row, begin, int(self._times[signal.first]) // column_ns, Hole.OVERWRITTEN)
+            grid.add_hole(row, begin, int(self._times[signal.first]) // column_ns, Gap.OVERWRITTEN)
         if signal.first + len(signal.values) * signal.divider < len(self._times):
             grid.add_hole(row, self._end_of(signal) // column_ns + 1, end + 1, signal.ended)
 
@@ -297,7 +297,9 @@ class RecordingSource:
         first, step = signal.first + begin * signal.divider, signal.divider
         return self._times[first : first + (end - begin) * step : step], signal.values[begin:end]
 
-    async def find(self, looking: Mapping[str, Looking], around_ns: int, most: int) -> tuple[dict[str, Found], str]:
+    async def find(
+        self, looking: Mapping[str, Looking], around_ns: int, most: int
+    ) -> tuple[dict[str, FoundMoments], str]:
         """Look for moments in all samples of entries; nothing of a file is out of reach."""
         found = {}
         for name, wanted in looking.items():

@@ -9,14 +9,14 @@ import numpy as np
 from silo.core.arrays.values import newest_values
 from silo.core.elements import ElementInfo, Sought
 from silo.core.quantities import duration
-from silo.expressions.search import Finder, Found, Looking
+from silo.expressions.search import Finder, FoundMoments, Looking
 from silo.expressions.span import HELD_PERIODS, NAN, Between, between
 from silo_tui.model.live import Reading
 from silo_tui.model.pinned import PinnedSource
 from silo_tui.model.source import PlotSource, Samples
 
 
-def found_in(looking: Looking, samples: Samples, around_ns: int, most: int) -> Found:
+def found_in(looking: Looking, samples: Samples, around_ns: int, most: int) -> FoundMoments:
     """Return the moments of one signal, the `most` next to a time."""
     finder = Finder(looking, around_ns, most)
     if looking.needs_span:
@@ -27,7 +27,7 @@ def found_in(looking: Looking, samples: Samples, around_ns: int, most: int) -> F
 
 async def find_here(
     pieces: Sequence[PinnedSource], looking: Mapping[str, Looking], around_ns: int, most: int, why: str, *, pinned: bool
-) -> tuple[dict[str, Found], str]:
+) -> tuple[dict[str, FoundMoments], str]:
     """Look through what is here of some pieces: samples, and columns for those that can't come.
 
     Returns why some could not be looked through, too: `why`, or how wide these columns are.

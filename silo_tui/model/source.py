@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.columns import HistoryColumns
 from silo.core.elements import ElementInfo, LoggedEvent
-from silo.expressions.search import Found, Looking
+from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import Between
 
 Samples: TypeAlias = tuple[NDArray[np.int64], NDArray[Any]]  # time stamps in ns and values, both of shape `(n,)`
@@ -63,7 +63,7 @@ class HeldRows(PlotSource, Protocol):
 
     def find(
         self, looking: Mapping[str, Looking], around_ns: int, most: int
-    ) -> Awaitable[tuple[dict[str, Found], str]]:
+    ) -> Awaitable[tuple[dict[str, FoundMoments], str]]:
         """Look for moments in all samples of entries, and return why some could not be looked through."""
 
     def measure(self, names: Sequence[str], a_ns: int, b_ns: int) -> Awaitable[tuple[dict[str, Between], str]]:

@@ -16,7 +16,15 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.widgets import Static
 
-from silo.analysis.compute.spectra import MOST_PEAKS, Peak, Piece, Spectrum, longest_piece, peaks_of, spectrum_of
+from silo.analysis.compute.spectra import (
+    MOST_PEAKS,
+    GaplessStretch,
+    Peak,
+    Spectrum,
+    longest_piece,
+    peaks_of,
+    spectrum_of,
+)
 from silo.core.arrays.values import as_floats
 from silo.core.quantities import duration
 from silo.errors import SiloError
@@ -179,7 +187,7 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
 
     async def _spectrum(self) -> Analysed:
         spectra: list[Spectrum] = []
-        pieces: list[Piece] = []
+        pieces: list[GaplessStretch] = []
         plots = [plotted for plotted in self.plots[: self.count] if plotted.numeric]
         for plotted in plots:
             piece = longest_piece(*await self._samples(plotted))

@@ -10,7 +10,7 @@ import numpy as np
 
 from silo.core.arrays.values import numbers
 from silo.core.elements import Entry
-from silo.expressions.search import Found as FoundIn
+from silo.expressions.search import FoundMoments as FoundIn
 from silo_tui.model import text
 from silo_tui.model.find import (
     EVENTS,
@@ -32,7 +32,7 @@ MOST_MOMENTS = 1000  # of a signal that are here at a time
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """What a search came to: `total` moments, of which those after the first `before` are here, in the order of time.
 
     `held_s` is how much was looked through, `partly` why not all that is held was.
@@ -71,7 +71,7 @@ class Found:
 
 async def look(
     source: HeldRows, plots: Sequence[Plotted], search: Search, bounds: Mapping[str, Bounds4], around_ns: int
-) -> Found:
+) -> SearchResult:
     """Look through all that is held of some entries, for the moments next to a time. Raises a SiloError."""
     if search.what in LETTERS:
         return _happened(source, plots, search)
@@ -82,7 +82,7 @@ async def look(
             looking[plotted.name] = one
     names = tuple(plotted.name for plotted in plots)
     if not looking:
-        return Found(search, names, source.end_ns, (), 0.0, 0, 0, "no limits are set on these signals")
+        return SearchResult(search, names, source.end_ns, (), 0.0, 0, 0, "no limits are set on these signals")
     most = max(1, min(MOST_MOMENTS, 10_000 // len(looking)))
     found, partly = await source.find(looking, around_ns, most)
     entries = {plotted.name: plotted.entry for plotted in plots}
@@ -90,7 +90,7 @@ async def look(
     ends = [one.end_ns for one in found.values() if one.end_ns]
     held_s = (max(ends) - min(begins)) / 1e9 if ends else 0.0
     moments, before, total = merged(found, entries, search.what)
-    return Found(search, names, source.end_ns, moments, held_s, total, before, partly)
+    return SearchResult(search, names, source.end_ns, moments, held_s, total, before, partly)
 
 
 def merged(
@@ -132,14 +132,16 @@ class _Told:
         return value_words(self.entry, self.value)
 
 
-def _happened(source: HeldRows, plots: Sequence[Plotted], search: Search) -> Found:
+def _happened(source: HeldRows, plots: Sequence[Plotted], search: Search) -> SearchResult:
     moments = happened(source, source.begin_ns, source.end_ns, LETTERS[search.what])
     names = tuple(plotted.name for plotted in plots)
     held_s = (source.end_ns - source.begin_ns) / 1e9
-    return Found(search, names, source.end_ns, tuple(moments), held_s, len(moments))
+    return SearchResult(search, names, source.end_ns, tuple(moments), held_s, len(moments))
 
 
-async def events(source: HeldRows, plots: Sequence[Plotted], bounds: Mapping[str, Bounds4], around_ns: int) -> Found:
+async def events(
+    source: HeldRows, plots: Sequence[Plotted], bounds: Mapping[str, Bounds4], around_ns: int
+) -> SearchResult:
     """Look for all that is an event, whichever: holes, and what happened."""
     found = await look(source, plots, Search(What.HOLE), bounds, around_ns)
     more = happened(source, source.begin_ns, source.end_ns, EVENTS, {plotted.name for plotted in plots})

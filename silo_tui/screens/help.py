@@ -46,7 +46,7 @@ WORDS = (
 
 
 @dataclass(frozen=True)
-class Entry:
+class HelpLine:
     """A line of help; `command` is what Enter does, where it can be done on the screen below."""
 
     left: str
@@ -60,7 +60,7 @@ class Entry:
         return all(word in own for word in words)
 
 
-def entries(scope: str, keys: Mapping[str, str], *, everywhere: bool) -> list[Entry]:
+def entries(scope: str, keys: Mapping[str, str], *, everywhere: bool) -> list[HelpLine]:
     """Return the lines of help: those of a screen, or of all screens, that one first."""
     here = commands_for(scope, keys)
     commands = list(here)
@@ -72,14 +72,14 @@ def entries(scope: str, keys: Mapping[str, str], *, everywhere: bool) -> list[En
     for group in sorted(dict.fromkeys(command.group for command in commands), key=LAST_GROUPS.count):
         members = [command for command in commands if command.group == group and command.keys]
         there = {command.id for command in here}
-        found += [Entry(each.key_text, each.help, group, each.id if each.id in there else "") for each in members]
+        found += [HelpLine(each.key_text, each.help, group, each.id if each.id in there else "") for each in members]
     on_file = scope in FILE_SCOPES
     if everywhere or scope in ("table", "file"):
         signs = FILE_SIGNS if on_file else (*SIGNS, *MEANINGS.items())
-        found += [Entry(left, right, "Signs") for left, right in signs]
-        found += [Entry(left, right, "Filter") for left, right in (*WORDS, *filter_rows())]
+        found += [HelpLine(left, right, "Signs") for left, right in signs]
+        found += [HelpLine(left, right, "Filter") for left, right in (*WORDS, *filter_rows())]
     if not on_file and (everywhere or scope == "table"):
-        found += [Entry(left, right, "Commands") for left, right in typed_rows()]
+        found += [HelpLine(left, right, "Commands") for left, right in typed_rows()]
     return found
 
 
@@ -108,7 +108,7 @@ def column_count(width: int) -> int:
     return 3 if width >= THREE_FROM else 2 if width >= TWO_FROM else 1
 
 
-def page(found: Iterable[Entry], width: int, chosen: Entry | None = None) -> Text:
+def page(found: Iterable[HelpLine], width: int, chosen: HelpLine | None = None) -> Text:
     """Return the lines in columns, groups under their titles, all as tall as one another where that can be."""
     found = list(found)
     count = column_count(width)
@@ -133,7 +133,7 @@ def page(found: Iterable[Entry], width: int, chosen: Entry | None = None) -> Tex
     return Text("\n").join(made)
 
 
-def _lines(entry: Entry, key_room: int, room: int, *, is_chosen: bool) -> list[Text]:
+def _lines(entry: HelpLine, key_room: int, room: int, *, is_chosen: bool) -> list[Text]:
     """Return an entry in a column: what is too long goes on in the next line, never out of sight."""
     style = "bold reverse" if is_chosen else "bold"
     left = entry.left
@@ -184,7 +184,7 @@ class HelpScreen(Dialog[None]):
         self._everywhere = not commands_for(scope)
         self._words = ""
         self._chosen = 0
-        self._found: list[Entry] = []
+        self._found: list[HelpLine] = []
 
     def compose(self) -> ComposeResult:
         """Yield title, columns, the line to search in, keys."""

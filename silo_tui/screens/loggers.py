@@ -17,7 +17,7 @@ from textual.containers import Vertical
 from textual.widgets import Static
 
 from silo.fleet.member import Member
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo_tui.actions import bindings_for
 from silo_tui.model import fleet
 from silo_tui.model.lists import Marks, arranged, passes
@@ -52,13 +52,13 @@ class LoggersScreen(FilteredScreen):
         self,
         choose: Callable[[FoundLogger], None],
         wanted: str = "",
-        command: Callable[[str, Sequence[fleet.Line]], None] | None = None,
+        command: Callable[[str, Sequence[fleet.LoggerLine]], None] | None = None,
     ) -> None:
         """`choose` opens a logger, `command` asks about many: "start_stop", "restart", "save" or "load" them."""
         super().__init__()
         self._choose, self._wanted, self._command = choose, wanted, command
         self._found: tuple[FoundLogger, ...] = ()
-        self._lines: list[fleet.Line] = []
+        self._lines: list[fleet.LoggerLine] = []
         self._drawn: list[tuple[str, str]] = []
         self.marks = Marks()
         self.answers: dict[str, str] = {}  # by key, of the last command for many
@@ -140,11 +140,11 @@ class LoggersScreen(FilteredScreen):
         self.query_one("#loggers-title", Static).update(f"{title:<{max(0, width - 3 - len(marked))}}{marked}")
         self._show_words()
 
-    def _line_of(self, one: FoundLogger) -> fleet.Line:
-        member = one.member or Member(Found(one.name, one.pid, one.key, one.user, host=one.host, dead=one.dead))
-        return fleet.Line(one.key, one.address, one.where, member, self.answers.get(one.key, ""))
+    def _line_of(self, one: FoundLogger) -> fleet.LoggerLine:
+        member = one.member or Member(LoggerAddress(one.name, one.pid, one.key, one.user, host=one.host, dead=one.dead))
+        return fleet.LoggerLine(one.key, one.address, one.where, member, self.answers.get(one.key, ""))
 
-    def _styled(self, one: fleet.Line, row: str) -> Text:
+    def _styled(self, one: fleet.LoggerLine, row: str) -> Text:
         variables, member = self.app.theme_variables, one.member
         line = Text(row, no_wrap=True, overflow="ellipsis")
         if not member.here:
@@ -185,12 +185,12 @@ class LoggersScreen(FilteredScreen):
         return self._drawn[place][0] if place is not None and place < len(self._drawn) else ""
 
     @property
-    def chosen(self) -> fleet.Line | None:
+    def chosen(self) -> fleet.LoggerLine | None:
         """The logger under the cursor."""
         return next((one for one in self._lines if one.key == self.chosen_key), None)
 
     @property
-    def targets(self) -> list[fleet.Line]:
+    def targets(self) -> list[fleet.LoggerLine]:
         """Which loggers a key is about."""
         by_key = {one.key: one for one in self._lines}
         return [by_key[key] for key in self.marks.meant(self.shown_keys, self.chosen_key) if key in by_key]

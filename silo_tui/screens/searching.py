@@ -9,8 +9,8 @@ from silo_tui.context import Later
 from silo_tui.model import text
 from silo_tui.model.find import Search, What
 from silo_tui.model.happened import gone_words, words
-from silo_tui.model.panels import Kind, kind_of
-from silo_tui.screens.finding import Found, events, look
+from silo_tui.model.panels import CurveKind, kind_of
+from silo_tui.screens.finding import SearchResult, events, look
 from silo_tui.screens.marking import ask_mark
 from silo_tui.screens.standing import StandingStill, value_here
 
@@ -56,7 +56,7 @@ class Searching(StandingStill):
         if self._found is not None:
             self.run_worker(Later(self._search, self._found.search, step), group="find", exclusive=True)
             return
-        curve = kind_of(self.stack.chosen_plot) is Kind.CURVE
+        curve = kind_of(self.stack.chosen_plot) is CurveKind.CURVE
         what = (What.HIGHEST if step > 0 else What.LOWEST) if curve else What.CHANGE
         self.run_worker(
             Later(self._search, Search(what), 0 if curve else step, keep=False), group="find", exclusive=True
@@ -77,7 +77,7 @@ class Searching(StandingStill):
             self._found = found
         await self._go_to_found(found, step, search.words)
 
-    async def _go_to_found(self, found: Found, step: int, words: str) -> None:
+    async def _go_to_found(self, found: SearchResult, step: int, words: str) -> None:
         if not found.moments:
             self.say(found.none())
             return

@@ -17,7 +17,7 @@ from silo_tui.model.live import Reading
 from silo_tui.model.plots import SECOND_NS, Plotted, PlotWindow
 from silo_tui.model.source import HeldRows, PlotSource
 from silo_tui.screens.exporting import ask_export
-from silo_tui.screens.finding import Found
+from silo_tui.screens.finding import SearchResult
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
 from silo_tui.widgets.bars import MonitorLine
@@ -50,7 +50,7 @@ class StandingStill(SiloScreen):
     def __init__(self) -> None:
         super().__init__()
         self._said = ""
-        self._found: Found | None = None
+        self._found: SearchResult | None = None
         self._stepping = asyncio.Lock()  # two keys at once are two samples
 
     @property

@@ -75,7 +75,7 @@ class ClientFinder:
 
     def __init__(self, config: str = "", *, read_only: bool = False) -> None:
         self._config, self._read_only = config, read_only
-        self._seen: dict[str, found.Found] = {}
+        self._seen: dict[str, found.LoggerAddress] = {}
         self._own_name = ""
         self._fleet: Fleet | None = None
 

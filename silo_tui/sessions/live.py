@@ -17,7 +17,7 @@ from silo.recordings.requests import RecorderInfo, Recordings
 from silo.rpc.frames import Frame
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy
-from silo.settings.typed import Settings, apply_settings
+from silo.settings.typed import ElementSettings, apply_settings
 from silo.state.requests import Unsaved
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import Facts
@@ -281,7 +281,7 @@ class Session:
         self.table.facts = Facts(dict(zip(wanted, arrays, strict=True)), found.since_ns, found.time_ns, told)
         self.jitter_s = found.jitter_s
 
-    def change(self, settings: Settings) -> int:
+    def change(self, settings: ElementSettings) -> int:
         """Edit the targets of the table as typed, all or none, in one undo step; return how many cells changed.
 
         ValueError says what is out of range; nothing is changed then.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from silo.core.arrays.columns import ColumnStore, HistoryColumns
 from silo.core.elements import BufferType
 from silo.errors import RefusedError, SiloError
-from silo.expressions.search import Found, Looking
+from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import Between
 from silo_tui.model import text
 from silo_tui.model.buffers import PinHandle
@@ -87,7 +87,7 @@ class _LinkBuffers:
 
     async def find(
         self, looking: Mapping[str, Looking], around_ns: int, most: int, end_ns: int, pins: Sequence[PinHandle]
-    ) -> dict[str, Found]:
+    ) -> dict[str, FoundMoments]:
         """Look for moments in them and in these pins."""
         one = next(iter(looking.values()))
         held = [each for each in pins if isinstance(each, _LinkPin)]

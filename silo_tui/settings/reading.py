@@ -23,7 +23,7 @@ _SIGN_FIRST = re.compile(r"[:\[,-]\s*[*&!?%@`|>{}#,]")
 
 
 @dataclass(frozen=True)
-class Problem:
+class SettingsProblem:
     """What is wrong in which line of the file (0: in none)."""
 
     line: int
@@ -48,14 +48,14 @@ def path() -> Path:
     return config_folder() / NAME
 
 
-def read_file() -> tuple[Settings, list[Problem]]:
+def read_file() -> tuple[Settings, list[SettingsProblem]]:
     """Return the user's settings and what was left out; defaults where there is no file."""
     try:
         text = read_text(path())
     except OSError as error:
-        return Settings(), [Problem(0, f"can't be read ({error.strerror or error}); the defaults count")]
+        return Settings(), [SettingsProblem(0, f"can't be read ({error.strerror or error}); the defaults count")]
     except UnicodeDecodeError as error:
-        return Settings(), [Problem(0, f"byte {error.start + 1} is no UTF-8; the defaults count")]
+        return Settings(), [SettingsProblem(0, f"byte {error.start + 1} is no UTF-8; the defaults count")]
     return read(text)
 
 
@@ -72,7 +72,7 @@ def read_text(file: Path) -> str:
     return data.decode("utf-8")
 
 
-def read(text: str) -> tuple[Settings, list[Problem]]:
+def read(text: str) -> tuple[Settings, list[SettingsProblem]]:
     """Return what a file of this text sets, and its problems in the order of their lines."""
     root, problems, _ = nodes(text)
     settings = Settings()
@@ -86,7 +86,7 @@ def read(text: str) -> tuple[Settings, list[Problem]]:
             else:
                 found[name] = _value(_option(name), value)
         except _MistakeError as mistake:
-            problems.append(Problem(line_of(key), f"{mistake}{LEFT_OUT}"))
+            problems.append(SettingsProblem(line_of(key), f"{mistake}{LEFT_OUT}"))
     return replace(settings, **found), sorted(problems, key=lambda problem: problem.line)
 
 
@@ -95,9 +95,9 @@ def _once(name: str, found: Container[str]) -> None:
         raise _MistakeError(f"{name} is there twice; the first counts")
 
 
-def nodes(text: str) -> tuple[yaml.Node | None, list[Problem], str]:
+def nodes(text: str) -> tuple[yaml.Node | None, list[SettingsProblem], str]:
     """Return the root of a text, problems of lines that YAML can't read, and the text with these struck out (`###`)."""
-    problems: list[Problem] = []
+    problems: list[SettingsProblem] = []
     lines = text.split("\n")
     while True:
         try:
@@ -107,14 +107,14 @@ def nodes(text: str) -> tuple[yaml.Node | None, list[Problem], str]:
             number = min(number, len(lines))  # YAML may miss something on the line after the last
             line = lines[number - 1]
             if not line.strip("# "):
-                return None, [*problems, Problem(number, f"{reason}. The file is left out")], text
+                return None, [*problems, SettingsProblem(number, f"{reason}. The file is left out")], text
             if _SIGN_FIRST.search(line):
                 reason += "; signs need quotes"
-            problems.append(Problem(number, f"{reason}{LEFT_OUT}"))
+            problems.append(SettingsProblem(number, f"{reason}{LEFT_OUT}"))
             lines[number - 1] = "#" * len(line)
             continue
         if root is not None and not isinstance(root, yaml.MappingNode) and not is_null(root):
-            return None, [*problems, Problem(line_of(root), f"{_example()}, not {describe(root)}")], text
+            return None, [*problems, SettingsProblem(line_of(root), f"{_example()}, not {describe(root)}")], text
         return root, problems, "\n".join(lines)
 
 
@@ -181,7 +181,7 @@ def _word(option: Option, node: yaml.Node) -> str:
 # --------------------------------------------------------------------------------------------------------------- keys
 
 
-def _keys(node: yaml.Node, problems: list[Problem]) -> dict[str, str]:
+def _keys(node: yaml.Node, problems: list[SettingsProblem]) -> dict[str, str]:
     if not isinstance(node, yaml.MappingNode) and not is_null(node):
         raise _MistakeError(f"keys is a group of lines such as `  help: F1`, not {describe(node)}")
     keys: dict[str, str] = {}
@@ -193,14 +193,14 @@ def _keys(node: yaml.Node, problems: list[Problem]) -> dict[str, str]:
             keys[_known(command)] = ",".join(dict.fromkeys(_read_keys(command, value)))
             lines[command] = line_of(name)
         except _MistakeError as mistake:
-            problems.append(Problem(line_of(name), f"{mistake}{LEFT_OUT}"))
+            problems.append(SettingsProblem(line_of(name), f"{mistake}{LEFT_OUT}"))
     # leaving one out gives a command its own key back, which another line may have given away
     while clash := min(clashes(keys), key=lambda each: -lines.get(each[0], 0), default=None):
         mine, theirs, key, scope = clash
         if theirs in keys and lines[theirs] > lines[mine]:
             mine, theirs = theirs, mine
         reason = f"{key_text(key)} of {mine} is {label(theirs)} already ({scope})"
-        problems.append(Problem(lines[mine], f"{reason}{LEFT_OUT}"))
+        problems.append(SettingsProblem(lines[mine], f"{reason}{LEFT_OUT}"))
         del keys[mine]
     return keys
 

@@ -12,9 +12,9 @@ from rich.style import Style
 from textual.geometry import Region, Size
 from textual.strip import Strip
 
-from silo.core.arrays.columns import Hole
+from silo.core.arrays.columns import Gap
 from silo_tui.model import braille, lanes, text
-from silo_tui.model.columns import ColumnStore, Piece
+from silo_tui.model.columns import ColumnPiece, ColumnStore
 from silo_tui.model.dots import BLANK
 from silo_tui.model.happened import EVENT_LINE, columns_of, in_plots
 from silo_tui.model.limits import Bounds4
@@ -23,7 +23,7 @@ from silo_tui.model.overlay import ghost_piece
 from silo_tui.model.panel_picture import AXIS, LIMIT, RED, YELLOW, Drawn, PanelSource, drawn
 from silo_tui.model.panels import (
     LETTERS,
-    Kind,
+    CurveKind,
     Panel,
     has_curves,
     kind_of,
@@ -164,7 +164,7 @@ class PlotStack(PanelList):
         """Whether a saved run has something of these signals in the window."""
         return bool(self._ghosts(panel))
 
-    def _ghosts(self, panel: Panel) -> dict[int, Piece]:
+    def _ghosts(self, panel: Panel) -> dict[int, ColumnPiece]:
         """What a saved run had in the window, by the place of the signal."""
         if self.ghost is None or self.ghost.column_ns != self.store.column_ns:
             return {}
@@ -238,7 +238,7 @@ class PlotStack(PanelList):
         mark = (">" if chosen else " ") + (f"{letter} " if letter else "")
         room = self.size.width - len(facts) - len(unit) - len(mark) - 3
         name = text.shorten_left(self._short(plotted), max(8, room))
-        origin = self._panel(at).origins[0] if facts and kind_of(plotted) is Kind.CURVE else ""
+        origin = self._panel(at).origins[0] if facts and kind_of(plotted) is CurveKind.CURVE else ""
         if origin and len(name) + len(origin) + 7 <= room:
             name += f"  from {origin}"
         gap = max(1, self.size.width - 1 - len(mark) - len(name) - len(unit) - len(facts))
@@ -246,7 +246,7 @@ class PlotStack(PanelList):
 
     def _facts(self, at: int, plotted: Plotted) -> str:
         """The numbers at the right end of a title."""
-        if kind_of(plotted) is Kind.CURVE:
+        if kind_of(plotted) is CurveKind.CURVE:
             return self.facts.of_curve(plotted, self._panel(at).pictures[0])
         return self.facts.of_lane(plotted, self._piece(plotted), self.columns)
 
@@ -262,7 +262,7 @@ class PlotStack(PanelList):
             return ""
         return missing(self._piece(self.chosen_plot), self.store, self.plot_width)
 
-    def _piece(self, plotted: Plotted) -> Piece:
+    def _piece(self, plotted: Plotted) -> ColumnPiece:
         return pieces_of(self.store, [plotted], self.columns, self.source.period_ns)[0]
 
     # ------------------------------------------------------------------------------------------- curves and lanes
@@ -290,9 +290,9 @@ class PlotStack(PanelList):
     def _lane(self, plotted: Plotted) -> list[Segment]:
         kind, width = kind_of(plotted), self.plot_width
         piece = self._piece(plotted)
-        if kind is Kind.LANE:
+        if kind is CurveKind.LANE:
             line, word = lanes.bool_lane(piece, width), self.facts.now(plotted)
-        elif kind is Kind.BAND:
+        elif kind is CurveKind.BAND:
             entry = plotted.entry
             line = lanes.band(piece, lambda value: offset_text(entry, value, piece.base, 40), width)
             word = self.facts.now(plotted)
@@ -301,13 +301,13 @@ class PlotStack(PanelList):
             word = reading.texts.get(plotted.position, "") if reading is not None else ""
             events = self.events.get(plotted.name) or ([(0, word)] if word else [])
             line = lanes.events_band(events, self.store.end, self.store.column_ns, width)
-        body = "plot--line" if kind is Kind.LANE else "plot--band"
+        body = "plot--line" if kind is CurveKind.LANE else "plot--band"
         styles = [self._style(body if self.fresh else "plot--stale")] * width
-        if kind is not Kind.TEXT:
+        if kind is not CurveKind.TEXT:
             cells = list(line)
             for hole in braille.holes(piece.low, piece.marks, width):
                 for cell in range(hole.start, hole.stop):
-                    cells[cell] = braille.SHADE if hole.why is not Hole.BEFORE else BLANK
+                    cells[cell] = braille.SHADE if hole.why is not Gap.BEFORE else BLANK
                     styles[cell] = self._style("plot--quiet")
             line = "".join(cells)
         room = self.right_width - 1

@@ -7,7 +7,7 @@ from textual.app import RenderResult
 from silo.core.arrays.columns import coarser
 from silo.core.elements import ElementInfo
 from silo_tui.model import text
-from silo_tui.model.columns import ColumnStore, Piece
+from silo_tui.model.columns import ColumnPiece, ColumnStore
 from silo_tui.model.live import Reading, component_text, offset_text
 from silo_tui.model.plots import Plotted, PlotWindow, plots_of, trend
 from silo_tui.model.table_columns import span_words, type_word
@@ -38,7 +38,7 @@ class RecordedPane(LivePane):
             return " " * self.trend_width
         begins = np.linspace(0, store.count, 2 * self.trend_width, endpoint=False).astype(np.intp)
         together = coarser(store.low[place], store.high[place], store.marks[place], begins)
-        return trend(Piece(*together, store.base(place)), self.trend_width)
+        return trend(ColumnPiece(*together, store.base(place)), self.trend_width)
 
 
 def _value(pane: LivePane, row: int) -> tuple[str, str]:

@@ -26,7 +26,7 @@ from silo.net.session import owner_is_gone, sweep
 from silo.recovery.segments import find_stale, sweep_segments
 from silo.rpc.published import EventKind
 from silo.segment.damage import damage
-from silo.segment.layout import Control
+from silo.segment.layout import ControlWord
 from silo.segment.reader import SegmentReader
 from tests.waiting import freeze
 
@@ -554,10 +554,10 @@ def test_a_control_word_of_another_meaning_is_not_touched_by_the_mark(tmp_path):
         before = path.read_bytes()
         mark_saved(reader)
         after = path.read_bytes()
-        place = reader.control_offset(Control.SAVED_TICKS)
+        place = reader.control_offset(ControlWord.SAVED_TICKS)
     assert [n for n in range(len(before)) if before[n] != after[n]] == [place]
     assert after[place] == 5
-    assert Control.SAVED_TICKS == 3
+    assert ControlWord.SAVED_TICKS == 3
 
 
 def test_a_segment_in_a_log_folder_is_found_by_commands_that_do_not_know_the_folder(

@@ -27,7 +27,7 @@ from silo.core.runtime import boot_id, lock_as_writer, pid_namespace
 from silo.files.event_log import append_events, event_log_path, read_events
 from silo.files.formats import read_recording
 from silo.files.parts.scan import scan_part
-from silo.helper.orphans import PredecessorRecovery
+from silo.helper.orphans import OrphanRecovery
 from silo.journal.disk import Disk
 from silo.journal.format import Head, free_name
 from silo.journal.writer import JournalWriter
@@ -36,7 +36,7 @@ from silo.recordings import writing
 from silo.recovery.left import RECOVERED, save_reader
 from silo.recovery.runs import find_all, look_back
 from silo.segment.held_runs import held_name
-from silo.segment.layout import Control
+from silo.segment.layout import ControlWord
 from silo.segment.reader import SegmentReader
 from tests.examples import examples
 
@@ -137,7 +137,9 @@ class Left(RuleBasedStateMachine):
             if saved:
                 save_reader(reader, self.logs, why=RECOVERED)
                 with path.open("r+b") as file:
-                    os.pwrite(file.fileno(), ticks.to_bytes(8, "little"), reader.control_offset(Control.SAVED_TICKS))
+                    os.pwrite(
+                        file.fileno(), ticks.to_bytes(8, "little"), reader.control_offset(ControlWord.SAVED_TICKS)
+                    )
         if "lives" in owner:
             self.stays[path] = path.read_bytes()
         self.saved.update(values if saved or "lives" not in owner else ())
@@ -236,7 +238,7 @@ class Left(RuleBasedStateMachine):
         options = LoggerOptions(name=logger, folder=str(self.logs))
         mirror = SimpleNamespace(now=SimpleNamespace(options=options))
         events = SimpleNamespace(publish=lambda kind, text, **_: told.append(text))
-        PredecessorRecovery(mirror, events)._run()
+        OrphanRecovery(mirror, events)._run()
         assert not [text for text in told if "can't be" in text or "not be saved" in text]
 
     @rule(served=st.booleans())

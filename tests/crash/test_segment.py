@@ -12,7 +12,7 @@ import pytest
 
 from silo.core.runtime import list_segments
 from silo.errors import SegmentError
-from silo.segment.layout import TIME_RING, Header
+from silo.segment.layout import TIME_RING, HeaderWord
 from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
 
@@ -231,7 +231,7 @@ def test_a_segment_that_was_cut_short_is_refused(dead_segment, size):
 
 def test_a_segment_of_another_layout_is_refused_with_both_versions(dead_segment):
     with dead_segment.open("r+b") as file:
-        file.seek(8 * Header.VERSION)
+        file.seek(8 * HeaderWord.VERSION)
         file.write((99).to_bytes(8, "little"))
     with pytest.raises(SegmentError, match=r"newer silo \(layout 99, this silo reads 1 to 2\)"):
         SegmentReader(dead_segment)

@@ -7,7 +7,7 @@ import pytest
 
 import silo
 from silo.analysis.log import Log
-from silo.core.elements import BufferType, Derived, Entry, Extras
+from silo.core.elements import BufferType, Conditions, Derived, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.expressions.derived_samples import with_derived
 from silo.files import write
@@ -24,7 +24,7 @@ def element(name, values, divider=1, first=0):
 
 def recording(*elements, derived=(), ticks=12):
     time_ns = 10**18 + np.arange(ticks) * 10**6
-    extras = Extras(tuple(Derived(f"/log/{name}", text) for name, text in derived))
+    extras = Conditions(tuple(Derived(f"/log/{name}", text) for name, text in derived))
     return Recording("robot", time_ns, ticks, elements, frequency_hz=1000.0, extras=extras)
 
 

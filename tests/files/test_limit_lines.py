@@ -6,7 +6,7 @@ import pytest
 from silo.analysis.plots.charts import ChartSpec, make_chart
 from silo.analysis.plots.drawing import draw_axes, draw_text
 from silo.cli.main import run
-from silo.core.elements import BufferType, Derived, Entry, Extras, SignalLimits
+from silo.core.elements import BufferType, Conditions, Derived, Entry, SignalLimits
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
 
@@ -24,7 +24,7 @@ def element(name, *columns, unit="Nm"):
 @pytest.fixture
 def logged():
     wave = 20 * np.sin(np.arange(200) / 20)
-    extras = Extras(
+    extras = Conditions(
         (Derived("/log/power", "joints/tau_0 * speed", "W"),),
         (
             SignalLimits("joints/tau", (None, -15.0, 15.0, 30.0)),

@@ -22,7 +22,7 @@ from silo.helper.recovery import recover
 from silo.journal.holdings import segment_holdings
 from silo.recovery.segments import find_stale
 from silo.segment.damage import damage
-from silo.segment.layout import LINE_WORDS, Header
+from silo.segment.layout import LINE_WORDS, HeaderWord
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import lost_samples
 
@@ -97,7 +97,7 @@ def mutated(data: bytes, dice: random.Random) -> bytearray:
     return out
 
 
-def header(out: bytearray, word: Header) -> int:
+def header(out: bytearray, word: HeaderWord) -> int:
     return int.from_bytes(out[8 * word : 8 * word + 8], "little")
 
 
@@ -117,15 +117,19 @@ def flip_bits(out: bytearray, dice: random.Random) -> None:
 
 
 def set_header(out: bytearray, dice: random.Random) -> None:
-    put(out, 8 * dice.choice(list(Header)[1:]), wild(dice))
+    put(out, 8 * dice.choice(list(HeaderWord)[1:]), wild(dice))
 
 
 def set_control(out: bytearray, dice: random.Random) -> None:
-    put(out, header(out, Header.CONTROL_OFFSET) + 8 * dice.randrange(LINE_WORDS * 14), wild(dice))
+    put(out, header(out, HeaderWord.CONTROL_OFFSET) + 8 * dice.randrange(LINE_WORDS * 14), wild(dice))
 
 
 def set_directory(out: bytearray, dice: random.Random) -> None:
-    put(out, header(out, Header.CHUNKS_OFFSET) + 8 * dice.randrange(12), dice.choice([wild(dice), dice.randrange(12)]))
+    put(
+        out,
+        header(out, HeaderWord.CHUNKS_OFFSET) + 8 * dice.randrange(12),
+        dice.choice([wild(dice), dice.randrange(12)]),
+    )
 
 
 def cut(out: bytearray, dice: random.Random) -> None:
@@ -142,7 +146,7 @@ def zero(out: bytearray, dice: random.Random) -> None:
 
 def change_schema(out: bytearray, dice: random.Random) -> None:
     """One value of the description becomes another, so that it is still JSON."""
-    begin, size = header(out, Header.SCHEMA_OFFSET), header(out, Header.SCHEMA_BYTES)
+    begin, size = header(out, HeaderWord.SCHEMA_OFFSET), header(out, HeaderWord.SCHEMA_BYTES)
     try:
         schema = json.loads(out[begin : begin + size])
     except (ValueError, RecursionError):
@@ -165,14 +169,14 @@ def change_schema(out: bytearray, dice: random.Random) -> None:
             place[key] = dice.choice(WILD_JSON)
         break
     body = json.dumps(schema).encode()
-    room = header(out, Header.CONTROL_OFFSET) - begin
+    room = header(out, HeaderWord.CONTROL_OFFSET) - begin
     if len(body) <= room < len(out):
         out[begin : begin + len(body)] = body
-        put(out, 8 * Header.SCHEMA_BYTES, len(body))
+        put(out, 8 * HeaderWord.SCHEMA_BYTES, len(body))
 
 
 def scramble_schema(out: bytearray, dice: random.Random) -> None:
-    begin, size = header(out, Header.SCHEMA_OFFSET), header(out, Header.SCHEMA_BYTES)
+    begin, size = header(out, HeaderWord.SCHEMA_OFFSET), header(out, HeaderWord.SCHEMA_BYTES)
     junk = dice.choice([b"[" * 5000, b"\xff\xfe", b'"', b"{}", b"1e999", b"\\ud800", bytes(20), b"9" * 30])
     if 0 < size < len(out) and begin < len(out):
         place = min(begin + dice.randrange(size), len(out))

@@ -19,7 +19,7 @@ import pytest
 
 import silo
 from silo.conditions.monitor import Judge
-from silo.control.lock import Operators
+from silo.control.lock import ControlLock
 from silo.control.requests import GiveControl, ReleaseControl, TakeControl
 from silo.core.elements import (
     Derived,
@@ -35,7 +35,7 @@ from silo.core.elements import (
 )
 from silo.errors import SiloError
 from silo.helper.requests import decode_ask, decode_do
-from silo.helper.robot_link import Robot
+from silo.helper.robot_link import RobotLink
 from silo.helper.saver import Saver
 from silo.helper.servers.dispatch import Answers
 from silo.history.requests import (
@@ -57,7 +57,7 @@ from silo.live.requests import CloseView, GetSurvey, OpenView, ViewOpened
 from silo.logger.helper.answers import answer, robot_state
 from silo.net.keys import Root
 from silo.net.session import close, open_server
-from silo.recorder.server import Recording
+from silo.recorder.server import EndlessRecordings
 from silo.recordings.requests import GetPiece, Save, StartRecorder, StopRecorder
 from silo.requests import (
     Acknowledge,
@@ -98,10 +98,10 @@ from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered
 from silo.scripts.requests import ApplyEdits, TableReply
 from silo.state.event_log import EventLog
-from silo.state.events import Events
+from silo.state.events import EventNotifier
 from silo.state.handover import handover_pair
 from silo.state.held_runs import HeldRuns
-from silo.state.replica import Mirror
+from silo.state.replica import Replica
 from silo.state.requests import GetSummary, Hello, HelloReply, StatusReply, Unsaved
 from silo.state.robot_state import RobotState
 
@@ -206,14 +206,14 @@ class Bench:
         mine, theirs = socket.socketpair()
         runs, self.runs = handover_pair()
         self.channel = LinkChannel(theirs)
-        self.robot = Robot(mine, runs)
+        self.robot = RobotLink(mine, runs)
         self.session, self.path = open_server(Path(os.environ["SILO_RUNTIME_DIR"]), "fuzz", os.getpid())
-        self.mirror = Mirror(robot_state(self.logger, "", -1))
+        self.mirror = Replica(robot_state(self.logger, "", -1))
         root = Root(self.mirror.host, "fuzz")
-        events = Events(self.session, root, self.mirror, EventLog(str(folder), "fuzz"))
+        events = EventNotifier(self.session, root, self.mirror, EventLog(str(folder), "fuzz"))
         self.publisher = Publisher(self.session, root, self.mirror, events)
         self.saver = Saver(self.mirror, events, self.robot)
-        self.recording = Recording(self.mirror, events, HeldRuns(self.mirror, lambda: None))
+        self.recording = EndlessRecordings(self.mirror, events, HeldRuns(self.mirror, lambda: None))
         judge = Judge(self.mirror, events)
         self.answers = Answers(
             self.mirror,
@@ -223,7 +223,7 @@ class Bench:
             self.robot,
             judge,
             self.recording,
-            Operators(events, self.mirror, "fuzz"),
+            ControlLock(events, self.mirror, "fuzz"),
         )
         self.frames = self.session.declare_subscriber(root.key("view", "*"), lambda _: None)
         self.publisher.start()

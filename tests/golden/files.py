@@ -9,9 +9,9 @@ import numpy as np
 from silo.core.elements import (
     BufferType,
     CaptureFacts,
+    Conditions,
     Derived,
     Entry,
-    Extras,
     LoggedEvent,
     SignalLimits,
     TriggerOptions,
@@ -63,7 +63,7 @@ def recording() -> Recording:
         ),
         one("/log/lossy", "A", [("", "<f8", np.arange(5.0))], lost=7, failures=Failures(2, ((3, 3), (5, 5)))),
     ]
-    extras = Extras(
+    extras = Conditions(
         (Derived("/log/effort", "norm(tau)", "Nm"),),
         (SignalLimits("/log/q", (-0.9, None, 0.5, 0.9), 2, 0.05),),
         (TriggerOptions("fall", "q > 0.5", 0.01, 0.01),),

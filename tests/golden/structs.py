@@ -25,7 +25,7 @@ from silo.history.sampled_rows import StreamFrame
 from silo.journal.format import Commit, Head
 from silo.link.messages import LinkMessage
 from silo.recorder.orders import Command, RecordOrder, Report
-from silo.recorder.process import Kept
+from silo.recorder.process import RecorderHandover
 from silo.recordings.writing import WriteOrder, WriteReport
 from silo.requests import AnyReply
 from silo.rpc.declaring import Request, RobotRequest, leaves, reply_type
@@ -85,7 +85,7 @@ def all_told() -> list[Told]:
         Told("file events", LoggedEvent, json=True),
         Told("file captures", CaptureEntry, json=True),
         Told("file recorder", Written, json=True),
-        Told("file recorders", Kept, json=True),
+        Told("file recorders", RecorderHandover, json=True),
         Told("file judge", JudgeState),
         Told("file segment", Head, json=True),
         Told("file journal commit", Commit),

@@ -20,7 +20,7 @@ from silo.errors import ConnectionLostError
 from silo.fleet.discovery import Discovery, SeveralError, discover
 from silo.fleet.fleet import Fleet as Followed
 from silo.logger.helper.identity import drawn_id, machine_digits
-from silo.net.found import Found, is_glob, told_apart
+from silo.net.found import LoggerAddress, is_glob, told_apart
 from silo.net.keys import Root, robot_of, root_of
 from silo.net.sessions import open_configurations
 from tests.waiting import wait_until
@@ -31,12 +31,12 @@ HOST = socket.gethostname()
 # ------------------------------------------------------------------------------------------------------------- words
 
 
-def far(host: str, name: str, drawn: str) -> Found:
-    return Found(name, 0, "", "", "desk.json5", host, id=drawn)
+def far(host: str, name: str, drawn: str) -> LoggerAddress:
+    return LoggerAddress(name, 0, "", "", "desk.json5", host, id=drawn)
 
 
-def near(name: str, pid: int, copy: int = 0) -> Found:
-    return Found(name, pid, f"/run/{name}.{pid}.sock", "me", "", "here", id=f"aaaa{pid:06x}", copy=copy)
+def near(name: str, pid: int, copy: int = 0) -> LoggerAddress:
+    return LoggerAddress(name, pid, f"/run/{name}.{pid}.sock", "me", "", "here", id=f"aaaa{pid:06x}", copy=copy)
 
 
 def test_a_key_leads_back_to_host_id_and_logger() -> None:
@@ -148,13 +148,13 @@ class Fleet:
             config.insert_json5(key, json.dumps(value))
         return zenoh.open(config)
 
-    def found(self) -> list[Found]:
+    def found(self) -> list[LoggerAddress]:
         try:
             return discover(config=self.desk).loggers
         except ConnectionLostError:
             return []  # none is connected to the router yet
 
-    def logger_of(self, found: Found) -> silo.Logger:
+    def logger_of(self, found: LoggerAddress) -> silo.Logger:
         with Client.connect(found) as client:
             folder = client.status().folder
         return self.loggers[int(Path(folder).name)]

@@ -8,19 +8,19 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import serve
 
-from silo.bridges.feed import Feed, Listener
+from silo.bridges.feed import Listener, LoggerFollower
 from silo.bridges.foxglove.viewer import Viewer
-from silo.bridges.ros2.graph import Topic
+from silo.bridges.ros2.graph import GraphTopic
 from silo.bridges.ros2.pairing import MOST_WAITING, Pairing
-from silo.history.arrays import Samples
+from silo.history.arrays import SampleArrays
 
 
-def samples(first: int, last: int) -> Samples:
+def samples(first: int, last: int) -> SampleArrays:
     ticks = np.arange(first, last + 1)
-    return Samples(ticks, ticks * 1000, ticks.astype(float).reshape(-1, 1))
+    return SampleArrays(ticks, ticks * 1000, ticks.astype(float).reshape(-1, 1))
 
 
-def paired(pairing: Pairing, **batch: Samples) -> list[int]:
+def paired(pairing: Pairing, **batch: SampleArrays) -> list[int]:
     q, qd = pairing.take(batch)
     assert q.ticks.tolist() == qd.ticks.tolist() == q.values[:, 0].tolist()
     assert (q.time_ns == q.ticks * 1000).all()
@@ -60,19 +60,19 @@ def test_what_waits_is_bounded_and_counted() -> None:
 def test_joint_states_have_every_tick_however_the_rings_are_read() -> None:
     encoded = []
 
-    def encode(of: list[Samples]) -> tuple[np.ndarray, list[bytes]]:
+    def encode(of: list[SampleArrays]) -> tuple[np.ndarray, list[bytes]]:
         encoded.append([one.ticks.tolist() for one in of])
         return of[0].time_ns, [b"x"] * len(of[0])
 
     outlet = SimpleNamespace(elements=("/log/q", "/log/qd"), encode=encode)
-    topic = Topic(outlet, b"", None, None, is_watched=True)
+    topic = GraphTopic(outlet, b"", None, None, is_watched=True)
     batches = [{"/log/q": samples(0, 4), "/log/qd": samples(0, 5)}, {"/log/q": samples(5, 9), "/log/qd": samples(6, 9)}]
     times = [time_ns for batch in batches for time_ns, _ in topic.messages(batch)]
     assert times == [tick * 1000 for tick in range(10)]
 
 
 def test_a_feed_remembers_what_was_passed_on_of_the_newest_run_alone() -> None:
-    feed = Feed(lambda: None, Listener(print, print, print))
+    feed = LoggerFollower(lambda: None, Listener(print, print, print))
     for run in range(50):
         assert len(feed._unseen(f"run {run}", "/log/q", samples(0, 9))) == 10
         assert len(feed._unseen(f"run {run}", "/log/q", samples(5, 14))) == 5

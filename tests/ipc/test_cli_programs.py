@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from silo.programs.demo.program import DemoOptions, run_demo
-from silo.programs.demo.robot import Robot
+from silo.programs.demo.robot import SimulatedRobot
 from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow
@@ -85,14 +85,14 @@ def test_a_wrong_script_is_told_before_anything_runs(start: Start, tmp_path: Pat
 
 
 def test_ctrl_c_saves_what_the_demo_logged_and_says_where(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    step = Robot.step
+    step = SimulatedRobot.step
 
-    def step_and_end(robot: Robot) -> None:
+    def step_and_end(robot: SimulatedRobot) -> None:
         step(robot)
         if robot.ticks == 5:
             os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr(Robot, "step", step_and_end)
+    monkeypatch.setattr(SimulatedRobot, "step", step_and_end)
     said: list[str] = []
     run_demo(DemoOptions(elements=20, folder=tmp_path), said.append)
     (saved,) = tmp_path.glob("demo_*.silo")

@@ -13,7 +13,7 @@ from silo.cli.edits import select, split_settings
 from silo.cli.main import COMMANDS, EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, cli, run
 from silo.core.elements import Action, BufferType, ElementOptions
 from silo.errors import ElementError
-from silo.settings.typed import Change, Settings, apply_settings, read_settings
+from silo.settings.typed import ElementSettings, RelativeValue, apply_settings, read_settings
 from tests.waiting import DEADLINE_S
 
 NAMES = ["/log/base/pose", "/log/base/twist", "/log/legs/LF/torque", "/log/legs/RF/torque", "/log/legs/RF/contact"]
@@ -66,23 +66,23 @@ def test_a_pattern_that_names_nothing_tells_the_nearest_name() -> None:
 @pytest.mark.parametrize(
     ("word", "settings"),
     [
-        ("on", Settings(enabled=True)),
-        ("off", Settings(enabled=False)),
-        ("enabled=No", Settings(enabled=False)),
-        ("divider=5", Settings(divider=5)),
-        ("buffer=Growing", Settings(buffer_type=BufferType.GROWING)),
-        ("buffer=0", Settings(buffer_type=BufferType.FIXED)),
-        ("size=1000", Settings(buffer_size=1000)),
-        ("size=10s", Settings(buffer_size=Change("s", 10.0))),
-        ("size=250ms", Settings(buffer_size=Change("s", 0.25))),
-        ("size=1.5min", Settings(buffer_size=Change("s", 90.0))),
-        ("action=save", Settings(action=Action.SAVE)),
-        ("action=publish", Settings(action=Action.PUBLISH)),
-        ("action=both", Settings(action=Action.SAVE_AND_PUBLISH)),
-        ("action=save-and-publish", Settings(action=Action.SAVE_AND_PUBLISH)),
+        ("on", ElementSettings(enabled=True)),
+        ("off", ElementSettings(enabled=False)),
+        ("enabled=No", ElementSettings(enabled=False)),
+        ("divider=5", ElementSettings(divider=5)),
+        ("buffer=Growing", ElementSettings(buffer_type=BufferType.GROWING)),
+        ("buffer=0", ElementSettings(buffer_type=BufferType.FIXED)),
+        ("size=1000", ElementSettings(buffer_size=1000)),
+        ("size=10s", ElementSettings(buffer_size=RelativeValue("s", 10.0))),
+        ("size=250ms", ElementSettings(buffer_size=RelativeValue("s", 0.25))),
+        ("size=1.5min", ElementSettings(buffer_size=RelativeValue("s", 90.0))),
+        ("action=save", ElementSettings(action=Action.SAVE)),
+        ("action=publish", ElementSettings(action=Action.PUBLISH)),
+        ("action=both", ElementSettings(action=Action.SAVE_AND_PUBLISH)),
+        ("action=save-and-publish", ElementSettings(action=Action.SAVE_AND_PUBLISH)),
     ],
 )
-def test_a_word_is_a_setting(word: str, settings: Settings) -> None:
+def test_a_word_is_a_setting(word: str, settings: ElementSettings) -> None:
     assert read_settings([word]) == settings
 
 

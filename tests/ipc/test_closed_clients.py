@@ -12,7 +12,7 @@ from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import State, Status
 from silo.errors import ConnectionLostError
 from silo.fleet.member import Member
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from tests.ipc.test_follow import FINE
 
 
@@ -45,7 +45,7 @@ def stopped(name: str, reason: str, state: State = State.STOPPED) -> Member:
         measured_hz=0.0, ticks=5, started_ns=FINE.started_ns, last_tick_ns=0, lost=0, elements=1, enabled=1, entries=1,
         max_time_s=0.0, prefix="/log", folder="/logs", script="robot.yaml", reason=reason,
     )  # fmt: skip
-    return Member(Found(name, 1, f"/run/{name}.sock", "lab"), status=status)
+    return Member(LoggerAddress(name, 1, f"/run/{name}.sock", "lab"), status=status)
 
 
 def test_robots_that_were_stopped_for_the_same_reason_share_a_line_and_each_dead_one_has_its_own() -> None:

@@ -14,7 +14,7 @@ from silo.fleet import memory
 from silo.fleet.fleet import Fleet
 from silo.fleet.member import Member, lost_lines
 from silo.fleet.memory import NAME, remember, remembered
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.net.keys import Root
 from silo.rpc.published import Summary
 from tests.ipc.test_fleet import served as served  # noqa: PLC0414  # a fixture
@@ -132,7 +132,7 @@ def desk(runtime_folder: Path, tmp_path: Path) -> str:
 
 
 def there(config: str, host: str, **more) -> Member:
-    return Member(Found.behind(config, Root(host, "anymal", "aaaa000001")), seen_s=time.monotonic(), **more)
+    return Member(LoggerAddress.behind(config, Root(host, "anymal", "aaaa000001")), seen_s=time.monotonic(), **more)
 
 
 def test_the_file_is_for_this_user_alone_and_holds_so_many(desk, monkeypatch) -> None:
@@ -181,8 +181,13 @@ def test_dead_and_closed_ones_are_not_missed(desk) -> None:
 def test_lines_of_those_that_are_gone_are_one_for_a_host_of_several() -> None:
     now_s, now_ns = 1000.0, 10**18
     at = time.strftime("%H:%M:%S", time.localtime(now_ns / 1e9 - 75))
-    legs = [Member(Found(f"leg{n}", 0, "", "", "lab", "rob4", id="aa"), here=False, since_s=925.0 + n) for n in (0, 1)]
-    single = Member(Found("anymal", 0, "", "", "lab", "rob1", id="bb"), here=False, since_s=925.0, unwatched=True)
+    legs = [
+        Member(LoggerAddress(f"leg{n}", 0, "", "", "lab", "rob4", id="aa"), here=False, since_s=925.0 + n)
+        for n in (0, 1)
+    ]
+    single = Member(
+        LoggerAddress("anymal", 0, "", "", "lab", "rob1", id="bb"), here=False, since_s=925.0, unwatched=True
+    )
     assert lost_lines([*legs, single], now_s, now_ns) == [
         f"rob4: 2 loggers unreachable since {at}",
         f"rob1~bb/anymal: closed or unreachable, last seen {at}",

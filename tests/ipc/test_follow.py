@@ -15,7 +15,7 @@ from silo.cli.loggers.follow import changed, meant, screen_lines, sentence, told
 from silo.core.elements import State
 from silo.fleet.fleet import FleetNow
 from silo.fleet.member import Member
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.net.session import close, open_router
 from silo.rpc.published import Summary
 from tests.stand_ins.simulated_robots import SimulatedRobots
@@ -28,7 +28,7 @@ FINE = Summary(
 
 
 def member(host: str, *, here: bool = True, **told) -> Member:
-    found = Found("anymal", 0, "", "", "lab", host, id="aaaa000001")
+    found = LoggerAddress("anymal", 0, "", "", "lab", host, id="aaaa000001")
     return Member(found, msgspec.structs.replace(FINE, **told), here, since_s=NOW_S - 75)
 
 
@@ -92,7 +92,7 @@ def test_what_was_denied_is_told_when_it_is_more_and_not_when_an_hour_has_passed
 def test_a_change_in_words() -> None:
     assert sentence(member("rob1", lost=2, alarm="H", alarms=1)) == "running  400 Hz  lost 2  40 GB free  H 1  ann@desk"
     assert sentence(member("rob1", here=False)).startswith("silent, was running")
-    assert sentence(Member(Found("x", 0, "", ""), problem="gives no\nanswer")) == "no answer: gives no answer"
+    assert sentence(Member(LoggerAddress("x", 0, "", ""), problem="gives no\nanswer")) == "no answer: gives no answer"
 
 
 @pytest.mark.slow
@@ -129,7 +129,10 @@ def test_in_a_pipe_each_change_is_a_line_until_ctrl_c(tmp_path) -> None:
 def of_one_host(count: int, *, here: bool = True, since_s: float = NOW_S - 75) -> list[Member]:
     return [
         Member(
-            Found(f"leg{number:02}", 0, "", "", "lab", "rob4", id="aaaa000001"), FINE, here, since_s=since_s + number
+            LoggerAddress(f"leg{number:02}", 0, "", "", "lab", "rob4", id="aaaa000001"),
+            FINE,
+            here,
+            since_s=since_s + number,
         )
         for number in range(count)
     ]

@@ -20,7 +20,7 @@ from urllib.parse import urlencode
 import pytest
 
 import silo
-from silo.bridges.feed import Feed
+from silo.bridges.feed import LoggerFollower
 from silo.bridges.listening import bound
 from silo.bridges.services import services
 from silo.client.client import Client
@@ -36,7 +36,7 @@ if importlib.util.find_spec("websockets"):
     from websockets.sync.client import connect
 
     from silo.bridges.foxglove import viewer as viewers
-    from silo.bridges.foxglove.server import Server, Terms
+    from silo.bridges.foxglove.server import Terms, ViewerServer
     from tests.stand_ins.foxglove_viewer import WEBSOCKET, Viewer
 
 SCRIPTS = {"foxglove_client.mjs": "node", "foxglove_page.mjs": "browser"}
@@ -73,8 +73,8 @@ class Bridge:
     async def _serve(self) -> None:
         self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
         self._begun.set()
-        self.server = Server(
-            self._terms, lambda listener: Feed(lambda: Client.connect("bot"), listener), self.said.append
+        self.server = ViewerServer(
+            self._terms, lambda listener: LoggerFollower(lambda: Client.connect("bot"), listener), self.said.append
         )
         await self.server.serve(self.listening, self._ended)
 

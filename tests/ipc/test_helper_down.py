@@ -12,11 +12,11 @@ from silo.client.client import Client
 from silo.core.runtime import down_mark, down_marks, sweep_unfinished
 from silo.errors import ConnectionLostError
 from silo.files.event_log import read_events
-from silo.fleet.discovery import Discovery, Found, discover
+from silo.fleet.discovery import Discovery, LoggerAddress, discover
 from silo.history.requests import OpenStream, StreamOpened
 from silo.live.requests import OpenView, ViewOpened
-from silo.live.streams import Stream
-from silo.live.views import View
+from silo.live.streams import ServedStream
+from silo.live.views import ServedView
 from silo.logger.helper import process, serving
 from silo.logger.helper.down import DownMark
 from silo.rpc.refusals import Refused, answered
@@ -116,8 +116,8 @@ def test_the_mark_of_a_dead_program_counts_for_nothing_and_is_swept(runtime) -> 
 
 
 def test_a_name_means_the_living_logger_and_not_a_dead_one_of_that_name() -> None:
-    dead = Found("bot", 1, "/run/bot.1.sock", "me", dead=True, since=100.0)
-    living = Found("bot", 2, "/run/bot.2.sock", "me", since=50.0)
+    dead = LoggerAddress("bot", 1, "/run/bot.1.sock", "me", dead=True, since=100.0)
+    living = LoggerAddress("bot", 2, "/run/bot.2.sock", "me", since=50.0)
     both = Discovery([dead, living], [])
     assert both.named("bot") == both.named("") == [living]
     assert both.named("bot.1") == [dead]
@@ -142,14 +142,14 @@ def test_a_program_that_was_killed_and_started_again_is_opened_whatever_its_old_
 
 @pytest.mark.slow
 def test_a_view_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monkeypatch, caplog) -> None:
-    frame = View.frame
+    frame = ServedView.frame
 
     def failing(view, *words):
         if view.request.view == "bad-1":
             raise ValueError("shapes (1,) and (2,)")
         return frame(view, *words)
 
-    monkeypatch.setattr(View, "frame", failing)
+    monkeypatch.setattr(ServedView, "frame", failing)
     parts = Parts(tmp_path)
     try:
         wrong, right = (OpenView(view=name, values=["/log/x"], rate_hz=30.0) for name in ("bad-1", "good-1"))
@@ -170,7 +170,7 @@ def test_a_view_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monkey
 
 @pytest.mark.slow
 def test_a_stream_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monkeypatch, caplog) -> None:
-    adopt = Stream.adopt
+    adopt = ServedStream.adopt
 
     def failing(stream, *words):
         if stream.request.stream == "bad-1" and words[1] is None:
@@ -183,7 +183,7 @@ def test_a_stream_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monk
         wrong, right = (OpenStream(stream=name, names=["/log/x"]) for name in ("bad-1", "good-1"))
         assert isinstance(streams.open(wrong), StreamOpened)
         streams.open(right)
-        monkeypatch.setattr(Stream, "adopt", failing)
+        monkeypatch.setattr(ServedStream, "adopt", failing)
         refused = wait_until(lambda: isinstance(answer := answered(lambda: streams.open(wrong)), Refused) and answer)
         assert "can't be fed any more: ValueError: shapes (1,) and (2,)" in refused.text
         assert isinstance(streams.open(right), StreamOpened)

@@ -9,10 +9,10 @@ import pytest
 import zenoh
 
 from silo.control import lanes
-from silo.control.authentication import Door
+from silo.control.authentication import Authentication
 from silo.control.denials import Denials
 from silo.control.requests import ReleaseControl
-from silo.helper.control_threads import Control
+from silo.helper.control_threads import RequestThreads
 from silo.net.keys import LOCAL_SENDER, Root
 from silo.net.session import close, open_client, open_server
 from silo.recordings.requests import StopRecorder
@@ -63,8 +63,8 @@ class Helper:
     def __init__(self, folder: Path) -> None:
         self.answers = Answers()
         self.server, path = open_server(folder, "walker", 1, None, ROOT)
-        self.control = Control(  # type: ignore[arg-type]
-            self.server, ROOT, self.answers, Door(ROOT), Everybody(), lambda *_: None, Denials()
+        self.control = RequestThreads(  # type: ignore[arg-type]
+            self.server, ROOT, self.answers, Authentication(ROOT), Everybody(), lambda *_: None, Denials()
         )
         self.control.start()
         self.client = open_client(path)
@@ -125,7 +125,7 @@ def test_of_what_was_begun_and_takes_longer_than_its_client_waits_an_event_tells
 
 
 def test_more_than_may_wait_are_refused_at_once(helper, monkeypatch) -> None:
-    monkeypatch.setitem(lanes.LIMITS, Lane.DISK, lanes.Limit(count=4))
+    monkeypatch.setitem(lanes.LIMITS, Lane.DISK, lanes.LaneLimit(count=4))
     waiting = [helper.send(KeepView(name="mine", text="0"))]
     wait_until(lambda: helper.answers.begun)
     waiting += [helper.send(KeepView(name="mine", text=str(number))) for number in range(4)]

@@ -12,12 +12,12 @@ from silo.core.elements import State
 from silo.core.stalls import idle_words, is_stalled
 from silo.fleet.member import Member, Stands
 from silo.live.summary import differs
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.rpc.published import Summary
 from tests.waiting import freeze, wait_until
 
 RUNS = Summary(state=State.RUNNING, frequency_hz=5.0)
-FOUND = Found("walker", 7, "/run/walker.sock", "lab", host="robot3")
+FOUND = LoggerAddress("walker", 7, "/run/walker.sock", "lab", host="robot3")
 
 
 @pytest.mark.parametrize(

@@ -16,11 +16,11 @@ import zenoh
 from rosbags.typesys import Stores, get_typestore
 
 import silo
-from silo.bridges.feed import Feed
+from silo.bridges.feed import LoggerFollower
 from silo.bridges.services import services
 from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
-from silo.history.arrays import Samples
+from silo.history.arrays import SampleArrays
 from tests.ipc.conftest import Bench
 from tests.waiting import DEADLINE_S, wait_until
 
@@ -136,8 +136,8 @@ class TestMessages:
             ("/all/log/legs/joint_states", ("/log/legs/q", "/log/legs/tau"))
         ]
         values = np.arange(9.0).reshape(3, 3)
-        positions = Samples(np.array([4, 5, 6]), np.array([40, 50, 60]) * 10**9, values)
-        efforts = Samples(np.array([5, 6, 7]), np.array([50, 60, 70]) * 10**9, values)
+        positions = SampleArrays(np.array([4, 5, 6]), np.array([40, 50, 60]) * 10**9, values)
+        efforts = SampleArrays(np.array([5, 6, 7]), np.array([50, 60, 70]) * 10**9, values)
         times, messages = found[0].encode([positions, efforts])
         assert times.tolist() == [50 * 10**9, 60 * 10**9]
         message = JAZZY.deserialize_cdr(messages[0], "sensor_msgs/msg/JointState")
@@ -186,7 +186,7 @@ class Joined:
             session,
             node,
             distribution,
-            lambda listener: Feed(lambda: Client.connect("bot"), listener),
+            lambda listener: LoggerFollower(lambda: Client.connect("bot"), listener),
             self.said.append,
         )
         self._serving = self.graph.serving(services(lambda: Client.connect("bot"), "bot") if control else {})

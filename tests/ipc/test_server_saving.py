@@ -15,7 +15,7 @@ from silo.recordings import writing
 from silo.recordings.requests import Save
 from silo.recordings.writing import WriteOrder, WriteReport, write_log
 from silo.segment.reader import SegmentReader
-from silo.state.replica import Mirror
+from silo.state.replica import Replica
 
 pytestmark = pytest.mark.slow
 
@@ -90,7 +90,7 @@ def test_the_writing_process_knows_whether_the_robot_program_waits(new_logger, m
     logger.array("x")
     logger.start()
     logger.collect()
-    mirror = Mirror(robot_state(logger, "", -1))
+    mirror = Replica(robot_state(logger, "", -1))
     saver = Saver(
         mirror,
         SimpleNamespace(publish=lambda *_, **__: None, log=SimpleNamespace(of_run=lambda _: [])),

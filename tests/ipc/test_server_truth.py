@@ -5,7 +5,7 @@ import pytest
 
 import silo
 from silo.client.client import Client
-from silo.core.arrays.columns import ColumnGrid, ColumnStore, Hole, Mark, holes_of
+from silo.core.arrays.columns import ColumnGrid, ColumnStore, Gap, NonFinite, holes_of
 from silo.core.elements import BufferType, Edit, ElementOptions
 from silo.history.history import _fill
 from silo.history.requests import GetHistory
@@ -102,7 +102,7 @@ def test_columns_tell_of_nan_and_inf_beside_their_numbers(odd):
         tick(float=value)
     with Client.connect("odd") as client:
         past = client.history(["/log/float"], begin, clock[0], COLUMN_NS)
-    assert past.marks.tolist() == [[Mark.NAN, Mark.POS_INF, Mark.NEG_INF, 0]]
+    assert past.marks.tolist() == [[NonFinite.NAN, NonFinite.POS_INF, NonFinite.NEG_INF, 0]]
     np.testing.assert_array_equal(past.low, [[1, 4, np.nan, 5]])
     np.testing.assert_array_equal(past.high, [[3, 4, np.nan, 5]])
 
@@ -122,14 +122,14 @@ def why_empty(client, bench, name, begin_ns, columns):
     past = client.history([name], begin_ns, begin_ns + columns * COLUMN_NS, COLUMN_NS)
     marks = np.zeros(past.low.shape, np.uint8) if past.marks is None else past.marks
     return [
-        Hole(int(hole)) if np.isnan(low) else None for hole, low in zip(holes_of(marks)[0], past.low[0], strict=True)
+        Gap(int(hole)) if np.isnan(low) else None for hole, low in zip(holes_of(marks)[0], past.low[0], strict=True)
     ]
 
 
 def test_history_before_the_start_says_so(bench, client):
     client.start()
     bench.ticks(10)
-    assert why_empty(client, bench, "/log/x", bench.begin_ns - 2 * COLUMN_NS, 3) == [Hole.BEFORE, Hole.BEFORE, None]
+    assert why_empty(client, bench, "/log/x", bench.begin_ns - 2 * COLUMN_NS, 3) == [Gap.BEFORE, Gap.BEFORE, None]
 
 
 def test_history_of_what_was_overwritten_says_so(bench, client):
@@ -137,7 +137,7 @@ def test_history_of_what_was_overwritten_says_so(bench, client):
     client.start()
     bench.ticks(1000)
     found = why_empty(client, bench, "/log/kept", bench.begin_ns, 100)
-    assert found[:50] == [Hole.OVERWRITTEN] * 50
+    assert found[:50] == [Gap.OVERWRITTEN] * 50
     assert found[-1] is None
 
 
@@ -145,14 +145,14 @@ def test_history_of_a_full_buffer_that_is_not_published_says_so(bench, client):
     client.apply([Edit("/log/kept", ElementOptions(buffer_size=10, buffer_type=BufferType.FIXED))], -1)
     client.start()
     bench.ticks(40)
-    assert why_empty(client, bench, "/log/kept", bench.begin_ns, 4) == [None, Hole.FULL, Hole.FULL, Hole.FULL]
+    assert why_empty(client, bench, "/log/kept", bench.begin_ns, 4) == [None, Gap.FULL, Gap.FULL, Gap.FULL]
 
 
 def test_history_of_an_element_that_is_off_says_so(bench, client):
     client.apply([Edit("/log/kept", ElementOptions(enabled=False))], -1)
     client.start()
     bench.ticks(20)
-    assert why_empty(client, bench, "/log/kept", bench.begin_ns, 2) == [Hole.OFF, Hole.OFF]
+    assert why_empty(client, bench, "/log/kept", bench.begin_ns, 2) == [Gap.OFF, Gap.OFF]
 
 
 class Racing(SegmentReader):

@@ -14,7 +14,7 @@ import silo
 from silo.cli.main import cli, run
 from silo.errors import ConnectionLostError, ElementError
 from silo.net.addresses import Address, logger_of, parse_url, url_of, zenoh_settings
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.net.remotes import remote_file
 
 PROTOCOL = Path(__file__).parents[2] / ".docs" / "protocol.md"
@@ -58,7 +58,7 @@ class TestUrls:
         file.parent.mkdir(parents=True)
         tls = '{ root_ca_certificate: "ca.pem" }'
         file.write_text(f'{{ connect: {{ endpoints: ["tls/robot3:7447"] }}, transport: {{ link: {{ tls: {tls} }} }} }}')
-        settings = zenoh_settings(Found("anymal", 0, "", "", config="lab", host="robot3", id="0011223344"))
+        settings = zenoh_settings(LoggerAddress("anymal", 0, "", "", config="lab", host="robot3", id="0011223344"))
         assert settings["connect"] == {"endpoints": ["tls/robot3:7447"]}
         assert settings["mode"] == "client"
         assert settings["transport"]["link"]["tls"]["root_ca_certificate"] == str(file.parent / "ca.pem")

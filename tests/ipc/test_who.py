@@ -13,7 +13,7 @@ import zenoh
 import silo
 from silo.cli.main import EXIT_FAILED, run
 from silo.client.client import Client
-from silo.control.authentication import Door
+from silo.control.authentication import Authentication
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.fleet.discovery import discover
 from silo.net.access.admission import INSECURE, Admission, admission_of, rules_hold_names
@@ -63,7 +63,7 @@ def test_nobody_can_claim_to_be_proven() -> None:
 
 
 def test_a_name_that_nobody_checked_can_not_call_itself_proven_nor_move_a_cursor() -> None:
-    door = Door(ROOT, Admission(True, False))
+    door = Authentication(ROOT, Admission(True, False))
     for name in ("anna (proven)", "anna (proven) from desk,", "\x1b[2Janna\n"):
         sender = door.sender(ROOT.do(name), b"", "x@desk silo 1")
         assert isinstance(sender, Sender)
@@ -76,7 +76,7 @@ def test_a_name_that_nobody_checked_can_not_call_itself_proven_nor_move_a_cursor
 
 
 def test_a_request_that_means_several_robots_is_refused_at_the_door() -> None:
-    door = Door(ROOT, Admission(True, True))
+    door = Authentication(ROOT, Admission(True, True))
     for key in ("silo/**", "silo/*/*/do/anna", f"{ROOT}/do/*", f"{ROOT}/d$*/anna", f"{ROOT}/do", f"{ROOT}/do/"):
         refused = answered(lambda key=key: door.sender(key, b"", "anna@desk silo 1"))
         assert isinstance(refused, Refused), key
@@ -85,7 +85,7 @@ def test_a_request_that_means_several_robots_is_refused_at_the_door() -> None:
 
 
 def test_a_user_name_of_any_letters_is_a_part_of_a_key() -> None:
-    door = Door(ROOT, Admission(True, True))
+    door = Authentication(ROOT, Admission(True, True))
     for name in ("anna", "änna/berg", "a*b$c#d?e", "@local", "50% x"):
         key = ROOT.do(name)
         zenoh.KeyExpr(key)

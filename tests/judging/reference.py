@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from silo.expressions.binding import OFF, Bound, Computed, Constant, Remembered, Signal, columns_of
+from silo.expressions.binding import OFF, BoundExpression, BoundSignal, Computed, Constant, Remembered, columns_of
 
 COMPARED = {
     "<": lambda a, b: a < b, "<=": lambda a, b: a <= b, ">": lambda a, b: a > b, ">=": lambda a, b: a >= b,
@@ -29,7 +29,7 @@ class Stream:
 
 
 class Reference:
-    def __init__(self, bound: Bound, streams: dict[int, Stream]) -> None:
+    def __init__(self, bound: BoundExpression, streams: dict[int, Stream]) -> None:
         self.bound, self.streams = bound, streams
         self.memory = {}
 
@@ -46,7 +46,7 @@ class Reference:
     def value(self, part, tick):
         if isinstance(part, Constant):
             return part.value
-        if isinstance(part, Signal):
+        if isinstance(part, BoundSignal):
             found = [self.sample(column, tick) for column in part.columns]
             return found if part.vector else found[0]
         if isinstance(part, Remembered):

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from silo.core.elements import Entry
-from silo.expressions.binding import OFF, Catalogue, Constant, Known, Signal, bind
+from silo.expressions.binding import OFF, BoundSignal, Catalogue, Constant, Known, bind
 from silo.expressions.parsing import MOST_NODES, Call, Name, Operation, parse
 from silo.expressions.tokens import MOST_CHARACTERS, ExpressionError
 
@@ -163,7 +163,7 @@ def test_products_have_their_unit_and_vectors_their_width():
 
 def test_a_pattern_is_a_vector_of_all_that_match():
     bound = bind("any(legs/*/slip)", CATALOGUE)
-    assert isinstance(bound.root.parts[0], Signal)
+    assert isinstance(bound.root.parts[0], BoundSignal)
     assert [column.source for column in bound.columns] == [0, OFF]
     assert bound.sources == {0: 1}
     assert "no signal matches" in refusal("any(legs/*/slop)").reason

@@ -13,7 +13,7 @@ from silo.analysis.log import Log
 from silo.analysis.plots.curves import pick
 from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
-from silo.core.elements import BufferType, Derived, Entry, Extras, SignalLimits
+from silo.core.elements import BufferType, Conditions, Derived, Entry, SignalLimits
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.expressions.tokens import ExpressionError
 from silo.files import write
@@ -36,7 +36,7 @@ def element(name, values, divider=1, first=0, unit="-", labels=None):
 
 def recording(*elements, ticks=10, extras=None):
     time_ns = 10**18 + np.arange(ticks) * 10**6
-    return Recording("robot", time_ns, ticks, elements, frequency_hz=1000.0, extras=extras or Extras())
+    return Recording("robot", time_ns, ticks, elements, frequency_hz=1000.0, extras=extras or Conditions())
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def log():
         element("joints/qd", np.full((10, 2), 2.0), unit="rad/s"),
         element("mode", np.array([0, 1, 1, 0, 0], np.int32), divider=2, labels={0: "STAND", 1: "WALK"}),
         element("late", np.arange(4.0), first=6),
-        extras=Extras((Derived("/log/power", "joints/tau * joints/qd", "W"), Derived("/log/total", "sum(power)"))),
+        extras=Conditions((Derived("/log/power", "joints/tau * joints/qd", "W"), Derived("/log/total", "sum(power)"))),
     ))  # fmt: skip
 
 
@@ -91,7 +91,7 @@ def test_a_derived_signal_is_in_the_log_like_any_other(log):
 @pytest.mark.parametrize("ending", ["silo", "csv", "mcap", ""])
 def test_files_keep_what_is_derived_and_limited(log, tmp_path, ending):
     limits = SignalLimits("/log/joints/tau", (None, -10.0, 10.0, None), 2, 0.5, 0.1, "mode == WALK")
-    extras = Extras(log.recording.extras.derived, (limits,))
+    extras = Conditions(log.recording.extras.derived, (limits,))
     made = recording(*log.recording.elements[:2], ticks=10, extras=extras)
     write(made, tmp_path, "robot", ["silo"], "run")
     target = tmp_path / (f"other.{ending}" if ending else "bag")
@@ -163,7 +163,7 @@ class TestCheck:
         assert run(["check", file, "--limit", "x=4,3,2,1"]) == 2
 
     def test_limits_in_the_log_need_no_arguments(self, spiky, tmp_path):
-        extras = Extras((Derived("/log/twice", "2 * x"),), (SignalLimits("twice", (None, None, 150, None)),))
+        extras = Conditions((Derived("/log/twice", "2 * x"),), (SignalLimits("twice", (None, None, 150, None)),))
         write(Recording(**{**vars(spiky), "extras": extras}), tmp_path, "robot", ["silo"], "run")
         assert run(["check", str(tmp_path / "run.silo")]) == 1
 
@@ -203,7 +203,7 @@ class TestLogger:
             log.limit("joints/q", (0, 1, 2, 3), stale="soon")
         with pytest.raises(silo.ElementError, match="red_low, yellow_low"):
             log.limit("joints/q", (0, math.nan, 2, 3))
-        assert log.extras == Extras()
+        assert log.extras == Conditions()
 
     def test_a_new_expression_replaces_the_old_one_and_must_fit_what_stands_on_it(self, log):
         log.derive("a", "joints/q_0")
@@ -258,7 +258,7 @@ class TestLogger:
         with pytest.raises(silo.ScriptError) as caught:
             log.load_script(tmp_path / "bad.yaml")
         assert says in str(caught.value)
-        assert log.extras == Extras()
+        assert log.extras == Conditions()
 
     def test_a_script_written_without_them_keeps_those_that_stand_in_it(self, log, tmp_path):
         log.derive("more", "mode")
@@ -270,7 +270,7 @@ class TestLogger:
 
 def test_limits_of_what_is_not_in_a_log_are_unobservable_and_the_others_are_judged(tmp_path, capsys):
     limits = (SignalLimits("/log/off", (None, None, 1.0, 2.0)), SignalLimits("/log/x", (None, None, 5.0, 8.0)))
-    log = recording(element("x", np.arange(10.0)), extras=Extras(limits=limits))
+    log = recording(element("x", np.arange(10.0)), extras=Conditions(limits=limits))
     gone, found = check(log, limits)
     assert (gone.what, gone.worst, gone.violated) == ("/log/off", "UNOBSERVABLE", False)
     assert "/log/off" in gone.why
@@ -282,7 +282,7 @@ def test_limits_of_what_is_not_in_a_log_are_unobservable_and_the_others_are_judg
 
 def test_a_log_of_which_nothing_can_be_judged_is_not_fine(tmp_path):
     log = recording(
-        element("x", np.arange(10.0)), extras=Extras(limits=(SignalLimits("/log/off", (None, None, 1, 2)),))
+        element("x", np.arange(10.0)), extras=Conditions(limits=(SignalLimits("/log/off", (None, None, 1, 2)),))
     )
     write(log, tmp_path, "robot", ["silo"], "run")
     assert run(["check", str(tmp_path / "run.silo")]) == EXIT_BLIND

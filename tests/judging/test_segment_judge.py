@@ -276,7 +276,7 @@ def test_a_trigger_that_is_removed_and_set_again_within_post_has_two_captures(ro
     robot.ticks(50, [(40, 0)])
     whole = robot.judge.step().whole
     extras = robot.judge.extras
-    robot.judge.adopt(silo.core.elements.Extras())
+    robot.judge.adopt(silo.core.elements.Conditions())
     robot.judge.adopt(extras)
     robot.ticks(200, [(10, 0)])
     whole += robot.judge.step().whole

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.errors import ElementError
-from silo.judging.triggers import Held, Mode, Slope, Trigger, TriggerRule, TriggerState, check_pre
+from silo.judging.triggers import BufferSpan, Slope, Trigger, TriggerMode, TriggerRule, TriggerState, check_pre
 from tests.examples import examples
 
 T, F, U = 1, 0, -1
@@ -62,7 +62,7 @@ class Slow:
         self.seen = True
         if condition != U:
             self.known = condition
-        if rule.mode is Mode.AUTO and self.patient is None:
+        if rule.mode is TriggerMode.AUTO and self.patient is None:
             self.patient = tick + rule.patience
         due = condition == T and self.armed and self.ready and (self.turned or level)
         due = due and tick >= self.since + rule.persist and tick >= self.holdoff_end
@@ -78,9 +78,9 @@ class Slow:
             self.captures[-1][1] = tick + rule.post
         else:
             self.captures.append([max(0, tick - rule.pre), tick + rule.post])
-        if rule.mode is Mode.AUTO:
+        if rule.mode is TriggerMode.AUTO:
             self.patient = tick + rule.post + 1 + rule.patience
-        if rule.mode is Mode.SINGLE:
+        if rule.mode is TriggerMode.SINGLE:
             self.armed, self.turned = False, False
         self.holdoff_end = tick + max(rule.holdoff, rule.post + 1 if rule.slope is Slope.LEVEL else 0)
         if not forced:
@@ -89,7 +89,7 @@ class Slow:
 
 rules = st.builds(
     TriggerRule, pre=st.integers(0, 4), post=st.integers(0, 5), slope=st.sampled_from(Slope),
-    persist=st.integers(0, 3), holdoff=st.integers(0, 6), mode=st.sampled_from(Mode), patience=st.integers(0, 5),
+    persist=st.integers(0, 3), holdoff=st.integers(0, 6), mode=st.sampled_from(TriggerMode), patience=st.integers(0, 5),
     longest=st.sampled_from([10, 15, 2**62]),
 )  # fmt: skip
 codes = st.lists(st.tuples(st.sampled_from([T, F, U]), st.integers(1, 4)), max_size=15).map(
@@ -158,7 +158,7 @@ def test_a_capture_begins_at_the_first_tick_at_the_earliest():
 
 
 def test_single_fires_once_until_it_is_armed_again():
-    trigger, captures = fed(TriggerRule(0, 0, mode=Mode.SINGLE), [F, T, F, T])
+    trigger, captures = fed(TriggerRule(0, 0, mode=TriggerMode.SINGLE), [F, T, F, T])
     assert len(captures) == 1
     assert trigger.state(3) is TriggerState.DISARMED
     trigger.arm(4)
@@ -166,7 +166,7 @@ def test_single_fires_once_until_it_is_armed_again():
 
 
 def test_auto_captures_when_no_fire_comes():
-    assert fires(TriggerRule(0, 1, mode=Mode.AUTO, patience=3), [F] * 10) == [3, 8]
+    assert fires(TriggerRule(0, 1, mode=TriggerMode.AUTO, patience=3), [F] * 10) == [3, 8]
 
 
 def test_force_fires_whatever_the_condition_says():
@@ -190,13 +190,17 @@ def test_states_tell_what_it_does():
 
 
 def test_a_pre_longer_than_a_buffer_is_refused_with_the_size_that_would_do():
-    check_pre(500, 1000, [Held("/log/q", 1, 1502, looping=True), Held("/log/all", 1, 10, looping=False, grows=True)])
+    check_pre(
+        500,
+        1000,
+        [BufferSpan("/log/q", 1, 1502, looping=True), BufferSpan("/log/all", 1, 10, looping=False, grows=True)],
+    )
     with pytest.raises(ElementError, match=r"'/log/q' holds 1501 samples, 1502 are needed: set size=1502"):
-        check_pre(500, 1000, [Held("/log/q", 1, 1501, looping=True)])
+        check_pre(500, 1000, [BufferSpan("/log/q", 1, 1501, looping=True)])
     with pytest.raises(ElementError, match="keeps its first samples"):
-        check_pre(500, 1000, [Held("/log/q", 1, 10**6, looping=False)])
+        check_pre(500, 1000, [BufferSpan("/log/q", 1, 10**6, looping=False)])
     with pytest.raises(ElementError, match="size=152"):
-        check_pre(500, 1000, [Held("/log/q", 10, 151, looping=True)])
+        check_pre(500, 1000, [BufferSpan("/log/q", 10, 151, looping=True)])
 
 
 def test_single_spikes_at_random_places_are_all_caught_and_nothing_else():

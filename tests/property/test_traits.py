@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as numpy_st
 
 from silo.loop.sources import refer
-from silo.loop.types import Part, entry_of, kind_of
+from silo.loop.types import Component, entry_of, kind_of
 
 numbers = st.one_of(
     numpy_st.boolean_dtypes(),
@@ -56,7 +56,7 @@ def test_each_entry_points_at_its_own_bytes(dtype, shape, flip, data):
     array = np.ndarray(shape, dtype, np.resize(array, size).data)
     if flip and array.ndim:
         array = array[::-1].T
-    part = Part("", refer(array, "/x"), "array")
+    part = Component("", refer(array, "/x"), "array")
     memory = np.ndarray(size, np.uint8, array.base if array.base is not None else array)
     first = array.__array_interface__["data"][0] - memory.__array_interface__["data"][0]
     found = [
@@ -68,7 +68,7 @@ def test_each_entry_points_at_its_own_bytes(dtype, shape, flip, data):
 
 @given(dtype=dtypes, shape=shapes)
 def test_every_scalar_has_a_name_of_its_own(dtype, shape):
-    part = Part("", refer(np.zeros(shape, dtype), "/x"))
+    part = Component("", refer(np.zeros(shape, dtype), "/x"))
     found = [scalar.suffix for scalar in part.scalars(part.source.view.strides)]
     assert all(suffix == "" or suffix.startswith("_") for suffix in found)
     assert len(set(found)) == len(found)
@@ -76,7 +76,7 @@ def test_every_scalar_has_a_name_of_its_own(dtype, shape):
 
 @given(dtype=dtypes, shape=shapes)
 def test_entries_are_little_endian_and_never_structured(dtype, shape):
-    part = Part("", refer(np.zeros(shape, dtype), "/x"))
+    part = Component("", refer(np.zeros(shape, dtype), "/x"))
     for scalar in part.scalars(part.source.view.strides):
         made = np.dtype(entry_of(scalar, None).dtype)
         assert not made.str.startswith(">")

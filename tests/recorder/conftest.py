@@ -17,7 +17,7 @@ from silo.core.elements import RecorderState
 from silo.core.recording import Recording
 from silo.files.manifest import Ledger
 from silo.logger.logger import Logger
-from silo.recorder.event_tail import Happening
+from silo.recorder.event_tail import EventTail
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
     Finish,
@@ -29,8 +29,8 @@ from silo.recorder.orders import (
     extras_file,
 )
 from silo.recorder.parts.layout import layout_of
-from silo.recorder.ring_cursor import Drain
-from silo.recorder.writing import Disk, Look, RunBegins, RunEnds, Totals, Writing
+from silo.recorder.ring_cursor import RingCursor
+from silo.recorder.writing import EventCheck, RecorderDisk, RunBegins, RunEnds, Totals, Writing
 from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
 
@@ -192,14 +192,14 @@ def recorders() -> Iterator[Callable[[RecordOrder], Process]]:
 class Direct:
     """A recorder without its process: `step` does what its loop does, as often as a test likes."""
 
-    def __init__(self, robot: Robot, order: RecordOrder, disk: Disk | None = None) -> None:
+    def __init__(self, robot: Robot, order: RecordOrder, disk: RecorderDisk | None = None) -> None:
         Path(order.folder).mkdir(exist_ok=True)
         self.ledger = Ledger(Path(order.folder), order.name, 0.0)
-        self.writing = Writing(order, self.ledger, disk or Disk())
+        self.writing = Writing(order, self.ledger, disk or RecorderDisk())
         self.writing.start()
         reader = SegmentReader(robot.log.segment_path)
-        self.drain = Drain(reader, layout_of(reader.schema, order.patterns), None)
-        self.writing.put(RunBegins(self.drain.layout, self.drain.begun_with, Happening(reader, 0)))
+        self.drain = RingCursor(reader, layout_of(reader.schema, order.patterns), None)
+        self.writing.put(RunBegins(self.drain.layout, self.drain.begun_with, EventTail(reader, 0)))
 
     def step(self) -> None:
         """Read all that is in the rings, and have it written."""
@@ -215,7 +215,7 @@ class Direct:
             return False
         found = self.drain.read(room)
         self.writing.put(found)
-        self.writing.put(Look())
+        self.writing.put(EventCheck())
         return found.complete
 
     def finish(self) -> Totals:

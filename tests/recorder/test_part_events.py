@@ -20,7 +20,7 @@ from silo.files.bags.writer import write_bag
 from silo.files.event_log import append_events, event_log_path, older_event_log
 from silo.files.parts.scan import rows_after, scan_part
 from silo.recorder.orders import Finish, RecordOrder, encode
-from silo.recorder.writing import ExtrasChange, Look
+from silo.recorder.writing import EventCheck, ExtrasChange
 from silo.recovery.parts import close_part
 from tests.waiting import wait_until
 
@@ -109,7 +109,7 @@ def test_a_mark_while_nothing_else_happens_is_in_the_part_at_once(robot, tmp_pat
     robot.ticks(30)
     direct.step()
     happens("stands still", 29)
-    direct.writing.put(Look())
+    direct.writing.put(EventCheck())
     wait_until(lambda: direct.writing.is_idle)
     (path,) = (tmp_path / "rec").glob("*.mcap.part")
     assert kept(path) == [("marker", "stands still", 29)]
@@ -226,7 +226,7 @@ def test_the_event_log_is_followed_through_its_renaming(robot, tmp_path, truth, 
     event_log_path(tmp_path, "bot").rename(older_event_log(tmp_path, "bot"))
     happens("three", 3)
     direct.step()
-    direct.writing.put(Look())
+    direct.writing.put(EventCheck())
     direct.finish()
     assert [text for _, text, _ in kept(parts(tmp_path)[0])] == ["one", "two", "three"]
 

@@ -21,7 +21,7 @@ from silo.files.bags.writer import write_bag
 from silo.files.manifest import Ledger
 from silo.files.parts.scan import part_records, rows_after, scan_part
 from silo.recorder.orders import RecordOrder
-from silo.recorder.writing import QUEUE_BYTES, Disk, left_free
+from silo.recorder.writing import QUEUE_BYTES, RecorderDisk, left_free
 from silo.recovery.parts import close_part, close_parts, finished_part, left_parts, left_rows
 
 
@@ -76,7 +76,7 @@ def test_a_file_that_was_put_in_the_place_of_a_part_is_not_deleted(robot, tmp_pa
 def test_a_recording_stops_with_words_before_the_disk_is_full(robot, tmp_path, truth) -> None:
     robot.start()
     free = [10_000_000]
-    direct = truth.direct(robot, order(tmp_path), Disk(room=lambda _: (free[0], 100_000_000)))
+    direct = truth.direct(robot, order(tmp_path), RecorderDisk(room=lambda _: (free[0], 100_000_000)))
     robot.ticks(300)
     direct.step()
     free[0] = 2_050_000
@@ -105,7 +105,7 @@ def test_a_disk_that_refuses_ends_the_recording_and_leaves_what_was_written(robo
             raise OSError(28, "No space left on device")
         write_all(descriptor, buffers, offset)
 
-    direct = truth.direct(robot, order(tmp_path), Disk(write=write))
+    direct = truth.direct(robot, order(tmp_path), RecorderDisk(write=write))
     robot.ticks(300)
     direct.step()
     full[0] = True
@@ -133,7 +133,7 @@ def test_what_a_slow_disk_costs_is_counted_at_its_place(robot, tmp_path, truth, 
         gate.wait()
         write_all(descriptor, buffers, offset)
 
-    direct = truth.direct(robot, order(tmp_path), Disk(write=write))
+    direct = truth.direct(robot, order(tmp_path), RecorderDisk(write=write))
     robot.ticks(500)
     direct.step()
     gate.clear()
@@ -174,7 +174,7 @@ def test_a_slow_disk_costs_nothing_while_queue_and_rings_have_room(robot, tmp_pa
         gate.wait()
         write_all(descriptor, buffers, offset)
 
-    direct = truth.direct(robot, order(tmp_path), Disk(write=write))
+    direct = truth.direct(robot, order(tmp_path), RecorderDisk(write=write))
     for _ in range(10):
         robot.ticks(1500)
         direct.put()

@@ -14,7 +14,7 @@ from silo.files.bag_reader import read_bag
 from silo.files.parts.metadata import PART_ENDING
 from silo.recorder.orders import Finish, Follow, RecordOrder, encode
 from silo.recorder.recorder import Recorder
-from silo.recorder.ring_cursor import Drain, Drained
+from silo.recorder.ring_cursor import Drained, RingCursor
 from silo.recovery import parts as left
 from silo.recovery.parts import close_parts, left_parts
 from tests.waiting import wait_until
@@ -155,10 +155,10 @@ def test_what_is_logged_between_the_last_look_and_the_end_is_left_to_the_next_on
 ) -> None:
     robot.start()
     robot.ticks(50)
-    look, drain_last = Drain.read, Recorder._drain_last
+    look, drain_last = RingCursor.read, Recorder._drain_last
     last = threading.Event()
 
-    def looked(self: Drain, room_bytes: int) -> Drained:
+    def looked(self: RingCursor, room_bytes: int) -> Drained:
         found = look(self, room_bytes)
         if last.is_set():
             last.clear()
@@ -166,7 +166,7 @@ def test_what_is_logged_between_the_last_look_and_the_end_is_left_to_the_next_on
             robot.log.stop()
         return found
 
-    monkeypatch.setattr(Drain, "read", looked)
+    monkeypatch.setattr(RingCursor, "read", looked)
     monkeypatch.setattr(Recorder, "_drain_last", lambda self: last.set() or drain_last(self))
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:

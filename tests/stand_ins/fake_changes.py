@@ -8,9 +8,9 @@ import msgspec
 
 from silo.conditions.standing import TriggerStatus, TriggerWord
 from silo.core.elements import (
+    Conditions,
     Edit,
     ElementOptions,
-    Extras,
     FileType,
     RecorderState,
     SavedFile,
@@ -69,11 +69,11 @@ class FakeChanges:
         return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings, extras)
 
     @property
-    def extras(self) -> Extras:
+    def extras(self) -> Conditions:
         """What belongs to it beside its elements."""
-        return Extras(self.derived, self.limit_options, tuple(one.options for one in self.trigger_statuses))
+        return Conditions(self.derived, self.limit_options, tuple(one.options for one in self.trigger_statuses))
 
-    def _take_extras(self, extras: Extras) -> None:
+    def _take_extras(self, extras: Conditions) -> None:
         self.derived, self.limit_options = extras.derived, extras.limits
         known = {one.options: one for one in self.trigger_statuses}
         self.trigger_statuses = [known.get(one, TriggerStatus(one, TriggerWord.ARMED)) for one in extras.triggers]

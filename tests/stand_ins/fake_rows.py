@@ -13,10 +13,9 @@ from silo.core.elements import (
     ElementInfo,
     Sought,
 )
-from silo.expressions.search import Finder, Looking
-from silo.expressions.search import Found as FoundMoments
+from silo.expressions.search import Finder, FoundMoments, Looking
 from silo.expressions.span import Between, between
-from silo.history.arrays import Samples
+from silo.history.arrays import SampleArrays
 from silo.history.requests import PinOpened
 from silo.live.requests import Survey
 from silo.rpc.frames import Frame
@@ -78,7 +77,7 @@ class FakePin:
 
     refused = ""
 
-    def __init__(self, client: Any, held: dict[str, Samples]) -> None:
+    def __init__(self, client: Any, held: dict[str, SampleArrays]) -> None:
         self.client, self.held, self.id = client, held, f"pin-{len(client.pins)}"
         self.names = tuple(held)
         stamps = np.concatenate([some.time_ns for some in held.values()] or [NOTHING[0]])
@@ -105,7 +104,7 @@ class FakeRows:
     def samples(
         self, names: Sequence[str], start: int = -(2**62), end: int = 2**62, by: str = "time",
         pin: FakePin | None = None, reply_bytes: int = 2**20, told: Callable[[float], None] | None = None,
-    ) -> dict[str, Samples]:  # fmt: skip
+    ) -> dict[str, SampleArrays]:  # fmt: skip
         self._ask()
         shapes = {info.name: info.shape for info in self.infos}
         found = {
@@ -116,13 +115,15 @@ class FakeRows:
             told(1.0)
         return found
 
-    def _some(self, names: Sequence[str], start: int, end: int, by: str, pin: FakePin | None) -> dict[str, Samples]:
+    def _some(
+        self, names: Sequence[str], start: int, end: int, by: str, pin: FakePin | None
+    ) -> dict[str, SampleArrays]:
         found = {}
         for name in names:
             whole = self._held_samples(name) if pin is None else self._of_pin(pin, name)
             key = {"time": whole.time_ns, "tick": whole.ticks, "row": whole.ticks // max(1, whole.divider)}[by]
             some = (key >= start) & (key < end)
-            found[name] = Samples(
+            found[name] = SampleArrays(
                 whole.ticks[some], whole.time_ns[some], whole.values[some], whole.divider, why=whole.why
             )
         return found
@@ -162,12 +163,12 @@ class FakeRows:
         stamps, at = np.unique(np.concatenate([some.time_ns for some in parts]), return_index=True)
         return stamps, np.concatenate([some.values for some in parts])[at]
 
-    def _of_pin(self, pin: FakePin, name: str) -> Samples:
+    def _of_pin(self, pin: FakePin, name: str) -> SampleArrays:
         if pin not in self.pins:
             raise refused(RefusedWhy.NOT_FOUND, f"the pin '{pin.id}' is no more: pin again")
-        return pin.held.get(name, Samples(*NOTHING, why="it is not in this pin"))
+        return pin.held.get(name, SampleArrays(*NOTHING, why="it is not in this pin"))
 
-    def _held_samples(self, name: str) -> Samples:
+    def _held_samples(self, name: str) -> SampleArrays:
         """All samples of an element or entry that its buffer holds."""
         places = {info.name: (info, info.entries) for info in self.infos}
         for info in self.infos:
@@ -178,7 +179,7 @@ class FakeRows:
         info, entries = places[name]
         options = self.recorded(info.name)
         if not options.enabled or not self.started_ns:
-            return Samples(*NOTHING, why="nothing was logged yet" if options.enabled else "it is off")
+            return SampleArrays(*NOTHING, why="nothing was logged yet" if options.enabled else "it is off")
         ticks = np.arange(0, self.ticks, options.divider)
         if options.buffer_type is BufferType.LOOPING:
             ticks = ticks[-options.buffer_size :]
@@ -192,7 +193,7 @@ class FakeRows:
         ]
         values = columns[0] if len(entries) == 1 else np.stack(columns, axis=1)
         time_ns = self.started_ns + np.round(ticks / HZ * 1e9).astype(np.int64)
-        return Samples(ticks, time_ns, values, options.divider)
+        return SampleArrays(ticks, time_ns, values, options.divider)
 
     def history(
         self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int, pin: FakePin | None = None

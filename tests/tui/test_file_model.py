@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.core.arrays.columns import Hole, Mark, holes_of
+from silo.core.arrays.columns import Gap, NonFinite, holes_of
 from silo.core.arrays.values import newest_values
-from silo.core.elements import BufferType, CaptureFacts, Entry, Extras
+from silo.core.elements import BufferType, CaptureFacts, Conditions, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.model.recorded import RecordingSource
 from tests.examples import examples
@@ -56,9 +56,9 @@ def test_a_column_holds_the_extremes_of_its_samples(data, count, divider, column
     np.testing.assert_array_equal(past.low[0][there], low[there])
     np.testing.assert_array_equal(past.high[0][there], high[there])
     for mark, hit in (
-        (Mark.NAN, np.isnan(values)),
-        (Mark.POS_INF, values == np.inf),
-        (Mark.NEG_INF, values == -np.inf),
+        (NonFinite.NAN, np.isnan(values)),
+        (NonFinite.POS_INF, values == np.inf),
+        (NonFinite.NEG_INF, values == -np.inf),
     ):
         marked = np.flatnonzero(past.marks[0] & mark)
         if column_ns >= divider * STEP_NS:  # else a column without sample shows the value that holds
@@ -160,8 +160,8 @@ def test_a_value_of_a_file_has_the_text_that_a_live_one_has(values, text):
 @pytest.mark.parametrize(
     ("made", "hole", "where"),
     [
-        ({"first": 900}, Hole.OVERWRITTEN, slice(0, 89)), ({"lost": 5}, Hole.LOST, slice(12, None)),
-        ({}, Hole.FULL, slice(12, None)),
+        ({"first": 900}, Gap.OVERWRITTEN, slice(0, 89)), ({"lost": 5}, Gap.LOST, slice(12, None)),
+        ({}, Gap.FULL, slice(12, None)),
     ],
 )  # fmt: skip
 def test_where_a_file_has_no_samples_it_says_why(made, hole, where):
@@ -230,7 +230,7 @@ def test_a_sample_from_before_a_capture_makes_its_time_axis_no_longer_and_no_hol
     # ticks 740 to 1800; asked for were 1000 to 1800
     elements = (element("a", np.arange(801.0), first=260), element("slow", np.arange(11.0), divider=100))
     times = START_NS + STEP_NS * np.arange(1061, dtype=np.int64)
-    extras = Extras(capture=CaptureFacts("fall", 1, 1000, 1800, (1400,), (int(times[660]),)))
+    extras = Conditions(capture=CaptureFacts("fall", 1, 1000, 1800, (1400,), (int(times[660]),)))
     recording = Recording("robot", times, 1801, elements, frequency_hz=400.0, extras=extras)
     of = RecordingSource(recording, [each.name for each in elements])
     assert (of.begin_ns, of.end_ns) == (times[260], times[1060])

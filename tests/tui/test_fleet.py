@@ -6,7 +6,7 @@ import pytest
 from silo.core.elements import State
 from silo.errors import RefusedError
 from silo.fleet.member import Member, Stands
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.rpc.published import Summary
 from silo_tui.model import fleet
 from silo_tui.model.lists import arranged
@@ -19,12 +19,12 @@ FINE = Summary(
 
 
 def member(name: str = "anymal", host: str = "rob3", *, here: bool = True, since_s: float = 0.0, **told) -> Member:
-    found = Found(name, 0, "", "", "lab", host, id="aaaa000001")
+    found = LoggerAddress(name, 0, "", "", "lab", host, id="aaaa000001")
     return Member(found, msgspec.structs.replace(FINE, **told), here, since_s=since_s, seen_s=since_s)
 
 
-def line(one: Member, answer: str = "") -> fleet.Line:
-    return fleet.Line(one.key, f"{one.found.host}/{one.found.name}", "lab", one, answer)
+def line(one: Member, answer: str = "") -> fleet.LoggerLine:
+    return fleet.LoggerLine(one.key, f"{one.found.host}/{one.found.name}", "lab", one, answer)
 
 
 def shown(one: Member, width: int = 80, answer: str = "") -> str:
@@ -48,7 +48,7 @@ def shown(one: Member, width: int = 80, answer: str = "") -> str:
         (member(state=State.DEAD), Stands.DEAD, ""),
         (member(state=State.DEAD, here=False), Stands.DEAD, ""),
         (member(here=False, closed=True), Stands.CLOSED, ""),
-        (Member(Found("x", 0, "", ""), problem="no answer"), Stands.MUTE, "~~"),
+        (Member(LoggerAddress("x", 0, "", ""), problem="no answer"), Stands.MUTE, "~~"),
     ],
 )
 def test_the_worst_of_a_logger_is_its_sign(one, stands, sign) -> None:
@@ -117,7 +117,9 @@ def robots(new_fake, new_finder, monkeypatch):
 def _with_members(find):
     def found(self):
         for client in self.clients:
-            self.members.setdefault(client.name, Member(Found(client.name, client.pid, client.name, "ann"), FINE))
+            self.members.setdefault(
+                client.name, Member(LoggerAddress(client.name, client.pid, client.name, "ann"), FINE)
+            )
         return find(self)
 
     return found

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from silo.core.arrays.columns import Hole, hole_mark
+from silo.core.arrays.columns import Gap, hole_mark
 from silo.core.elements import State
 from silo.rpc.published import EventKind
 from silo_tui.model.dots import BLANK
@@ -130,7 +130,7 @@ async def test_what_was_overwritten_is_said_under_the_plots(fake, opened):
         marks = np.zeros(found.low.shape, np.uint8)
         gone = found.first + np.arange(found.low.shape[1]) < (fake.now_ns - 4_000_000_000) // column_ns
         found.low[:, gone] = found.high[:, gone] = np.nan
-        marks[:, gone] = hole_mark(Hole.OVERWRITTEN)
+        marks[:, gone] = hole_mark(Gap.OVERWRITTEN)
         return replace(found, marks=marks)
 
     fake.history = short

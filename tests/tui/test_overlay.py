@@ -7,7 +7,7 @@ from silo.core.arrays.columns import HistoryColumns
 from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
-from silo_tui.model.columns import ColumnStore, Piece
+from silo_tui.model.columns import ColumnPiece, ColumnStore
 from silo_tui.model.overlay import ghost_piece, overlay_of
 from silo_tui.model.plots import Plotted, PlotWindow, draw_panel, together
 from silo_tui.model.recorded import RecordingSource
@@ -63,7 +63,7 @@ def panel(live: np.ndarray, ghost: np.ndarray | None):
     plotted = Plotted(ElementInfo("/log/x", "m", "scalar", (), (Entry("", "<f8"),), ElementOptions()), 0)
     store = ColumnStore(["/log/x"], 20, COLUMN)
     store.take(HistoryColumns(("/log/x",), 0, COLUMN, live[None], live[None].copy()))
-    ghosts = {} if ghost is None else {0: Piece(ghost, ghost.copy(), np.zeros(20, np.uint8))}
+    ghosts = {} if ghost is None else {0: ColumnPiece(ghost, ghost.copy(), np.zeros(20, np.uint8))}
     pictures = draw_panel(store, PlotWindow(), [plotted], [False], 10, 4, lambda name: COLUMN, ghosts)
     return pictures, *together(pictures, 0, len(ghosts))
 

@@ -12,7 +12,7 @@ from rich.color import ColorSystem
 from silo.core.arrays.columns import ColumnStore
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo_tui.model import axes, braille, dots, lanes
-from silo_tui.model.columns import Piece
+from silo_tui.model.columns import ColumnPiece
 from silo_tui.model.panels import first_to_show, gathered, heights, isolate, join, least_height, sides, stacked
 from silo_tui.model.plots import Plotted, PlotWindow, draw_panel, together
 from silo_tui.widgets.series import _style
@@ -244,7 +244,7 @@ def test_eight_series_differ_in_16_colours_too():
 
 def piece(values, highs=None):
     low = np.array(values, float)
-    return Piece(low, low if highs is None else np.array(highs, float), np.zeros(len(values), np.uint8))
+    return ColumnPiece(low, low if highs is None else np.array(highs, float), np.zeros(len(values), np.uint8))
 
 
 def test_a_boolean_lane_tells_false_true_and_both():

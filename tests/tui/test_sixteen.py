@@ -9,7 +9,7 @@ import pytest
 from silo.core.elements import BufferType, Entry, FileType
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
-from silo.programs.demo.robot import Robot
+from silo.programs.demo.robot import SimulatedRobot
 from silo.programs.demo.signals import signals
 from silo_tui.model.fields import Field
 from silo_tui.model.panels import isolate
@@ -81,7 +81,7 @@ async def test_1_the_hottest_motor_is_on_top(fake, opened):
 @pytest.fixture
 def demo(new_fake):
     """A logger with the elements of `silo demo`: many more of them are torques than those of the small robot."""
-    robot = signals(Robot(400, seed=1))
+    robot = signals(SimulatedRobot(400, seed=1))
     return new_fake([scalar(f"/log/{each.group}/{each.name}", each.unit, action=each.action) for each in robot])
 
 

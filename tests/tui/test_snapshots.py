@@ -12,13 +12,13 @@ from silo.core.elements import BufferType, Entry, FileType, RecorderState, State
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.silo.writer import write_silo
 from silo.fleet.member import Member
-from silo.net.found import Found
+from silo.net.found import LoggerAddress
 from silo.recordings.requests import RecorderInfo, RecordingFile, Recordings, SavedRecording
 from silo.rpc.published import Summary
 from silo.rpc.quantities import FROZEN, NOT_FINITE
 from silo_tui.app import SiloApp
 from silo_tui.layouts import files
-from silo_tui.layouts.layout import Layout
+from silo_tui.layouts.layout import KeptLayout
 from silo_tui.sessions.recorded import open_file
 from silo_tui.settings.options import Settings
 from tests.stand_ins.fake_signals import START_NS
@@ -183,9 +183,9 @@ def test_the_fleet(new_fake, new_finder, snap_compare, still, monkeypatch):
         ("legs", {"measured_hz": 301.0}), ("spot", {"disk_free_bytes": 4 * 10**9, "state": State.STOPPED}),
     )  # fmt: skip
     finder = new_finder(*(new_fake(name=name) for name in ("gone", *(name for name, _ in told))))
-    lost = Member(Found("gone", 1, "", "ann", host="rob5"), fine, here=False, since_s=1000.0 - 14)
+    lost = Member(LoggerAddress("gone", 1, "", "ann", host="rob5"), fine, here=False, since_s=1000.0 - 14)
     finder.members = {"gone": lost} | {
-        name: Member(Found(name, 1, "", "ann"), msgspec.structs.replace(fine, **more)) for name, more in told
+        name: Member(LoggerAddress(name, 1, "", "ann"), msgspec.structs.replace(fine, **more)) for name, more in told
     }
 
     async def steps(pilot):
@@ -224,7 +224,9 @@ def test_a_view_of_folded_branches_with_their_signs(fake, new_finder, snap_compa
     fake.run()
     fake.facts = {"signs": {"/log/imu/temperature": NOT_FINITE, "/log/base/velocity": FROZEN}}
     fake.limit_statuses = [over("/log/legs/LF/HAA/torque", LimitWord.RED_HIGH, still)]
-    files.save(files.place("walk"), Layout("tree", set="statistics", folded=("/legs/RF", "/legs/LH", "/legs/LF/HFE")))
+    files.save(
+        files.place("walk"), KeptLayout("tree", set="statistics", folded=("/legs/RF", "/legs/LH", "/legs/LF/HFE"))
+    )
     steps = by_keys("HH 1 of 16")
     assert snap_compare(SiloApp(new_finder(fake), view="walk"), terminal_size=(80, 24), run_before=steps)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.core.arrays.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Hole, Mark, bins_of, hole_mark
+from silo.core.arrays.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Gap, NonFinite, bins_of, hole_mark
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo_tui.model import braille, dots, text
 from silo_tui.model.live import entry_text, offset_text
@@ -181,7 +181,7 @@ def with_hole(hole, start, stop, width=40):
     return draw(store, PlotWindow(), plotted(), width, HEIGHT, 1)
 
 
-@pytest.mark.parametrize("hole", [Hole.OVERWRITTEN, Hole.LOST, Hole.OFF, Hole.FULL])
+@pytest.mark.parametrize("hole", [Gap.OVERWRITTEN, Gap.LOST, Gap.OFF, Gap.FULL])
 def test_a_hole_is_drawn_as_one_with_its_reason(hole):
     drawn = with_hole(hole, 0, 70)
     assert drawn.holes == (braille.DrawnHole(0, 35, hole),)
@@ -191,15 +191,15 @@ def test_a_hole_is_drawn_as_one_with_its_reason(hole):
 
 
 def test_before_the_start_nothing_is_missing():
-    drawn = with_hole(Hole.BEFORE, 0, 60)
-    assert HOLE_TEXTS[Hole.BEFORE] in "".join(drawn.lines)
+    drawn = with_hole(Gap.BEFORE, 0, 60)
+    assert HOLE_TEXTS[Gap.BEFORE] in "".join(drawn.lines)
     assert braille.SHADE not in "".join(drawn.lines)
 
 
 def test_time_without_ticks_between_samples_is_a_hole():
-    drawn = with_hole(Hole.NONE, 20, 60)
+    drawn = with_hole(Gap.NONE, 20, 60)
     (hole,) = drawn.holes
-    assert hole.why is Hole.NONE
+    assert hole.why is Gap.NONE
     assert (hole.start, hole.stop) == (11, 30)  # after what the last value holds over
 
 
@@ -210,11 +210,11 @@ def test_a_column_with_samples_is_no_hole_whatever_came_first():
             if step:
                 grid.add(0, bins_of(np.array([5]), 10), np.array([np.nan]))
             else:
-                grid.add_hole(0, 0, 1, Hole.OVERWRITTEN)
-        assert grid.marks.tolist() == [[Mark.NAN]]
+                grid.add_hole(0, 0, 1, Gap.OVERWRITTEN)
+        assert grid.marks.tolist() == [[NonFinite.NAN]]
 
 
-@given(st.lists(st.sampled_from([0, 1, 2, 4, 7, *(hole_mark(hole) for hole in Hole)]), min_size=2, max_size=30))
+@given(st.lists(st.sampled_from([0, 1, 2, 4, 7, *(hole_mark(hole) for hole in Gap)]), min_size=2, max_size=30))
 def test_any_marks_give_a_picture_of_the_right_size(marks):
     low = np.full(len(marks), np.nan)
     lines = braille.rasterise(low, low, (math.nan, math.nan), 7, 3, np.array(marks, np.uint8))

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo_tui.layouts import files, views
-from silo_tui.layouts.layout import FIELDS, Layout, read, write
+from silo_tui.layouts.layout import FIELDS, KeptLayout, read, write
 from silo_tui.layouts.views import capture
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
@@ -35,7 +35,7 @@ panels = st.lists(names.filter(bool), unique=True, max_size=6).flatmap(
     )
 )
 layouts = st.builds(
-    Layout,
+    KeptLayout,
     sort=names, turned=st.booleans(), filter=names, set=names,
     folded=st.lists(names, unique=True, max_size=3).map(tuple),
     unfolded=st.lists(names, unique=True, max_size=3).map(tuple),
@@ -66,12 +66,12 @@ MISTAKES = [
 @pytest.mark.parametrize(("line", "words"), MISTAKES)
 def test_a_mistake_costs_its_line_and_is_told(line, words):
     found, problems = read(f"{line}\nsort: div\n")
-    assert found == Layout(sort="div")
+    assert found == KeptLayout(sort="div")
     assert words in problems[0]
 
 
 def test_every_field_of_a_view_can_be_read():
-    assert list(Layout.__dataclass_fields__) == list(FIELDS)
+    assert list(KeptLayout.__dataclass_fields__) == list(FIELDS)
 
 
 @pytest.mark.parametrize("name", ["", "a/b", "../x", ".last-x", " a", "a" * 81, "-x\n"])
@@ -147,7 +147,7 @@ async def test_a_view_is_kept_by_its_word_and_listed(fake, opened):
 
 
 async def test_a_view_keeps_order_column_set_folds_and_components(new_fake, opened):
-    wanted = Layout(
+    wanted = KeptLayout(
         "tree", columns=("div", "size"), set="statistics", folded=("/legs/LF",), unfolded=("/base/velocity",),
         components={"/base/position": "_y", "/imu/acceleration": "norm"},
     )  # fmt: skip
@@ -172,15 +172,15 @@ async def test_a_view_keeps_order_column_set_folds_and_components(new_fake, open
 
 
 async def test_a_view_keeps_which_way_round_an_order_is(new_fake, opened):
-    files.save(files.place("least"), Layout("value", turned=True))
+    files.save(files.place("least"), KeptLayout("value", turned=True))
     async with opened(new_fake(), view="least") as screen:
         await screen.shows("by value ↑")
-        assert capture(screen.app.context) == Layout("value", turned=True)
+        assert capture(screen.app.context) == KeptLayout("value", turned=True)
 
 
 async def test_a_view_keeps_the_held_scale_of_signals_that_share_a_plot(new_fake, opened):
     pair = ("/legs/LF/HAA/torque", "/legs/LF/HFE/torque")
-    layout = Layout(plots=(pair,), scales={"|".join(pair): (-300.0, 700.0)})
+    layout = KeptLayout(plots=(pair,), scales={"|".join(pair): (-300.0, 700.0)})
     files.save(files.place("joined"), layout)
     fake = new_fake()
     fake.run()
@@ -208,7 +208,7 @@ async def left_by_a_lost_terminal(new_fake, opened):
         await run(screen, "filter base")
         mine = files.left_by_us(screen.session.name)
         await screen.until(mine.exists, "kept within a second")
-        await screen.until(lambda: files.load_file(mine)[0] == Layout("div", filter="base"))
+        await screen.until(lambda: files.load_file(mine)[0] == KeptLayout("div", filter="base"))
     return of_a_process_that_is_gone(mine)
 
 
@@ -221,21 +221,21 @@ async def test_what_a_lost_terminal_showed_is_offered_by_a_line_and_comes_when_i
     left = await left_by_a_lost_terminal(new_fake, opened)
     async with opened(new_fake()) as screen:
         await screen.shows("a terminal was lost at ")
-        assert capture(screen.app.context) == Layout()
+        assert capture(screen.app.context) == KeptLayout()
         await run(screen, "view lost")
-        await screen.until(lambda: capture(screen.app.context) == Layout("div", filter="base"))
+        await screen.until(lambda: capture(screen.app.context) == KeptLayout("div", filter="base"))
         await screen.press("q")
         await screen.until(lambda: not screen.app.is_running)
     assert not left.exists(), "who quits wants none of it the next time"
     async with opened(new_fake()) as screen:
-        assert capture(screen.app.context) == Layout()
+        assert capture(screen.app.context) == KeptLayout()
 
 
 async def test_what_another_terminal_shows_now_is_left_to_it(new_fake, opened):
     left = await left_by_a_lost_terminal(new_fake, opened)
     left.rename(left.with_name(left.name.replace("4194303", "1")))  # which runs
     async with opened(new_fake()) as screen:
-        assert capture(screen.app.context) == Layout()
+        assert capture(screen.app.context) == KeptLayout()
 
 
 async def test_edits_and_plots_that_were_left_both_come_back(new_fake, opened):
@@ -262,7 +262,7 @@ async def test_edits_and_plots_that_were_left_both_come_back(new_fake, opened):
 async def test_what_a_logger_doesnt_have_is_told_and_the_rest_is_shown(fake, opened):
     name = fake.table().elements[0].name
     entry = name + fake.table().elements[0].entries[0].suffix
-    files.save(files.place("old"), Layout(sort="nope", plots=(("gone/x", entry),), columns=("div", "nope")))
+    files.save(files.place("old"), KeptLayout(sort="nope", plots=(("gone/x", entry),), columns=("div", "nope")))
     async with opened(fake, size=(160, 50), view="old") as screen:
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         assert [plotted.name for plotted in screen.app.screen.stack.plots] == [entry]
@@ -290,7 +290,7 @@ async def test_a_view_is_kept_on_the_robot_for_all_who_look_at_it(new_fake, open
 
 
 async def test_a_view_that_isnt_there_is_told_with_those_that_are(fake, opened):
-    files.save(files.place("walk"), Layout())
+    files.save(files.place("walk"), KeptLayout())
     async with opened(fake, view="wlak") as screen:
         await screen.shows("there is no view 'wlak'; walk?")
         assert isinstance(screen.app.screen, TableScreen)
@@ -304,7 +304,7 @@ async def test_a_view_that_is_yet_to_be_shown_is_not_overwritten_by_what_is_ther
         found.append(files.load_file(last)[0].sort)
         return await show(context, layout)
 
-    files.save(last, Layout(sort="div"))
+    files.save(last, KeptLayout(sort="div"))
     monkeypatch.setattr(views, "show", show_late)
     async with opened(fake, settings=Settings(view="last")) as screen:
         await screen.until(lambda: screen.session.rows.sort == "div")
@@ -333,7 +333,7 @@ async def test_who_quits_on_purpose_finds_no_old_filter_the_next_time(key, new_f
         screen.app._opener.keep_view()  # the last of its timers
     assert not mine.exists()
     async with opened(new_fake()) as screen:
-        assert capture(screen.app.context) == Layout()
+        assert capture(screen.app.context) == KeptLayout()
         assert "lost" not in screen.text.splitlines()[-2]
         await screen.type("/torque")
         await screen.until(lambda: screen.session.rows.filter.text == "torque")

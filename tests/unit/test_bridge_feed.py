@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from silo.bridges.feed import Feed
-from silo.history.arrays import Samples
+from silo.bridges.feed import LoggerFollower
+from silo.history.arrays import SampleArrays
 
 
 def samples(first, count):
     ticks = np.arange(first, first + count)
-    return Samples(ticks, ticks * 1000, ticks.astype(float))
+    return SampleArrays(ticks, ticks * 1000, ticks.astype(float))
 
 
 def test_no_sample_is_passed_on_twice_and_runs_that_are_over_are_forgotten():
-    feed = Feed(lambda: None, None)
+    feed = LoggerFollower(lambda: None, None)
     for run in ("one", "two", "three"):
         assert feed._unseen(run, "/log/x", samples(0, 10)).ticks.tolist() == list(range(10))
         assert feed._unseen(run, "/log/x", samples(5, 10)).ticks.tolist() == list(range(10, 15))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from silo.programs.demo.gait import FEET_M, MISSION_S, Gait, foot_paths, leg_angles, leg_positions, phase_at
 from silo.programs.demo.parts import DriveState
 from silo.programs.demo.program import LOOP_ELEMENTS, DemoOptions, make_robot
-from silo.programs.demo.robot import AMBIENT_C, GRAVITY_M_S2, MASS_KG, Robot
+from silo.programs.demo.robot import AMBIENT_C, GRAVITY_M_S2, MASS_KG, SimulatedRobot
 from silo.programs.demo.signals import signals
 
 Recorded = dict[str, NDArray[np.float64]]
@@ -19,7 +19,7 @@ FREQUENCY_HZ = 400
 @pytest.fixture(scope="module")
 def run() -> Recorded:
     """Twenty seconds of the robot."""
-    robot = Robot(FREQUENCY_HZ, seed=1)
+    robot = SimulatedRobot(FREQUENCY_HZ, seed=1)
     watched: dict[str, Callable[[], NDArray[np.float64]]] = {
         "position": lambda: robot.base.pose[:3],
         "quaternion": lambda: robot.base.pose[3:],
@@ -134,7 +134,7 @@ def test_drives_report_known_states(run: Recorded) -> None:
 
 
 def test_the_same_seed_gives_the_same_motion() -> None:
-    one, two, other = Robot(seed=5), Robot(seed=5), Robot(seed=6)
+    one, two, other = SimulatedRobot(seed=5), SimulatedRobot(seed=5), SimulatedRobot(seed=6)
     for _ in range(500):
         one.step(), two.step(), other.step()
     assert np.array_equal(one.joints.torque, two.joints.torque)
@@ -142,7 +142,7 @@ def test_the_same_seed_gives_the_same_motion() -> None:
 
 
 def test_variables_keep_their_memory() -> None:
-    robot = Robot(channels=3)
+    robot = SimulatedRobot(channels=3)
     sources = [signal.source for signal in signals(robot) if isinstance(signal.source, np.ndarray)]
     before = [source.copy() for source in sources]
     for _ in range(800):

@@ -1,6 +1,6 @@
 """What differs between derived signals, limits and triggers, in words."""
 
-from silo.core.elements import NO_EXTRAS, Derived, Extras, FileType, SignalLimits, TriggerOptions
+from silo.core.elements import NO_EXTRAS, Conditions, Derived, FileType, SignalLimits, TriggerOptions
 from silo.settings.conditions_diff import diff_extras
 
 FALL = TriggerOptions("fall", "abs(base/roll) > 0.6", 5.0, 1.0)
@@ -13,12 +13,12 @@ def words(now, new):
 
 
 def test_equal_ones_differ_in_nothing():
-    both = Extras((POWER,), (HOT,), (FALL,))
+    both = Conditions((POWER,), (HOT,), (FALL,))
     assert words(both, both) == words(NO_EXTRAS, NO_EXTRAS) == []
 
 
 def test_what_comes_is_told_with_all_that_is_unusual_of_it():
-    assert words(NO_EXTRAS, Extras((POWER,), (HOT,), (FALL,))) == [
+    assert words(NO_EXTRAS, Conditions((POWER,), (HOT,), (FALL,))) == [
         ("derived /log/power", "", "none", "tau * qd, unit W"),
         ("limits /log/temperature", "", "none", "- - 60 80.5"),
         ("trigger fall", "", "none", "abs(base/roll) > 0.6, pre 5 s, post 1 s"),
@@ -26,14 +26,14 @@ def test_what_comes_is_told_with_all_that_is_unusual_of_it():
 
 
 def test_what_goes_is_told_with_what_it_was():
-    assert words(Extras(triggers=(FALL,)), NO_EXTRAS) == [
+    assert words(Conditions(triggers=(FALL,)), NO_EXTRAS) == [
         ("trigger fall", "", "abs(base/roll) > 0.6, pre 5 s, post 1 s", "none")
     ]
 
 
 def test_what_changes_is_told_field_by_field():
     other = TriggerOptions("fall", "abs(base/roll) > 0.6", 2.5, 1.0, save=(FileType.SILO, FileType.BAG), armed=False)
-    assert words(Extras((), (HOT,), (FALL,)), Extras((), (SignalLimits(HOT.name, stale_s=0.5),), (other,))) == [
+    assert words(Conditions((), (HOT,), (FALL,)), Conditions((), (SignalLimits(HOT.name, stale_s=0.5),), (other,))) == [
         ("limits /log/temperature", "bounds", "- - 60 80.5", "- - - -"),
         ("limits /log/temperature", "stale", "0 s", "0.5 s"),
         ("trigger fall", "pre", "5 s", "2.5 s"),

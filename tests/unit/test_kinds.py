@@ -5,12 +5,12 @@ import pytest
 
 from silo.core import kinds
 from silo.core.elements import BufferType, Entry
-from silo.core.kinds import KINDS, Kind, Message, kind_given, regroup, struct_fields, struct_text
+from silo.core.kinds import KINDS, GeometryMessage, Kind, kind_given, regroup, struct_fields, struct_text
 from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import ElementError
 from silo.files.bags.ros_types import channels_of
 from silo.loop.sources import refer
-from silo.loop.types import Part, kind_of
+from silo.loop.types import Component, kind_of
 
 GIVEN = [name for kind in KINDS for name in kind.orders] + [kinds.vector_at_position("a_frame_b", "c")]
 
@@ -45,11 +45,13 @@ def test_half_a_vector_at_a_position_is_a_vector():
 
 
 def test_a_new_entry_is_all_that_a_kind_needs(monkeypatch):
-    message = Message("Wrench", "wrench", (("geometry_msgs/Vector3", "force"), ("geometry_msgs/Vector3", "torque")))
+    message = GeometryMessage(
+        "Wrench", "wrench", (("geometry_msgs/Vector3", "force"), ("geometry_msgs/Vector3", "torque"))
+    )
     suffixes = tuple(f"_{part}_{axis}" for part in ("force", "torque") for axis in "xyz")
     wrench = Kind("wrench", suffixes=suffixes, shape=(6,), orders={"wrench": suffixes}, message=message)
     monkeypatch.setattr(kinds, "KINDS", (wrench, *KINDS))
-    part = Part("", refer(np.zeros(6), "/x"), "wrench")
+    part = Component("", refer(np.zeros(6), "/x"), "wrench")
     assert [scalar.suffix for scalar in part.scalars((8,))] == list(suffixes)
     assert kind_of(np.dtype("f8"), (6,), "wrench") == "wrench"
     assert regroup([f"/log/w{suffix}" for suffix in suffixes], [0] * 6)[0].kind == "wrench"

@@ -14,7 +14,7 @@ from silo.journal.disk import Disk
 from silo.journal.format import Head
 from silo.journal.reader import JournalReader
 from silo.journal.writer import JournalWriter
-from silo.segment.layout import LAYOUT_VERSION, Header
+from silo.segment.layout import LAYOUT_VERSION, HeaderWord
 from silo.segment.reader import SegmentReader
 
 LAYOUT_1 = Path(__file__).parents[1] / "data" / "layout_1.segment.gz"
@@ -51,7 +51,7 @@ def test_the_first_layout_told_of_no_failures(layout_1):
 
 def test_a_layout_of_the_future_is_refused_with_what_to_do(layout_1):
     data = bytearray(layout_1.read_bytes())
-    data[8 * Header.VERSION] = LAYOUT_VERSION + 1
+    data[8 * HeaderWord.VERSION] = LAYOUT_VERSION + 1
     layout_1.write_bytes(data)
     with pytest.raises(
         SegmentError, match=r"written by a newer silo \(layout 3, this silo reads 1 to 2\): update silo"
@@ -101,11 +101,11 @@ def test_fields_that_a_newer_silo_adds_to_the_description_are_passed_over(new_lo
     path = Path(logger.segment_path)
     data = bytearray(path.read_bytes())
     words = np.frombuffer(data, np.int64)
-    begin, size = int(words[Header.SCHEMA_OFFSET]), int(words[Header.SCHEMA_BYTES])
+    begin, size = int(words[HeaderWord.SCHEMA_OFFSET]), int(words[HeaderWord.SCHEMA_BYTES])
     schema = {**msgspec.json.decode(bytes(data[begin : begin + size])), "novel": [{"of": "x"}]}
     assert add_beside_every_field(schema) >= 11
     body = msgspec.json.encode(schema)
-    words[Header.SCHEMA_OFFSET], words[Header.SCHEMA_BYTES] = len(data), len(body)  # there it has room
+    words[HeaderWord.SCHEMA_OFFSET], words[HeaderWord.SCHEMA_BYTES] = len(data), len(body)  # there it has room
     data = bytes(data) + body
     copy = path.with_name("newer.segment")
     copy.write_bytes(data)

@@ -4,13 +4,13 @@ import os
 import threading
 
 from silo.logger.helper.answers import robot_state
-from silo.state.replica import Mirror
+from silo.state.replica import Replica
 
 
 class TakenOver:
     """A lock after which the main thread takes over the next run at once, and closes the reader of this one."""
 
-    def __init__(self, mirror: Mirror) -> None:
+    def __init__(self, mirror: Replica) -> None:
         self.mirror, self.lock = mirror, threading.Lock()
 
     def __enter__(self) -> None:
@@ -26,7 +26,7 @@ def test_a_status_is_told_while_its_run_is_replaced(new_logger) -> None:
     log.array("x")
     log.start()
     log.collect()
-    mirror = Mirror(robot_state(log, "", -1))
+    mirror = Replica(robot_state(log, "", -1))
     size = mirror.status().segment_bytes
     reader = mirror._reader
     spare = os.dup(reader.fileno())

@@ -20,7 +20,7 @@ from silo.core.elements import (
 )
 from silo.loop.plan import Element, TimeBuffer, make_plan, size_tiers, time_buffer
 from silo.loop.sources import refer
-from silo.loop.types import Part
+from silo.loop.types import Component
 from silo.segment.layout import TIME_RING
 
 LOOPING, FIXED, GROWING = BufferType.LOOPING, BufferType.FIXED, BufferType.GROWING
@@ -33,7 +33,7 @@ def options(kind=LOOPING, size=10, divider=1, **more):
 def element(name="/x", array=None, **chosen):
     array = np.zeros(1) if array is None else array
     info = ElementInfo(name, "-", "scalar", array.shape, (Entry("", array.dtype.str),), options(**chosen))
-    return Element(info, (Part("", refer(array, name)),))
+    return Element(info, (Component("", refer(array, name)),))
 
 
 def plan(*elements, frequency=100, max_time=10, tiers=3):

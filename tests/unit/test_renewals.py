@@ -4,10 +4,9 @@ from collections import deque
 
 import msgspec
 
-from silo.client.leases import Held
-from silo.client.leases import Leases as Renewals
+from silo.client.leases import ControlLease, Renewals
 from silo.control.authentication import Sender
-from silo.control.lock import CONTROL, Operators
+from silo.control.lock import CONTROL, ControlLock
 from silo.control.requests import TakeControl
 from silo.rpc.declaring import Done
 from silo.rpc.leases import Leases
@@ -39,7 +38,7 @@ class Link:
 
 def renewed(link: Link, lost: list[str]) -> None:
     """Renew control until there is no answer left, or nothing is asked any more."""
-    renewals, held = Renewals(link, lambda: "me"), Held(TakeControl(lease_s=15.0, renew=True), lost.append)
+    renewals, held = Renewals(link, lambda: "me"), ControlLease(TakeControl(lease_s=15.0, renew=True), lost.append)
     renewals.add(held)
     for _ in range(2 * len(link.replies)):
         if not link.replies:
@@ -76,7 +75,7 @@ class Told:
 
 def test_that_control_ended_by_itself_is_told_before_that_somebody_else_took_it() -> None:
     clock, told = [0.0], Told()
-    operators = Operators(told, None, "robot")
+    operators = ControlLock(told, None, "robot")
     operators._leases = Leases(clock=lambda: clock[0])
     anna, bob = Sender("anna", "anna from desk1"), Sender("bob", "bob from desk2")
     operators.take(TakeControl(lease_s=2.0), anna)

@@ -6,7 +6,7 @@ import pytest
 import silo
 from silo.errors import SegmentError
 from silo.logger.helper.answers import robot_state
-from silo.state.replica import Mirror
+from silo.state.replica import Replica
 from silo.state.run_follower import RunFollower
 
 
@@ -17,7 +17,7 @@ class Robot:
         self.log = silo.Logger("r", frequency=100, folder=folder, script=folder / "r.yaml")
         self.x = self.log.array("x", action=silo.Action.SAVE_AND_PUBLISH)
         self.log.update()
-        self.mirror = Mirror(robot_state(self.log, "", -1))
+        self.mirror = Replica(robot_state(self.log, "", -1))
 
     def start(self):
         """Begin another run, and tell of it."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from silo.core.elements import Action, BufferType, Extras, FileType
+from silo.core.elements import Action, BufferType, Conditions, FileType
 from silo.errors import ScriptError
 from silo.settings.script import (
     MAX_PROBLEMS,
@@ -353,7 +353,7 @@ def test_an_unknown_key_of_a_condition_is_a_warning_with_its_line(text: str, war
     assert f"config/robot.yaml:3: {warning}" in told
     assert "left alone" in told
     assert found.extras is not None
-    assert found.extras != Extras()
+    assert found.extras != Conditions()
 
 
 def test_unknown_keys_of_conditions_stand_again_in_a_script_that_is_written(tmp_path: Path) -> None:

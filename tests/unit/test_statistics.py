@@ -10,7 +10,7 @@ from silo.logger.helper.answers import robot_state
 from silo.rpc.quantities import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.rpc.refusals import Refused, answered
 from silo.segment.reader import SegmentReader
-from silo.state.replica import Mirror
+from silo.state.replica import Replica
 from tests.waiting import wait_until
 
 
@@ -177,7 +177,7 @@ def test_who_asks_for_statistics_is_told_once_that_they_failed_and_begin_anew(ro
             raise ValueError(fails.pop())
         advance(*words)
 
-    mirror = Mirror(robot_state(robot.log, "", -1))
+    mirror = Replica(robot_state(robot.log, "", -1))
     monkeypatch.setattr(mirror, "open_watcher", lambda: SegmentReader(robot.log.segment_path))
     monkeypatch.setattr(Tally, "advance", failing)
     surveyor, asked = Surveyor(mirror), GetSurvey(quantities=["mean"], client="me")

@@ -14,7 +14,7 @@ from silo.core.elements import (
     Entry,
 )
 from silo.errors import ElementError
-from silo.logger.calls.table import Table
+from silo.logger.calls.table import Registrations
 from silo.loop.plan import Element
 from silo.settings.options import checked, option_problems
 
@@ -26,7 +26,7 @@ def element(name, suffixes=("",)):
 
 @pytest.fixture
 def table():
-    made = Table("/log")
+    made = Registrations("/log")
     for name in ("/log/arm/q", "/log/arm/tau", "/log/armor", "/log/leg/q"):
         made.add(element(name))
     made.adopt()
@@ -34,7 +34,7 @@ def table():
 
 
 def test_what_was_added_is_no_part_of_the_table_before_it_is_adopted():
-    table = Table("/log")
+    table = Registrations("/log")
     table.add(element("/log/x"))
     assert table.infos == []
 

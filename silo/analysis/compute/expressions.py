@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from silo.expressions.binding import Bound
+from silo.expressions.binding import BoundExpression
 from silo.expressions.over_recordings import BATCH_TICKS, Evaluated, RecordingJudge, narrowed
 
 __all__ = ["BATCH_TICKS", "Evaluated", "RecordingJudge", "is_expression", "labels_of", "narrowed"]
@@ -17,6 +17,6 @@ def is_expression(pattern: str) -> bool:
     )
 
 
-def labels_of(bound: Bound) -> Mapping[int, str]:
+def labels_of(bound: BoundExpression) -> Mapping[int, str]:
     """Return the names of values of what an expression gives."""
     return {0: "false", 1: "true"} if bound.logical else bound.labels

@@ -1,4 +1,4 @@
-"""`Operators`: arithmetic, comparisons and logic of signals, and what makes NumPy take them for arrays."""
+"""`SignalOperators`: arithmetic, comparisons and logic of signals, and what makes NumPy take them for arrays."""
 
 import operator
 from collections.abc import Callable, Iterator
@@ -14,12 +14,12 @@ from silo.analysis.compute.samples import Samples
 from silo.core.calls import told_class
 from silo.errors import ElementError
 
-Self = TypeVar("Self", bound="Operators")
+Self = TypeVar("Self", bound="SignalOperators")
 Operand: TypeAlias = Self | float | int | NDArray[Any]
 
 
 @told_class("signal")
-class Operators(Samples):
+class SignalOperators(Samples):
     """Signals stand for their values where one calculates."""
 
     # ------------------------------------------------------------------------------------------------------ arithmetic

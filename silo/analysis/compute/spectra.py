@@ -25,7 +25,7 @@ _FAINT = 1e-3  # of the highest: below, what a window leaks looks like peaks
 
 
 @dataclass(frozen=True)
-class Piece:
+class GaplessStretch:
     """The longest stretch without a hole: values of shape `(n,)`, one per period, and what it was taken from."""
 
     values: Floats
@@ -45,7 +45,7 @@ class Piece:
         return len(self.values) * self.period_s
 
 
-def longest_piece(time_ns: NDArray[np.int64], values: NDArray[Any], most: int | None = MOST_SAMPLES) -> Piece:
+def longest_piece(time_ns: NDArray[np.int64], values: NDArray[Any], most: int | None = MOST_SAMPLES) -> GaplessStretch:
     """Return the longest stretch of finite samples without a hole; the newest of equal ones, and its newest samples.
 
     A loop that is late makes no hole: its samples are brought to an even distance by straight lines, and the jitter is
@@ -53,7 +53,7 @@ def longest_piece(time_ns: NDArray[np.int64], values: NDArray[Any], most: int | 
     """
     floats = as_floats(values)
     if len(floats) < 2:
-        return Piece(floats, 1.0, 0.0, len(floats))
+        return GaplessStretch(floats, 1.0, 0.0, len(floats))
     finite = np.isfinite(floats)
     period = float(np.median(np.diff(time_ns[finite]))) if finite.sum() > 1 else 1.0
     # where a value isn't finite there is a hole as well
@@ -71,7 +71,7 @@ def longest_piece(time_ns: NDArray[np.int64], values: NDArray[Any], most: int | 
     mean = float(np.mean(own)) if len(own) else period or 1.0
     if jitter * 1e9 > UNEVEN * mean:
         found = np.interp(np.arange(len(times)) * mean, (times - times[0]).astype(np.float64), found)
-    return Piece(found, mean / 1e9, jitter, len(floats))
+    return GaplessStretch(found, mean / 1e9, jitter, len(floats))
 
 
 def _longest(time_ns: NDArray[np.int64], finite: NDArray[np.bool_], hole_ns: float) -> slice:
@@ -94,7 +94,7 @@ class Spectrum:
     step_hz: float
 
 
-def spectrum_of(piece: Piece, least: int = LEAST_SAMPLES) -> Spectrum:
+def spectrum_of(piece: GaplessStretch, least: int = LEAST_SAMPLES) -> Spectrum:
     """Return the spectrum of a piece. Raises ValueError with what is missing where it is too short."""
     count = len(piece.values)
     if count < least:
@@ -110,7 +110,7 @@ def spectrum_of(piece: Piece, least: int = LEAST_SAMPLES) -> Spectrum:
     return Spectrum(amplitudes[1:] * size, 1 / (count * piece.period_s))
 
 
-def lines_of(piece: Piece) -> tuple[Floats, Floats]:
+def lines_of(piece: GaplessStretch) -> tuple[Floats, Floats]:
     """Return the frequencies in Hz from 0 on, and the amplitude of the sine at each; none of fewer than 4 samples."""
     if len(piece.values) < FEWEST_SAMPLES:
         return np.zeros(0), np.zeros(0)

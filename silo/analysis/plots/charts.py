@@ -11,10 +11,10 @@ import numpy as np
 from silo.analysis.compute.calculus import Floats, derivative
 from silo.analysis.compute.samples import Samples
 from silo.analysis.compute.spectra import lines_of, longest_piece
-from silo.analysis.plots.curves import Picked, pick, window
+from silo.analysis.plots.curves import CurveSource, pick, window
 from silo.analysis.plots.drawing import Chart, Curve
 from silo.analysis.plots.events import events_of
-from silo.analysis.plots.limit_lines import Level, limit_levels, placed
+from silo.analysis.plots.limit_lines import DrawnBound, limit_levels, placed
 from silo.core.arrays.values import numbers
 from silo.core.recording import Recording
 from silo.errors import ElementError
@@ -73,8 +73,8 @@ def make_chart(recording: Recording, spec: ChartSpec, title: str = "") -> tuple[
 
 
 def _levels(
-    recording: Recording, shown: Sequence[Picked], curves: Sequence[Curve], right: Collection[str]
-) -> list[Level]:
+    recording: Recording, shown: Sequence[CurveSource], curves: Sequence[Curve], right: Collection[str]
+) -> list[DrawnBound]:
     """Limits of what is shown, with where they lie; none where a curve counts from somewhere else than 0."""
     names = [signal.name for signal, curve in zip(shown, curves, strict=True) if " - " not in curve.label]
     found = limit_levels(recording, names, right)
@@ -88,7 +88,7 @@ def _events(recording: Recording, curves: Sequence[Curve], zero: int) -> list[tu
     return [(event.seconds, event.words) for event in events_of(recording, zero) if low <= event.seconds <= high]
 
 
-def chart_of(signals: Sequence[Picked], zeros: Sequence[int], title: str = "") -> Chart:
+def chart_of(signals: Sequence[CurveSource], zeros: Sequence[int], title: str = "") -> Chart:
     """The chart of signals, each over the seconds since its own zero; two units have two axes."""
     left, right = _by_unit(list(signals))
     is_right = {id(signal) for signal in right}
@@ -104,7 +104,7 @@ def chart_of(signals: Sequence[Picked], zeros: Sequence[int], title: str = "") -
     )
 
 
-def _by_unit(signals: list[Picked]) -> tuple[list[Picked], list[Picked]]:
+def _by_unit(signals: list[CurveSource]) -> tuple[list[CurveSource], list[CurveSource]]:
     """Two units, two axes; with more than two nothing is gained."""
     units = list(dict.fromkeys(signal.unit for signal in signals))
     if len(units) != 2:
@@ -112,7 +112,7 @@ def _by_unit(signals: list[Picked]) -> tuple[list[Picked], list[Picked]]:
     return [s for s in signals if s.unit == units[0]], [s for s in signals if s.unit == units[1]]
 
 
-def _one(recording: Recording, pattern: str) -> Picked:
+def _one(recording: Recording, pattern: str) -> CurveSource:
     found = pick(recording, [pattern])
     if len(found) != 1:
         names = ", ".join(signal.name for signal in found[:3])
@@ -120,7 +120,7 @@ def _one(recording: Recording, pattern: str) -> Picked:
     return found[0]
 
 
-def _curve(signal: Picked, transform: str, over: Picked | None, zero: int, right: bool) -> Curve:
+def _curve(signal: CurveSource, transform: str, over: CurveSource | None, zero: int, right: bool) -> Curve:
     times = (signal.time_ns - zero) / 1e9
     values, _ = signal.as_numbers()
     unit = "" if signal.unit in ("", "-") else f" [{signal.unit}]"
@@ -140,7 +140,7 @@ def _curve(signal: Picked, transform: str, over: Picked | None, zero: int, right
     return Curve(f"{signal.name}{unit}", times, values, right)
 
 
-def _held(over: Picked, signal: Picked) -> Floats:
+def _held(over: CurveSource, signal: CurveSource) -> Floats:
     """The value of `over` that held at each sample of the signal; NaN before its first and beyond its last."""
     values, _ = over.as_numbers()
     source = Samples(over.name, values, over.time_ns)
@@ -151,7 +151,7 @@ def _held(over: Picked, signal: Picked) -> Floats:
     return held
 
 
-def _x_label(transform: str, over: Picked | None) -> str:
+def _x_label(transform: str, over: CurveSource | None) -> str:
     if transform == "spectrum":
         return "frequency [Hz]"
     if over is not None:
@@ -159,7 +159,7 @@ def _x_label(transform: str, over: Picked | None) -> str:
     return "time [s]"
 
 
-def _label(signals: Sequence[Picked], transform: str) -> str:
+def _label(signals: Sequence[CurveSource], transform: str) -> str:
     if not signals:
         return ""
     units = {signal.unit for signal in signals if signal.unit not in ("", "-")}
@@ -169,7 +169,7 @@ def _label(signals: Sequence[Picked], transform: str) -> str:
     return unit
 
 
-def _names(signals: Sequence[Picked], transform: str) -> Mapping[int, str]:
+def _names(signals: Sequence[CurveSource], transform: str) -> Mapping[int, str]:
     """Names of values on the axis, if all its signals have the same."""
     if transform or not signals:
         return {}

@@ -24,7 +24,7 @@ _MOST_NAMES = 50
 
 
 @dataclass(frozen=True)
-class Picked:
+class CurveSource:
     """One scalar signal with its time stamps: `time_ns` and `values` have the same length."""
 
     name: str
@@ -54,14 +54,14 @@ class Picked:
         return as_floats(values), self.labels if kind in "biuf" else {}
 
 
-def pick(recording: Recording, patterns: Sequence[str]) -> list[Picked]:
+def pick(recording: Recording, patterns: Sequence[str]) -> list[CurveSource]:
     """Return the signals that the patterns name, each once, in the order of the patterns.
 
     A pattern is, in this order: a name of an entry or of an element (all its entries), the end of a name after a `/`,
     a glob (`*/torque`), a part of a name, or an expression that computes a signal (`abs(a) - b`). Raises `ElementError`
     for a pattern that names nothing, with close names.
     """
-    chosen: dict[str, Picked] = {}
+    chosen: dict[str, CurveSource] = {}
     for pattern in patterns:
         found = _find(recording, pattern)
         computed = [] if found else _computed(recording, pattern)
@@ -76,17 +76,17 @@ def pick(recording: Recording, patterns: Sequence[str]) -> list[Picked]:
     return list(chosen.values())
 
 
-def pick_all(recording: Recording) -> list[Picked]:
+def pick_all(recording: Recording) -> list[CurveSource]:
     """Return every signal, in the table's order."""
     return [picked(recording, element, entry) for element in recording.elements for entry in element.entries]
 
 
-def picked(recording: Recording, element: RecordedElement, entry: RecordedEntry) -> Picked:
+def picked(recording: Recording, element: RecordedElement, entry: RecordedEntry) -> CurveSource:
     """Return one entry with its time stamps, by the rule of `RecordedElement`."""
-    return Picked(entry.name, element.unit, stamps_of(recording, element), entry.values, entry.entry.labels or {})
+    return CurveSource(entry.name, element.unit, stamps_of(recording, element), entry.values, entry.entry.labels or {})
 
 
-def window(signal: Picked, start_ns: float, stop_ns: float) -> Picked:
+def window(signal: CurveSource, start_ns: float, stop_ns: float) -> CurveSource:
     """Return the samples with stamps from `start_ns` to `stop_ns`, both included."""
     inside = (signal.time_ns >= start_ns) & (signal.time_ns <= stop_ns)
     return replace(signal, time_ns=signal.time_ns[inside], values=signal.values[inside])
@@ -115,7 +115,7 @@ def _find(recording: Recording, pattern: str) -> list[tuple[RecordedElement, Rec
     return []
 
 
-def _computed(recording: Recording, pattern: str) -> list[Picked]:
+def _computed(recording: Recording, pattern: str) -> list[CurveSource]:
     """What an expression or a derived signal gives: one curve, or one per value of a vector. None for another word."""
     judge = RecordingJudge(narrowed(recording, [pattern]))
     derived = judge.derived(pattern)
@@ -124,9 +124,11 @@ def _computed(recording: Recording, pattern: str) -> list[Picked]:
     found = judge.evaluate(pattern if derived is None else f"`{derived.name}`")
     name, labels, unit = derived.name if derived else pattern, labels_of(found.bound), found.bound.unit
     if not found.bound.width:
-        return [Picked(name, unit, found.time_ns, found.values, labels)]
+        return [CurveSource(name, unit, found.time_ns, found.values, labels)]
     stem = name if derived else f"({name})"
-    return [Picked(f"{stem}_{at}", unit, found.time_ns, found.values[:, at], labels) for at in range(found.bound.width)]
+    return [
+        CurveSource(f"{stem}_{at}", unit, found.time_ns, found.values[:, at], labels) for at in range(found.bound.width)
+    ]
 
 
 def _hint(recording: Recording, pattern: str) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.plots.limit_lines import Level
+from silo.analysis.plots.limit_lines import DrawnBound
 from silo.core.arrays.columns import bins_at, reduce
 from silo.errors import SiloError
 from silo.files.extras import whole_file
@@ -63,7 +63,7 @@ class Chart:
     left_ticks: Mapping[int, str] = field(default_factory=dict)
     right_ticks: Mapping[int, str] = field(default_factory=dict)
     events: Sequence[tuple[float, str]] = ()
-    levels: Sequence[Level] = ()
+    levels: Sequence[DrawnBound] = ()
 
 
 def draw_text(chart: Chart, width: int = 80, height: int = 24, *, color: bool = True) -> str:

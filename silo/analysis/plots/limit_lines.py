@@ -12,7 +12,7 @@ _WORDS = ("red low", "yellow low", "yellow high", "red high")
 
 
 @dataclass(frozen=True)
-class Level:
+class DrawnBound:
     """A bound: drawn across the plot where it lies `inside` of what the curves need, else told in words alone."""
 
     value: float
@@ -22,9 +22,9 @@ class Level:
     inside: bool = True
 
 
-def limit_levels(recording: Recording, names: Collection[str], right: Collection[str]) -> list[Level]:
+def limit_levels(recording: Recording, names: Collection[str], right: Collection[str]) -> list[DrawnBound]:
     """Return the bounds of these signals, each once; those of `right` are of the axis on the right."""
-    found: dict[tuple[float, str, bool], Level] = {}
+    found: dict[tuple[float, str, bool], DrawnBound] = {}
     prefix = recording.prefix.rstrip("/")
     element_of = {entry.name: element.name for element in recording.elements for entry in element.entries}
     for limits in recording.extras.limits:
@@ -36,12 +36,12 @@ def limit_levels(recording: Recording, names: Collection[str], right: Collection
                 continue
             for value, word in zip(limits.bounds, _WORDS, strict=True):
                 if value is not None:
-                    level = Level(value, word, word.startswith("red"), name in right)
+                    level = DrawnBound(value, word, word.startswith("red"), name in right)
                     found.setdefault((value, word, level.right), level)
     return sorted(found.values(), key=lambda level: (level.right, -level.value))
 
 
-def placed(levels: Sequence[Level], curves: Sequence[tuple[bool, Floats]]) -> list[Level]:
+def placed(levels: Sequence[DrawnBound], curves: Sequence[tuple[bool, Floats]]) -> list[DrawnBound]:
     """Return the levels with whether they lie near the curves (pairs of `right` and values): far ones flatten them."""
     made = []
     for level in levels:
@@ -50,5 +50,5 @@ def placed(levels: Sequence[Level], curves: Sequence[tuple[bool, Floats]]) -> li
         high = max((float(some.max()) for some in values if len(some)), default=level.value)
         room = (high - low) or abs(high) or 1.0
         inside = low - room <= level.value <= high + room
-        made.append(Level(level.value, level.words, level.red, level.right, inside))
+        made.append(DrawnBound(level.value, level.words, level.red, level.right, inside))
     return made

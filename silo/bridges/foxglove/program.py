@@ -7,8 +7,8 @@ import signal
 import socket
 from collections.abc import Callable
 
-from silo.bridges.feed import Feed
-from silo.bridges.foxglove.server import Server, Terms
+from silo.bridges.feed import LoggerFollower
+from silo.bridges.foxglove.server import Terms, ViewerServer
 from silo.bridges.services import Connect
 
 
@@ -28,6 +28,6 @@ async def _run(
         loop.add_signal_handler(number, ended.set)
     if ends_with is not None:
         loop.add_reader(ends_with, lambda: None if os.read(ends_with, 1) else ended.set())
-    server = Server(terms, lambda listener: Feed(connect, listener), tell)
+    server = ViewerServer(terms, lambda listener: LoggerFollower(connect, listener), tell)
     with contextlib.closing(listening):
         await server.serve(listening, ended)

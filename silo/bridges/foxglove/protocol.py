@@ -17,7 +17,7 @@ from websockets.typing import Subprotocol
 
 from silo.bridges.messages import LiveTopic, is_texts
 from silo.bridges.services import trigger_response
-from silo.history.arrays import Samples
+from silo.history.arrays import SampleArrays
 
 SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
 MESSAGE_DATA, TIME = 1, 2  # from the server, binary
@@ -27,7 +27,7 @@ MOST_SUBSCRIPTIONS = 65_535  # as many topics as a file has at most
 FINAL_BINARY, FINAL_TEXT = 0x82, 0x81  # RFC 6455, 5.2: a frame that is the whole message
 
 
-class Level(IntEnum):
+class StatusLevel(IntEnum):
     """How bad it is what a viewer is told."""
 
     INFO, WARNING, ERROR = range(3)
@@ -78,7 +78,7 @@ def unadvertisement(ids: Sequence[int]) -> str:
     return json.dumps({"op": "unadvertise", "channelIds": list(ids)})
 
 
-def status(level: Level, message: str) -> str:
+def status(level: StatusLevel, message: str) -> str:
     """Return a message that viewers show among their problems."""
     return json.dumps({"op": "status", "level": int(level), "message": message})
 
@@ -152,7 +152,7 @@ def time_frame(time_ns: int) -> bytes:
 class Frames:
     """The messages of one topic of a while, ready for the wire but for the subscription's number."""
 
-    def __init__(self, topic: LiveTopic, samples: Samples) -> None:
+    def __init__(self, topic: LiveTopic, samples: SampleArrays) -> None:
         self.count = len(samples)
         self._texts = list(topic.texts(samples)) if is_texts(topic) else []
         self._records = None if is_texts(topic) else _records(topic, samples)
@@ -168,7 +168,7 @@ class Frames:
         return self._records.tobytes()
 
 
-def _records(topic: LiveTopic, samples: Samples) -> "NDArray[np.void]":
+def _records(topic: LiveTopic, samples: SampleArrays) -> "NDArray[np.void]":
     """One structured array is the frames of all samples: nothing is done per message."""
     start = frame_head(13 + topic.message_bytes)
     head = [("frame", f"V{len(start)}"), ("opcode", "u1"), ("subscription", "<u4"), ("time", "<u8")]

@@ -13,16 +13,16 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from silo.bridges.feed import Feed, Listener
+from silo.bridges.feed import Listener, LoggerFollower
 from silo.bridges.foxglove import guard, protocol
-from silo.bridges.foxglove.protocol import Frames, Level, Offer, ServiceCall
+from silo.bridges.foxglove.protocol import Frames, Offer, ServiceCall, StatusLevel
 from silo.bridges.foxglove.viewer import Viewer
 from silo.bridges.listening import LOOPBACK
 from silo.bridges.messages import live_topics
 from silo.bridges.services import Call
 from silo.core.elements import ElementInfo
 from silo.errors import SiloError
-from silo.history.arrays import Samples
+from silo.history.arrays import SampleArrays
 
 MOST_VIEWERS = 16
 MOST_REQUEST_BYTES = 4 << 20  # a viewer subscribes to 65,535 topics in 2 MB
@@ -47,10 +47,12 @@ class Terms:
         return self.bind in LOOPBACK
 
 
-class Server:
+class ViewerServer:
     """Serves until `close`. All but `close` runs in the event loop."""
 
-    def __init__(self, terms: Terms, make_feed: Callable[[Listener], Feed], tell: Callable[[str], None]) -> None:
+    def __init__(
+        self, terms: Terms, make_feed: Callable[[Listener], LoggerFollower], tell: Callable[[str], None]
+    ) -> None:
         self._terms = terms
         self._tell = tell
         self._viewers: set[Viewer] = set()
@@ -125,7 +127,7 @@ class Server:
             else:
                 self._obey(viewer, json.loads(message))
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-            viewer.tell(Level.ERROR, f"silo doesn't understand this request ({type(error).__name__}: {error})")
+            viewer.tell(StatusLevel.ERROR, f"silo doesn't understand this request ({type(error).__name__}: {error})")
 
     def _obey(self, viewer: Viewer, request: Mapping[str, Any]) -> None:
         operation = request["op"]
@@ -136,19 +138,21 @@ class Server:
             for number in request["subscriptionIds"]:
                 viewer.subscriptions.pop(int(number), None)
         else:
-            viewer.tell(Level.WARNING, f"silo has no '{operation}': topics can be looked at, values can't be sent")
+            viewer.tell(
+                StatusLevel.WARNING, f"silo has no '{operation}': topics can be looked at, values can't be sent"
+            )
             return
         self._wish()
 
     def _subscribe(self, viewer: Viewer, number: int, channel: int) -> None:
         if channel not in self._offers:
-            viewer.tell(Level.ERROR, f"channel {channel} is not offered (any more)")
+            viewer.tell(StatusLevel.ERROR, f"channel {channel} is not offered (any more)")
         elif not 0 <= number < 1 << 32:
-            viewer.tell(Level.ERROR, f"subscription {number} is no unsigned number of 32 bits")
+            viewer.tell(StatusLevel.ERROR, f"subscription {number} is no unsigned number of 32 bits")
         elif number in viewer.subscriptions:
-            viewer.tell(Level.ERROR, f"subscription {number} is in use")
+            viewer.tell(StatusLevel.ERROR, f"subscription {number} is in use")
         elif len(viewer.subscriptions) >= protocol.MOST_SUBSCRIPTIONS:
-            viewer.tell(Level.ERROR, f"{protocol.MOST_SUBSCRIPTIONS} subscriptions are the most")
+            viewer.tell(StatusLevel.ERROR, f"{protocol.MOST_SUBSCRIPTIONS} subscriptions are the most")
         else:
             viewer.subscriptions[number] = channel
 
@@ -201,7 +205,7 @@ class Server:
                 viewer.write(protocol.text_frame(text))
         self._wish()
 
-    def _deliver(self, batch: Mapping[str, Samples], taken: Callable[[], None]) -> None:
+    def _deliver(self, batch: Mapping[str, SampleArrays], taken: Callable[[], None]) -> None:
         try:
             wanted: dict[int, list[tuple[Viewer, int]]] = {}
             for viewer in self._viewers:
@@ -218,7 +222,7 @@ class Server:
         finally:
             taken()
 
-    def _send(self, offer: Offer, samples: Samples, viewers: Sequence[tuple[Viewer, int]]) -> None:
+    def _send(self, offer: Offer, samples: SampleArrays, viewers: Sequence[tuple[Viewer, int]]) -> None:
         if not viewers:
             return
         frames = Frames(offer.topic, samples)
@@ -226,9 +230,11 @@ class Server:
             viewer.send(frames, number)
             if samples.missed:
                 topic = offer.topic.channel.topic
-                viewer.tell(Level.WARNING, f"{samples.missed} samples of {topic} were lost on the way to the bridge")
+                viewer.tell(
+                    StatusLevel.WARNING, f"{samples.missed} samples of {topic} were lost on the way to the bridge"
+                )
 
     def _told(self, text: str) -> None:
         self._tell(text)
         for viewer in self._viewers:
-            viewer.tell(Level.WARNING, text)
+            viewer.tell(StatusLevel.WARNING, text)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from websockets.asyncio.server import ServerConnection
 from websockets.protocol import State
 
-from silo.bridges.foxglove.protocol import Frames, Level, status, text_frame
+from silo.bridges.foxglove.protocol import Frames, StatusLevel, status, text_frame
 
 QUEUE_BYTES = 8 << 20  # that a viewer may be behind before frames of data are dropped
 
@@ -28,7 +28,7 @@ class Viewer:
         if self.connection.state is State.OPEN and not self.connection.transport.is_closing():
             self.connection.transport.write(frames)
 
-    def tell(self, level: Level, text: str) -> None:
+    def tell(self, level: StatusLevel, text: str) -> None:
         """Show something among the viewer's problems."""
         self.write(text_frame(status(level, text)))
 
@@ -40,5 +40,5 @@ class Viewer:
         if self.dropped > self._told_dropped:
             lost = self.dropped - self._told_dropped
             self._told_dropped = self.dropped
-            self.tell(Level.WARNING, f"{lost} messages were dropped: this viewer, or the link to it, is too slow")
+            self.tell(StatusLevel.WARNING, f"{lost} messages were dropped: this viewer, or the link to it, is too slow")
         self.write(frames.for_subscription(subscription))

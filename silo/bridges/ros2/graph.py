@@ -14,14 +14,14 @@ from typing import Any
 
 import zenoh
 
-from silo.bridges.feed import Feed, Listener
+from silo.bridges.feed import Listener, LoggerFollower
 from silo.bridges.ros2.names import TRIGGER, TRIGGER_HASH, Attachment, Distribution, EntityKind, Node, gid_of
 from silo.bridges.ros2.pairing import Pairing
 from silo.bridges.ros2.standard import Outlet, outlets_of
 from silo.bridges.services import Call, trigger_response
 from silo.core.elements import ElementInfo
 from silo.errors import ConnectionLostError, SiloError
-from silo.history.arrays import Samples
+from silo.history.arrays import SampleArrays
 from silo.net.lingering import releasing
 from silo.net.session import close
 
@@ -60,7 +60,7 @@ def joined(router: str) -> Iterator[zenoh.Session]:
 
 
 @dataclass
-class Topic:
+class GraphTopic:
     """A topic that the graph sees."""
 
     outlet: Outlet
@@ -71,7 +71,7 @@ class Topic:
     is_watched: bool = False
     pairing: Pairing | None = None  # of several elements
 
-    def messages(self, batch: Mapping[str, Samples]) -> Iterator[tuple[int, bytes]]:
+    def messages(self, batch: Mapping[str, SampleArrays]) -> Iterator[tuple[int, bytes]]:
         """Yield the messages of samples with their times; what waits for others comes with a later batch."""
         names = self.outlet.elements
         if not self.is_watched:
@@ -111,14 +111,14 @@ class Graph:
         session: zenoh.Session,
         node: Node,
         distribution: Distribution,
-        make_feed: Callable[[Listener], Feed],
+        make_feed: Callable[[Listener], LoggerFollower],
         tell: Callable[[str], None],
     ) -> None:
         self._session, self._node, self._distribution = session, node, distribution
         self._prefix = node.name
         self._tell = tell
         self._numbers: dict[tuple[str, str], int] = {}  # of a topic and its type: it keeps its number
-        self._topics: dict[tuple[str, str], Topic] = {}
+        self._topics: dict[tuple[str, str], GraphTopic] = {}
         self._ended = threading.Event()
         self._tokens = [session.liveliness().declare_token(node.token)]
         self._services: list[Service] = []
@@ -162,14 +162,14 @@ class Graph:
     def _number(self, key: tuple[str, str]) -> int:
         return self._numbers.setdefault(key, len(self._numbers) + len(self._tokens) + 1)
 
-    def _declare(self, outlet: Outlet, number: int) -> Topic:
+    def _declare(self, outlet: Outlet, number: int) -> GraphTopic:
         shown = self._distribution.hash_of(outlet.type.type_hash)
         token = self._node.entity_token(number, EntityKind.PUBLISHER, outlet.topic, outlet.type.name, shown)
         publisher = self._session.declare_publisher(
             self._node.key(outlet.topic, outlet.type.name, shown),
             congestion_control=zenoh.CongestionControl.DROP,  # who is slow loses messages and holds up nobody
         )
-        return Topic(outlet, gid_of(token), publisher, self._session.liveliness().declare_token(token))
+        return GraphTopic(outlet, gid_of(token), publisher, self._session.liveliness().declare_token(token))
 
     def _look(self) -> None:
         """See who subscribes and who calls, until it ends.
@@ -192,7 +192,7 @@ class Graph:
                     self._calls.append(threading.Thread(target=self._answer, args=(service, query), name=service.name))
                     self._calls[-1].start()
 
-    def _deliver(self, batch: Mapping[str, Samples], taken: Callable[[], None]) -> None:
+    def _deliver(self, batch: Mapping[str, SampleArrays], taken: Callable[[], None]) -> None:
         try:
             for topic in list(self._topics.values()):
                 for time_ns, message in topic.messages(batch):

@@ -9,7 +9,7 @@ from functools import reduce
 
 import numpy as np
 
-from silo.history.arrays import NO_SAMPLES, Samples, joined
+from silo.history.arrays import NO_SAMPLES, SampleArrays, joined
 
 MOST_WAITING = 10_000  # samples of an element
 
@@ -29,7 +29,7 @@ class Pairing:
         self._first: int | None = None  # tick that had all
         self._waiting = dict.fromkeys(self.names, NO_SAMPLES)
 
-    def take(self, batch: Mapping[str, Samples]) -> list[Samples]:
+    def take(self, batch: Mapping[str, SampleArrays]) -> list[SampleArrays]:
         """Take samples in, and return those of the ticks that all have by now, in the order of the names."""
         for name in self.names:
             if name in batch and len(batch[name]):
@@ -47,7 +47,7 @@ class Pairing:
             self.unpaired += max(len(one) - len(_after(one, done)) for one in since) - len(ticks)
         return paired
 
-    def _add(self, name: str, fresh: Samples) -> None:
+    def _add(self, name: str, fresh: SampleArrays) -> None:
         known = self._waiting[name]
         if len(known) and fresh.ticks[0] <= known.ticks[-1]:
             self.forget()  # another run
@@ -58,14 +58,14 @@ class Pairing:
         self._waiting[name] = _from(added, over)
 
 
-def _of_ticks(one: Samples, ticks: "np.ndarray[tuple[int], np.dtype[np.int64]]") -> Samples:
+def _of_ticks(one: SampleArrays, ticks: "np.ndarray[tuple[int], np.dtype[np.int64]]") -> SampleArrays:
     places = np.searchsorted(one.ticks, ticks)
     return replace(one, ticks=one.ticks[places], time_ns=one.time_ns[places], values=one.values[places])
 
 
-def _after(one: Samples, tick: int) -> Samples:
+def _after(one: SampleArrays, tick: int) -> SampleArrays:
     return _from(one, int(np.searchsorted(one.ticks, tick, side="right")))
 
 
-def _from(one: Samples, first: int) -> Samples:
+def _from(one: SampleArrays, first: int) -> SampleArrays:
     return replace(one, ticks=one.ticks[first:], time_ns=one.time_ns[first:], values=one.values[first:])

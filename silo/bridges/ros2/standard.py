@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from silo.bridges.messages import SECOND_NS, LiveTopic, entry_values, is_texts, live_topics
 from silo.core.arrays.wide import to_wire
 from silo.core.elements import ElementInfo
-from silo.files.bags.ros_types import ENCAPSULATION, MessageType, Part, free_topic
-from silo.history.arrays import Samples
+from silo.files.bags.ros_types import ENCAPSULATION, FieldPlace, MessageType, free_topic
+from silo.history.arrays import SampleArrays
 
 Stamped = tuple[NDArray[np.int64], list[bytes]]  # time stamps, and as many messages
 STRING_TYPE = MessageType("std_msgs/msg/String", (("string", "data"),))
@@ -47,7 +47,7 @@ class Outlet:
     topic: str
     type: MessageType
     elements: tuple[str, ...]
-    encode: Callable[[Sequence[Samples]], Stamped]
+    encode: Callable[[Sequence[SampleArrays]], Stamped]
 
 
 def outlets_of(elements: Sequence[ElementInfo], prefix: str) -> tuple[list[Outlet], dict[str, str]]:
@@ -77,7 +77,9 @@ def _outlets(topic: LiveTopic) -> Iterable[Outlet]:
             yield _numbers(f"{channel.topic}/{name}", topic.element, kind, (part,), ())
 
 
-def _numbers(topic: str, element: str, kind: str, parts: Sequence[Part], sizes: Sequence[tuple[str, int]]) -> Outlet:
+def _numbers(
+    topic: str, element: str, kind: str, parts: Sequence[FieldPlace], sizes: Sequence[tuple[str, int]]
+) -> Outlet:
     """A number, or an array of them; `sizes` are its dimensions by name where it has more than one."""
     count, wire = sum(part.count for part in parts), parts[0].wire
     camel = "Bool" if kind == "bool" else _CAMEL[wire]
@@ -91,7 +93,7 @@ def _numbers(topic: str, element: str, kind: str, parts: Sequence[Part], sizes: 
         type_ = MessageType(f"std_msgs/msg/{camel}MultiArray", fields)
         head = _array_head(sizes or [("", count)], count, np.dtype(wire).itemsize)
 
-    def encode(samples: Sequence[Samples]) -> Stamped:
+    def encode(samples: Sequence[SampleArrays]) -> Stamped:
         columns = [to_wire(entry_values(samples[0], one.entry), one.wire, one.count) for one in parts]
         rows = np.concatenate([np.asarray(one).reshape(len(samples[0]), -1) for one in columns], axis=1).astype(wire)
         return samples[0].time_ns, [head + row.tobytes() for row in np.ascontiguousarray(rows)]
@@ -117,14 +119,14 @@ def _aligned(data: bytes, size: int) -> bytes:
     return data + b"\0" * (-len(data) % size)
 
 
-def _as_it_is(topic: LiveTopic, samples: Samples) -> Stamped:
+def _as_it_is(topic: LiveTopic, samples: SampleArrays) -> Stamped:
     messages = np.zeros(len(samples), topic.message_dtype())
     topic.fill(messages, samples)
     data, size = messages.tobytes(), topic.message_bytes
     return samples.time_ns, [data[at : at + size] for at in range(0, len(data), size)]
 
 
-def _texts(topic: LiveTopic, samples: Samples) -> Stamped:
+def _texts(topic: LiveTopic, samples: SampleArrays) -> Stamped:
     at = topic.channel.parts[0].offset  # of the text in silo's stamped message
     return samples.time_ns, [ENCAPSULATION + message[at:] for _, message in topic.texts(samples)]
 
@@ -164,7 +166,7 @@ def _joint_state(group: str, count: int, alike: Sequence[ElementInfo | None]) ->
     elements = tuple(one.name for one in alike if one)
     lengths = [count if one else 0 for one in alike]
 
-    def encode(samples: Sequence[Samples]) -> Stamped:
+    def encode(samples: Sequence[SampleArrays]) -> Stamped:
         ticks = reduce(np.intersect1d, [one.ticks for one in samples])
         rows = [one.values.reshape(len(one), -1)[np.searchsorted(one.ticks, ticks)] for one in samples]
         time_ns = samples[0].time_ns[np.searchsorted(samples[0].ticks, ticks)]

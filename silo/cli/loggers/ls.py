@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from silo.fleet.fleet import FleetNow
     from silo.fleet.member import Member
-    from silo.net.found import Found
+    from silo.net.found import LoggerAddress
 
 
 MOST_LOST = 20  # lines of those that are gone
@@ -171,7 +171,7 @@ def _people(answers: "list[Member]") -> list[str]:
     return [" ".join(dict.fromkeys(one.who.split(" ", 1)[0] for one in people)) for people in known]
 
 
-def _addresses(found: "Sequence[Found]") -> list[str]:
+def _addresses(found: "Sequence[LoggerAddress]") -> list[str]:
     """What to type for each logger whose host and name another one has as well; empty for the others."""
     from silo.net.found import told_apart
 

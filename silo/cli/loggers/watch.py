@@ -37,7 +37,7 @@ POLL_S = 0.01
 
 
 @dataclass(frozen=True)
-class Line:
+class WatchedElement:
     """One element of the watch: its entries stand at `first ...` of a frame's values."""
 
     info: "ElementInfo"
@@ -76,11 +76,11 @@ def show_clock(time_ns: int) -> str:
     return f"{time.strftime('%H:%M:%S', time.localtime(seconds))}.{rest // 1_000_000:03}"
 
 
-def lay_out(elements: "Sequence[ElementInfo]") -> list[Line]:
+def lay_out(elements: "Sequence[ElementInfo]") -> list[WatchedElement]:
     """Return where the entries of each element stand in a frame that shows them all."""
     lines, first = [], 0
     for info in elements:
-        lines.append(Line(info, first))
+        lines.append(WatchedElement(info, first))
         first += len(info.entries)
     return lines
 
@@ -194,7 +194,7 @@ def _frames(client: "Client", view: "View") -> "Iterator[Frame]":
         yield frame
 
 
-def _show_lines(lines: Sequence[Line], frame: "Frame") -> None:
+def _show_lines(lines: Sequence[WatchedElement], frame: "Frame") -> None:
     newest = frame.newest.tolist()
     clock = show_clock(frame.time_ns)
     for place, (line, held) in enumerate(zip(lines, frame.held.tolist(), strict=True)):
@@ -206,7 +206,7 @@ def _show_lines(lines: Sequence[Line], frame: "Frame") -> None:
         click.echo(f"{clock}  {line.info.name}  {' '.join(values[:MOST_VALUES])}{more}{unit}{why}{failed}")
 
 
-def _show_json(lines: Sequence[Line], frame: "Frame") -> None:
+def _show_json(lines: Sequence[WatchedElement], frame: "Frame") -> None:
     newest = frame.newest.tolist()
     values = {
         line.info.name + entry.suffix: _exact(newest[place], frame.texts.get(place), entry.dtype)

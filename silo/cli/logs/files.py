@@ -25,7 +25,7 @@ from silo.files.formats import readable, writable
 
 if TYPE_CHECKING:
     # NumPy takes 150 ms, which commands without a log don't have to wait
-    from silo.analysis.plots.curves import Picked
+    from silo.analysis.plots.curves import CurveSource
     from silo.core.recording import Recording
 
 _Params = ParamSpec("_Params")
@@ -257,8 +257,8 @@ def _read(path: Path) -> "Recording":
 
 
 def _windowed(
-    recording: "Recording", signals: "Sequence[Picked]", start: float | None, stop: float | None
-) -> "Iterator[Picked]":
+    recording: "Recording", signals: "Sequence[CurveSource]", start: float | None, stop: float | None
+) -> "Iterator[CurveSource]":
     from silo.analysis.plots.curves import window
 
     if start is None and stop is None:

@@ -11,7 +11,7 @@ from silo.core.elements import FileType
 from silo.errors import SaveError, SegmentError, SiloError
 
 if TYPE_CHECKING:
-    from silo.recorder.process import Kept
+    from silo.recorder.process import RecorderHandover
     from silo.recovery.left import LeftRun
 
 
@@ -81,7 +81,7 @@ def recover(
         raise SegmentError(f"{many(len(damaged), 'segment')} can't be read; nothing of them was changed")
 
 
-def _incomplete(paths: Sequence[Path], single: Sequence[Path]) -> "list[Kept]":
+def _incomplete(paths: Sequence[Path], single: Sequence[Path]) -> "list[RecorderHandover]":
     """Endless recordings of programs that are gone: all, or those into the folders that are named."""
     from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 
@@ -94,7 +94,7 @@ def _incomplete(paths: Sequence[Path], single: Sequence[Path]) -> "list[Kept]":
     return [one for one in found if not paths or any(Path(one.order.folder).is_relative_to(path) for path in named)]
 
 
-def _settle(left: "list[Kept]", paths: Sequence[Path], single: Sequence[Path], as_json: bool) -> bool:
+def _settle(left: "list[RecorderHandover]", paths: Sequence[Path], single: Sequence[Path], as_json: bool) -> bool:
     """Complete endless recordings from what is in memory, and judge what programs that died held for that.
 
     All, or those whose folders are named. Returns whether there was anything to tell.

@@ -31,7 +31,7 @@ def ros2(logger: str | None, router: str, domain: int, distro: str, control: boo
       silo ros2 anymal --control                  (ros2 service call /anymal/stop std_srvs/srv/Trigger)
     """
     check_installed("xxhash", "ros2")
-    from silo.bridges.feed import Feed
+    from silo.bridges.feed import LoggerFollower
     from silo.bridges.ros2.graph import Graph, joined
     from silo.bridges.ros2.names import Distribution, Node, ros_name
     from silo.bridges.services import pinned, services
@@ -50,7 +50,7 @@ def ros2(logger: str | None, router: str, domain: int, distro: str, control: boo
     with joined(router) as session:
         node = Node(domain, str(session.zid()), ros_name(name))
         graph = Graph(
-            session, node, Distribution(distro), lambda listener: Feed(reach, listener),
+            session, node, Distribution(distro), lambda listener: LoggerFollower(reach, listener),
             lambda text: click.echo(text, err=True),
         )  # fmt: skip
         with graph.serving(offered):

@@ -5,7 +5,7 @@ import dataclasses
 import msgspec
 import numpy as np
 
-from silo.core.elements import BufferType, CaptureFacts, Extras, LoggedEvent, TriggerOptions
+from silo.core.elements import BufferType, CaptureFacts, Conditions, LoggedEvent, TriggerOptions
 from silo.core.recording import Failures, Recording
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, longest_capture
 from silo.segment.layout import TIME_RING, ElementSchema, SegmentSchema
@@ -22,10 +22,10 @@ def bytes_per_tick(schema: SegmentSchema) -> float:
     return sum(ring.row_words * 8 / ring.divider for ring in rings)
 
 
-class Spool:
+class CaptureBuffer:
     """Rows of ticks `capture.first` to `capture.last` of all elements that are saved: a `RowSource`."""
 
-    def __init__(self, options: TriggerOptions, capture: Capture, reader: SegmentReader, extras: Extras) -> None:
+    def __init__(self, options: TriggerOptions, capture: Capture, reader: SegmentReader, extras: Conditions) -> None:
         """Begin a capture; `extras` are the derived signals and limits by which it was judged that it fired."""
         self.extras = extras
         self.trigger = options.name

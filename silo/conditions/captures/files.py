@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from silo.conditions.captures.buffer import Spool
+from silo.conditions.captures.buffer import CaptureBuffer
 from silo.core.elements import FileType, LoggedEvent, SavedFile
 from silo.errors import SaveError
 from silo.files.atomic import claimed
@@ -27,7 +27,9 @@ class WrittenCapture:
     removed: list[str]
 
 
-def write_capture(spool: Spool, folder: str, listed: CaptureList, happened: Sequence[LoggedEvent]) -> WrittenCapture:
+def write_capture(
+    spool: CaptureBuffer, folder: str, listed: CaptureList, happened: Sequence[LoggedEvent]
+) -> WrittenCapture:
     """Write a capture, under the name that one who was killed had begun it with; note it in the list.
 
     One process at a time writes it: the writing process of a helper that was killed goes on, and a helper that gives
@@ -63,7 +65,9 @@ def _there(folder: str, entry: CaptureEntry) -> list[SavedFile]:
     return [SavedFile(str(path), kind, size_of(path)) for path in paths if (kind := kind_of(path)) is not None]
 
 
-def _written(spool: Spool, folder: str, name: str, happened: Sequence[LoggedEvent], claim: int) -> list[SavedFile]:
+def _written(
+    spool: CaptureBuffer, folder: str, name: str, happened: Sequence[LoggedEvent], claim: int
+) -> list[SavedFile]:
     """The files of a capture; those that a predecessor wrote already are left as they are."""
     from silo.files import write_run
     from silo.files.formats import SAVED

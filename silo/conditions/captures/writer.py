@@ -16,11 +16,11 @@ from silo.core.elements import SavedFile
 from silo.errors import SaveError, SiloError
 from silo.files.manifest import CaptureList
 from silo.rpc.published import EventKind
-from silo.state.events import Events
-from silo.state.replica import Mirror
+from silo.state.events import EventNotifier
+from silo.state.replica import Replica
 
 if TYPE_CHECKING:
-    from silo.conditions.captures.buffer import Spool
+    from silo.conditions.captures.buffer import CaptureBuffer
 
 log = logging.getLogger("silo.helper")
 
@@ -34,13 +34,15 @@ class WaitingCaptures:
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
-        self._turns: OrderedDict[tuple[str, str], deque[Spool]] = OrderedDict()  # by run and trigger, next one first
-        self._under_way: Spool | None = None
+        self._turns: OrderedDict[tuple[str, str], deque[CaptureBuffer]] = (
+            OrderedDict()
+        )  # by run and trigger, next one first
+        self._under_way: CaptureBuffer | None = None
         self._dropped: dict[tuple[str, str], list[int]] = {}  # numbers of the first and the last, and how many
         self._since_s: dict[tuple[str, str], float] = {}
         self._stop_s: float | None = None
 
-    def add(self, spool: "Spool") -> bool:
+    def add(self, spool: "CaptureBuffer") -> bool:
         """Let a capture wait, the oldest of a trigger of which too many do goes; whether it is the first that went."""
         key = spool.run, spool.trigger
         with self._changed:
@@ -57,7 +59,7 @@ class WaitingCaptures:
             self._changed.notify()
             return is_first
 
-    def next(self) -> "Spool | None":
+    def next(self) -> "CaptureBuffer | None":
         """Wait for a capture and return it, of each trigger one in turn; None at the end. It counts until `done`."""
         with self._changed:
             while not self._turns:
@@ -106,7 +108,7 @@ class WaitingCaptures:
             self._turns.clear()
             return texts, runs
 
-    def all(self) -> "list[Spool]":
+    def all(self) -> "list[CaptureBuffer]":
         """Return those that are not written yet, oldest of each trigger first."""
         with self._changed:
             under_way = [] if self._under_way is None else [self._under_way]
@@ -120,7 +122,7 @@ def _captures(first: int, last: int, count: int) -> str:
 class CaptureWriter:
     """Owns the thread. The other methods may be called by any thread."""
 
-    def __init__(self, mirror: Mirror, events: Events) -> None:
+    def __init__(self, mirror: Replica, events: EventNotifier) -> None:
         self._mirror, self._events = mirror, events
         self._waiting = WaitingCaptures()
         self._listed: CaptureList | None = None
@@ -140,7 +142,7 @@ class CaptureWriter:
         self.left |= runs
         self._tell_left_out(texts)
 
-    def add(self, spool: "Spool") -> None:
+    def add(self, spool: "CaptureBuffer") -> None:
         """Have a capture written."""
         if self._waiting.add(spool):
             text = (
@@ -154,7 +156,7 @@ class CaptureWriter:
         """Where captures are written to."""
         return self._mirror.now.robot.folder
 
-    def waiting(self, run: str = "") -> "list[Spool]":
+    def waiting(self, run: str = "") -> "list[CaptureBuffer]":
         """Return the captures that are not written yet, of a run or of all."""
         return [one for one in self._waiting.all() if not run or one.run == run]
 
@@ -179,7 +181,7 @@ class CaptureWriter:
         for run, text in texts:
             self._events.publish(EventKind.SAVE_FAILED, text, run=run)
 
-    def _guarded(self, spool: "Spool") -> None:
+    def _guarded(self, spool: "CaptureBuffer") -> None:
         try:
             try:
                 self._write(spool)
@@ -194,7 +196,7 @@ class CaptureWriter:
             text = f"capture {spool.capture.number} of '{spool.trigger}' was not saved: {why}"
             self._tell(spool, EventKind.SAVE_FAILED, text)
 
-    def _write(self, spool: "Spool") -> None:
+    def _write(self, spool: "CaptureBuffer") -> None:
         from silo.conditions.captures.files import write_capture
 
         logger = spool.schema.logger
@@ -206,7 +208,7 @@ class CaptureWriter:
         if done.removed:
             log.info("trigger '%s' keeps %d captures: removed %s", spool.trigger, spool.options.keep, done.removed)
 
-    def _tell(self, spool: "Spool", kind: EventKind, text: str, files: Sequence[SavedFile] = ()) -> None:
+    def _tell(self, spool: "CaptureBuffer", kind: EventKind, text: str, files: Sequence[SavedFile] = ()) -> None:
         """Tell it of the capture's own run, which may be over, at the tick of what fired first."""
         fire = spool.capture.fires[0]
         self._events.publish(kind, text, files=files, tick=fire.tick, stamp_ns=fire.time_ns, run=spool.run)
@@ -217,6 +219,6 @@ class CaptureWriter:
             self._listed = CaptureList(folder, logger)
         return self._listed
 
-    def _was_told(self, spool: "Spool", files: list[SavedFile]) -> bool:
+    def _was_told(self, spool: "CaptureBuffer", files: list[SavedFile]) -> bool:
         told = [event.text for event in self._events.log.of_run(spool.run) if event.kind == EventKind.CAPTURED.value]
         return any(file.path in text for file in files for text in told)

@@ -18,7 +18,17 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.values import Floats, as_floats, numbers, rebased
 
-__all__ = ["Bins", "ColumnGrid", "ColumnStore", "Floats", "HistoryColumns", "Hole", "Mark", "Piece", "as_floats"]
+__all__ = [
+    "Bins",
+    "ColumnGrid",
+    "ColumnPiece",
+    "ColumnStore",
+    "Floats",
+    "Gap",
+    "HistoryColumns",
+    "NonFinite",
+    "as_floats",
+]
 
 MAX_COLUMNS = 4096
 _HOLE_SHIFT = 4
@@ -26,7 +36,7 @@ _HOLE_SHIFT = 4
 Marks = NDArray[np.uint8]
 
 
-class Mark(enum.IntFlag):
+class NonFinite(enum.IntFlag):
     """Samples in a column that are no finite number."""
 
     NAN = 1
@@ -34,7 +44,7 @@ class Mark(enum.IntFlag):
     NEG_INF = 4
 
 
-class Hole(enum.IntEnum):
+class Gap(enum.IntEnum):
     """Why a column has no sample; of several reasons the largest is told."""
 
     NONE = 0
@@ -46,24 +56,24 @@ class Hole(enum.IntEnum):
 
 
 HOLE_TEXTS = {
-    Hole.NONE: "no sample",
-    Hole.BEFORE: "before the start",
-    Hole.OVERWRITTEN: "overwritten",
-    Hole.FULL: "buffer full, not published then",
-    Hole.OFF: "not logged then",
-    Hole.LOST: "lost",
+    Gap.NONE: "no sample",
+    Gap.BEFORE: "before the start",
+    Gap.OVERWRITTEN: "overwritten",
+    Gap.FULL: "buffer full, not published then",
+    Gap.OFF: "not logged then",
+    Gap.LOST: "lost",
 }
 HOLES = np.uint8(0xF0)
-FLAGS = np.uint8(Mark.NAN | Mark.POS_INF | Mark.NEG_INF)
+FLAGS = np.uint8(NonFinite.NAN | NonFinite.POS_INF | NonFinite.NEG_INF)
 
 
-def hole_mark(hole: Hole) -> int:
+def hole_mark(hole: Gap) -> int:
     """Return the byte of a column without sample."""
     return int(hole) << _HOLE_SHIFT
 
 
 def holes_of(marks: Marks) -> Marks:
-    """Return the `Hole` of each column, same shape."""
+    """Return the `Gap` of each column, same shape."""
     holes: Marks = marks >> np.uint8(_HOLE_SHIFT)
     return holes
 
@@ -122,8 +132,8 @@ def reduce(values: NDArray[Any], bins: Bins) -> Reduced:
     marks = np.zeros(len(bins.starts), np.uint8)
     finite = np.isfinite(offsets)
     if not finite.all():
-        for mark, hit in ((Mark.NAN, np.isnan(offsets)), (Mark.POS_INF, offsets == np.inf),
-                          (Mark.NEG_INF, offsets == -np.inf)):  # fmt: skip
+        for mark, hit in ((NonFinite.NAN, np.isnan(offsets)), (NonFinite.POS_INF, offsets == np.inf),
+                          (NonFinite.NEG_INF, offsets == -np.inf)):  # fmt: skip
             marks |= np.where(np.logical_or.reduceat(hit, bins.starts), mark, 0).astype(np.uint8)
         offsets = np.where(finite, offsets, np.nan)
     low, high = np.fmin.reduceat(offsets, bins.starts), np.fmax.reduceat(offsets, bins.starts)
@@ -174,7 +184,7 @@ class ColumnGrid:
         flags = (self.marks[signal, places] | found.marks[wanted]) & FLAGS
         self.marks[signal, places] = _with_holes(self.low[signal, places], flags, self.marks[signal, places])
 
-    def add_hole(self, signal: int, start: int, stop: int, hole: Hole) -> None:
+    def add_hole(self, signal: int, start: int, stop: int, hole: Gap) -> None:
         """Say why columns `start ... stop - 1` (absolute numbers) have no sample, where they have none."""
         place = slice(max(start - self.first, 0), max(stop - self.first, 0))
         marks = self.marks[signal, place]
@@ -245,7 +255,7 @@ def grid_of(
 
 
 @dataclass(frozen=True)
-class Piece:
+class ColumnPiece:
     """Some columns of one signal, shape `(k,)` each: offsets from `base`, and marks."""
 
     low: Floats
@@ -354,19 +364,19 @@ class ColumnStore:
         bases = {row: base for row, base in enumerate(self._grid.bases) if base}
         return HistoryColumns(self.names, self.first, self.column_ns, self.low, self.high, self.marks, bases, until_ns)
 
-    def piece(self, name: str, end: int, width: int) -> Piece:
+    def piece(self, name: str, end: int, width: int) -> ColumnPiece:
         """Return `width` columns up to `end` (absolute, exclusive), empty where there is nothing."""
         low, high = np.full(width, np.nan), np.full(width, np.nan)
         marks = np.zeros(width, np.uint8)
         row = self.row(name)
         if row is None:
-            return Piece(low, high, marks)
+            return ColumnPiece(low, high, marks)
         start, stop = max(end - width, self.first), min(end, self.end)
         if start < stop:
             there = slice(start - (end - width), stop - (end - width))
             here = slice(start - self.first, stop - self.first)
             low[there], high[there], marks[there] = self.low[row, here], self.high[row, here], self.marks[row, here]
-        return Piece(low, high, marks, self.base(row))
+        return ColumnPiece(low, high, marks, self.base(row))
 
     def window(self, name: str, end: int, width: int) -> tuple[Floats, Floats]:
         """Return minimum and maximum of `width` columns up to `end`; NaN where there is nothing."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from silo.core.arrays.wide import from_wire
 from silo.core.recording import masked
 from silo.files.bags.message_groups import RECORD_HEAD
-from silo.files.bags.metadata import ElementFacts, EntryFacts, RecordingFacts
+from silo.files.bags.metadata import PlacedElement, PlacedEntry, RecordingFacts
 from silo.files.bags.ros_types import STRING
 from silo.files.mcap.chunks import RECORD, walked
 from silo.files.mcap.writer import MESSAGE_OPCODE
@@ -28,7 +28,7 @@ _OVERLAP = 3  # a message begins with opcode, length and channel, 11 bytes: the 
 class Values:
     """Grows the values of one element while chunks are read."""
 
-    def __init__(self, facts: ElementFacts, messages: int, ticks: int = 0) -> None:
+    def __init__(self, facts: PlacedElement, messages: int, ticks: int = 0) -> None:
         self.facts = facts
         # a damaged count must not reserve memory that the file can't fill
         absent = any(entry.absent for entry in facts.entries)
@@ -97,9 +97,9 @@ class ChannelReader:
     def __init__(self, channel: int, size: int) -> None:
         self._channel = channel
         self._size = RECORD_HEAD + size
-        self._targets: list[tuple[EntryFacts, Values, int]] = []
+        self._targets: list[tuple[PlacedEntry, Values, int]] = []
 
-    def aim(self, entry: EntryFacts, values: Values, index: int) -> None:
+    def aim(self, entry: PlacedEntry, values: Values, index: int) -> None:
         """Have an entry of the messages appended to `values`, as number `index`."""
         self._targets.append((entry, values, index))
 
@@ -236,7 +236,7 @@ def channel_readers(facts: RecordingFacts, elements: list[Values]) -> dict[int, 
     return readers
 
 
-def entry_dtype(entry: EntryFacts) -> np.dtype[Any]:
+def entry_dtype(entry: PlacedEntry) -> np.dtype[Any]:
     """The type of an entry's values. Raises ValueError for one that no file can hold."""
     dtype = dtype_from(entry.dtype)
     if dtype is None:

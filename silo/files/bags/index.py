@@ -124,7 +124,7 @@ def told_damage(error: BaseException) -> str:
     return f"damaged: {text or type(error).__name__}"
 
 
-class Told(list[str]):
+class DamageNotes(list[str]):
     """What is missing or damaged in a file; what is found once it is open is a `LogWarning` too."""
 
     def __init__(self, file: Path, texts: Iterable[str] = ()) -> None:
@@ -142,7 +142,7 @@ class Told(list[str]):
 
 def keep_quiet(recording: Recording) -> None:
     """Have what is found later stand in the recording's warnings alone, for who prints these himself."""
-    if isinstance(recording.warnings, Told):
+    if isinstance(recording.warnings, DamageNotes):
         recording.warnings.loud = False
 
 
@@ -156,7 +156,7 @@ class BagElements(Sequence[RecordedElement]):
         self._facts = facts
         self._index = index
         self._made: dict[int, RecordedElement] = {}
-        self.warnings = Told(file, facts.warnings)
+        self.warnings = DamageNotes(file, facts.warnings)
         self.warnings.loud = True
 
     @property

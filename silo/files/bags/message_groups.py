@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.wide import to_wire
 from silo.core.recording import RecordedElement, Recording
-from silo.files.bags.ros_types import ENCAPSULATION, STRING, Channel, Part
+from silo.files.bags.ros_types import ENCAPSULATION, STRING, Channel, FieldPlace
 from silo.files.mcap.writer import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
 from silo.files.silo.format import FilledEntry
 
@@ -87,7 +87,7 @@ class MessageGroup:
     def __init__(
         self,
         key: _Key,
-        parts: Sequence[Part],
+        parts: Sequence[FieldPlace],
         channels: Sequence[int],
         values: Sequence[Sequence[NDArray[Any]]],
         numbered_from: int,
@@ -232,7 +232,7 @@ def _scatter(buffer: NDArray[np.uint8], places: NDArray[np.int64], records: NDAr
     items[places] = records
 
 
-def _record_dtype(key: _Key, parts: Sequence[Part]) -> np.dtype[np.void]:
+def _record_dtype(key: _Key, parts: Sequence[FieldPlace]) -> np.dtype[np.void]:
     fields: list[tuple[str, Any, int]] = [
         ("opcode", "u1", 0),
         ("length", "<u8", 1),

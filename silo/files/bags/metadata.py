@@ -9,7 +9,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from silo.core.elements import NO_EXTRAS, BufferType, Entry, Extras, LoggedEvent
+from silo.core.elements import NO_EXTRAS, BufferType, Conditions, Entry, LoggedEvent
 from silo.core.recording import NO_FAILURES, Failures
 from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
 from silo.files.silo.format import Missing
@@ -20,7 +20,7 @@ FACTS_VERSION = 1
 _MAX_BYTES = 2**31
 
 
-class EntryFacts(msgspec.Struct, frozen=True, omit_defaults=True):
+class PlacedEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     """One entry and where it stands: channel, bytes from the message's start, NumPy type there and how many of it.
 
     `dtype` is the NumPy type of the values there, `missing` says which of them are none. Of a channel with `absent`
@@ -38,7 +38,7 @@ class EntryFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     absent: int = 0
 
 
-class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
+class PlacedElement(msgspec.Struct, frozen=True, omit_defaults=True):
     """`RecordedElement` without its values; `count` is the number of samples."""
 
     name: str
@@ -49,7 +49,7 @@ class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     buffer_type: BufferType
     first: int
     count: int
-    entries: tuple[EntryFacts, ...]
+    entries: tuple[PlacedEntry, ...]
     description: str = ""
     lost: int = 0
     dtype: str = ""
@@ -63,14 +63,14 @@ class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     logger: str
     offset: int
     prefix: str
-    elements: tuple[ElementFacts, ...]
+    elements: tuple[PlacedElement, ...]
     channel_sizes: dict[int, int]
     frequency_hz: float | None = None
     started_ns: int = 0
     time_looping: bool = False
     warnings: tuple[str, ...] = ()
     why: str = ""
-    extras: Extras = NO_EXTRAS
+    extras: Conditions = NO_EXTRAS
     events: tuple[LoggedEvent, ...] = ()
 
 

@@ -88,7 +88,7 @@ class MessageType:
 
 
 @dataclass(frozen=True)
-class Part:
+class FieldPlace:
     """Where one entry stands: `entry` is its index in the element, `offset` counts from the start of the message.
 
     `wire` is the NumPy type there (`string` for a CDR string), `count` how many of them: 2 for a complex number.
@@ -111,7 +111,7 @@ class Channel:
     topic: str
     element: int
     type: MessageType
-    parts: tuple[Part, ...]
+    parts: tuple[FieldPlace, ...]
     size: int
     fixed: tuple[tuple[int, int], ...] = ()
 
@@ -215,7 +215,7 @@ def _message(element: RecordedElement, indices: list[int], wires: list[_Wire]) -
     if uniform and kind.message and wires[0].ros.startswith("float") and sorted(kind.suffixes) == sorted(suffixes):
         offset = _align(HEADER_END, 8)
         parts = tuple(
-            Part(indices[suffixes.index(suffix)], offset + 8 * k, "<f8") for k, suffix in enumerate(kind.suffixes)
+            FieldPlace(indices[suffixes.index(suffix)], offset + 8 * k, "<f8") for k, suffix in enumerate(kind.suffixes)
         )
         value = (f"geometry_msgs/{kind.message.name}", kind.message.field)
         type_ = _stamped(f"geometry_msgs/msg/{kind.message.name}Stamped", value)
@@ -237,7 +237,7 @@ def _scalar(entry: RecordedEntry, index: int, wire: _Wire) -> Channel:
         name = f"{PACKAGE}{_CAMEL[wire.ros]}Stamped"
     size = offset + _SIZES[wire.ros] * wire.count
     return Channel(
-        "", 0, _stamped(name, field, constants=constants), (Part(index, offset, wire.numpy, wire.count),), size
+        "", 0, _stamped(name, field, constants=constants), (FieldPlace(index, offset, wire.numpy, wire.count),), size
     )
 
 
@@ -255,19 +255,19 @@ def _array(element: RecordedElement, kind: Kind, indices: list[int], wire: _Wire
     else:
         offset = _align(HEADER_END, size)
         type_ = _stamped(f"{PACKAGE}{camel}Array{count}Stamped", value)
-    parts = tuple(Part(index, offset + k * size, wire.numpy) for k, index in enumerate(indices))
+    parts = tuple(FieldPlace(index, offset + k * size, wire.numpy) for k, index in enumerate(indices))
     return Channel("", 0, type_, parts, offset + count * size, fixed)
 
 
 def _struct(suffixes: Iterable[str], indices: list[int], wires: list[_Wire]) -> Channel:
     unique = _unique(_field)
     fields: list[tuple[str, str]] = []
-    parts: list[Part] = []
+    parts: list[FieldPlace] = []
     end = HEADER_END
     for suffix, index, wire in zip(suffixes, indices, wires, strict=True):
         offset = _align(end, _SIZES[wire.ros])
         fields.append((wire.ros_field, unique(suffix)))
-        parts.append(Part(index, offset, wire.numpy, wire.count))
+        parts.append(FieldPlace(index, offset, wire.numpy, wire.count))
         end = offset + _SIZES[wire.ros] * wire.count
     name = f"{PACKAGE}Struct{_digest(*(f'{kind} {field}' for kind, field in fields))}Stamped"
     return Channel("", 0, _stamped(name, *fields), tuple(parts), end)
@@ -277,7 +277,7 @@ def _string_message(index: int) -> Channel:
     offset = _align(HEADER_END, 4)
     # + 4 bytes of length, + the NUL that ends it
     return Channel(
-        "", 0, _stamped(f"{PACKAGE}StringStamped", (STRING, "value")), (Part(index, offset, STRING),), offset + 5
+        "", 0, _stamped(f"{PACKAGE}StringStamped", (STRING, "value")), (FieldPlace(index, offset, STRING),), offset + 5
     )
 
 

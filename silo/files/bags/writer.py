@@ -28,14 +28,14 @@ from silo.files.bags.metadata import (
     FACTS_ATTACHMENT,
     FACTS_VERSION,
     TIME_ATTACHMENT,
-    ElementFacts,
-    EntryFacts,
+    PlacedElement,
+    PlacedEntry,
     RecordingFacts,
     pack_facts,
     pack_times,
 )
 from silo.files.bags.ros_types import Channel, MessageType, channels_of, is_text
-from silo.files.mcap.writer import McapFile
+from silo.files.mcap.writer import McapWriter
 from silo.files.silo.format import FilledEntry, markers_of
 from silo.files.silo.missing import filled
 from silo.files.texts import presentable
@@ -144,7 +144,7 @@ def _write_mcap(
     first, last = _span(recording, groups)
     metadata = metadata_yaml(recording, topics, counts, name, (first, last))
 
-    mcap = McapFile(file, schemas, records)
+    mcap = McapWriter(file, schemas, records)
     mcap.add_metadata("silo", _summary(recording))
     mcap.attach(FACTS_ATTACHMENT, "application/zstd", pack_facts(recording_facts(recording, channels)))
     mcap.attach(TIME_ATTACHMENT, "application/zstd", pack_times(recording.time_ns))
@@ -155,7 +155,7 @@ def _write_mcap(
 
 
 def write_windows(
-    mcap: McapFile,
+    mcap: McapWriter,
     times: NDArray[np.int64],
     groups: "Sequence[MessageGroup | EventGroup]",
     progress: Progress | None = None,
@@ -175,7 +175,7 @@ def write_windows(
 
 
 def _write_window(
-    mcap: McapFile,
+    mcap: McapWriter,
     begin: int,
     times: NDArray[np.int64],
     groups: "Sequence[MessageGroup | EventGroup]",
@@ -284,7 +284,7 @@ def recording_facts(recording: Recording, channels: Sequence[Channel]) -> Record
         for part in channel.parts:
             where[channel.element, part.entry] = (number, part.offset, part.wire, part.count)
     elements = tuple(
-        ElementFacts(
+        PlacedElement(
             name=element.name,
             unit=element.unit,
             kind=element.kind,
@@ -294,7 +294,7 @@ def recording_facts(recording: Recording, channels: Sequence[Channel]) -> Record
             first=element.first,
             count=element.count,
             entries=tuple(
-                EntryFacts(
+                PlacedEntry(
                     entry.name,
                     entry.entry,
                     _logged(entry),

@@ -29,14 +29,14 @@ class Filled(NamedTuple):
     values: NDArray[Any]
 
 
-class Numbers(NamedTuple):
+class NumberTable(NamedTuple):
     """A table of numbers: the texts of the first column, and the other columns."""
 
     first: NDArray[np.bytes_]
     columns: list[Filled]
 
 
-def read_numbers(data: bytes, width: int, types: Sequence[np.dtype[Any]] | None) -> Numbers | None:
+def read_numbers(data: bytes, width: int, types: Sequence[np.dtype[Any]] | None) -> NumberTable | None:
     """Return a table of columns with `width` of them in its first record, None for one that isn't plain.
 
     types: those of the columns but the first, where they are known; else they follow from the texts.
@@ -65,7 +65,7 @@ def read_numbers(data: bytes, width: int, types: Sequence[np.dtype[Any]] | None)
     columns = [_filled(frame.to_series(place)) for place in range(1, width)]
     if types is None and not all(map(_is_exact, columns)):
         return None
-    return Numbers(texts, columns)
+    return NumberTable(texts, columns)
 
 
 def _may_be_plain(data: bytes, width: int) -> bool:

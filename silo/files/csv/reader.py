@@ -21,7 +21,7 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording, maske
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
 from silo.files.csv.metadata import Column, NotThisTableError, restored, sidecar_of, types_of, unpack
-from silo.files.csv.numbers import Filled, Numbers, read_numbers
+from silo.files.csv.numbers import Filled, NumberTable, read_numbers
 from silo.files.silo.format import decode_text, first_stamp
 
 TIME_NS = "time_ns"  # the last column: the first one in whole nanoseconds
@@ -85,7 +85,7 @@ def _parsed(data: bytes, path: Path) -> Recording:
     return _as_recording(path, prefix, names, columns, time_ns, facts, warnings)
 
 
-def _plain_table(data: bytes, facts: bytes | None) -> tuple[list[bytes], Numbers] | None:
+def _plain_table(data: bytes, facts: bytes | None) -> tuple[list[bytes], NumberTable] | None:
     """The first record and the numbers of a plain table of columns; None for any other."""
     line = data[: data.find(b"\n") + 1].rstrip(b"\r\n")
     head = _split(line) if line.count(_QUOTE) % 2 == 0 and line else []

@@ -68,7 +68,7 @@ class Begun:
     metadata: list[MetadataIndex] = field(default_factory=list)
 
 
-class McapFile:
+class McapWriter:
     """Writes one MCAP file front to back into an open unbuffered file; `finish` writes the summary."""
 
     def __init__(
@@ -89,7 +89,7 @@ class McapFile:
         self._write(file_start())
 
     @classmethod
-    def continued(cls, file: BinaryIO, begun: "Begun") -> "McapFile":
+    def continued(cls, file: BinaryIO, begun: "Begun") -> "McapWriter":
         """A file that was begun and not finished, to be finished; it is cut behind what is whole of it."""
         found = cls.__new__(cls)
         found._descriptor = file.fileno()

@@ -14,13 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.recording import masked
-from silo.files.others.message_types import MOST_VALUES, Message, Node, Number, Path, Repeated, Stamp, Text
+from silo.files.others.message_types import MOST_VALUES, MessageFields, Node, NumberField, Path, Repeated, Stamp, Text
 from silo.files.others.topics import Bad, Equal
 
 Bytes = NDArray[np.uint8]
 
 
-__all__ = ["MOST_VALUES", "Columns", "Layout", "Place", "any_whole", "columns_of", "layout_of", "lengths_of"]
+__all__ = [
+    "MOST_VALUES",
+    "MessageLayout",
+    "Place",
+    "WantedColumns",
+    "any_whole",
+    "columns_of",
+    "layout_of",
+    "lengths_of",
+]
 
 _MOST_PARTS = 20_000  # texts and lists of one message: of each, one step of Python is taken
 _MOST_TEXT_BYTES = 64 << 20  # of a column; each message has room for the longest
@@ -37,7 +46,7 @@ class Place(NamedTuple):
     values: int
 
 
-class Layout(NamedTuple):
+class MessageLayout(NamedTuple):
     """The places of one walk, and the lengths that it met: byte, and what stands there."""
 
     places: dict[Path, Place]
@@ -45,9 +54,9 @@ class Layout(NamedTuple):
     order: str
 
 
-def layout_of(message: Message, row: bytes) -> tuple[Layout, str]:
+def layout_of(message: MessageFields, row: bytes) -> tuple[MessageLayout, str]:
     """Walk through one message. Of one that is none of this type the layout goes as far as the walk, and says why."""
-    made = Layout({}, [], "<" if len(row) > 1 and row[1] else ">")
+    made = MessageLayout({}, [], "<" if len(row) > 1 and row[1] else ">")
     try:
         _fill(message, row, made)
     except ValueError as error:
@@ -55,7 +64,7 @@ def layout_of(message: Message, row: bytes) -> tuple[Layout, str]:
     return made, ""
 
 
-def _fill(message: Message, row: bytes, made: Layout) -> None:
+def _fill(message: MessageFields, row: bytes, made: MessageLayout) -> None:
     """Raises ValueError for a message that is none of this type."""
     if len(row) < _HEAD or row[0] or row[1] > 1:
         raise ValueError(f"it is encoded in another way than CDR ({row[:_HEAD].hex()})")
@@ -67,9 +76,9 @@ def _fill(message: Message, row: bytes, made: Layout) -> None:
         raise ValueError(f"{left} bytes are left over behind the last field: it is of another type")
 
 
-def _walk(node: Node, row: bytes, at: int, path: Path | None, made: Layout) -> int:
+def _walk(node: Node, row: bytes, at: int, path: Path | None, made: MessageLayout) -> int:
     """Walk from a byte on, return where it ends. Of what has no path, no place is kept."""
-    if isinstance(node, Number):
+    if isinstance(node, NumberField):
         size = np.dtype(node.dtype).itemsize
         at = _aligned(at, size)
         if path is not None:
@@ -85,18 +94,18 @@ def _walk(node: Node, row: bytes, at: int, path: Path | None, made: Layout) -> i
         if path is not None:
             made.places[path] = Place(at, "duration" if node.duration else "time", -1)
         return _inside(row, at + _STAMP.itemsize)
-    if isinstance(node, Message):
+    if isinstance(node, MessageFields):
         for name, each in node.fields:
             at = _walk(each, row, at, None if path is None else (*path, name), made)
         return at
     return _walk_repeated(node, row, at, path, made)
 
 
-def _walk_repeated(node: Repeated, row: bytes, at: int, path: Path | None, made: Layout) -> int:
+def _walk_repeated(node: Repeated, row: bytes, at: int, path: Path | None, made: MessageLayout) -> int:
     count, inner = node.count, node.node
     if count < 0:
         count, at = _length(row, at, made)
-    if isinstance(inner, Number):
+    if isinstance(inner, NumberField):
         size = np.dtype(inner.dtype).itemsize
         at = _aligned(at, size) if count else at
         if path is not None:
@@ -125,7 +134,7 @@ def _walk_repeated(node: Repeated, row: bytes, at: int, path: Path | None, made:
     return at
 
 
-def _length(row: bytes, at: int, made: Layout) -> tuple[int, int]:
+def _length(row: bytes, at: int, made: MessageLayout) -> tuple[int, int]:
     at = _aligned(at, 4)
     (length,) = struct.unpack_from(f"{made.order}I", row, at)
     made.lengths.append((at, length))
@@ -163,7 +172,7 @@ class Longer(NamedTuple):
         return f"up to {self.most:,} values in {times}, first in number {self.first:,}"
 
 
-class Columns(NamedTuple):
+class WantedColumns(NamedTuple):
     """What is wanted of all messages of a topic, how many they are, and what is found out on the way.
 
     `paths` says how many values an array has, 0 for all else, `dtypes` NumPy types (`S` for texts). `longer` gets the
@@ -179,12 +188,12 @@ class Columns(NamedTuple):
     bad: Bad
 
     @classmethod
-    def wanted(cls, paths: Mapping[Path, int], dtypes: Mapping[Path, str], total: int, bad: Bad) -> "Columns":
+    def wanted(cls, paths: Mapping[Path, int], dtypes: Mapping[Path, str], total: int, bad: Bad) -> "WantedColumns":
         """Return columns of which nothing is found out yet."""
         return cls(paths, dtypes, total, {}, set(), bad)
 
 
-def columns_of(message: Message, wanted: Columns, groups: Iterable[Equal]) -> dict[Path, NDArray[Any]]:
+def columns_of(message: MessageFields, wanted: WantedColumns, groups: Iterable[Equal]) -> dict[Path, NDArray[Any]]:
     """Return the values at some paths of all messages, shape `(total,)`, or `(total, k)` where `paths` says a k > 0.
 
     What a message doesn't have, as its array is shorter or as it can't be read, is NaN, NaT, an empty text, or masked:
@@ -207,12 +216,12 @@ def columns_of(message: Message, wanted: Columns, groups: Iterable[Equal]) -> di
     return {path: _joined(parts, wanted, path) for path, parts in found.items()}
 
 
-def any_whole(message: Message, groups: Iterable[Equal], bad: Bad) -> bool:
+def any_whole(message: MessageFields, groups: Iterable[Equal], bad: Bad) -> bool:
     """Return whether one of some messages can be read."""
     return any(True for _ in _alike(message, groups, bad))
 
 
-def lengths_of(message: Message, paths: Sequence[Path], groups: Iterable[Equal], bad: Bad) -> dict[Path, int]:
+def lengths_of(message: MessageFields, paths: Sequence[Path], groups: Iterable[Equal], bad: Bad) -> dict[Path, int]:
     """Return the largest number of values in the arrays at some paths."""
     most = dict.fromkeys(paths, 0)
     for _, layout, _ in _alike(message, groups, bad):
@@ -221,7 +230,9 @@ def lengths_of(message: Message, paths: Sequence[Path], groups: Iterable[Equal],
     return most
 
 
-def _alike(message: Message, groups: Iterable[Equal], bad: Bad) -> Iterator[tuple[NDArray[np.int64], Layout, Bytes]]:
+def _alike(
+    message: MessageFields, groups: Iterable[Equal], bad: Bad
+) -> Iterator[tuple[NDArray[np.int64], MessageLayout, Bytes]]:
     """Messages of one layout each: which they are, the layout, their bytes."""
     for of_one_size in groups:
         which, rows = of_one_size
@@ -240,7 +251,7 @@ def _alike(message: Message, groups: Iterable[Equal], bad: Bad) -> Iterator[tupl
             which, rows = which[~same], rows[~same]
 
 
-def _values(layout: Layout, rows: Bytes, path: Path, count: int) -> NDArray[Any] | None:
+def _values(layout: MessageLayout, rows: Bytes, path: Path, count: int) -> NDArray[Any] | None:
     at, dtype, there = layout.places[path]
     if dtype == "texts":
         parts = [_values(layout, rows, (*path, str(number)), 0) for number in range(min(there, count))]
@@ -266,7 +277,7 @@ def _cut(rows: Bytes, at: int, dtype: np.dtype[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(rows[:, at : at + dtype.itemsize]).view(dtype)[:, 0]
 
 
-def _joined(parts: Sequence[tuple[NDArray[np.int64], NDArray[Any]]], wanted: Columns, path: Path) -> NDArray[Any]:
+def _joined(parts: Sequence[tuple[NDArray[np.int64], NDArray[Any]]], wanted: WantedColumns, path: Path) -> NDArray[Any]:
     count = wanted.paths[path]
     shape = (wanted.total, count) if count else (wanted.total,)
     declared = wanted.dtypes.get(path, "f8")

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.recording import masked
-from silo.files.others.message_types import MOST_VALUES, Path, Wanted
+from silo.files.others.message_types import MOST_VALUES, FieldSpec, Path
 from silo.files.others.topics import Bad, Equal
 
 _MOST_SIGNALS = 10_000  # of a topic: keys that are numbers themselves would be as many as messages
@@ -76,7 +76,7 @@ class _Met:
         return "i8" if self.high < 2**63 else "u8"
 
 
-def signals_of(messages: Callable[[Bad], Iterable[Equal]], bad: Bad) -> tuple[list[Wanted], list[Path], list[str]]:
+def signals_of(messages: Callable[[Bad], Iterable[Equal]], bad: Bad) -> tuple[list[FieldSpec], list[Path], list[str]]:
     """Return the elements that messages show, what in them is none, and what has to be told of single values."""
     met = _met_in_all(messages, bad)
     signals = {path: one for path, one in met.items() if one.kind}
@@ -172,10 +172,10 @@ def _type_of(allowed: Any) -> Any:
     return Annotated[list[number], msgspec.Meta(max_length=most)] if kind == "list" else number
 
 
-def _wanted(path: Path, one: _Met) -> Wanted:
+def _wanted(path: Path, one: _Met) -> FieldSpec:
     count = one.most if one.kind == "list" else 0
     suffixes = tuple(f"_{at}" for at in range(count)) or ("",)
-    return Wanted(path, (path,), one.dtype, "vector" if count else "scalar", suffixes, count)
+    return FieldSpec(path, (path,), one.dtype, "vector" if count else "scalar", suffixes, count)
 
 
 def _told(one: _Met) -> Iterator[str]:
@@ -223,7 +223,7 @@ def _number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def columns_of(wanted: Sequence[Wanted], groups: Iterable[Equal], total: int, bad: Bad) -> dict[Path, NDArray[Any]]:
+def columns_of(wanted: Sequence[FieldSpec], groups: Iterable[Equal], total: int, bad: Bad) -> dict[Path, NDArray[Any]]:
     """Return the values of elements in all messages.
 
     What a message has not is NaN, an empty text, or masked: integers stay integers.
@@ -243,7 +243,7 @@ def columns_of(wanted: Sequence[Wanted], groups: Iterable[Equal], total: int, ba
 _KINDS = {"b1": "truth", "S": "text"}
 
 
-def _column(values: list[Any], one: Wanted) -> NDArray[Any]:
+def _column(values: list[Any], one: FieldSpec) -> NDArray[Any]:
     if one.dtype == "S":
         return np.array([b"" if value is None else value for value in values], "S")
     dtype = np.dtype(one.dtype)

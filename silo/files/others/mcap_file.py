@@ -18,10 +18,10 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from silo.files.bags.index import DAMAGE, Told, read_index, record_at, told_damage
+from silo.files.bags.index import DAMAGE, DamageNotes, read_index, record_at, told_damage
 from silo.files.mcap.chunks import INDEX_ENTRY, RECORD, records, unpack_chunk, walked
 from silo.files.mcap.writer import MAGIC
-from silo.files.others.topics import SOME, Bad, Equal, Topic
+from silo.files.others.topics import SOME, Bad, Equal, FileTopic
 
 _HEAD = RECORD
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
@@ -52,7 +52,7 @@ class _Block:
 class McapFile:
     """One file, mapped into memory."""
 
-    def __init__(self, path: Path, data: memoryview, told: Told) -> None:
+    def __init__(self, path: Path, data: memoryview, told: DamageNotes) -> None:
         self.path = path
         self._told = told
         self._data = data
@@ -68,11 +68,11 @@ class McapFile:
         for channel in sorted(unknown - self._channels.keys()):
             self._told.add(f"'{path.name}' has messages of channel {channel}, whose description is damaged")
 
-    def topics(self) -> list[Topic]:
+    def topics(self) -> list[FileTopic]:
         """Return what the file has messages of, in the order of the channels."""
         nothing = Schema(id=0, name="", encoding="", data=b"")
         return [
-            Topic(
+            FileTopic(
                 channel.topic,
                 schema.name,
                 channel.message_encoding,

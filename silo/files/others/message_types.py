@@ -27,7 +27,7 @@ class UnknownTypeError(ValueError):
 
 
 @dataclass(frozen=True)
-class Number:
+class NumberField:
     """A number by its NumPy type without byte order; `labels` are names of values."""
 
     dtype: str
@@ -47,7 +47,7 @@ class Stamp:
 
 
 @dataclass(frozen=True)
-class Message:
+class MessageFields:
     """Fields in their order; `name` is the type."""
 
     name: str
@@ -62,13 +62,13 @@ class Repeated:
     count: int
 
 
-Node: TypeAlias = "Number | Text | Stamp | Message | Repeated"
+Node: TypeAlias = "NumberField | Text | Stamp | MessageFields | Repeated"
 
 _TIMES = {"builtin_interfaces/msg/Time": False, "builtin_interfaces/msg/Duration": True}
 
 
 @functools.lru_cache(256)  # to parse a definition takes milliseconds, and files of a bag have the same ones
-def message_type(name: str, definition: str, encoding: str) -> Message:
+def message_type(name: str, definition: str, encoding: str) -> MessageFields:
     """Return the type of this name. Without a definition it must be one of ROS 2.
 
     Raises UnknownTypeError, and `SiloError` where `rosbags` is missing.
@@ -87,7 +87,7 @@ def message_type(name: str, definition: str, encoding: str) -> Message:
     return _message(full, known, ())
 
 
-def _message(name: str, known: Mapping[str, Any], above: Path) -> Message:
+def _message(name: str, known: Mapping[str, Any], above: Path) -> MessageFields:
     if name.rpartition("/")[2] == "wstring":  # as which the parser takes it
         raise UnknownTypeError("silo reads no wstring: middlewares write them in ways of their own")
     if name in above or name not in known:
@@ -95,7 +95,7 @@ def _message(name: str, known: Mapping[str, Any], above: Path) -> Message:
     constants, fields = known[name]
     fields = fields or [(_NOTHING, (1, ("uint8", 0)))]
     made = tuple((label, _node(what, known, (*above, name))) for label, what in fields)
-    return Message(name, tuple((label, _labelled(label, node, made, constants)) for label, node in made))
+    return MessageFields(name, tuple((label, _labelled(label, node, made, constants)) for label, node in made))
 
 
 def _node(what: Any, known: Mapping[str, Any], above: Path) -> Node:
@@ -106,7 +106,7 @@ def _node(what: Any, known: Mapping[str, Any], above: Path) -> Node:
             return Text()
         if base not in NUMBERS:
             raise UnknownTypeError(f"silo reads no {base}")
-        return Number(NUMBERS[base])
+        return NumberField(NUMBERS[base])
     if kind == 2:
         return Stamp(_TIMES[detail]) if detail in _TIMES else _message(detail, known, above)
     inner, count = detail
@@ -115,22 +115,22 @@ def _node(what: Any, known: Mapping[str, Any], above: Path) -> Node:
 
 def _labelled(label: str, node: Node, fields: tuple[tuple[str, Node], ...], constants: list[Any]) -> Node:
     """The node with constants of its message as labels: those that begin with its name, or all where it is alone."""
-    if not isinstance(node, Number) or node.dtype[0] not in "iu" or not constants:
+    if not isinstance(node, NumberField) or node.dtype[0] not in "iu" or not constants:
         return node
     mine = [(word, value) for word, base, value in constants if NUMBERS.get(base) == node.dtype]
     start = f"{label.upper()}_"
     named = [(word.removeprefix(start), value) for word, value in mine if word.startswith(start)]
-    alone = sum(isinstance(other, Number) and other.dtype == node.dtype for _, other in fields) == 1
+    alone = sum(isinstance(other, NumberField) and other.dtype == node.dtype for _, other in fields) == 1
     chosen = named or (mine if alone else [])
     distinct = len({value for _, value in chosen}) == len(chosen)
-    return Number(node.dtype, {int(value): word for word, value in chosen}) if chosen and distinct else node
+    return NumberField(node.dtype, {int(value): word for word, value in chosen}) if chosen and distinct else node
 
 
 # ------------------------------------------------------------------------------------------------------------- signals
 
 
 @dataclass(frozen=True)
-class Wanted:
+class FieldSpec:
     """An element of a topic: where its values stand in a message, and what they are.
 
     Of several `paths` each is one scalar, of one path it is what stands there. `suffixes` belong to the scalars;
@@ -182,51 +182,51 @@ _UNITS = {
 }  # fmt: skip
 
 
-def signals_of(message: Message) -> tuple[list[Wanted], list[Path]]:
+def signals_of(message: MessageFields) -> tuple[list[FieldSpec], list[Path]]:
     """Return the elements of a message, and which fields are none: bytes without end, and lists of messages."""
-    found: list[Wanted] = []
+    found: list[FieldSpec] = []
     left: list[Path] = []
     for wanted in _signals(message, (), "-"):
-        if isinstance(wanted, Wanted):
+        if isinstance(wanted, FieldSpec):
             found.append(wanted)
         else:
             left.append(wanted)
     return found, left
 
 
-def _signals(message: Message, above: Path, given: str) -> Iterator[Wanted | Path]:
+def _signals(message: MessageFields, above: Path, given: str) -> Iterator[FieldSpec | Path]:
     units = _UNITS.get(message.name, {})
     for label, node in message.fields:
         if label == _NOTHING:
             continue
         name, unit = (*above, label), units.get(label, given)
-        if isinstance(node, Message):
+        if isinstance(node, MessageFields):
             names = tuple(each for each, _ in node.fields)
-            numbers = [each for _, each in node.fields if isinstance(each, Number)]
+            numbers = [each for _, each in node.fields if isinstance(each, NumberField)]
             if node.name in _VECTORS and names in _COMPOUND and len({one.dtype for one in numbers}) == 1:
                 suffixes = tuple(f"_{each}" for each in names)
                 paths = tuple((*name, each) for each in names)
-                yield Wanted(name, paths, numbers[0].dtype, _COMPOUND[names], suffixes, unit=unit)
+                yield FieldSpec(name, paths, numbers[0].dtype, _COMPOUND[names], suffixes, unit=unit)
             else:
                 yield from _signals(node, name, unit)
         elif isinstance(node, Repeated):
             yield _array(name, node, unit)
         elif isinstance(node, Stamp):
-            yield Wanted(name, (name,), "i8" if node.duration else "M8[ns]", unit="ns" if node.duration else "-")
+            yield FieldSpec(name, (name,), "i8" if node.duration else "M8[ns]", unit="ns" if node.duration else "-")
         elif isinstance(node, Text):
-            yield Wanted(name, (name,), "S")
+            yield FieldSpec(name, (name,), "S")
         else:
-            yield Wanted(name, (name,), node.dtype, unit=unit, labels=node.labels)
+            yield FieldSpec(name, (name,), node.dtype, unit=unit, labels=node.labels)
 
 
-def _array(name: Path, node: Repeated, unit: str) -> Wanted | Path:
+def _array(name: Path, node: Repeated, unit: str) -> FieldSpec | Path:
     """The element of an array of numbers or texts, else the path of what is none."""
     inner = node.node
-    if not isinstance(inner, Number | Text) or node.count > MOST_VALUES:
+    if not isinstance(inner, NumberField | Text) or node.count > MOST_VALUES:
         return name
-    if node.count < 0 and isinstance(inner, Number) and inner.dtype in ("u1", "i1"):
+    if node.count < 0 and isinstance(inner, NumberField) and inner.dtype in ("u1", "i1"):
         return name  # pictures, point clouds, maps
-    dtype = inner.dtype if isinstance(inner, Number) else "S"
+    dtype = inner.dtype if isinstance(inner, NumberField) else "S"
     suffixes = tuple(f"_{at}" for at in range(max(node.count, 0)))
-    labels = inner.labels if isinstance(inner, Number) else {}
-    return Wanted(name, (name,), dtype, "vector", suffixes, node.count, unit, labels)
+    labels = inner.labels if isinstance(inner, NumberField) else {}
+    return FieldSpec(name, (name,), dtype, "vector", suffixes, node.count, unit, labels)

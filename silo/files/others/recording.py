@@ -19,13 +19,13 @@ from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, Recording, common_axis, lazy_entry
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
-from silo.files.bags.index import Told, damage_told
+from silo.files.bags.index import DamageNotes, damage_told
 from silo.files.formats import refuse_others
 from silo.files.others import cdr, json_text
 from silo.files.others.mcap_file import McapFile
-from silo.files.others.message_types import Message, Path, UnknownTypeError, Wanted, message_type, signals_of
+from silo.files.others.message_types import FieldSpec, MessageFields, Path, UnknownTypeError, message_type, signals_of
 from silo.files.others.sqlite_file import SqliteFile
-from silo.files.others.topics import Bad, Equal, Topic, Unpacked
+from silo.files.others.topics import Bad, Equal, FileTopic, Unpacked
 from silo.files.silo.values import file_recording
 
 _HEADER: Path = ("header", "stamp")
@@ -38,9 +38,9 @@ def open_others(path: FilePath) -> Recording:
 
     Raises `LogNotFoundError`, `FileFormatError` where nothing of it can be read, and `SiloError` without `rosbags`.
     """
-    told = Told(path)
+    told = DamageNotes(path)
     with damage_told(path):
-        topics: dict[str, list[tuple[FilePath, Topic]]] = {}
+        topics: dict[str, list[tuple[FilePath, FileTopic]]] = {}
         for file in _files(path, told):
             for topic in file.topics():
                 topics.setdefault(topic.name, []).append((file.path, topic))
@@ -124,7 +124,7 @@ class _File(Protocol):
     def path(self) -> FilePath:
         """Where it is."""
 
-    def topics(self) -> list[Topic]:
+    def topics(self) -> list[FileTopic]:
         """Return what it has messages of."""
 
 
@@ -139,12 +139,12 @@ class _Packed:
         """Where it is."""
         return self.file.path
 
-    def topics(self) -> list[Topic]:
+    def topics(self) -> list[FileTopic]:
         """Return what it has messages of."""
         return [replace(topic, stored=Unpacked(topic.stored)) for topic in self.file.topics()]
 
 
-def _files(path: FilePath, told: Told) -> list[_File]:
+def _files(path: FilePath, told: DamageNotes) -> list[_File]:
     about: dict[str, Any] = {}
     paths = [path]
     if path.is_dir():
@@ -170,7 +170,7 @@ def _files(path: FilePath, told: Told) -> list[_File]:
     return found
 
 
-def _file(path: FilePath, told: Told) -> McapFile | SqliteFile:
+def _file(path: FilePath, told: DamageNotes) -> McapFile | SqliteFile:
     refuse_others(path)
     if path.suffix == ".db3":
         return SqliteFile(path)
@@ -182,7 +182,7 @@ def _file(path: FilePath, told: Told) -> McapFile | SqliteFile:
         raise LogNotFoundError(f"can't open '{path}': {reason(error)}") from error
 
 
-def _metadata(folder: FilePath, told: Told) -> dict[str, Any]:
+def _metadata(folder: FilePath, told: DamageNotes) -> dict[str, Any]:
     try:
         refuse_others(folder / "metadata.yaml")
         found = yaml.safe_load((folder / "metadata.yaml").read_text("utf-8"))
@@ -206,12 +206,12 @@ class DamagedTopicError(UnknownTypeError):
 class _Alike:
     """Messages of a topic that are of one schema, in all files; `message` is their type, None of JSON."""
 
-    parts: list[tuple[FilePath, Topic]]
-    message: Message | None
+    parts: list[tuple[FilePath, FileTopic]]
+    message: MessageFields | None
 
 
 def _by_schema(
-    name: str, parts: Sequence[tuple[FilePath, Topic]], unknown: dict[str, str], told: Told
+    name: str, parts: Sequence[tuple[FilePath, FileTopic]], unknown: dict[str, str], told: DamageNotes
 ) -> list[tuple[str, _Alike]]:
     """What a topic has messages of, under the names that they get: one by itself is called as the topic.
 
@@ -219,7 +219,7 @@ def _by_schema(
     """
     found: list[_Alike] = []
     refused: dict[str, str] = {}
-    types: dict[tuple[str, ...], Message | None] = {}
+    types: dict[tuple[str, ...], MessageFields | None] = {}
     for path, topic in parts:
         key = (topic.type, topic.definition, topic.language, topic.encoding)
         try:
@@ -242,7 +242,7 @@ def _by_schema(
     return named
 
 
-def _type_of(topic: Topic) -> Message | None:
+def _type_of(topic: FileTopic) -> MessageFields | None:
     """The type of a topic's messages, None of JSON. Raises `UnknownTypeError`."""
     if topic.encoding == "json":
         return None
@@ -253,7 +253,7 @@ def _type_of(topic: Topic) -> Message | None:
     return message_type(topic.type, topic.definition, topic.language)
 
 
-def _reader(name: str, alike: _Alike, told: Told) -> "TopicReader":
+def _reader(name: str, alike: _Alike, told: DamageNotes) -> "TopicReader":
     """Raises `UnknownTypeError` for a topic that can't be read."""
     path, message = alike.parts[0][0], alike.message
     parts = [topic for _, topic in alike.parts]
@@ -270,7 +270,7 @@ def _reader(name: str, alike: _Alike, told: Told) -> "TopicReader":
     some = _looked_at(parts, message, all_blocks=bool(endless))
     joints = _joints(message, some) if message.name == _JOINTS else ()
     lengths = cdr.lengths_of(message, endless, some, []) if endless else {}
-    kept: list[Wanted] = []
+    kept: list[FieldSpec] = []
     empty: list[Path] = []
     for one in wanted:
         count = lengths.get(one.name, one.count)
@@ -287,7 +287,7 @@ def _reader(name: str, alike: _Alike, told: Told) -> "TopicReader":
     return TopicReader(name, path, parts, message, kept, left, told, joints, empty)
 
 
-def _looked_at(parts: Sequence[Topic], message: Message, *, all_blocks: bool) -> list[Equal]:
+def _looked_at(parts: Sequence[FileTopic], message: MessageFields, *, all_blocks: bool) -> list[Equal]:
     """A few messages of a topic, numbered through all files in the order in which they stand there.
 
     Of all of them, if those can't be read. Raises `DamagedTopicError` where none can.
@@ -309,7 +309,7 @@ def _looked_at(parts: Sequence[Topic], message: Message, *, all_blocks: bool) ->
     return every
 
 
-def _every(parts: Sequence[Topic], bad: Bad) -> Iterator[Equal]:
+def _every(parts: Sequence[FileTopic], bad: Bad) -> Iterator[Equal]:
     """All messages of a topic, numbered through all files."""
     first = 0
     for part in parts:
@@ -320,13 +320,13 @@ def _every(parts: Sequence[Topic], bad: Bad) -> Iterator[Equal]:
         first += len(part.stored.stamps())
 
 
-def _joints(message: Message, some: Sequence[Equal]) -> tuple[str, ...]:
+def _joints(message: MessageFields, some: Sequence[Equal]) -> tuple[str, ...]:
     """The names of joints in some messages, in the order in which they come."""
     found: dict[bytes, None] = {}
     most = cdr.lengths_of(message, [("name",)], some, [])[("name",)]
     if most:
         total = 1 + max(int(which.max()) for which, _ in some)
-        wanted = cdr.Columns.wanted({("name",): most}, {("name",): "S"}, total, [])
+        wanted = cdr.WantedColumns.wanted({("name",): most}, {("name",): "S"}, total, [])
         found = dict.fromkeys(cdr.columns_of(message, wanted, some)[("name",)].ravel().tolist())
     return tuple(name.decode("utf-8", "backslashreplace") for name in found if name)
 
@@ -338,11 +338,11 @@ class TopicReader:
         self,
         name: str,
         path: FilePath,
-        parts: Sequence[Topic],
-        message: Message | None,
-        wanted: Sequence[Wanted],
+        parts: Sequence[FileTopic],
+        message: MessageFields | None,
+        wanted: Sequence[FieldSpec],
         left: Sequence[Path],
-        told: Told,
+        told: DamageNotes,
         joints: Sequence[str] = (),
         empty: Sequence[Path] = (),  # arrays without a value in all messages that were looked at
         headed: "TopicReader | None" = None,
@@ -378,7 +378,7 @@ class TopicReader:
         """Return the elements; their values and stamps are read when they are asked for."""
         return [self._element(one) for one in self._wanted]
 
-    def _element(self, one: Wanted) -> "TopicElement":
+    def _element(self, one: FieldSpec) -> "TopicElement":
         name = "/".join((self.name, *one.name))
         several = len(one.suffixes) > 1 or one.count > 0
         entries = []
@@ -453,7 +453,7 @@ class TopicReader:
                 paths = {path: one.count for one in self._wanted for path in one.paths}
                 dtypes = {path: one.dtype for one in self._wanted for path in one.paths}
                 looked = paths | dict.fromkeys(self._empty, 0)
-                wanted = cdr.Columns.wanted(looked, dtypes, total, bad)
+                wanted = cdr.WantedColumns.wanted(looked, dtypes, total, bad)
                 every = cdr.columns_of(self._message, wanted, self._messages(bad))
                 found = {path: every[path] for path in paths}
                 if wanted.longer and not self._joints:

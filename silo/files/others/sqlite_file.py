@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.errors import FileFormatError
-from silo.files.others.topics import SOME, Bad, Equal, Topic, equal
+from silo.files.others.topics import SOME, Bad, Equal, FileTopic, equal
 
 MARK = b"SQLite format 3\0"
 _DEFINITIONS = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
@@ -63,7 +63,7 @@ class SqliteFile:
             return found, f"damaged: {error}"
         return found, ""
 
-    def topics(self) -> list[Topic]:
+    def topics(self) -> list[FileTopic]:
         """Return the topics that have messages."""
         definitions: dict[str, tuple[str, str]] = {}
         with contextlib.suppress(ValueError):  # a table of newer bags only
@@ -71,7 +71,9 @@ class SqliteFile:
         found, damage = self._there("SELECT DISTINCT topic_id FROM messages")
         used = {number for number, *_ in found}
         return [
-            Topic(str(name), str(kind), str(encoding), *definitions.get(str(kind), ("", "")), SqliteTopic(self, number))
+            FileTopic(
+                str(name), str(kind), str(encoding), *definitions.get(str(kind), ("", "")), SqliteTopic(self, number)
+            )
             for number, name, kind, encoding in self._topics
             if isinstance(number, int) and (number in used or damage)
         ]

@@ -35,7 +35,7 @@ class Messages(Protocol):
 
 
 @dataclass(frozen=True)
-class Topic:
+class FileTopic:
     """A topic of one file: its type, how its messages are encoded, and the definition as far as the file has it."""
 
     name: str

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import MARKER, NO_EXTRAS, BufferType, Extras, LoggedEvent
+from silo.core.elements import MARKER, NO_EXTRAS, BufferType, Conditions, LoggedEvent
 from silo.core.kinds import SCALAR
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, masked
 
@@ -145,7 +145,7 @@ class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     warnings: tuple[str, ...] = ()
     why: str = ""
     span: tuple[int, int] = (0, 0)
-    extras: Extras = NO_EXTRAS
+    extras: Conditions = NO_EXTRAS
     markers: int = 0
 
 

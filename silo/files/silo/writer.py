@@ -29,7 +29,7 @@ _SLOT = 16
 
 
 @dataclass(frozen=True)
-class Column:
+class LineValues:
     """The values of one table line: `fill(start, stop, out)` writes samples as they stand in the file."""
 
     row: form.TableRow
@@ -165,14 +165,14 @@ def _nanoseconds(time_ns: NDArray[np.int64]) -> Callable[[int, int, NDArray[np.u
 
 def _placed(
     sources: Iterable[tuple[form.TableRow, Callable[[int, int, NDArray[np.uint8]], None]]], start: int
-) -> Iterator[Column]:
+) -> Iterator[LineValues]:
     for row, fill in sources:
         if row.size_bytes:
-            yield Column(row, start, fill)
+            yield LineValues(row, start, fill)
         start += row.size_bytes
 
 
-def _write_columns(file_descriptor: int, columns: list[Column], progress: Progress) -> None:
+def _write_columns(file_descriptor: int, columns: list[LineValues], progress: Progress) -> None:
     total = sum(column.row.size_bytes for column in columns)
     written = 0
     progress(0.0)
@@ -191,12 +191,12 @@ def _write_columns(file_descriptor: int, columns: list[Column], progress: Progre
         progress(1.0)
 
 
-def _bands(columns: list[Column]) -> Iterator[list[Column]]:
+def _bands(columns: list[LineValues]) -> Iterator[list[LineValues]]:
     for start in range(0, len(columns), TILE_COLUMNS):
         yield columns[start : start + TILE_COLUMNS]
 
 
-def _write_tile(file_descriptor: int, band: list[Column], start: int, rows: int, tile: NDArray[np.uint8]) -> int:
+def _write_tile(file_descriptor: int, band: list[LineValues], start: int, rows: int, tile: NDArray[np.uint8]) -> int:
     """Transpose samples `start ... start + rows` of a few columns and write them; returns the bytes written."""
     columns = [column for column in band if column.row.count > start]
     stops = [min(column.row.count, start + rows) for column in columns]

@@ -3,8 +3,8 @@
 from typing import Any
 
 from silo.conditions.monitor import Judge
-from silo.control.lock import Operators
-from silo.helper.robot_link import Robot, ending
+from silo.control.lock import ControlLock
+from silo.helper.robot_link import RobotLink, ending
 from silo.helper.saver import Saver
 from silo.helper.servers.conditions import ConditionServer
 from silo.helper.servers.control import ControlServer
@@ -14,13 +14,13 @@ from silo.helper.servers.recorded import RecordingServer
 from silo.helper.servers.scripts import TableServer
 from silo.live.publisher import Publisher
 from silo.live.statistics import Surveyor
-from silo.recorder.server import Recording
+from silo.recorder.server import EndlessRecordings
 from silo.recordings.folder import RecordingFolder
 from silo.rpc.declaring import GoesOn, Request
 from silo.rpc.published import EventKind
 from silo.rpc.serving import Answer, Dispatch, Turn
-from silo.state.events import Events
-from silo.state.replica import Mirror
+from silo.state.events import EventNotifier
+from silo.state.replica import Replica
 
 SERVERS = (TableServer, LiveServer, RecordingServer, ConditionServer, ControlServer)
 NOBODY = Turn()
@@ -31,14 +31,14 @@ class Answers:
 
     def __init__(
         self,
-        mirror: Mirror,
-        events: Events,
+        mirror: Replica,
+        events: EventNotifier,
         publisher: Publisher,
         saver: Saver,
-        robot: Robot,
+        robot: RobotLink,
         judge: Judge,
-        recording: Recording,
-        operators: Operators,
+        recording: EndlessRecordings,
+        operators: ControlLock,
     ) -> None:
         self._parts = Parts(
             mirror,

@@ -6,38 +6,38 @@ from typing import Any
 import msgspec
 
 from silo.conditions.monitor import Judge
-from silo.control.lock import Operators
+from silo.control.lock import ControlLock
 from silo.core.elements import State
-from silo.helper.robot_link import REPLY_TIMEOUT_S, Robot
+from silo.helper.robot_link import REPLY_TIMEOUT_S, RobotLink
 from silo.helper.saver import Saver
 from silo.history.pins import Pins
 from silo.live.publisher import Publisher
 from silo.live.statistics import Surveyor
-from silo.recorder.server import Recording
+from silo.recorder.server import EndlessRecordings
 from silo.recordings.folder import RecordingFolder
 from silo.rpc.declaring import Reply, ReplyT, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked, raised
 from silo.rpc.serving import Turn
 from silo.scripts.early_refusals import refused_running
-from silo.state.events import Events
-from silo.state.replica import LoggerSnapshot, Mirror
+from silo.state.events import EventNotifier
+from silo.state.replica import LoggerSnapshot, Replica
 
 
 @dataclass(frozen=True)
 class Parts:
     """Everything that the helper has."""
 
-    mirror: Mirror
-    events: Events
+    mirror: Replica
+    events: EventNotifier
     publisher: Publisher
     saver: Saver
-    robot: Robot
+    robot: RobotLink
     judge: Judge
-    recording: Recording
+    recording: EndlessRecordings
     pins: Pins
     recordings: RecordingFolder
     surveyor: Surveyor
-    operators: Operators
+    operators: ControlLock
 
 
 def ask_robot(parts: Parts, request: Request[Any], turn: Turn) -> Reply:

@@ -35,7 +35,7 @@ from silo.core.runtime import FOLDER_GONE
 from silo.errors import ElementError, SourceError
 from silo.loop.types import MAX_ENTRIES
 from silo.settings.options import option_problems, refusal
-from silo.settings.typed import Settings, apply_settings, read_options
+from silo.settings.typed import ElementSettings, apply_settings, read_options
 
 log = logging.getLogger("silo")
 
@@ -154,7 +154,7 @@ def _new_options(name: str, frequency_hz: float, max_time_s: float, *given: obje
         if problems:
             raise ElementError(refusal(problems).replace("; nothing", f" ({way_out}); nothing"))
         return default
-    (options,) = apply_settings(Settings(buffer_size=settings.buffer_size), [(name, default)], frequency_hz)
+    (options,) = apply_settings(ElementSettings(buffer_size=settings.buffer_size), [(name, default)], frequency_hz)
     return options
 
 

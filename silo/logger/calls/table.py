@@ -11,7 +11,7 @@ from silo.loop.plan import Element
 from silo.settings.options import checked, edit_problems
 
 
-class Table:
+class Registrations:
     """Elements in the order of registration. What was added waits in `pending` until `adopt`."""
 
     def __init__(self, prefix: str) -> None:

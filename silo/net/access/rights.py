@@ -19,7 +19,7 @@ NOBODY_ASKED = ("whoever comes by a way without users",)
 SHARED = "robots"  # whoever has the file of this name may be any robot; each other robot is one host
 
 
-class Way(NamedTuple):
+class MessageFlow(NamedTuple):
     """What Zenoh calls the messages that go to and fro under a key: who offers it sends the first, who uses it the
     second; each gets what the other sends.
     """
@@ -29,19 +29,19 @@ class Way(NamedTuple):
     uses: tuple[str, ...]
 
 
-ANSWERED = Way("answers", ("reply", "declare_queryable"), ("query",))
-TOLD = Way("publishes", ("put",), ("declare_subscriber",))
-THERE = Way("is there", ("liveliness_token",), ("liveliness_query", "declare_liveliness_subscriber"))
+ANSWERED = MessageFlow("answers", ("reply", "declare_queryable"), ("query",))
+TOLD = MessageFlow("publishes", ("put",), ("declare_subscriber",))
+THERE = MessageFlow("is there", ("liveliness_token",), ("liveliness_query", "declare_liveliness_subscriber"))
 
 
-class Row(NamedTuple):
+class KeyRights(NamedTuple):
     """A key below `silo/<host>~<id>/<logger>/`, and the roles of those on either side of it.
 
     `{user}` stands for the name of who uses it, which rules admit nobody else to.
     """
 
     key: str
-    way: Way
+    way: MessageFlow
     offered: tuple[str, ...]
     used: tuple[str, ...]
 
@@ -50,16 +50,16 @@ class Row(NamedTuple):
 ASKED: dict[type[Request[Any]], tuple[str, ...]] = {Ask: PEOPLE, Do: (OPERATOR,)}
 
 TABLE = (
-    *(Row(kind.key + "/{user}" * (kind is Do), ANSWERED, ROBOTS, who) for kind, who in ASKED.items()),
-    Row(Do.key, ANSWERED, ROBOTS, NOBODY_ASKED),  # clients of protocol 1, who are told what to update
-    Row("refused/{user}", ANSWERED, ROBOTS, PEOPLE),
-    Row("event", TOLD, ROBOTS, PEOPLE),
-    Row("summary", TOLD, ROBOTS, PEOPLE),
-    Row("view/*", TOLD, ROBOTS, PEOPLE),
-    Row("stream/*", TOLD, ROBOTS, PEOPLE),
-    Row("topic/**", TOLD, ROBOTS, PEOPLE),
-    Row("alive", THERE, ROBOTS, PEOPLE),
-    Row("client/*", THERE, PEOPLE, ROBOTS),
+    *(KeyRights(kind.key + "/{user}" * (kind is Do), ANSWERED, ROBOTS, who) for kind, who in ASKED.items()),
+    KeyRights(Do.key, ANSWERED, ROBOTS, NOBODY_ASKED),  # clients of protocol 1, who are told what to update
+    KeyRights("refused/{user}", ANSWERED, ROBOTS, PEOPLE),
+    KeyRights("event", TOLD, ROBOTS, PEOPLE),
+    KeyRights("summary", TOLD, ROBOTS, PEOPLE),
+    KeyRights("view/*", TOLD, ROBOTS, PEOPLE),
+    KeyRights("stream/*", TOLD, ROBOTS, PEOPLE),
+    KeyRights("topic/**", TOLD, ROBOTS, PEOPLE),
+    KeyRights("alive", THERE, ROBOTS, PEOPLE),
+    KeyRights("client/*", THERE, PEOPLE, ROBOTS),
 )
 _OWN = "{user}"
 _IN_OUT = {"ingress": "in", "egress": "out"}

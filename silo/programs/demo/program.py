@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from silo.core.elements import NO_EXTRAS, Action, FileType, TriggerOptions
 from silo.logger.logger import Logger
-from silo.programs.demo.robot import Robot
-from silo.programs.demo.signals import Signal, divider_at, signals
+from silo.programs.demo.robot import SimulatedRobot
+from silo.programs.demo.signals import LoggedSignal, divider_at, signals
 from silo.programs.rate import EndSignals, Rate
 
 FREQUENCY_HZ = 400.0
@@ -84,20 +84,20 @@ def end_with(parent_pid: int) -> None:
     os.kill(os.getpid(), system_signals.SIGTERM)
 
 
-def make_robot(options: DemoOptions) -> tuple[Robot, Sequence[Signal]]:
+def make_robot(options: DemoOptions) -> tuple[SimulatedRobot, Sequence[LoggedSignal]]:
     """Return the robot and the elements to log.
 
     With more elements than it has, further diagnostic channels are made.
     """
     wanted = options.elements
-    robot = Robot(options.frequency_hz, options.seed)
+    robot = SimulatedRobot(options.frequency_hz, options.seed)
     chosen = signals(robot)
     if wanted is None:
         return robot, chosen
     missing = wanted - LOOP_ELEMENTS - len(chosen)
     if missing <= 0:
         return robot, chosen[: max(0, wanted - LOOP_ELEMENTS)]
-    robot = Robot(options.frequency_hz, options.seed, channels=missing)
+    robot = SimulatedRobot(options.frequency_hz, options.seed, channels=missing)
     return robot, signals(robot)
 
 
@@ -112,7 +112,7 @@ def loop_variables(log: Logger) -> tuple[NDArray[Any], ...]:
     )
 
 
-def register(log: Logger, chosen: Sequence[Signal]) -> None:
+def register(log: Logger, chosen: Sequence[LoggedSignal]) -> None:
     """Add the elements to the logger."""
     for signal in chosen:
         log.add(

@@ -57,7 +57,7 @@ _ODOMETRY = np.array([1.004, 1.004, 1.0])  # legs slip a little, so that the est
 _BEAMS_RAD = np.linspace(-np.pi, np.pi, 32, endpoint=False)
 
 
-class Robot:
+class SimulatedRobot:
     """The whole robot. `step()` moves it on by one tick of `1 / frequency_hz` seconds.
 
     The same seed gives the same motion and the same faults. `channels` further diagnostic values serve to try large

@@ -11,7 +11,7 @@ from typing import Any
 from silo.core.elements import Action, BufferType
 from silo.programs.demo.gait import JOINTS, LEGS
 from silo.programs.demo.parts import BatteryState, ContactState, DriveState
-from silo.programs.demo.robot import Robot
+from silo.programs.demo.robot import SimulatedRobot
 
 LIVE = Action.SAVE_AND_PUBLISH
 SAVE = Action.SAVE
@@ -21,7 +21,7 @@ LOOPING, FIXED, GROWING = BufferType.LOOPING, BufferType.FIXED, BufferType.GROWI
 
 
 @dataclass(frozen=True)
-class Signal:
+class LoggedSignal:
     """One element. `buffer_size` None is the logger's default.
 
     `divider` is for 400 Hz: 4 is 100 Hz, 40 is 10 Hz, which `divider_at` keeps at other frequencies.
@@ -107,7 +107,7 @@ _LEG: tuple[tuple[str, str, int, Action, type[enum.Enum] | None, str], ...] = (
 )
 
 
-def signals(robot: Robot) -> list[Signal]:
+def signals(robot: SimulatedRobot) -> list[LoggedSignal]:
     """Return every element of the robot, the most telling ones first; about 500."""
     return [
         *_body(robot),
@@ -118,83 +118,93 @@ def signals(robot: Robot) -> list[Signal]:
     ]
 
 
-def _body(robot: Robot) -> Iterator[Signal]:
+def _body(robot: SimulatedRobot) -> Iterator[LoggedSignal]:
     base, sensors, battery = robot.base, robot.sensors, robot.battery
-    yield Signal("base", "pose", base.pose, "m", action=LIVE, kind="pose", description="base in the world")
-    yield Signal("base", "twist", base.twist, "m/s", action=LIVE, kind="twist", description="in the base frame")
-    yield Signal("base", "acceleration", base.acceleration, "m/s^2", action=LIVE, description="in the world")
-    yield Signal("base", "euler", base.euler, "rad", 4, LIVE, kind="array", description="roll, pitch, yaw")
-    yield Signal("base", "command", base.command, "m/s", 4, LIVE, kind="array", description="forward, left, turn")
-    yield Signal("base", "centre_of_mass", base.centre_of_mass, "m", 4)
-    yield Signal("base", "inertia", base.inertia, "kg m^2", 400, buffer_type=FIXED, buffer_size=1)
-    yield Signal("controller", "gait", robot.controller, attr="gait", action=LIVE)
-    yield Signal("controller", "state", robot.controller, attr="state", divider=4, action=LIVE, description="mission")
-    yield Signal("imu", "acceleration", sensors.acceleration, "m/s^2", action=LIVE, description="with gravity")
-    yield Signal("imu", "angular_velocity", sensors.angular_velocity, "rad/s", action=LIVE)
-    yield Signal("imu", "orientation", sensors.orientation, "-", action=LIVE, kind="quaternion")
-    yield Signal("imu", "magnetic_field", sensors.magnetic_field, "uT", 4)
-    yield Signal("imu", "temperature", sensors.imu_temperature, "degC", 400, LIVE)
-    yield Signal("imu", "gyro_bias", sensors.gyro_bias, "rad/s", 40)
-    yield Signal("battery", "voltage", battery.voltage, "V", 40, LIVE)
-    yield Signal("battery", "current", battery.current, "A", 40, LIVE)
-    yield Signal("battery", "power", battery.power, "W", 40, LIVE)
-    yield Signal("battery", "charge", battery.charge, "-", 400, LIVE, GROWING, 600, description="0 empty, 1 full")
-    yield Signal("battery", "temperature", battery.temperature, "degC", 400, SAVE, GROWING, 600)
-    yield Signal("battery", "cells", battery.cells, "V", 400, SAVE, GROWING, 600)
-    yield Signal("battery", "state", battery, attr="state", divider=400, action=LIVE, labels=BatteryState)
-    yield Signal("sensors", "sonar_left", sensors.sonar_left, "m", 2, LIVE, description="loose plug: NaN now and then")
-    yield Signal("sensors", "sonar_right", sensors.sonar_right, "m", 2, LIVE)
-    yield Signal("sensors", "pressure", sensors.pressure, "mbar", 4, LIVE, description="sticks after 12 s")
-    yield Signal("sensors", "humidity", sensors.humidity, "%", 400)
-    yield Signal("sensors", "ranges", sensors.ranges, "m", 20, ONLY_LIVE, description="32 beams, too much to keep")
+    yield LoggedSignal("base", "pose", base.pose, "m", action=LIVE, kind="pose", description="base in the world")
+    yield LoggedSignal("base", "twist", base.twist, "m/s", action=LIVE, kind="twist", description="in the base frame")
+    yield LoggedSignal("base", "acceleration", base.acceleration, "m/s^2", action=LIVE, description="in the world")
+    yield LoggedSignal("base", "euler", base.euler, "rad", 4, LIVE, kind="array", description="roll, pitch, yaw")
+    yield LoggedSignal("base", "command", base.command, "m/s", 4, LIVE, kind="array", description="forward, left, turn")
+    yield LoggedSignal("base", "centre_of_mass", base.centre_of_mass, "m", 4)
+    yield LoggedSignal("base", "inertia", base.inertia, "kg m^2", 400, buffer_type=FIXED, buffer_size=1)
+    yield LoggedSignal("controller", "gait", robot.controller, attr="gait", action=LIVE)
+    yield LoggedSignal(
+        "controller", "state", robot.controller, attr="state", divider=4, action=LIVE, description="mission"
+    )
+    yield LoggedSignal("imu", "acceleration", sensors.acceleration, "m/s^2", action=LIVE, description="with gravity")
+    yield LoggedSignal("imu", "angular_velocity", sensors.angular_velocity, "rad/s", action=LIVE)
+    yield LoggedSignal("imu", "orientation", sensors.orientation, "-", action=LIVE, kind="quaternion")
+    yield LoggedSignal("imu", "magnetic_field", sensors.magnetic_field, "uT", 4)
+    yield LoggedSignal("imu", "temperature", sensors.imu_temperature, "degC", 400, LIVE)
+    yield LoggedSignal("imu", "gyro_bias", sensors.gyro_bias, "rad/s", 40)
+    yield LoggedSignal("battery", "voltage", battery.voltage, "V", 40, LIVE)
+    yield LoggedSignal("battery", "current", battery.current, "A", 40, LIVE)
+    yield LoggedSignal("battery", "power", battery.power, "W", 40, LIVE)
+    yield LoggedSignal("battery", "charge", battery.charge, "-", 400, LIVE, GROWING, 600, description="0 empty, 1 full")
+    yield LoggedSignal("battery", "temperature", battery.temperature, "degC", 400, SAVE, GROWING, 600)
+    yield LoggedSignal("battery", "cells", battery.cells, "V", 400, SAVE, GROWING, 600)
+    yield LoggedSignal("battery", "state", battery, attr="state", divider=400, action=LIVE, labels=BatteryState)
+    yield LoggedSignal(
+        "sensors", "sonar_left", sensors.sonar_left, "m", 2, LIVE, description="loose plug: NaN now and then"
+    )
+    yield LoggedSignal("sensors", "sonar_right", sensors.sonar_right, "m", 2, LIVE)
+    yield LoggedSignal("sensors", "pressure", sensors.pressure, "mbar", 4, LIVE, description="sticks after 12 s")
+    yield LoggedSignal("sensors", "humidity", sensors.humidity, "%", 400)
+    yield LoggedSignal(
+        "sensors", "ranges", sensors.ranges, "m", 20, ONLY_LIVE, description="32 beams, too much to keep"
+    )
 
 
-def _legs(robot: Robot) -> Iterator[Signal]:
+def _legs(robot: SimulatedRobot) -> Iterator[LoggedSignal]:
     for row, leg in enumerate(LEGS):
         for name, unit, divider, action, labels, description in _LEG:
             source = getattr(robot.legs, name)[row, ...]
-            yield Signal(
+            yield LoggedSignal(
                 f"legs/{leg}", name, source, unit, divider, action, labels=labels, description=description
             )  # fmt: skip
 
 
-def _joints(robot: Robot) -> Iterator[Signal]:
+def _joints(robot: SimulatedRobot) -> Iterator[LoggedSignal]:
     for place in range(len(LEGS) * len(JOINTS)):
         group = f"legs/{LEGS[place // 3]}/{JOINTS[place % 3]}"
         for name, unit, divider, action, labels, description in _JOINT:
             source: Any = getattr(robot.joints, name)[place, ...]
             # gains are set once: their first samples say all
             buffer_type, size = (FIXED, 10) if name.startswith("gain") else (LOOPING, None)
-            yield Signal(
+            yield LoggedSignal(
                 group, name, source, unit, divider, action, buffer_type, size, labels=labels, description=description
             )
 
 
-def _software(robot: Robot) -> Iterator[Signal]:
+def _software(robot: SimulatedRobot) -> Iterator[LoggedSignal]:
     controller, estimator = robot.controller, robot.estimator
-    yield Signal("controller", "gait_phase", controller.gait_phase, action=LIVE)
-    yield Signal("controller", "cycle_time", controller.cycle_time, "s", 40)
-    yield Signal("controller", "duty", controller.duty, "-", 40)
-    yield Signal("controller", "forces", controller.forces, "N", 2, kind="array")
-    yield Signal("controller", "solver_iterations", controller.solver_iterations, "count", action=LIVE)
-    yield Signal("controller", "solver_time", controller.solver_time, "us", action=LIVE)
-    yield Signal("controller", "solver_cost", controller.solver_cost, "-", 2)
-    yield Signal("controller", "stability_margin", controller.stability_margin, "m", 2, LIVE)
-    yield Signal("estimator", "position", estimator.position, "m", action=LIVE)
-    yield Signal("estimator", "velocity", estimator.velocity, "m/s", action=LIVE)
-    yield Signal("estimator", "covariance", estimator.covariance, "-", 40)
-    yield Signal("estimator", "innovation", estimator.innovation, "-", 2, kind="array")
-    yield Signal("estimator", "mahalanobis", estimator.mahalanobis, "-", 2)
-    yield Signal("estimator", "slip_detected", estimator.slip_detected, action=LIVE)
-    yield Signal("joints", "position", robot.joints.position, "rad", 1, LIVE, description="all twelve in one element")
-    yield Signal("joints", "velocity", robot.joints.velocity, "rad/s", 1, LIVE, description="all twelve in one element")
-    yield Signal("joints", "torque", robot.joints.torque, "Nm", 1, LIVE, description="all twelve in one element")
+    yield LoggedSignal("controller", "gait_phase", controller.gait_phase, action=LIVE)
+    yield LoggedSignal("controller", "cycle_time", controller.cycle_time, "s", 40)
+    yield LoggedSignal("controller", "duty", controller.duty, "-", 40)
+    yield LoggedSignal("controller", "forces", controller.forces, "N", 2, kind="array")
+    yield LoggedSignal("controller", "solver_iterations", controller.solver_iterations, "count", action=LIVE)
+    yield LoggedSignal("controller", "solver_time", controller.solver_time, "us", action=LIVE)
+    yield LoggedSignal("controller", "solver_cost", controller.solver_cost, "-", 2)
+    yield LoggedSignal("controller", "stability_margin", controller.stability_margin, "m", 2, LIVE)
+    yield LoggedSignal("estimator", "position", estimator.position, "m", action=LIVE)
+    yield LoggedSignal("estimator", "velocity", estimator.velocity, "m/s", action=LIVE)
+    yield LoggedSignal("estimator", "covariance", estimator.covariance, "-", 40)
+    yield LoggedSignal("estimator", "innovation", estimator.innovation, "-", 2, kind="array")
+    yield LoggedSignal("estimator", "mahalanobis", estimator.mahalanobis, "-", 2)
+    yield LoggedSignal("estimator", "slip_detected", estimator.slip_detected, action=LIVE)
+    yield LoggedSignal(
+        "joints", "position", robot.joints.position, "rad", 1, LIVE, description="all twelve in one element"
+    )
+    yield LoggedSignal(
+        "joints", "velocity", robot.joints.velocity, "rad/s", 1, LIVE, description="all twelve in one element"
+    )
+    yield LoggedSignal("joints", "torque", robot.joints.torque, "Nm", 1, LIVE, description="all twelve in one element")
 
 
-def _channels(robot: Robot) -> Iterator[Signal]:
+def _channels(robot: SimulatedRobot) -> Iterator[LoggedSignal]:
     """Further channels for trying large tables, with settings of every sort."""
     for number in range(robot.channels.size):
-        yield Signal(
+        yield LoggedSignal(
             f"diagnostics/unit{number // 50:03}",
             f"channel{number:05}",
             robot.channels[number, ...],

@@ -15,7 +15,7 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 from numpy.typing import NDArray
 
-from silo.core.elements import BufferType, Extras
+from silo.core.elements import BufferType, Conditions
 from silo.core.names import matching
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import SaveError
@@ -30,7 +30,7 @@ from silo.segment.rows import Rows
 
 
 @dataclass(frozen=True)
-class Layout:
+class ChannelLayout:
     """The channels of one run. `as_bytes` are entries whose texts turned out to be none, which travel as bytes."""
 
     schema: SegmentSchema
@@ -60,11 +60,11 @@ class Layout:
         )
         return presentable(about)
 
-    def _extras(self, names: set[str]) -> Extras:
+    def _extras(self, names: set[str]) -> Conditions:
         """Derived signals and limits of what is recorded, and all triggers: what fires is in the part."""
         extras = self.schema.extras
         catalogue = table_catalogue([element.info for element in self.elements], self.schema.prefix)
-        return Extras(
+        return Conditions(
             tuple(one for one in extras.derived if one.name in names),
             tuple(one for one in extras.limits if catalogue.find(one.name)),
             extras.triggers,
@@ -127,11 +127,11 @@ class Layout:
                     found.add(self.elements[channel.element].info.name + entry.entry.suffix)
         return found
 
-    def with_bytes(self, entries: set[str]) -> "Layout":
+    def with_bytes(self, entries: set[str]) -> "ChannelLayout":
         """The same, with these entries as bytes."""
         return replace(self, as_bytes=self.as_bytes | entries)
 
-    def with_extras(self, extras: Extras) -> "Layout":
+    def with_extras(self, extras: Conditions) -> "ChannelLayout":
         """The same with other limits and triggers; what is computed stays as it was when the run was taken over."""
         kept = msgspec.structs.replace(self.schema.extras, limits=extras.limits, triggers=extras.triggers)
         return replace(self, schema=msgspec.structs.replace(self.schema, extras=kept))
@@ -165,10 +165,10 @@ def _as_bytes(entry: RecordedEntry) -> RecordedEntry:
     return Utf8Entry(entry.name, entry.entry, values, entry.values.dtype.str)
 
 
-def layout_of(schema: SegmentSchema, patterns: Sequence[str]) -> Layout:
+def layout_of(schema: SegmentSchema, patterns: Sequence[str]) -> ChannelLayout:
     """What of a run is recorded. Raises SaveError for more than a file can number, or for what none can hold."""
     wanted = set(matching([element.info.name for element in schema.elements], patterns))
-    layout = Layout(schema, tuple(element for element in schema.elements if element.info.name in wanted))
+    layout = ChannelLayout(schema, tuple(element for element in schema.elements if element.info.name in wanted))
     if layout.events_channel > MAX_CHANNELS:
         raise SaveError(
             f"{layout.events_channel} topics are too many for an MCAP file, which numbers at most {MAX_CHANNELS}: "
@@ -177,7 +177,7 @@ def layout_of(schema: SegmentSchema, patterns: Sequence[str]) -> Layout:
     return layout
 
 
-def ending(layout: Layout) -> list[str]:
+def ending(layout: ChannelLayout) -> list[str]:
     """Names of elements of which no sample comes any more once their buffer is full."""
     rings = layout.schema.rings
     return [

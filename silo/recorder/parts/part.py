@@ -16,11 +16,11 @@ from silo.core.recording import RecordedElement
 from silo.files.bags.message_groups import group_samples
 from silo.files.bags.writer import MAX_STAMP_NS, metadata_yaml, write_windows
 from silo.files.manifest import part_path
-from silo.files.mcap.writer import McapFile, Write
+from silo.files.mcap.writer import McapWriter, Write
 from silo.files.naming import log_path, next_run_number
 from silo.files.parts.events import event_messages
 from silo.files.parts.metadata import LOST_METADATA, PART_ATTACHMENT, TOTALS_METADATA, pack_part
-from silo.recorder.parts.layout import Layout
+from silo.recorder.parts.layout import ChannelLayout
 from silo.recovery.parts import sync_folder
 from silo.segment.rows import Rows
 
@@ -28,11 +28,11 @@ SYNC_S, SYNC_BYTES = 5.0, 64 << 20  # how often what was written is put on the d
 _NAMES_TOLD = 20
 
 
-class Part:
+class OpenPart:
     """A part that is open. Every method may raise OSError of the disk."""
 
     def __init__(
-        self, folder: Path, recorder: str, layout: Layout, begin: Mapping[int, int], write: Write | None
+        self, folder: Path, recorder: str, layout: ChannelLayout, begin: Mapping[int, int], write: Write | None
     ) -> None:
         """Make the file, locked as long as it is open."""
         run_number = next_run_number(folder, recorder)
@@ -43,7 +43,7 @@ class Part:
         self._file = self.path.open("xb", buffering=0)
         fcntl.flock(self._file, fcntl.LOCK_EX)
         self.inode = os.fstat(self._file.fileno()).st_ino
-        self._mcap = McapFile(self._file, *layout.definitions, write=write)
+        self._mcap = McapWriter(self._file, *layout.definitions, write=write)
         self._mcap.attach(PART_ATTACHMENT, "application/zstd", pack_part(layout.facts(recorder, begin)))
         self._rows: dict[int, int] = dict.fromkeys(layout.rings, 0)
         self._span: tuple[int, int] | None = None
