@@ -105,9 +105,7 @@ class TableRequests(Caller):
             RefusedError: the logger runs, the table has changed since, or an edit can't be; nothing was changed.
         """
         if isinstance(edits, str) or not isinstance(edits, Sequence):
-            raise ElementError(
-                f"edits must be a list of silo.core.elements.Edit, got {shown(edits)}; nothing was changed"
-            )
+            raise ElementError(f"edits must be a list of silo.Edit, got {shown(edits)}; nothing was changed")
         return self._call(ApplyEdits(revision=revision, edits=list(edits)))
 
     @ask("ListScripts", slow=True)

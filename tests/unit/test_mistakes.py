@@ -198,7 +198,7 @@ TABLE = {
     "enable a number": (lambda log: log.enable(5), "name must be a text"),
     "disable None": (lambda log: log.disable(None), "name must be a text"),
     "apply a number": (lambda log: log.apply(5), "edits must be a list"),
-    "apply numbers": (lambda log: log.apply([5]), "an edit must be silo.core.elements.Edit"),
+    "apply numbers": (lambda log: log.apply([5]), "an edit must be silo.Edit"),
     "apply texts": (lambda log: log.apply("x"), "edits must be a list"),
     "apply options alone": (lambda log: log.apply([silo.ElementOptions()]), "an edit must be"),
     "apply an edit of a number": (lambda log: log.apply([Edit(5, silo.ElementOptions())]), "an edit must be"),

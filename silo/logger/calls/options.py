@@ -196,15 +196,13 @@ def array_layout(shape: object, dtype: object) -> tuple[tuple[int, ...], np.dtyp
 def edits_given(edits: object) -> list[Edit]:
     """The edits of a transaction. Raises ElementError for anything else."""
     if isinstance(edits, str | bytes | Mapping) or not isinstance(edits, Iterable):
-        raise ElementError(
-            f"edits must be a list of silo.core.elements.Edit, got {shown(edits)}; log.set(name, ...) is simpler"
-        )
+        raise ElementError(f"edits must be a list of silo.Edit, got {shown(edits)}; log.set(name, ...) is simpler")
     found = list(edits)
     for one in found:
         right = isinstance(one, Edit) and isinstance(one.name, str) and isinstance(one.options, ElementOptions)
         if not right:
             raise ElementError(
-                f"an edit must be silo.core.elements.Edit(name, ElementOptions(...)), got {shown(one)}; nothing was changed"
+                f"an edit must be silo.Edit(name, ElementOptions(...)), got {shown(one)}; nothing was changed"
             )
     return found
 
