@@ -4,8 +4,8 @@ A signal is a value: every operation returns a new one and leaves the log alone.
 the stamps of the faster one, where the slower one has the value that it held; those of different logs on the time since
 the start of each. Where nothing is in common, or units don't go together, there is an error. NaN samples are left out
 of statistics.
-Operators are in `silo.analysis.compute.operators`, frame changes in `silo.analysis.compute.frames`, tables of other libraries in
-`silo.analysis.compute.exports`.
+Operators are in `silo.analysis.compute.operators`, frame changes in `silo.analysis.compute.frames`, tables of other
+libraries in `silo.analysis.compute.exports`.
 """
 
 import os

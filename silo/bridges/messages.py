@@ -1,7 +1,7 @@
 """Samples of a live logger as ROS 2 messages (CDR), many at once.
 
-The topics, types and layouts are those of bags (`silo.files.bags.ros_types`), so that what a viewer draws live and what it
-draws of a file are the same.
+The topics, types and layouts are those of bags (`silo.files.bags.ros_types`), so that what a viewer draws live and what
+it draws of a file are the same.
 """
 
 import struct

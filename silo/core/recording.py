@@ -98,8 +98,8 @@ class RecordedElement:
     Sample i of every entry belongs to time stamp `first + i * divider` of the recording: a buffer keeps either the
     first or the newest samples, so what it holds is always one unbroken run. `lost` counts the samples that fell
     due and could not be kept although the policy asked for them (memory limit). `dtype` are the fields of a NumPy
-    structure (`silo.core.kinds.struct_text`), empty for all else. `own_ns`, shape `(count,)`, are time stamps of its own:
-    bags of others have no ticks, `first` and `divider` say nothing of them.
+    structure (`silo.core.kinds.struct_text`), empty for all else. `own_ns`, shape `(count,)`, are time stamps of its
+    own: bags of others have no ticks, `first` and `divider` say nothing of them.
     """
 
     name: str

@@ -13,7 +13,8 @@ from difflib import get_close_matches
 
 from silo.expressions.tokens import ExpressionError, Tokens, tokens
 
-__all__ = ["FUNCTIONS", "Call", "ComparisonChain", "Expression", "ExpressionError", "Name", "Node", "Number", "Operation",
+__all__ = ["FUNCTIONS", "Call", "ComparisonChain", "Expression", "ExpressionError", "Name", "Node", "Number",
+           "Operation",
            "parse"]  # fmt: skip
 
 MOST_NODES = 200

@@ -1,7 +1,7 @@
 """The control threads: they take requests in, answer what only reads at once, and have the rest wait for its turn.
 
-What changes something, or reads gigabytes, is done in lanes (`silo.control.lanes`), so that a robot process that doesn't
-answer holds up no status, a recorder no mark, and a history no view.
+What changes something, or reads gigabytes, is done in lanes (`silo.control.lanes`), so that a robot process that
+doesn't answer holds up no status, a recorder no mark, and a history no view.
 """
 
 import contextlib

@@ -11,8 +11,8 @@ class Columns(Reply, frozen=True, omit_defaults=True):
     """Minimum and maximum per column: little-endian float64 of shape `(len(names), count)`, NaN without finite value.
 
     They are offsets from `bases` (by place in `names`, 0 where it isn't named), so that integers beyond 2^53 are exact.
-    `marks` are bytes of the same shape, empty for all 0: see `silo.core.arrays.columns.Mark`, and `Hole` in the upper four bits.
-    `until_ns` is the newest time stamp that is surely in it.
+    `marks` are bytes of the same shape, empty for all 0: see `silo.core.arrays.columns.Mark`, and `Hole` in the upper
+    four bits. `until_ns` is the newest time stamp that is surely in it.
     """
 
     names: list[str]

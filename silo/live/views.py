@@ -1,7 +1,7 @@
 """Views: what one screen of one client shows, as one batch per refresh.
 
-`ServedView` belongs to the publisher thread. What a view holds is bounded: names, columns, rate; the rest of a batch is as
-large as the screen that asked for it.
+`ServedView` belongs to the publisher thread. What a view holds is bounded: names, columns, rate; the rest of a batch is
+as large as the screen that asked for it.
 """
 
 import time

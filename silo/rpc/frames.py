@@ -15,14 +15,14 @@ class Frame:
     """What a view shows. `held`, `lost`: int64 per element of `elements`; `newest`: float64 per entry of them.
 
     `entries` names the entries. `texts` holds by position in `newest` each value that a float64 can't tell (see
-    `silo.core.arrays.values`). `low` and `high` have shape `(len(plots), count)` and begin at column `first`; they hold only what
-    came since the last frame, so merge them with `fmin` and `fmax`, best in a `silo.core.arrays.columns.ColumnStore`. They are
-    offsets from `bases` (by place in `plots`), `marks` are bytes of their shape or None for none. `missed` counts
-    frames that never arrived, since the view was opened. `since_ns` is 0 where this frame continues the one
-    before; else its columns are whole from that time on, and the history knows what was before. `sizes` are the buffer
-    sizes of the held recording by place in `elements`, where they aren't the table's.
-    `failed`: by place in `elements`, at how many ticks an element could not be read, of those that ever failed.
-    `not_live`: by place in `elements` why the newest value isn't of now. `unpublished` are those that are off.
+    `silo.core.arrays.values`). `low` and `high` have shape `(len(plots), count)` and begin at column `first`; they hold
+    only what came since the last frame, so merge them with `fmin` and `fmax`, best in a
+    `silo.core.arrays.columns.ColumnStore`. They are offsets from `bases` (by place in `plots`), `marks` are bytes of
+    their shape or None for none. `missed` counts frames that never arrived, since the view was opened. `since_ns` is 0
+    where this frame continues the one before; else its columns are whole from that time on, and the history knows what
+    was before. `sizes` are the buffer sizes of the held recording by place in `elements`, where they aren't the
+    table's. `failed`: by place in `elements`, at how many ticks an element could not be read, of those that ever
+    failed. `not_live`: by place in `elements` why the newest value isn't of now. `unpublished` are those that are off.
     `idle_s`: since the last tick, while it runs.
     """
 

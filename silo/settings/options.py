@@ -1,8 +1,8 @@
 """What each option of an element may be, by which words, and the one text for each way of being wrong.
 
 The table `OPTIONS` is where a new option, a new value of one or another word for it is written down. Ranges stand in
-the type `silo.core.elements.ElementOptions` itself. The parser of typed words, the script, the robot process and the helper ask
-here.
+the type `silo.core.elements.ElementOptions` itself. The parser of typed words, the script, the robot process and the
+helper ask here.
 """
 
 from collections.abc import Container, Iterable, Mapping

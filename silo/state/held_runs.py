@@ -1,7 +1,8 @@
 """The runs that recorders and the judge may still have to read: kept open here until none of them needs them any more.
 
 A run comes by the link before its first tick, or, where no helper process was there to take it, is found in the runtime
-folder, where its program left it (`silo.segment.held_runs`). It goes when it is not the present one and nobody needs it.
+folder, where its program left it (`silo.segment.held_runs`). It goes when it is not the present one and nobody needs
+it.
 """
 
 import contextlib

@@ -206,7 +206,10 @@ def test_a_logger_that_comes_back_with_another_silo_is_told_as_such(bench, clien
 
 
 def test_checking_versions_needs_no_numpy(bench) -> None:
-    code = "import sys; from silo.client.connect import Client; Client.connect('bot').close(); print('numpy' in sys.modules)"
+    code = (
+        "import sys; from silo.client.connect import Client; "
+        "Client.connect('bot').close(); print('numpy' in sys.modules)"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=DEADLINE_S, check=True)
     assert done.stdout.strip() == "False"
 

@@ -1,4 +1,5 @@
-"""What somebody types for a signal: a name, or an expression that `silo.expressions.over_recordings` computes over a recording."""
+"""What somebody types for a signal: a name, or an expression that `silo.expressions.over_recordings` computes over a
+recording."""
 
 from collections.abc import Mapping
 

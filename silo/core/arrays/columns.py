@@ -4,8 +4,8 @@ Column k covers the time stamps `[k, k + 1) * column_ns`, absolutely: the same s
 whoever asks and when. A column holds the smallest and the largest finite number in it, so that a spike of one sample
 always shows, and a byte of marks: whether it has NaN, +inf or -inf too, or why it has no sample at all.
 
-What a value of which type counts as a number says `silo.core.arrays.values`. Used by the helper process, clients, silo-tui, files
-and charts alike; knows none of them.
+What a value of which type counts as a number says `silo.core.arrays.values`. Used by the helper process, clients,
+silo-tui, files and charts alike; knows none of them.
 """
 
 import enum

@@ -1,8 +1,8 @@
 """Which ROS 2 message carries an element, and where in it each entry stands.
 
-Pure rules, no files: `silo.files.bags.writer` turns elements into channels with them. A channel's message has a fixed layout
-(CDR, little-endian), so that thousands of messages are one NumPy structured array; only a string has a length of its
-own, and it is always the last field of its message.
+Pure rules, no files: `silo.files.bags.writer` turns elements into channels with them. A channel's message has a fixed
+layout (CDR, little-endian), so that thousands of messages are one NumPy structured array; only a string has a length of
+its own, and it is always the last field of its message.
 """
 
 import hashlib

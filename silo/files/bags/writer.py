@@ -50,11 +50,11 @@ CHUNK_BYTES = 2 << 20
 def write_bag(recording: Recording, path: str | os.PathLike[str], progress: Progress | None = None) -> None:
     """Write a bag: a plain MCAP file if `path` ends in `.mcap`, else a rosbag2 folder.
 
-    Every element is one topic (message types: `silo.files.bags.ros_types`); log time, publish time and header stamp are the
-    tick's stamp. What happened is one more topic (`silo.files.bags.events`). `progress` gets the fraction done, 0 to 1,
-    per time window. Peak memory is about twice `WINDOW_BYTES` beyond the recording. Raises `SaveError` when stamps,
-    types or the number of elements don't fit ROS, and when the file can't be written; then nothing stands under the
-    final name. An existing folder is an error, a file is replaced.
+    Every element is one topic (message types: `silo.files.bags.ros_types`); log time, publish time and header stamp are
+    the tick's stamp. What happened is one more topic (`silo.files.bags.events`). `progress` gets the fraction done, 0
+    to 1, per time window. Peak memory is about twice `WINDOW_BYTES` beyond the recording. Raises `SaveError` when
+    stamps, types or the number of elements don't fit ROS, and when the file can't be written; then nothing stands under
+    the final name. An existing folder is an error, a file is replaced.
     """
     recording = _utf8(presentable(recording))
     recording = replace(recording, elements=[filled(element) for element in recording.elements])

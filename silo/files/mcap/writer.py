@@ -1,7 +1,7 @@
 """An MCAP file built from chunks that are ready: records of a whole time window at once.
 
-`silo.files.bags.writer` makes the message records and their index with NumPy; here stands what is around them: header, chunk
-records, summary, footer. The small records are written with the `mcap` package's own classes.
+`silo.files.bags.writer` makes the message records and their index with NumPy; here stands what is around them: header,
+chunk records, summary, footer. The small records are written with the `mcap` package's own classes.
 """
 
 import struct

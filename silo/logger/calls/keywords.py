@@ -1,7 +1,7 @@
 """The types of what programs write in calls of a logger, so that type checkers and editors tell of a mistake first.
 
-Words are those of `silo.settings.options`; a test holds both to each other. At run time more is taken: any case, NumPy's
-numbers, `"*2"`.
+Words are those of `silo.settings.options`; a test holds both to each other. At run time more is taken: any case,
+NumPy's numbers, `"*2"`.
 """
 
 import enum

@@ -1,6 +1,7 @@
 """What a logger tells its helper process, and what it does for the clients that come through it.
 
-One function per request that the helper hands on. Called by the thread of `silo.logger.helper.serving`, never by the loop.
+One function per request that the helper hands on. Called by the thread of `silo.logger.helper.serving`, never by the
+loop.
 """
 
 import os
