@@ -81,11 +81,11 @@ def test_a_copy_of_the_house_keeps_them_too(house: Path) -> None:
 
 
 DAMAGES = {
-    "a renamed folder": (rename("silo/collecting", "silo/gathering"), "collecting"),
+    "a renamed folder": (rename("silo/segment", "silo/memory"), "segment"),
     "a renamed folder of silo_tui": (rename("silo_tui/model", "silo_tui/models"), "model"),
-    "a renamed module": (rename("silo/core/arrays/columns.py", "silo/minmax.py"), "columns"),
+    "a renamed module": (rename("silo/version.py", "silo/edition.py"), "version"),
     "a folder without a storey": (add_folder("silo/extra"), "silo.extra"),
-    "zenoh in collecting": (insert("silo/loop/plan.py", "import zenoh"), "silo.loop.plan -> zenoh"),
+    "zenoh in the loop": (insert("silo/loop/plan.py", "import zenoh"), "silo.loop.plan -> zenoh"),
     "zenoh within a function": (
         insert("silo/files/saving.py", "def f() -> None:\n    import zenoh"),
         "silo.files.saving -> zenoh",
@@ -104,8 +104,8 @@ DAMAGES = {
         "silo.cli.loggers.watch -> silo_tui.app",
     ),
     "the helper within the robot program": (
-        insert("silo/logger/calls/table.py", "import silo.state.replica"),
-        "silo.logger.calls.table -> silo.state.replica",
+        insert("silo/logger/calls/table.py", "import silo.helper.saver"),
+        "silo.logger.calls.table -> silo.helper.saver",
     ),
     "upstairs": (insert("silo/net/keys.py", "import silo.settings.script"), "silo.net.keys -> silo.settings.script"),
     "a circle of siblings": (
