@@ -198,7 +198,7 @@ def test_what_can_not_be_saved_at_the_end_stays_for_recover(tmp_path, capsys, mo
         log.add(np.zeros(1), "x")
         log.start()
         log.collect()
-        monkeypatch.setattr("silo.files.write", refuse)
+        monkeypatch.setattr("silo.files.write_run", refuse)
     assert "run `silo recover` to save it" in capsys.readouterr().err
     log.present_run.drop()  # which stays as long as its process
 
