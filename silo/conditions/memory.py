@@ -146,7 +146,7 @@ class JudgeMemory:
         written = self._events.log.written
         told = self._told[run] = [(number, one) for number, one in self._told.get(run, []) if number > written]
         whole = [*(found.whole if found else ()), *self._writer.waiting(run)]
-        waiting = [KeptCapture(spool.options, spool.capture, spool.ended) for spool in whole]
+        waiting = [KeptCapture(buffer.options, buffer.capture, buffer.ended) for buffer in whole]
         unsure = [*(one for _, one in told[-MOST_UNTOLD:]), *(untold(found) if found else ())]
         state = judge.state(waiting, unsure, closed=closed)
         if failed:

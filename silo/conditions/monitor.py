@@ -58,8 +58,8 @@ class Standing:
 class Judge:
     """Owns the judge thread and the one that writes captures."""
 
-    def __init__(self, mirror: Replica, events: EventNotifier) -> None:
-        self._mirror, self._events = mirror, events
+    def __init__(self, replica: Replica, events: EventNotifier) -> None:
+        self._replica, self._events = replica, events
         self.leased = LeasedTriggers()
         self._wake = threading.Event()
         self._ended = False
@@ -70,7 +70,7 @@ class Judge:
         self._run = self._why = ""
         self._late_s = math.inf
         self._closed = False  # captures of a run that stopped are closed
-        self._writer = CaptureWriter(mirror, events)
+        self._writer = CaptureWriter(replica, events)
         self._memory: JudgeMemory | None = None
         self._looked = False  # for what a predecessor left
         self._hands_over = False
@@ -102,9 +102,9 @@ class Judge:
             self._memory.forget_all(self._writer.left)
 
     def take_run(self) -> None:
-        """Judge the run that the mirror has just taken over, however soon the next one replaces it."""
+        """Judge the run that the replica has just taken over, however soon the next one replaces it."""
         try:
-            reader = self._mirror.open_reader()
+            reader = self._replica.open_reader()
         except SegmentError:
             log.exception("a run can't be judged")
             return
@@ -159,7 +159,7 @@ class Judge:
 
     def hold(self, one: TriggerOptions, lease_s: float, owner: str) -> bool:
         """Hold a client's trigger for so long; whether it is a new one. Raises ElementError."""
-        now = self._mirror.now
+        now = self._replica.now
         is_new = self.leased.set(one, lease_s, owner, now.robot.extras, now.table.elements, now.options)
         self._wake.set()
         return is_new
@@ -172,7 +172,7 @@ class Judge:
 
     def names(self) -> list[str]:
         """Return the names of all triggers."""
-        return [one.name for one in self.leased.beside(self._mirror.now.robot.extras).triggers]
+        return [one.name for one in self.leased.beside(self._replica.now.robot.extras).triggers]
 
     def acknowledge(self, names: list[str], who: str, time_ns: int) -> int:
         """Note that somebody has seen alarms; returns how many there were. Raises ElementError."""
@@ -210,7 +210,7 @@ class Judge:
                 future.set_exception(error)
 
     def _stands(self) -> Standing:
-        judge, robot = self._judge, self._mirror.now.robot
+        judge, robot = self._judge, self._replica.now.robot
         if judge is None:
             known = {one.options.name: one for one in self._standing.triggers}
             why = self._failed
@@ -284,8 +284,8 @@ class Judge:
                 self._bring(judge, found)
             except Exception:  # what it knows may be what is broken
                 log.exception("what triggers and limits knew can't be stored")
-                for spool in found.whole:
-                    self._writer.add(spool)
+                for buffer in found.whole:
+                    self._writer.add(buffer)
         self._events.publish(EventKind.BLIND, text)
 
     def _hand_over(self) -> None:
@@ -305,14 +305,14 @@ class Judge:
             self._judge_left(self._left.popleft())
         while self._offered:
             self._next_run(self._offered.popleft())
-        if self._run != self._mirror.run and not self._offered:
-            self._next_run(self._mirror.open_reader())  # let go of, without triggers, or not handed over
+        if self._run != self._replica.run and not self._offered:
+            self._next_run(self._replica.open_reader())  # let go of, without triggers, or not handed over
         self._adopt()
         if self._memory is not None:
             self._memory.forget_others(lambda run: run == self._run or run in self._due)
         judge = self._judge
         if judge is None or not judge.active:
-            self._mirror.alarm = ("", 0)
+            self._replica.alarm = ("", 0)
             return IDLE_S
         running = judge.reader.running  # before its rows are read: a stop after them is seen at the next look
         self._bring(judge, judge.step(self._is_late))
@@ -321,7 +321,7 @@ class Judge:
             self._bring(judge, judge.end(judge.reader.stop_reason or "the logger was stopped", self._is_late))
         if time.monotonic() >= self._worst_due_s:  # of 10,000 limits it takes a millisecond
             self._worst_due_s = time.monotonic() + WORST_PERIOD_S
-            self._mirror.alarm = judge.worst()
+            self._replica.alarm = judge.worst()
         return judge.wait_s
 
     def _is_late(self) -> bool:
@@ -329,16 +329,16 @@ class Judge:
 
     def _adopt(self) -> None:
         """Judge what the robot program has by now, where it differs from what the run began with."""
-        robot, judge = self._mirror.now.robot, self._judge
+        robot, judge = self._replica.now.robot, self._judge
         for name, owner in self.leased.expire():
             log.info("trigger '%s' of %s is forgotten: nobody renewed it", name, owner)
         extras = self.leased.beside(robot.extras)
-        if robot.segment != self._mirror.segment or (judge is not None and judge.extras == extras):
+        if robot.segment != self._replica.segment or (judge is not None and judge.extras == extras):
             return  # of another run, or known
         if judge is None:
             if not _has_conditions(extras) or self._failed or not self._run:
                 return
-            reader = self._mirror.open_reader()
+            reader = self._replica.open_reader()
             if reader is None or reader.schema.run != self._run:
                 return
             self._begin(reader, extras, since=reader.ticks)
@@ -377,7 +377,7 @@ class Judge:
         state = memory.left(run)
         extras, until = (reader.schema.extras, 0) if state is None else (state.extras, state.until)
         try:
-            table = self._mirror.now.table.elements
+            table = self._replica.now.table.elements
             judge = SegmentJudge(reader, table, extras, until, lambda: self._writer.size_bytes)
             whole = judge.recall(state) if state is not None else []
             found = judge.end(reader.stop_reason or "a new run began", self._is_late)
@@ -390,8 +390,8 @@ class Judge:
             found.whole[:0] = whole
             memory.keep(judge, found, closed=True, failed="")
             memory.tell_new(found, judge)
-            for spool in found.whole:
-                self._writer.add(spool)
+            for buffer in found.whole:
+                self._writer.add(buffer)
         finally:
             self._due.discard(run)
 
@@ -407,7 +407,7 @@ class Judge:
         if self._memory is None:
             from silo.conditions.memory import JudgeMemory
 
-            now = self._mirror.now
+            now = self._replica.now
             self._memory = JudgeMemory(now.robot.logger, now.options.id, now.robot.pid, self._events, self._writer)
         return self._memory
 
@@ -428,8 +428,8 @@ class Judge:
                 self._events.publish(EventKind.BLIND, lost_text(kept, f"its judge left what can't be used: {error}"))
             self._begin(reader, state.extras, since=reader.ticks)
             return True
-        for spool in whole:
-            self._writer.add(spool)
+        for buffer in whole:
+            self._writer.add(buffer)
         if not state.failed:
             self._judge = judge
         return True
@@ -437,7 +437,7 @@ class Judge:
     def _made(self, reader: SegmentReader, extras: Conditions, since: int) -> "SegmentJudge":
         from silo.conditions.segment_judge import SegmentJudge
 
-        return SegmentJudge(reader, self._mirror.now.table.elements, extras, since, lambda: self._writer.size_bytes)
+        return SegmentJudge(reader, self._replica.now.table.elements, extras, since, lambda: self._writer.size_bytes)
 
     def _begin(self, reader: SegmentReader, extras: Conditions, since: int = 0) -> None:
         self._judge = judge = self._made(reader, extras, since)
@@ -475,8 +475,8 @@ class Judge:
         if found or memory.is_due():
             self._keep(judge, found)
         memory.tell(found, judge)
-        for spool in found.whole:
-            self._writer.add(spool)
+        for buffer in found.whole:
+            self._writer.add(buffer)
 
 
 def _has_conditions(extras: Conditions) -> bool:

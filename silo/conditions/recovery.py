@@ -115,16 +115,19 @@ def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: Rec
     log_start(reader)
     news = [*state.untold, *untold(step)]
     listed = CaptureList(folder, schema.logger)
-    for spool in [*whole, *step.whole]:
-        capture = spool.capture
+    for buffer in [*whole, *step.whole]:
+        capture = buffer.capture
         # also by the helper process that died, where another folder is asked for now
-        if any(_is_written(one, spool.run, spool.trigger, capture.number) for one in
+        if any(_is_written(one, buffer.run, buffer.trigger, capture.number) for one in
                (listed, CaptureList(schema.folder, schema.logger))):  # fmt: skip
             continue
         try:
-            done = write_capture(spool, folder, listed, read_events(schema.folder, schema.logger, schema.run))
+            done = write_capture(buffer, folder, listed, read_events(schema.folder, schema.logger, schema.run))
         except (SiloError, OSError) as error:
-            text, kind = f"capture {capture.number} of '{spool.trigger}' was not saved: {error}", EventKind.SAVE_FAILED
+            text, kind = (
+                f"capture {capture.number} of '{buffer.trigger}' was not saved: {error}",
+                EventKind.SAVE_FAILED,
+            )
             found.is_whole = False
         else:
             found.files.extend(done.files)

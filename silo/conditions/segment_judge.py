@@ -93,7 +93,7 @@ class SegmentJudge:
         self._watched: dict[str, _Watched] = {}
         self._limits = LimitJudge(self._rows)
         self._until, self._steps = since, 0
-        self._spools: list[CaptureBuffer] = []
+        self._buffers: list[CaptureBuffer] = []
         self._numbers: dict[str, int] = {}  # captures of each name so far: they stand in names of files
         self._off: set[str] = set()  # elements in conditions that are off
         self._found = JudgedStep()
@@ -168,7 +168,7 @@ class SegmentJudge:
     @property
     def active(self) -> bool:
         """Whether there is anything to judge."""
-        return bool(self._watched or self._spools) or self._limits.active
+        return bool(self._watched or self._buffers) or self._limits.active
 
     # -------------------------------------------------------------------------------------------- what clients ask
 
@@ -307,9 +307,9 @@ class SegmentJudge:
     # ------------------------------------------------------------------------------------------------- captures
 
     def _capture(self, options: TriggerOptions, capture: Capture, found: JudgedStep) -> None:
-        for spool in self._spools:
-            if spool.trigger == options.name and spool.capture.number == capture.number:
-                spool.extend(capture)
+        for buffer in self._buffers:
+            if buffer.trigger == options.name and buffer.capture.number == capture.number:
+                buffer.extend(capture)
                 return
         if not options.save:
             return  # it is for looking: what it captured is still in the rings
@@ -319,34 +319,34 @@ class SegmentJudge:
                 f"written, take more than {MOST_SPOOL_BYTES // 2**20} MB; make pre and post shorter, or give a holdoff"
             )
             return
-        spool = CaptureBuffer(options, capture, self.reader, self.extras)
+        buffer = CaptureBuffer(options, capture, self.reader, self.extras)
         # at once, whatever was judged: the oldest rows are overwritten next
-        spool.append(self.reader.ticks)
-        self._spools.append(spool)
+        buffer.append(self.reader.ticks)
+        self._buffers.append(buffer)
 
     def _copy(self, until: int, found: JudgedStep) -> None:
         under_way: list[CaptureBuffer] = []
-        for spool in self._spools:
-            is_whole = spool.append(until)
-            if spool.is_cut:
-                self._cut(spool, f"closed at {MOST_CAPTURE_BYTES // 2**20} MB")
-            (found.whole if is_whole or spool.ended else under_way).append(spool)
-        self._spools = under_way
-        if under_way and self._taken_bytes() + sum(spool.size_bytes for spool in found.whole) > MOST_SPOOL_BYTES:
-            for spool in under_way:
-                self._cut(spool, f"closed as all captures in memory take {MOST_SPOOL_BYTES // 2**20} MB")
+        for buffer in self._buffers:
+            is_whole = buffer.append(until)
+            if buffer.is_cut:
+                self._cut(buffer, f"closed at {MOST_CAPTURE_BYTES // 2**20} MB")
+            (found.whole if is_whole or buffer.ended else under_way).append(buffer)
+        self._buffers = under_way
+        if under_way and self._taken_bytes() + sum(buffer.size_bytes for buffer in found.whole) > MOST_SPOOL_BYTES:
+            for buffer in under_way:
+                self._cut(buffer, f"closed as all captures in memory take {MOST_SPOOL_BYTES // 2**20} MB")
             found.whole += under_way
-            self._spools = []
+            self._buffers = []
 
     def _taken_bytes(self) -> int:
-        return self._unwritten() + sum(spool.size_bytes for spool in self._spools)
+        return self._unwritten() + sum(buffer.size_bytes for buffer in self._buffers)
 
-    def _cut(self, spool: CaptureBuffer, why: str) -> None:
+    def _cut(self, buffer: CaptureBuffer, why: str) -> None:
         """Close a capture before its end; what fires next begins another one."""
-        self._end_spool(spool, why)
-        one = self._watched.get(spool.trigger)
-        if one is not None and one.trigger.capture is not None and one.trigger.capture.number == spool.capture.number:
-            one.trigger.capture = replace(one.trigger.capture, last=spool.ticks - 1)
+        self._end_spool(buffer, why)
+        one = self._watched.get(buffer.trigger)
+        if one is not None and one.trigger.capture is not None and one.trigger.capture.number == buffer.capture.number:
+            one.trigger.capture = replace(one.trigger.capture, last=buffer.ticks - 1)
 
     def end(self, why: str, is_late: Callable[[], bool] = bool) -> JudgedStep:
         """Judge the rest, and close the captures that are under way, with the reason."""
@@ -357,24 +357,24 @@ class SegmentJudge:
         """Close the captures that are under way and judge no more; with what the last step found until it failed."""
         found, self._found = self._found, JudgedStep()
         found.limits += self._limits.news(last=True)  # what would have been told a little later
-        for spool in self._spools:
-            self._end_spool(spool, why)
-        found.whole += self._spools
-        self._spools = []
+        for buffer in self._buffers:
+            self._end_spool(buffer, why)
+        found.whole += self._buffers
+        self._buffers = []
         return found
 
-    def _end_spool(self, spool: CaptureBuffer, why: str) -> None:
-        missing = max(0, spool.capture.last + 1 - spool.ticks)
-        spool.ended = f"{why}, {missing} ticks before its end"
+    def _end_spool(self, buffer: CaptureBuffer, why: str) -> None:
+        missing = max(0, buffer.capture.last + 1 - buffer.ticks)
+        buffer.ended = f"{why}, {missing} ticks before its end"
 
     def hand_over(self, why: str) -> JudgedStep:
         """Judge the rest, and close the captures that a successor would not find whole in the rings any more."""
         found = self.step()
-        gone = [spool for spool in self._spools if not spool.is_held()]
-        for spool in gone:
-            self._cut(spool, why)
+        gone = [buffer for buffer in self._buffers if not buffer.is_held()]
+        for buffer in gone:
+            self._cut(buffer, why)
         found.whole += gone
-        self._spools = [spool for spool in self._spools if spool not in gone]
+        self._buffers = [buffer for buffer in self._buffers if buffer not in gone]
         return found
 
     # ------------------------------------------------------------------------------------------------- going on
@@ -386,7 +386,7 @@ class SegmentJudge:
             KeptTrigger(one.options, one.trigger, one.evaluator.memory() if one.evaluator else None)
             for one in self._watched.values()
         ]
-        under_way = [KeptCapture(spool.options, spool.capture, spool.ended) for spool in self._spools]
+        under_way = [KeptCapture(buffer.options, buffer.capture, buffer.ended) for buffer in self._buffers]
         return JudgeState(
             schema.run, schema.pid, schema.pid_start, self._until, self.extras, self._rows.cursors, triggers,
             self._limits.memory(), self._numbers, [*under_way, *waiting], list(untold), closed,
@@ -415,10 +415,10 @@ class SegmentJudge:
         self._numbers.update(state.numbers)
         whole: list[CaptureBuffer] = []
         for capture in state.captures:
-            spool = CaptureBuffer(capture.options, capture.capture, self.reader, self.extras)
-            spool.ended = capture.ended
-            is_whole = spool.append(self._until)
-            (whole if is_whole or capture.ended else self._spools).append(spool)
+            buffer = CaptureBuffer(capture.options, capture.capture, self.reader, self.extras)
+            buffer.ended = capture.ended
+            is_whole = buffer.append(self._until)
+            (whole if is_whole or capture.ended else self._buffers).append(buffer)
         return whole
 
 

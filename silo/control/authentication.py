@@ -42,15 +42,15 @@ class Authentication:
 
     @classmethod
     def of(cls, root: Root, config: str | None) -> "Authentication":
-        """Return the door to a logger that is served by a configuration; for None, by its Unix socket alone."""
+        """Return who may come in to a logger that is served by a configuration; for None, by its Unix socket alone."""
         if config is None:
             return cls(root)
         settings = from_file(config)
-        door = cls(root, admission_of(settings, config))
-        door._network = door.admission != NO_NETWORK
+        authentication = cls(root, admission_of(settings, config))
+        authentication._network = authentication.admission != NO_NETWORK
         old = hold_directions(settings)
-        door.old_rules = direction_words(config, old) if old else ""
-        return door
+        authentication.old_rules = direction_words(config, old) if old else ""
+        return authentication
 
     def share(self, path: Path, group: str, *, may_change: bool) -> None:
         """Let members of a group come by the Unix socket: they show another word than the robot's own user."""

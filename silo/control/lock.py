@@ -29,11 +29,17 @@ class ControlLock:
     """Whose changes are done now. Any thread may ask."""
 
     def __init__(
-        self, events: EventNotifier, mirror: Replica, logger: str, *, one: bool = False, closed: Callable[[], str] = str
+        self,
+        events: EventNotifier,
+        replica: Replica,
+        logger: str,
+        *,
+        one: bool = False,
+        closed: Callable[[], str] = str,
     ) -> None:
         """`one`: nothing is changed but by who has control; `closed` tells why nothing is from the network, if so."""
         self.closed = closed
-        self._events, self._mirror, self._logger, self._one = events, mirror, logger, one
+        self._events, self._replica, self._logger, self._one = events, replica, logger, one
         self._leases: Leases[str, Control] = Leases()  # of one thing: control
 
     @property
@@ -101,7 +107,7 @@ class ControlLock:
         """Hand control over to a user who is connected and was let in."""
         with self._leases:
             before = self.control
-            known = {one.identity: one for one in self._mirror.clients if one.identity}
+            known = {one.identity: one for one in self._replica.clients if one.identity}
             names = {name_of(identity): identity for identity in known}
             identity = request.to if request.to in known else names.get(request.to, "")
             if before is not None and before.identity != sender.identity:

@@ -45,25 +45,27 @@ class RequestThreads:
         session: zenoh.Session,
         root: Root,
         answers: Answers,
-        door: Authentication,
-        operators: ControlLock,
+        authentication: Authentication,
+        control_lock: ControlLock,
         know: Callable[[str, str, str], None],
         denials: Denials,
     ) -> None:
         """`know` takes the id of a client, who it is in words, and its identity."""
         self._root, self._denials = root, denials
-        self._door, self._operators, self._know = door, operators, know
+        self._authentication, self._control_lock, self._know = authentication, control_lock, know
         self._answers = answers
         # when more wait, the oldest are dropped, and their clients get an empty answer at once
         self._asked = session.declare_queryable(root.key("ask"), zenoh.handlers.RingChannel(MAX_WAITING))
-        self._to_do = [session.declare_queryable(key, zenoh.handlers.RingChannel(MAX_WAITING)) for key in door.keys]
+        self._to_do = [
+            session.declare_queryable(key, zenoh.handlers.RingChannel(MAX_WAITING)) for key in authentication.keys
+        ]
         self._lanes = Lanes(self._do_one, self._tell_late)
         self._ending = False
         self._threads = [
             threading.Thread(target=self._serve, args=(self._asked.handler, self._ask), name="ask"),
             *(
                 threading.Thread(target=self._serve, args=(one.handler, functools.partial(self._take, key)), name="do")
-                for one, key in zip(self._to_do, door.keys, strict=True)
+                for one, key in zip(self._to_do, authentication.keys, strict=True)
             ),
         ]
 
@@ -110,7 +112,7 @@ class RequestThreads:
     def _take(self, declared: str, query: zenoh.Query) -> None:
         """Take in what may change something; whether its sender may is looked at when its turn comes."""
         payload, key = _payload(query), str(query.key_expr)
-        if self._door.refuses(key):
+        if self._authentication.refuses(key):
             self._refuse(query, key, payload)
             return
         # what has wildcards is refused, under a key that fits
@@ -137,8 +139,8 @@ class RequestThreads:
         who = plain(request.client) if isinstance(request, Do) else ""
 
         def answer() -> Answer:
-            with self._denying(request, self._door.name_of(key, who)):
-                self._door.sender(key, b"", who)
+            with self._denying(request, self._authentication.name_of(key, who)):
+                self._authentication.sender(key, b"", who)
             raise AssertionError(key)  # it is a key of those who are refused
 
         self._reply(query, key, answer)
@@ -180,15 +182,15 @@ class RequestThreads:
         if isinstance(request, SlowAsk):
             return self._answers.reply(request)
         who = plain(request.client)
-        with self._denying(request, self._door.name_of(key, who)):
-            sender = self._door.sender(key, attachment_of(one.query), who)
+        with self._denying(request, self._authentication.name_of(key, who)):
+            sender = self._authentication.sender(key, attachment_of(one.query), who)
         if isinstance(request, Hello):
             if request.id and may_use(request.id, request.proof):
                 self._know(plain(request.id), sender.words, sender.identity)
             return self._answers.reply(msgspec.structs.replace(request, id=""))
         one.by = sender.words
         with self._denying(request, sender.words):
-            self._operators.check(request, sender)
+            self._control_lock.check(request, sender)
         return self._answers.reply(msgspec.structs.replace(request, client=sender.words), Turn(sender, one.until_s))
 
     def _tell_late(self, one: Waiting, lane: Lane, begun: bool) -> None:

@@ -20,39 +20,39 @@ ENDING_S = 5.0  # how long a process may take from closing its files to its end
 log = logging.getLogger("silo.helper")
 
 
-def after_crash(mirror: Replica, events: EventNotifier) -> bool:
+def after_crash(replica: Replica, events: EventNotifier) -> bool:
     """Save the segment if it isn't saved, delete it once it is, and tell the clients.
 
     Returns whether there was anything to save, which people may want to read about later.
     """
-    who = f"the robot program (process {mirror.now.robot.pid})"
+    who = f"the robot program (process {replica.now.robot.pid})"
     try:
-        return _after_crash(mirror, events, who)
+        return _after_crash(replica, events, who)
     except SegmentError as error:
         text = f"{who} ended without close(), and what it had logged can't be read: {error}"
         log.error("%s", text)  # noqa: TRY400  # the words say it all
-        mirror.mark_dead(text)
+        replica.mark_dead(text)
         events.publish(EventKind.CRASHED, text)
         return True
 
 
-def _after_crash(mirror: Replica, events: EventNotifier, who: str) -> bool:
-    reader = mirror.open_reader()
-    if reader is None or not reader.ticks or mirror.is_saved():
+def _after_crash(replica: Replica, events: EventNotifier, who: str) -> bool:
+    reader = replica.open_reader()
+    if reader is None or not reader.ticks or replica.is_saved():
         kept = "all that it logged was saved before" if reader and reader.ticks else "it had logged nothing"
         text = f"{who} ended without close(); {kept}"
-        mirror.mark_dead(text)
+        replica.mark_dead(text)
         events.publish(EventKind.CRASHED, text)
         if reader is not None:
             _delete(reader)
         return False
-    mirror.mark_dead(f"{who} ended without close(); saving {_held(reader)}")
-    events.publish(EventKind.SAVING, mirror.now.died)
-    _save(mirror, events, reader, who)
+    replica.mark_dead(f"{who} ended without close(); saving {_held(reader)}")
+    events.publish(EventKind.SAVING, replica.now.died)
+    _save(replica, events, reader, who)
     return True
 
 
-def _save(mirror: Replica, events: EventNotifier, reader: SegmentReader, who: str) -> None:
+def _save(replica: Replica, events: EventNotifier, reader: SegmentReader, who: str) -> None:
     files: list[SavedFile] = []
     told_s = time.monotonic()
 
@@ -62,7 +62,7 @@ def _save(mirror: Replica, events: EventNotifier, reader: SegmentReader, who: st
             told_s = time.monotonic()
             events.publish(EventKind.SAVING, f"saving after a crash: {fraction:.0%}", progress=fraction)
 
-    robot = mirror.now.robot
+    robot = replica.now.robot
     try:
         with claimed(reader):
             files, held = save_reader(
@@ -72,11 +72,11 @@ def _save(mirror: Replica, events: EventNotifier, reader: SegmentReader, who: st
                 events=events.log.of_run(reader.schema.run),
                 extras=robot.extras if robot.segment == str(reader.path) else None,
             )
-            mirror.mark_saved(str(reader.path), reader.ticks)
+            replica.mark_saved(str(reader.path), reader.ticks)
             mark_saved(reader)
             _delete(reader)
     except SavedMeanwhileError as error:
-        mirror.mark_saved(str(reader.path), reader.ticks)
+        replica.mark_saved(str(reader.path), reader.ticks)
         text = f"{who} ended without close(); {error}"
         log.warning("%s", text)
     except BusyError as error:
@@ -88,7 +88,7 @@ def _save(mirror: Replica, events: EventNotifier, reader: SegmentReader, who: st
     else:
         text = f"{who} ended without close(); saved {held.text}: {describe(files)}"
         log.warning("%s", text)
-    mirror.mark_dead(text)
+    replica.mark_dead(text)
     events.publish(EventKind.CRASHED, text, files=files)
 
 

@@ -1,6 +1,6 @@
 """The helper process as a whole: opens the session, starts the threads, watches the robot process, ends.
 
-The main thread is the one that reads the link. It is the only one that changes the mirror.
+The main thread is the one that reads the link. It is the only one that changes the replica.
 """
 
 import contextlib
@@ -130,45 +130,45 @@ class Helper:
             share_socket(path, folder)
         return session, path
 
-    def _door(self, path: Path) -> Authentication:
-        door = Authentication.of(self._root, self._serving.config)
+    def _authentication(self, path: Path) -> Authentication:
+        authentication = Authentication.of(self._root, self._serving.config)
         if self._serving.group:
-            door.share(path, self._serving.group, may_change=self._serving.group_role != "viewer")
-        if door.old_rules:
-            log.warning("%s: %s", self._name, door.old_rules)
-        if door.admission.why:
-            log.warning("%s: no changes are taken from the network: %s", self._name, door.admission.why)
-        return door
+            authentication.share(path, self._serving.group, may_change=self._serving.group_role != "viewer")
+        if authentication.old_rules:
+            log.warning("%s: %s", self._name, authentication.old_rules)
+        if authentication.admission.why:
+            log.warning("%s: no changes are taken from the network: %s", self._name, authentication.admission.why)
+        return authentication
 
-    def _people(self, path: Path, mirror: Replica, events: EventNotifier) -> tuple[Authentication, ControlLock]:
-        one, door = self._serving.control == "one", self._door(path)
-        operators = ControlLock(events, mirror, self._name, one=one, closed=lambda: door.closed)
-        mirror.control = lambda: (operators.control, operators.one)
-        mirror.denied = lambda: self._denials.count
+    def _authority(self, path: Path, replica: Replica, events: EventNotifier) -> tuple[Authentication, ControlLock]:
+        one, authentication = self._serving.control == "one", self._authentication(path)
+        control_lock = ControlLock(events, replica, self._name, one=one, closed=lambda: authentication.closed)
+        replica.control = lambda: (control_lock.control, control_lock.one)
+        replica.denied = lambda: self._denials.count
         self._denials.tell = lambda text, who: events.publish(EventKind.DENIED, text, by=who)
-        return door, operators
+        return authentication, control_lock
 
     def _serve(self, session: zenoh.Session, path: Path, first: RobotState) -> None:
-        mirror = Replica(first, self._root.host)
-        held = HeldRuns(mirror, self._poke)
-        early = list(taken_over(self._robot, mirror, held))
+        replica = Replica(first, self._root.host)
+        held = HeldRuns(replica, self._poke)
+        early = list(taken_over(self._robot, replica, held))
         held.take()  # one that was not handed over
-        events = EventNotifier(session, self._root, mirror, EventLog(first.folder, first.logger))
-        marks = MarkReader(mirror, events)
-        publisher = Publisher(session, self._root, mirror, events)
-        saver = Saver(mirror, events, self._robot)
-        journaling = Journaling(mirror, events)
-        judge = Judge(mirror, events)
-        recording = EndlessRecordings(mirror, events, held)
-        runs = Runs(self._robot, mirror, held, events, marks, judge, recording, early)
+        events = EventNotifier(session, self._root, replica, EventLog(first.folder, first.logger))
+        marks = MarkReader(replica, events)
+        publisher = Publisher(session, self._root, replica, events)
+        saver = Saver(replica, events, self._robot)
+        journaling = Journaling(replica, events)
+        judge = Judge(replica, events)
+        recording = EndlessRecordings(replica, events, held)
+        runs = Runs(self._robot, replica, held, events, marks, judge, recording, early)
         runs.begin()
-        people = self._people(path, mirror, events)
-        answers = Answers(mirror, events, publisher, saver, self._robot, judge, recording, people[1])
+        people = self._authority(path, replica, events)
+        answers = Answers(replica, events, publisher, saver, self._robot, judge, recording, people[1])
         control = RequestThreads(session, self._root, answers, *people, publisher.name_client, self._denials)
         for part in (marks, publisher, saver, journaling, judge, recording, control):
             part.start()
         token = session.liveliness().declare_token(self._root.key("alive"))
-        predecessors = OrphanRecovery(mirror, events)
+        predecessors = OrphanRecovery(replica, events)
         self._robot.send(LinkReply(READY, Done(str(path))))
         predecessors.start()
         with contextlib.ExitStack() as at_end:  # the last one first
@@ -195,7 +195,7 @@ class Helper:
                 judge.stop("the robot program died")
                 saver.finish()
                 journaling.stop()
-                news = after_crash(mirror, events)
+                news = after_crash(replica, events)
                 self._linger(publisher, held, DEAD_WITHOUT_CLIENTS_S if news else 0.0)
                 return
             deleted = ended is _Ended.FILES_DELETED
@@ -209,7 +209,7 @@ class Helper:
     # ------------------------------------------------------------------------------------------- while it lives
 
     def _follow_robot(
-        self, runs: Runs, events: EventNotifier, saver: Saver, operators: ControlLock, path: Path
+        self, runs: Runs, events: EventNotifier, saver: Saver, control_lock: ControlLock, path: Path
     ) -> "_Ended":
         """Take in what the robot process pushes, until one of its ends."""
         link, handed_over = self._robot.socket.fileno(), self._robot.runs.fileno()
@@ -223,7 +223,7 @@ class Helper:
                 os.eventfd_read(self._wake)
             if self._wake in readable or not readable:
                 runs.look()
-            operators.watch()
+            control_lock.watch()
             self._denials.watch()
             if not readable and self._term_s and time.monotonic() >= self._term_s + TERM_GRACE_S:
                 log.warning("ended by SIGTERM; the robot program goes on")
@@ -232,7 +232,7 @@ class Helper:
             # a run first: what comes after it on the link may be about it, and it outlives the robot process
             if not runs.take() and handed_over in readable:
                 waited = [link, self._wake]  # that channel is closed
-            if not readable and runs.mirror.files_deleted() and _ready(waited):
+            if not readable and runs.replica.files_deleted() and _ready(waited):
                 continue  # the robot process says first what it deletes itself
             if not readable and _files_deleted(runs, events, saver, path):
                 return _Ended.FILES_DELETED
@@ -335,9 +335,9 @@ def _tell_end(events: EventNotifier, publisher: Publisher) -> None:
 
 def _files_deleted(runs: Runs, events: EventNotifier, saver: Saver, path: Path) -> bool:
     """Save what somebody deleted the names of; True if clients can't find this process any more either."""
-    mirror = runs.mirror
-    if mirror.run != runs.deleted and mirror.files_deleted():
-        runs.deleted = mirror.run
+    replica = runs.replica
+    if replica.run != runs.deleted and replica.files_deleted():
+        runs.deleted = replica.run
         text = (
             "somebody deleted this logger's files from the runtime folder (a cleanup job, or systemd's RemoveIPC "
             "at logout); logging goes on, and what was logged is saved now, but a kill of both the program and "
@@ -345,7 +345,7 @@ def _files_deleted(runs: Runs, events: EventNotifier, saver: Saver, path: Path) 
         )
         log.warning("%s", text)
         events.publish(EventKind.FILES_DELETED, text)
-        if not mirror.is_saved():
+        if not replica.is_saved():
             saver.save(Save(types=[FileType.SILO], client="silo, because its files were deleted"))
     return not path.exists()
 
@@ -355,7 +355,7 @@ def _ready(descriptors: list[int]) -> bool:
 
 
 def _take_state(message: RobotState, runs: Runs, events: EventNotifier) -> None:
-    before, now = runs.mirror.take(message)
+    before, now = runs.replica.take(message)
     runs.take_state(now)
     _tell_changes(events, before, now)
     if now.robot.segment != before.robot.segment:

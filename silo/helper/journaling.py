@@ -30,11 +30,11 @@ log = logging.getLogger("silo.helper")
 class Journaling:
     """Owns the journal thread."""
 
-    def __init__(self, mirror: Replica, events: EventNotifier) -> None:
-        self._mirror, self._events = mirror, events
+    def __init__(self, replica: Replica, events: EventNotifier) -> None:
+        self._replica, self._events = replica, events
         self._ended = threading.Event()
         self._writer: JournalWriter | None = None
-        self._run = RunFollower(mirror)
+        self._run = RunFollower(replica)
         self._told = ""
         self._thread = threading.Thread(target=self._watch, name="journal")
 
@@ -59,7 +59,7 @@ class Journaling:
 
     def _guarded_step(self) -> float:
         """Do a step, whatever the disk says; returns how long to wait for the next one."""
-        if self._mirror.now.options.storage is not Storage.DISK:
+        if self._replica.now.options.storage is not Storage.DISK:
             return PERIOD_S
         try:
             self._step()
@@ -81,10 +81,10 @@ class Journaling:
         if self._writer is None:
             self._writer = self._begin(reader)
         ticks = self._writer.append(reader)
-        if ticks and not self._mirror.durable_ticks(run):
+        if ticks and not self._replica.durable_ticks(run):
             # from its first commit on this journal holds all that the one of an earlier helper process held
             remove_journals(reader.schema, but=self._writer.path)
-        self._mirror.durable = run, ticks
+        self._replica.durable = run, ticks
         if self._told:
             self._told = ""
             text = f"the journal goes on: durable to tick {ticks}"
@@ -114,10 +114,10 @@ class Journaling:
         if problem == self._told:
             return
         self._told = problem
-        durable = self._mirror.durable_ticks(self._mirror.run)
+        durable = self._replica.durable_ticks(self._replica.run)
         text = (
             f"{problem}a power cut now loses all after tick {durable}; make room in "
-            f"{self._mirror.now.robot.folder}, it is tried again every {RETRY_S:.0f} s; logging goes on"
+            f"{self._replica.now.robot.folder}, it is tried again every {RETRY_S:.0f} s; logging goes on"
         )
         log.warning("%s", text)
         self._events.publish(EventKind.DURABLE, text)

@@ -23,10 +23,10 @@ log = logging.getLogger("silo.helper")
 class MarkReader:
     """Owns the thread that looks for marks."""
 
-    def __init__(self, mirror: Replica, events: EventNotifier) -> None:
-        self._mirror, self._events = mirror, events
+    def __init__(self, replica: Replica, events: EventNotifier) -> None:
+        self._replica, self._events = replica, events
         self._lock = threading.Lock()
-        self._run = RunFollower(mirror)
+        self._run = RunFollower(replica)
         self._known: set[tuple[int, int, str]] = set()  # marks that a helper process before this one took
         self._taken = 0
         self._unheld: set[str] = set()  # elements that were told of
@@ -46,7 +46,7 @@ class MarkReader:
         self.take()
 
     def take_run(self) -> None:
-        """Take what is left of the run before, whose memory is still mapped here, and follow the mirror's run."""
+        """Take what is left of the run before, whose memory is still mapped here, and follow the replica's run."""
         self.take()
         with self._lock:
             before = self._run.run

@@ -24,8 +24,8 @@ log = logging.getLogger("silo.helper")
 class OrphanRecovery:
     """Owns the thread that saves what predecessors left."""
 
-    def __init__(self, mirror: Replica, events: EventNotifier) -> None:
-        self._mirror = mirror
+    def __init__(self, replica: Replica, events: EventNotifier) -> None:
+        self._replica = replica
         self._events = events
         self._ended = threading.Event()
         # a daemon: should the helper have to end before it is done, the segment stays for the next one
@@ -41,7 +41,7 @@ class OrphanRecovery:
         self._thread.join(timeout_s)
 
     def _run(self) -> None:
-        options = self._mirror.now.options
+        options = self._replica.now.options
         try:
             for problem in settle_left(self._tell, lambda *of: of == (options.name, options.folder), options.folder):
                 log.error("%s", problem)

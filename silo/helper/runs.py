@@ -25,11 +25,11 @@ from silo.state.replica import LoggerSnapshot, Replica
 log = logging.getLogger("silo.helper")
 
 
-def taken_over(robot: RobotLink, mirror: Replica, held: HeldRuns) -> Iterator[RunOffer]:
+def taken_over(robot: RobotLink, replica: Replica, held: HeldRuns) -> Iterator[RunOffer]:
     """Take over the runs that the robot process handed over, each by itself: it is the present one until the next."""
     for offer, descriptor in robot.taken_runs():
         try:
-            mirror.take_run(offer, descriptor)
+            replica.take_run(offer, descriptor)
         except SegmentError:
             os.close(descriptor)
             log.exception("a run can't be taken over")
@@ -41,11 +41,18 @@ class Runs:
     """Who follows runs, and what each is told. For the main thread alone."""
 
     def __init__(
-        self, robot: RobotLink, mirror: Replica, held: HeldRuns, events: EventNotifier, marks: MarkReader, judge: Judge,
-        recording: EndlessRecordings, early: Sequence[RunOffer],
-    ) -> None:  # fmt: skip
+        self,
+        robot: RobotLink,
+        replica: Replica,
+        held: HeldRuns,
+        events: EventNotifier,
+        marks: MarkReader,
+        judge: Judge,
+        recording: EndlessRecordings,
+        early: Sequence[RunOffer],
+    ) -> None:
         """`early` were taken over before anybody was there to follow them."""
-        self.mirror, self.recording = mirror, recording
+        self.replica, self.recording = replica, recording
         # the run whose files somebody deleted
         self.deleted = early[-1].run if early and not early[-1].named else ""
         self._robot, self._held, self._events = robot, held, events
@@ -56,7 +63,7 @@ class Runs:
     def take(self) -> bool:
         """Take over all runs that were handed over; False if there was none."""
         taken = False
-        for offer in taken_over(self._robot, self.mirror, self._held):
+        for offer in taken_over(self._robot, self.replica, self._held):
             taken = True
             self._marks.take_run()
             self._judge.take_run()
@@ -82,7 +89,7 @@ class Runs:
         self._held.let_go(held_alone=message.held_alone)
         if not message.held_alone:
             self._marks.take()
-            self.mirror.let_go()
+            self.replica.let_go()
             self._marks.take_run()
 
     def begin(self) -> None:
@@ -97,7 +104,7 @@ class Runs:
                 if reader is None:
                     continue
                 with contextlib.closing(reader):
-                    if run != self.mirror.run:
+                    if run != self.replica.run:
                         self._take_left([reader])
                         continue
                     self._judge.take_run()  # also should the run be over before the judge looks

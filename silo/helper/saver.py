@@ -43,8 +43,8 @@ class _Job:
 class Saver:
     """Owns the saver thread. The other methods may be called by any thread."""
 
-    def __init__(self, mirror: Replica, events: EventNotifier, robot: RobotLink) -> None:
-        self._mirror = mirror
+    def __init__(self, replica: Replica, events: EventNotifier, robot: RobotLink) -> None:
+        self._replica = replica
         self._events = events
         self._robot = robot
         self._lock = threading.Lock()
@@ -90,10 +90,10 @@ class Saver:
             raise RequestRefusedError(
                 RefusedWhy.FAILED, f"{MAX_WAITING} saves are waiting already; try again when they are done"
             )
-        reader = self._mirror.open_reader()
+        reader = self._replica.open_reader()
         if reader is None or not reader.ticks:
             raise RequestRefusedError(RefusedWhy.FAILED, "nothing was logged yet: start the logger first")
-        robot = self._mirror.now.robot
+        robot = self._replica.now.robot
         with self._lock:
             self._number += 1
             number = self._number
@@ -168,7 +168,7 @@ class Saver:
         if report.error:
             self._failed(job, report.error, files)
             return
-        self._mirror.mark_saved(job.segment, report.ticks)
+        self._replica.mark_saved(job.segment, report.ticks)
         self._events.publish(
             EventKind.SAVED, f"saved {describe(files)}", by=by, job=job.number, progress=1.0, files=files
         )

@@ -40,27 +40,27 @@ log = logging.getLogger("silo.helper")
 class Publisher:
     """Owns the publisher thread. The other methods may be called by any thread."""
 
-    def __init__(self, session: zenoh.Session, root: keys.Root, mirror: Replica, events: EventNotifier) -> None:
+    def __init__(self, session: zenoh.Session, root: keys.Root, replica: Replica, events: EventNotifier) -> None:
         self._session = session
         self._root = root
-        self._mirror = mirror
+        self._replica = replica
         self._events = events
         self._topics = Topics(session, root)
-        self.views = Views(session, root, mirror)
-        self.streams = Streams(session, root, mirror)
+        self.views = Views(session, root, replica)
+        self.streams = Streams(session, root, replica)
         self.pins = Pins()
         self._presence = session.liveliness().declare_subscriber(
             root.key("client", "*"), zenoh.handlers.RingChannel(256), history=True
         )
         self._clients: set[str] = set()
         self._names: OrderedDict[str, Present] = OrderedDict()  # by their ids, as each hello tells
-        self.summary = SummaryFeed(session, root, mirror)
-        self._disk = DiskWatch(mirror)
+        self.summary = SummaryFeed(session, root, replica)
+        self._disk = DiskWatch(replica)
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._ending = False
-        self._present = RunFollower(mirror)
-        self._derived = RunFollower(mirror, derived=True)  # the same run, where anything is derived
+        self._present = RunFollower(replica)
+        self._derived = RunFollower(replica, derived=True)  # the same run, where anything is derived
         self._told = ""
         self._ticks: deque[tuple[float, int]] = deque()
         self._idle_s = 0.0  # since the last tick
@@ -98,7 +98,7 @@ class Publisher:
 
     def _name_clients(self) -> None:
         with self._lock:
-            self._mirror.clients = tuple(name for client, name in self._names.items() if client in self._clients)
+            self._replica.clients = tuple(name for client, name in self._names.items() if client in self._clients)
 
     def open_view(self, request: OpenView) -> ViewOpened:
         """Open, replace or renew a view."""
@@ -154,7 +154,7 @@ class Publisher:
             due_s = min(due_s, self._topics_due_s)
         else:
             self._topics.publish(now_s)
-        this = Round(self._mirror.now, self._watcher, now_s, self._mirror.measured_hz, self._idle_s)
+        this = Round(self._replica.now, self._watcher, now_s, self._replica.measured_hz, self._idle_s)
         return min(self.streams.send(this, due_s), self.views.send(this, due_s))
 
     def _follow_run(self) -> None:
@@ -163,7 +163,7 @@ class Publisher:
             self._topics.adopt(reader)
             self._ticks.clear()
             self._lost_seen = lost_samples(reader) if reader is not None else 0
-        if self._mirror.now.table.derived:
+        if self._replica.now.table.derived:
             self._derived.look()
         else:
             self._derived.forget()
@@ -191,18 +191,18 @@ class Publisher:
 
     def _measure(self, now_s: float) -> None:
         reader = self._present.reader
-        if reader is None or self._mirror.now.state is not State.RUNNING:
+        if reader is None or self._replica.now.state is not State.RUNNING:
             self._ticks.clear()
-            self._mirror.measured_hz = 0.0
+            self._replica.measured_hz = 0.0
             self._idle_s = 0.0
             return
-        self._idle_s = self._mirror.idle_s(reader.ticks)
+        self._idle_s = self._replica.idle_s(reader.ticks)
         self._ticks.append((now_s, reader.ticks))
         while len(self._ticks) > 2 and now_s - self._ticks[0][0] > HZ_WINDOW_S:
             self._ticks.popleft()
         span_s = now_s - self._ticks[0][0]
         if span_s > 0.2:
-            self._mirror.measured_hz = (self._ticks[-1][1] - self._ticks[0][1]) / span_s
+            self._replica.measured_hz = (self._ticks[-1][1] - self._ticks[0][1]) / span_s
         if now_s >= self._lost_due_s and (lost := lost_samples(reader)) > self._lost_seen:
             self._lost_due_s = now_s + LOST_PERIOD_S
             more, self._lost_seen = lost - self._lost_seen, lost

@@ -372,12 +372,12 @@ class _Asker:
 class Surveyor:
     """Answers surveys; follows the rings in a thread of its own while anybody asks."""
 
-    def __init__(self, mirror: Replica) -> None:
-        self._mirror = mirror
+    def __init__(self, replica: Replica) -> None:
+        self._replica = replica
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._tally: Tally | None = None
-        self._run = RunFollower(mirror, derived=True)
+        self._run = RunFollower(replica, derived=True)
         self._askers: Leases[str, _Asker] = Leases(MAX_CLIENTS)
         self._thread: threading.Thread | None = None
         self._stopped = False
@@ -407,7 +407,7 @@ class Surveyor:
             return self._survey(request, asker.sums if asker is not None else None)
 
     def _survey(self, request: GetSurvey, sums: Sums | None) -> Survey:
-        now, tally = self._mirror.now, self._tally
+        now, tally = self._replica.now, self._tally
         rows = [*now.table.elements, *now.table.derived] if request.derived else now.table.elements
         names = request.names or [info.name for info in rows]
         if tally is None or sums is None:

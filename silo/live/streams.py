@@ -97,9 +97,9 @@ class Streams(Feeds[OpenStream, ServedStream]):
 
     kind, most, most_of_client = "stream", 32, 8
 
-    def __init__(self, session: zenoh.Session, root: keys.Root, mirror: Replica) -> None:
+    def __init__(self, session: zenoh.Session, root: keys.Root, replica: Replica) -> None:
         super().__init__(session, root)
-        self._mirror = mirror
+        self._replica = replica
 
     def open(self, request: OpenStream) -> StreamOpened:
         """Open, replace or renew a stream."""
@@ -114,13 +114,13 @@ class Streams(Feeds[OpenStream, ServedStream]):
         return (old.names, old.period_s) == (new.names, new.period_s)
 
     def _check(self, request: OpenStream, _: list[ServedStream]) -> None:
-        name = None if request.again else unknown_name(request.names, self._mirror.now)
+        name = None if request.again else unknown_name(request.names, self._replica.now)
         if name is not None:
             raise unknown(name)
 
     def _made(self, request: OpenStream, publisher: zenoh.Publisher) -> ServedStream:
         made = ServedStream(request, publisher, time.monotonic())
-        made.adopt(self._mirror.now, self._mirror.open_watcher())  # from here on nothing is left out
+        made.adopt(self._replica.now, self._replica.open_watcher())  # from here on nothing is left out
         return made
 
 

@@ -30,8 +30,8 @@ _encoder = msgspec.msgpack.Encoder()
 class SummaryFeed:
     """Publishes what the status says in short. Used by the publisher thread alone, but for `die` and `close`."""
 
-    def __init__(self, session: zenoh.Session, root: Root, mirror: Replica) -> None:
-        self._mirror = mirror
+    def __init__(self, session: zenoh.Session, root: Root, replica: Replica) -> None:
+        self._replica = replica
         self._publisher = session.declare_publisher(
             root.key("summary"), congestion_control=zenoh.CongestionControl.DROP
         )
@@ -61,11 +61,11 @@ class SummaryFeed:
 
     @property
     def _state(self) -> State:
-        return State.DEAD if self._died else self._mirror.now.state
+        return State.DEAD if self._died else self._replica.now.state
 
     def now(self) -> Summary:
         """Return what there is to say."""
-        found = Summary.of(self._mirror.status())
+        found = Summary.of(self._replica.status())
         return msgspec.structs.replace(found, state=State.DEAD) if self._died else found
 
     def die(self) -> None:
@@ -98,8 +98,8 @@ def differs(told: Summary, found: Summary) -> bool:
 class DiskWatch:
     """Owns the thread that looks how full the disk is to which the logger's files go."""
 
-    def __init__(self, mirror: Replica) -> None:
-        self._mirror = mirror
+    def __init__(self, replica: Replica) -> None:
+        self._replica = replica
         self._ended = threading.Event()
         # a daemon: it may hang in the kernel for minutes, and it calls nothing but the kernel
         self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
@@ -114,7 +114,7 @@ class DiskWatch:
 
     def _run(self) -> None:
         while True:
-            self._mirror.disk = room_of(Path(self._mirror.now.robot.folder))
+            self._replica.disk = room_of(Path(self._replica.now.robot.folder))
             if self._ended.wait(DISK_PERIOD_S):
                 return
 

@@ -239,16 +239,16 @@ class Views(Feeds[OpenView, ServedView]):
 
     kind, most, most_of_client = "view", 64, 16
 
-    def __init__(self, session: zenoh.Session, root: Root, mirror: Replica) -> None:
+    def __init__(self, session: zenoh.Session, root: Root, replica: Replica) -> None:
         super().__init__(session, root)
-        self._mirror = mirror
+        self._replica = replica
 
     def open(self, request: OpenView) -> ViewOpened:
         """Open, replace or renew a view."""
         problem = _problem(request)
         if problem:
             raise self._cant_open(problem)
-        layout = layout_of(request, self._mirror.now)
+        layout = layout_of(request, self._replica.now)
         self.renewed(request.view, request)
         return layout.opened(request)
 

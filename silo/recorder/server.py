@@ -49,15 +49,15 @@ log = logging.getLogger("silo.helper")
 class EndlessRecordings:
     """All recorders. `begin`, `end` and `infos` may be called by any thread."""
 
-    def __init__(self, mirror: Replica, events: EventNotifier, held: HeldRuns) -> None:
-        self._mirror, self._events, self._held = mirror, events, held
+    def __init__(self, replica: Replica, events: EventNotifier, held: HeldRuns) -> None:
+        self._replica, self._events, self._held = replica, events, held
         self._lock = threading.RLock()
         self._recorders: dict[str, RecorderProcess] = {}
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._stopping = False
         self._forgets = False
         self._spare: Spare | None = None  # only the thread's
-        robot, options = mirror.now.robot, mirror.now.options
+        robot, options = replica.now.robot, replica.now.options
         self._program = child_of(robot.logger, options.id, robot.pid)
         self._kept = recorders_path(robot.logger, options.id)
         self._older = runtime_dir() / f"{robot.logger}.{robot.pid}{RECORDERS_SUFFIX}"
@@ -113,10 +113,10 @@ class EndlessRecordings:
         return RecorderStarted(name, order.folder, self._warning(request))
 
     def _checked(self, request: StartRecorder, *, anywhere: bool) -> RecordOrder:
-        robot = self._mirror.now.robot
+        robot = self._replica.now.robot
         folder = recording_folder(request.folder, Path(robot.folder), anywhere=anywhere)
         problem = _wrong_numbers(request)
-        table = self._mirror.now.table
+        table = self._replica.now.table
         names = [info.name for info in (*table.elements, *table.derived)]
         for pattern in request.patterns:
             if not problem and not (pattern and matching(names, [pattern])):
@@ -133,7 +133,7 @@ class EndlessRecordings:
         )
 
     def _free_name(self, asked: str) -> str:
-        logger = self._mirror.now.robot.logger
+        logger = self._replica.now.robot.logger
         live = {name for name, one in self._recorders.items() if not one.report.state.over}
         if len(live) >= MOST_RECORDERS:
             text = f"{MOST_RECORDERS} recordings are under way already: stop one first; nothing is recorded"
@@ -154,7 +154,7 @@ class EndlessRecordings:
 
     def _warning(self, request: StartRecorder) -> str:
         """Of which elements a recording comes to an end: no ring passes every sample of them."""
-        table = {info.name: info.options for info in self._mirror.now.table.elements}
+        table = {info.name: info.options for info in self._replica.now.table.elements}
         short = [
             name
             for name in matching(list(table), request.patterns)
@@ -173,7 +173,7 @@ class EndlessRecordings:
     def _present(self) -> dict[str, Any]:
         """The run in which an order is given, and its newest tick."""
         with contextlib.suppress(SegmentError):
-            reader = self._mirror.open_reader()
+            reader = self._replica.open_reader()
             if reader is not None:
                 with contextlib.closing(reader):
                     return {"run": reader.schema.run, "tick": reader.ticks}
@@ -210,7 +210,7 @@ class EndlessRecordings:
             if recorder.given_up:
                 return f"recording '{name}' is over: {recorder.report.text}"
             why = f"stopped by {request.client}" if request.client else "stopped"
-            recorder.finish(why, self._events.log.newest, last=self._mirror.run)
+            recorder.finish(why, self._events.log.newest, last=self._replica.run)
         over = recorder.ended.wait(left_s(END_S))
         with self._lock:
             if over and not recorder.given_up:
@@ -245,8 +245,8 @@ class EndlessRecordings:
         for run in recorder.runs:
             if recorder.lacks(run) and not self._hand_over(recorder, run):
                 break  # it comes again, and they go over in their order
-        if self._mirror.run in recorder.runs and self._mirror.now.robot.segment == self._mirror.segment:
-            recorder.change(self._mirror.now.robot.extras)
+        if self._replica.run in recorder.runs and self._replica.now.robot.segment == self._replica.segment:
+            recorder.change(self._replica.now.robot.extras)
 
     def _hand_over(self, recorder: RecorderProcess, run: str) -> bool:
         try:
@@ -289,7 +289,7 @@ class EndlessRecordings:
             with self._lock:
                 live = {one.socket.fileno(): one for one in self._recorders.values() if one.is_live}
                 waiting = [one for one in self._recorders.values() if one.again_s]
-                self._mirror.recorders = len(live) + len(waiting)
+                self._replica.recorders = len(live) + len(waiting)
                 if not live and not waiting:
                     self._let_spare_go()
                 if self._stopping and not live and not waiting:

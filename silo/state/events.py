@@ -34,11 +34,11 @@ def plain(text: str, limit: int = MAX_BY) -> str:
 class EventNotifier:
     """Numbers events, logs and publishes them."""
 
-    def __init__(self, session: zenoh.Session, root: Root, mirror: Replica, log: EventLog) -> None:
+    def __init__(self, session: zenoh.Session, root: Root, replica: Replica, log: EventLog) -> None:
         self._publisher = session.declare_publisher(
             root.key("event"), congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.INTERACTIVE_HIGH
         )
-        self._mirror = mirror
+        self._replica = replica
         self._lock = threading.Lock()
         self._number = 0
         self.log = log
@@ -61,8 +61,8 @@ class EventNotifier:
 
         `stamp_ns` is the time stamp of that tick, `time_ns` the wall clock then, where they are known.
         """
-        status = self._mirror.status()
-        newest = status.ticks - 1 if run in ("", self._mirror.run) else -1  # of another run nobody knows it here
+        status = self._replica.status()
+        newest = status.ticks - 1 if run in ("", self._replica.run) else -1  # of another run nobody knows it here
         begun_ns = time_ns or (status.started_ns if kind is EventKind.STARTED else 0)  # this is told some time after
         event = LoggedEvent(
             kind.value,
@@ -70,14 +70,14 @@ class EventNotifier:
             begun_ns or time.time_ns(),
             newest if tick is None else tick,
             stamp_ns or self._stamp_of(newest if tick is None else tick, run, status),
-            plain(by) or self._mirror.now.robot.logger,
-            run or self._mirror.run,
+            plain(by) or self._replica.now.robot.logger,
+            run or self._replica.run,
         )
         if kind is not EventKind.SAVING:  # only news; how it ends is logged
             event = self.log.add(event)
         if came_by_network(by) and kind not in _QUIET:
             # whoever sits before the robot wants to know why it does what nobody there asked for
-            log.warning("%s: %s, by %s", self._mirror.now.robot.logger, text, plain(by))
+            log.warning("%s: %s, by %s", self._replica.now.robot.logger, text, plain(by))
         with self._lock:
             self._number += 1
             told = Event(
@@ -100,14 +100,14 @@ class EventNotifier:
 
     def is_started(self) -> bool:
         """Whether it is told that the present run was started."""
-        run = self._mirror.run
+        run = self._replica.run
         return bool(run) and any(event.kind == EventKind.STARTED.value for event in self.log.of_run(run))
 
     def _stamp_of(self, tick: int, run: str, status: Status) -> int:
         """Return the time stamp of a tick of a run, 0 where only who tells of it may know it: the run is over."""
-        if run not in ("", self._mirror.run):
+        if run not in ("", self._replica.run):
             return 0
-        return status.last_tick_ns if tick == status.ticks - 1 else self._mirror.stamp_of(tick)
+        return status.last_tick_ns if tick == status.ticks - 1 else self._replica.stamp_of(tick)
 
     def publish_mark(self, mark: LoggedEvent) -> None:
         """Log and publish a mark of the program; without a status, for there may be many at once."""

@@ -24,9 +24,9 @@ from silo.state.replica import HeldNow, Replica
 class HeldRuns:
     """The main thread changes what there is; any thread may ask."""
 
-    def __init__(self, mirror: Replica, changed: Callable[[], None]) -> None:
+    def __init__(self, replica: Replica, changed: Callable[[], None]) -> None:
         """`changed` is called, by any thread, when a consumer needs a run no more: then `release` is due."""
-        self._mirror, self.changed = mirror, changed
+        self._replica, self.changed = replica, changed
         self._lock = threading.Lock()
         self._runs: dict[str, SegmentReader] = {}  # by their ids, oldest first
         self._extras: dict[str, Conditions] = {}  # derived signals, limits and triggers that each had last
@@ -42,25 +42,25 @@ class HeldRuns:
     # ------------------------------------------------------------------------------------------ by the main thread
 
     def take(self) -> None:
-        """Keep the run that the mirror has just taken over."""
+        """Keep the run that the replica has just taken over."""
         with contextlib.suppress(SegmentError):
-            reader = self._mirror.open_reader()
+            reader = self._replica.open_reader()
             if reader is not None and reader.schema.run not in self._known:
                 self._add(reader)
         self.note_extras()
 
     def note_extras(self) -> None:
         """Remember what the present run is watched for."""
-        robot = self._mirror.now.robot
-        if self._mirror.run and robot.segment == self._mirror.segment:
-            self._extras[self._mirror.run] = robot.extras
+        robot = self._replica.now.robot
+        if self._replica.run and robot.segment == self._replica.segment:
+            self._extras[self._replica.run] = robot.extras
 
     def find(self) -> list[SegmentReader]:
         """Return runs of this logger that no helper process took over, oldest first; they are kept, too."""
         with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
             if all(path in self._looked for path in list_held()):
                 return []
-            options = self._mirror.now.options
+            options = self._replica.now.options
             found = []
             for reader in held_runs(options.name, options.id):
                 self._looked.add(reader.path)
@@ -77,7 +77,7 @@ class HeldRuns:
 
     def tell_starts(self, events: EventNotifier, *, at_end: bool = False) -> None:
         """Tell of runs that began and were followed by another one, or `at_end`, before their program could say so."""
-        for run in [run for run in self.ids() if (at_end or run != self._mirror.run) and run not in self._told]:
+        for run in [run for run in self.ids() if (at_end or run != self._replica.run) and run not in self._told]:
             self._told.add(run)
             with contextlib.suppress(SegmentError):
                 reader = self.open(run)
@@ -94,7 +94,7 @@ class HeldRuns:
     def release(self, *, at_end: bool = False) -> None:
         """Let go of the runs that nobody needs: their memory is free with that. `at_end`: of the present one, too."""
         for run, reader in list(self._runs.items()):
-            if run == self._mirror.run and not at_end:
+            if run == self._replica.run and not at_end:
                 continue
             if any(needs(run) for needs in self._needs):
                 self._follow_name(run, reader)
@@ -117,7 +117,7 @@ class HeldRuns:
     def let_go(self, *, held_alone: bool) -> None:
         """Free the memory of all, as far as it depends on this process: the robot program needs it for the next run."""
         for run, reader in list(self._runs.items()):
-            if run != self._mirror.run or not held_alone:
+            if run != self._replica.run or not held_alone:
                 self._forget(run)
                 # what its program leaves of it under the other name is found anew
                 self._known.discard(run)
@@ -131,10 +131,10 @@ class HeldRuns:
 
     def _count(self) -> None:
         """Tell the status what is held, of which the present run is none."""
-        paths = [_held(reader) for run, reader in self._runs.items() if run != self._mirror.run]
+        paths = [_held(reader) for run, reader in self._runs.items() if run != self._replica.run]
         with contextlib.suppress(SegmentError):
             bound = bound_of(paths[0].parent if paths else runtime_dir())
-            self._mirror.held = HeldNow(len(paths), sum(map(bytes_of, paths)), bound.runs, bound.size_bytes)
+            self._replica.held = HeldNow(len(paths), sum(map(bytes_of, paths)), bound.runs, bound.size_bytes)
 
     # --------------------------------------------------------------------------------------------- by any thread
 

@@ -15,9 +15,9 @@ class RunFollower:
     never closed here, as others may read on; it goes with the last of them.
     """
 
-    def __init__(self, mirror: Replica, *, derived: bool = False) -> None:
+    def __init__(self, replica: Replica, *, derived: bool = False) -> None:
         """`derived`: with the derived signals, and gone over when others are derived, too."""
-        self._mirror, self._derived = mirror, derived
+        self._replica, self._derived = replica, derived
         self.reader: SegmentReader | None = None
         self._known: object = None
         self._release_s = 0.0
@@ -33,13 +33,13 @@ class RunFollower:
         A run that can't be opened is tried again at the next look: it was replaced meanwhile, and the next one is
         handed over soon. Raises SegmentError for one that is damaged.
         """
-        derived = self._mirror.now.robot.extras.derived if self._derived else ()
-        if self.reader is not None and self._known == (self._mirror.run, derived):
+        derived = self._replica.now.robot.extras.derived if self._derived else ()
+        if self.reader is not None and self._known == (self._replica.run, derived):
             self._release(self.reader)
             return False
         before, self.reader = self.reader, None
-        self.reader = self._mirror.open_watcher() if self._derived else self._mirror.open_reader()
-        self._known = (self.run, derived)  # of what was opened: the mirror may know another one by now
+        self.reader = self._replica.open_watcher() if self._derived else self._replica.open_reader()
+        self._known = (self.run, derived)  # of what was opened: the replica may know another one by now
         return self.reader is not before
 
     def forget(self) -> None:

@@ -236,9 +236,9 @@ class Left(RuleBasedStateMachine):
     def recover_as_helper(self, logger="bot"):
         told: list[str] = []
         options = LoggerOptions(name=logger, folder=str(self.logs))
-        mirror = SimpleNamespace(now=SimpleNamespace(options=options))
+        replica = SimpleNamespace(now=SimpleNamespace(options=options))
         events = SimpleNamespace(publish=lambda kind, text, **_: told.append(text))
-        OrphanRecovery(mirror, events)._run()
+        OrphanRecovery(replica, events)._run()
         assert not [text for text in told if "can't be" in text or "not be saved" in text]
 
     @rule(served=st.booleans())

@@ -208,22 +208,22 @@ class Bench:
         self.channel = LinkChannel(theirs)
         self.robot = RobotLink(mine, runs)
         self.session, self.path = open_server(Path(os.environ["SILO_RUNTIME_DIR"]), "fuzz", os.getpid())
-        self.mirror = Replica(robot_state(self.logger, "", -1))
-        root = Root(self.mirror.host, "fuzz")
-        events = EventNotifier(self.session, root, self.mirror, EventLog(str(folder), "fuzz"))
-        self.publisher = Publisher(self.session, root, self.mirror, events)
-        self.saver = Saver(self.mirror, events, self.robot)
-        self.recording = EndlessRecordings(self.mirror, events, HeldRuns(self.mirror, lambda: None))
-        judge = Judge(self.mirror, events)
+        self.replica = Replica(robot_state(self.logger, "", -1))
+        root = Root(self.replica.host, "fuzz")
+        events = EventNotifier(self.session, root, self.replica, EventLog(str(folder), "fuzz"))
+        self.publisher = Publisher(self.session, root, self.replica, events)
+        self.saver = Saver(self.replica, events, self.robot)
+        self.recording = EndlessRecordings(self.replica, events, HeldRuns(self.replica, lambda: None))
+        judge = Judge(self.replica, events)
         self.answers = Answers(
-            self.mirror,
+            self.replica,
             events,
             self.publisher,
             self.saver,
             self.robot,
             judge,
             self.recording,
-            ControlLock(events, self.mirror, "fuzz"),
+            ControlLock(events, self.replica, "fuzz"),
         )
         self.frames = self.session.declare_subscriber(root.key("view", "*"), lambda _: None)
         self.publisher.start()
@@ -243,7 +243,7 @@ class Bench:
     def _follow(self) -> None:
         while (message := self.robot.receive()) is not None:
             if isinstance(message, RobotState):
-                self.mirror.take(message)
+                self.replica.take(message)
             elif isinstance(message, LinkReply):
                 self.robot.answered(message)
 
@@ -338,7 +338,7 @@ def test_the_requests_that_are_mutated_are_answered_as_they_are(bench, raised) -
 
 @pytest.mark.slow
 def test_of_damaged_replies_and_events_come_only_errors_of_silo(bench) -> None:
-    status, info = bench.mirror.status(), bench.logger.elements
+    status, info = bench.replica.status(), bench.logger.elements
     good = [
         HelloReply(2, "0.1.0", "me", True, status, 2),
         StatusReply(status, "saved"),

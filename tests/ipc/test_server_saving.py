@@ -90,9 +90,9 @@ def test_the_writing_process_knows_whether_the_robot_program_waits(new_logger, m
     logger.array("x")
     logger.start()
     logger.collect()
-    mirror = Replica(robot_state(logger, "", -1))
+    replica = Replica(robot_state(logger, "", -1))
     saver = Saver(
-        mirror,
+        replica,
         SimpleNamespace(publish=lambda *_, **__: None, log=SimpleNamespace(of_run=lambda _: [])),
         SimpleNamespace(send=lambda _: None),
     )

@@ -63,9 +63,9 @@ def test_nobody_can_claim_to_be_proven() -> None:
 
 
 def test_a_name_that_nobody_checked_can_not_call_itself_proven_nor_move_a_cursor() -> None:
-    door = Authentication(ROOT, Admission(True, False))
+    authentication = Authentication(ROOT, Admission(True, False))
     for name in ("anna (proven)", "anna (proven) from desk,", "\x1b[2Janna\n"):
-        sender = door.sender(ROOT.do(name), b"", "x@desk silo 1")
+        sender = authentication.sender(ROOT.do(name), b"", "x@desk silo 1")
         assert isinstance(sender, Sender)
         assert sender.words.isprintable()
         assert PROVEN not in sender.words
@@ -76,20 +76,22 @@ def test_a_name_that_nobody_checked_can_not_call_itself_proven_nor_move_a_cursor
 
 
 def test_a_request_that_means_several_robots_is_refused_at_the_door() -> None:
-    door = Authentication(ROOT, Admission(True, True))
+    authentication = Authentication(ROOT, Admission(True, True))
     for key in ("silo/**", "silo/*/*/do/anna", f"{ROOT}/do/*", f"{ROOT}/d$*/anna", f"{ROOT}/do", f"{ROOT}/do/"):
-        refused = answered(lambda key=key: door.sender(key, b"", "anna@desk silo 1"))
+        refused = answered(lambda key=key: authentication.sender(key, b"", "anna@desk silo 1"))
         assert isinstance(refused, Refused), key
         assert refused.why is RefusedWhy.INVALID
-    assert door.sender(f"{ROOT}/do/anna", b"", "x@desk silo 1") == Sender("anna", "anna (proven) from desk, silo 1")
+    assert authentication.sender(f"{ROOT}/do/anna", b"", "x@desk silo 1") == Sender(
+        "anna", "anna (proven) from desk, silo 1"
+    )
 
 
 def test_a_user_name_of_any_letters_is_a_part_of_a_key() -> None:
-    door = Authentication(ROOT, Admission(True, True))
+    authentication = Authentication(ROOT, Admission(True, True))
     for name in ("anna", "änna/berg", "a*b$c#d?e", "@local", "50% x"):
         key = ROOT.do(name)
         zenoh.KeyExpr(key)
-        sender = door.sender(key, b"", "")
+        sender = authentication.sender(key, b"", "")
         assert isinstance(sender, Sender)
         assert sender.identity == (name if name != "@local" else "@local somebody")
 

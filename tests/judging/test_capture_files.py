@@ -45,8 +45,8 @@ def twice(robot, folder):
     """What two processes make of one capture: the second begins as soon as the first is within."""
 
     def write(number):
-        (spool,) = judge_of(robot).step().whole
-        return write_capture(spool, str(folder), CaptureList(str(folder), "bot"), []).files
+        (buffer,) = judge_of(robot).step().whole
+        return write_capture(buffer, str(folder), CaptureList(str(folder), "bot"), []).files
 
     with ThreadPoolExecutor(2) as pool:
         return list(pool.map(write, range(2)))
@@ -107,9 +107,9 @@ def test_a_claim_is_kept_up_by_who_inherits_it_and_swept_after_them(tmp_path):
 @pytest.mark.slow
 def test_a_capture_that_was_written_is_not_written_again_where_another_folder_is_asked_for(robot, tmp_path):
     judge = judge_of(robot)
-    (spool,) = judge.step().whole
-    write_capture(spool, str(tmp_path), CaptureList(str(tmp_path), "bot"), [])
-    state = judge.state([KeptCapture(spool.options, spool.capture)], [], closed=False)
+    (buffer,) = judge.step().whole
+    write_capture(buffer, str(tmp_path), CaptureList(str(tmp_path), "bot"), [])
+    state = judge.state([KeptCapture(buffer.options, buffer.capture)], [], closed=False)
     store_state(state_path("bot", state.run), msgspec.structs.replace(state, pid_start=state.pid_start + 1))
     other = tmp_path / "other"
     other.mkdir()

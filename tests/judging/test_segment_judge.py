@@ -48,8 +48,8 @@ def test_a_capture_is_exact_to_the_tick(robot):
     robot.logger.trigger("spike", "any(fast/x > 50)", pre="20ms", post="10ms")
     robot.start()
     robot.ticks(500, [(317, 1)])
-    (spool,) = robot.judge.step().whole
-    recording = spool.recording()
+    (buffer,) = robot.judge.step().whole
+    recording = buffer.recording()
     # the slow signal brings the sample that holds at tick 297, with its time stamp
     assert (recording.offset - len(recording.time_ns), recording.offset - 1) == (290, 327)
     log = silo.Log(recording)
@@ -80,14 +80,14 @@ def test_fires_without_end_close_a_capture_at_its_most_bytes_and_go_on_in_the_ne
     for _ in range(60):
         robot.ticks(100, [(50, 0)])
         whole += robot.judge.step().whole
-        most = max(most, sum(spool.size_bytes for spool in robot.judge._spools))
+        most = max(most, sum(buffer.size_bytes for buffer in robot.judge._buffers))
     assert most <= 2 * 2**16
     assert len(whole) >= 2
-    for spool, following in pairwise(whole):
-        assert spool.size_bytes <= 2**16
-        assert spool.why == f"closed at 256 MB as it fired on: capture {spool.capture.number + 1} goes on"
-        assert following.capture.first <= spool.capture.last  # no tick is in neither
-        assert len(silo.Log(spool.recording())["fast/x_0"]) == spool.capture.last - spool.capture.first + 1
+    for buffer, following in pairwise(whole):
+        assert buffer.size_bytes <= 2**16
+        assert buffer.why == f"closed at 256 MB as it fired on: capture {buffer.capture.number + 1} goes on"
+        assert following.capture.first <= buffer.capture.last  # no tick is in neither
+        assert len(silo.Log(buffer.recording())["fast/x_0"]) == buffer.capture.last - buffer.capture.first + 1
 
 
 def test_captures_under_way_that_take_all_memory_together_are_closed_and_say_so(robot, monkeypatch):
@@ -99,12 +99,12 @@ def test_captures_under_way_that_take_all_memory_together_are_closed_and_say_so(
     monkeypatch.setattr("silo.conditions.segment_judge.MOST_SPOOL_BYTES", 2**15)
     robot.ticks(500)
     whole = robot.judge.step().whole
-    assert [spool.trigger for spool in whole] == ["one", "two"]
-    assert all("closed as all captures in memory take" in spool.why for spool in whole)
+    assert [buffer.trigger for buffer in whole] == ["one", "two"]
+    assert all("closed as all captures in memory take" in buffer.why for buffer in whole)
     monkeypatch.undo()
     robot.ticks(100, [(50, 0)])
     robot.judge.step()
-    assert [spool.capture.number for spool in robot.judge._spools] == [2]
+    assert [buffer.capture.number for buffer in robot.judge._buffers] == [2]
 
 
 def test_a_post_that_no_memory_holds_is_refused_with_its_size(robot):
@@ -160,7 +160,7 @@ def test_a_fire_within_post_makes_the_capture_longer_and_overlapping_triggers_ha
     robot.logger.trigger("two", "fast/x_1 > 50", pre="5ms", post="20ms")
     robot.start()
     robot.ticks(200, [(100, 0), (110, 1), (115, 0)])
-    found = {spool.trigger: spool.capture for spool in robot.judge.step().whole}
+    found = {buffer.trigger: buffer.capture for buffer in robot.judge.step().whole}
     assert [(found[name].first, found[name].last) for name in ("one", "two")] == [(95, 135), (105, 130)]
 
 
@@ -168,8 +168,8 @@ def test_an_end_before_post_gives_what_there_is_and_says_so(robot):
     robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="1s")
     robot.start()
     robot.ticks(50, [(40, 0)])
-    (spool,) = robot.judge.end("the robot program died").whole
-    recording = spool.recording()
+    (buffer,) = robot.judge.end("the robot program died").whole
+    recording = buffer.recording()
     assert len(silo.Log(recording)["fast/x_0"].values) == 15
     assert "the robot program died, 991 ticks before its end" in recording.warnings[0]
     assert recording.extras.capture.ended.startswith("the robot program died")
@@ -209,9 +209,9 @@ def test_spikes_of_one_sample_at_random_places_are_all_captured_and_nothing_else
         at += count
         whole += robot.judge.step().whole
     whole += robot.judge.end("done").whole
-    assert [spool.capture.fires[0].tick for spool in whole] == places.tolist()
-    for spool, place, signal in zip(whole[::10], places[::10].tolist(), signals[::10].tolist(), strict=True):
-        recording = spool.recording()
+    assert [buffer.capture.fires[0].tick for buffer in whole] == places.tolist()
+    for buffer, place, signal in zip(whole[::10], places[::10].tolist(), signals[::10].tolist(), strict=True):
+        recording = buffer.recording()
         values = recording.elements[0].entries[signal].values
         assert recording.offset - 1 == place + post
         assert values.tolist() == [0.0] * pre + [100.0] + [0.0] * post
@@ -250,8 +250,8 @@ def test_what_keeps_its_first_samples_hinders_no_trigger(robot):
     robot.logger.trigger("spike", "fast/x_0 > 50", pre="20ms", post="10ms")
     robot.start()
     robot.ticks(500, [(317, 1), (320, 0)])
-    (spool,) = robot.judge.step().whole
-    log = silo.Log(spool.recording())
+    (buffer,) = robot.judge.step().whole
+    log = silo.Log(buffer.recording())
     assert len(log["fast/x_0"]) == 31
 
 
@@ -264,9 +264,9 @@ def test_what_is_captured_is_written_and_says_so_when_judging_fails(robot):
 
     found = robot.judge.close("judging failed")
 
-    (spool,) = found.whole
-    assert spool.ended == "judging failed, 991 ticks before its end"
-    assert len(silo.Log(spool.recording())["fast/x_0"].values) == 15
+    (buffer,) = found.whole
+    assert buffer.ended == "judging failed, 991 ticks before its end"
+    assert len(silo.Log(buffer.recording())["fast/x_0"].values) == 15
     assert robot.judge.close("again").whole == []
 
 
@@ -280,7 +280,10 @@ def test_a_trigger_that_is_removed_and_set_again_within_post_has_two_captures(ro
     robot.judge.adopt(extras)
     robot.ticks(200, [(10, 0)])
     whole += robot.judge.step().whole
-    assert [(spool.capture.number, spool.capture.first) for spool in whole] == [(1, 35), (2, 55)]
+    assert [(buffer.capture.number, buffer.capture.first) for buffer in whole] == [
+        (1, 35),
+        (2, 55),
+    ]
 
 
 def test_only_what_a_successor_would_not_find_in_the_rings_is_closed_at_a_handover(robot):
@@ -290,9 +293,9 @@ def test_only_what_a_successor_would_not_find_in_the_rings_is_closed_at_a_handov
     robot.ticks(1000, [(40, 0)])
     robot.judge.step()
     robot.ticks(2000, [(1900, 1)])
-    (spool,) = robot.judge.hand_over("the helper process was replaced").whole
-    assert (spool.trigger, spool.capture.first) == ("early", 35)
-    assert spool.ended.startswith("the helper process was replaced")
+    (buffer,) = robot.judge.hand_over("the helper process was replaced").whole
+    assert (buffer.trigger, buffer.capture.first) == ("early", 35)
+    assert buffer.ended.startswith("the helper process was replaced")
     kept = robot.judge.state([], [], closed=False).captures
     assert [(one.options.name, one.capture.first) for one in kept] == [("late", 2895)]
 
@@ -388,4 +391,4 @@ def test_what_there_was_no_time_to_judge_before_the_end_is_told(robot):
     robot.ticks(200)
     found = robot.judge.end("closed", lambda: True)
     assert found.blind[0].startswith("triggers and limits did not judge the last 200 ticks")
-    assert [spool.why for spool in found.whole] == ["closed, 4901 ticks before its end"]
+    assert [buffer.why for buffer in found.whole] == ["closed, 4901 ticks before its end"]

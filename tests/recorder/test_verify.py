@@ -298,7 +298,7 @@ class TestCaptures:
             x[...] = 100.0 if tick == 300 else 0.0
             log.collect()
         reader = SegmentReader(log.segment_path)
-        (spool,) = SegmentJudge(reader, log.elements).step().whole
+        (buffer,) = SegmentJudge(reader, log.elements).step().whole
         self.run = reader.schema.run
         self.events = [
             LoggedEvent("started", "started", reader.schema.started_ns, 0, run=self.run, number=1),
@@ -307,7 +307,7 @@ class TestCaptures:
         ]
         append_events(tmp_path, "bot", self.events)
         happened = [event for event in self.events if event.kind == "triggered"]
-        self.files = write_capture(spool, str(tmp_path), CaptureList(str(tmp_path), "bot"), happened).files
+        self.files = write_capture(buffer, str(tmp_path), CaptureList(str(tmp_path), "bot"), happened).files
         log.close()
         return tmp_path
 

@@ -10,15 +10,15 @@ from silo.state.replica import Replica
 class TakenOver:
     """A lock after which the main thread takes over the next run at once, and closes the reader of this one."""
 
-    def __init__(self, mirror: Replica) -> None:
-        self.mirror, self.lock = mirror, threading.Lock()
+    def __init__(self, replica: Replica) -> None:
+        self.replica, self.lock = replica, threading.Lock()
 
     def __enter__(self) -> None:
         self.lock.acquire()
 
     def __exit__(self, *_: object) -> None:
         self.lock.release()
-        os.close(self.mirror._reader.fileno())
+        os.close(self.replica._reader.fileno())
 
 
 def test_a_status_is_told_while_its_run_is_replaced(new_logger) -> None:
@@ -26,12 +26,12 @@ def test_a_status_is_told_while_its_run_is_replaced(new_logger) -> None:
     log.array("x")
     log.start()
     log.collect()
-    mirror = Replica(robot_state(log, "", -1))
-    size = mirror.status().segment_bytes
-    reader = mirror._reader
+    replica = Replica(robot_state(log, "", -1))
+    size = replica.status().segment_bytes
+    reader = replica._reader
     spare = os.dup(reader.fileno())
-    mirror._lock = TakenOver(mirror)
-    found = mirror.status()
+    replica._lock = TakenOver(replica)
+    found = replica.status()
     os.dup2(spare, reader.fileno())  # its own close comes later
     os.close(spare)
     assert found.segment_bytes == size > 0

@@ -75,18 +75,18 @@ class Told:
 
 def test_that_control_ended_by_itself_is_told_before_that_somebody_else_took_it() -> None:
     clock, told = [0.0], Told()
-    operators = ControlLock(told, None, "robot")
-    operators._leases = Leases(clock=lambda: clock[0])
+    control_lock = ControlLock(told, None, "robot")
+    control_lock._leases = Leases(clock=lambda: clock[0])
     anna, bob = Sender("anna", "anna from desk1"), Sender("bob", "bob from desk2")
-    operators.take(TakeControl(lease_s=2.0), anna)
+    control_lock.take(TakeControl(lease_s=2.0), anna)
     clock[0] = 2.5
-    assert operators.control is None
-    operators.take(TakeControl(lease_s=2.0), bob)
-    operators.watch()
+    assert control_lock.control is None
+    control_lock.take(TakeControl(lease_s=2.0), bob)
+    control_lock.watch()
     assert told.texts == [
         "control taken", "control of anna from desk1 ended: nobody renewed it", "control taken",
     ]  # fmt: skip
-    assert operators._leases.find(CONTROL).owner == "bob"
-    operators.release(bob)
-    operators.watch()
+    assert control_lock._leases.find(CONTROL).owner == "bob"
+    control_lock.release(bob)
+    control_lock.watch()
     assert told.texts[3:] == ["control released"]

@@ -17,7 +17,7 @@ class Robot:
         self.log = silo.Logger("r", frequency=100, folder=folder, script=folder / "r.yaml")
         self.x = self.log.array("x", action=silo.Action.SAVE_AND_PUBLISH)
         self.log.update()
-        self.mirror = Replica(robot_state(self.log, "", -1))
+        self.replica = Replica(robot_state(self.log, "", -1))
 
     def start(self):
         """Begin another run, and tell of it."""
@@ -25,7 +25,7 @@ class Robot:
         self.tell()
 
     def tell(self):
-        self.mirror.take(robot_state(self.log, "", -1))
+        self.replica.take(robot_state(self.log, "", -1))
 
 
 @pytest.fixture
@@ -36,24 +36,24 @@ def robot(tmp_path):
 
 
 def test_without_a_run_nothing_is_followed_and_nothing_is_new(robot):
-    follower = RunFollower(robot.mirror)
+    follower = RunFollower(robot.replica)
     assert [follower.look(), follower.look()] == [False, False]
     assert (follower.reader, follower.run) == (None, "")
 
 
 def test_each_run_is_new_once(robot):
-    follower, runs = RunFollower(robot.mirror), []
+    follower, runs = RunFollower(robot.replica), []
     for _ in range(3):
         robot.start()
         assert [follower.look(), follower.look()] == [True, False]
         runs.append(follower.run)
     assert len(set(runs)) == 3
-    assert runs[-1] == robot.mirror.run
+    assert runs[-1] == robot.replica.run
 
 
 def test_the_rows_of_a_run_that_is_over_are_there_until_the_next_look(robot):
     robot.start()
-    follower = RunFollower(robot.mirror)
+    follower = RunFollower(robot.replica)
     follower.look()
     for number in range(5):
         robot.x[...] = number
@@ -68,35 +68,35 @@ def test_the_rows_of_a_run_that_is_over_are_there_until_the_next_look(robot):
 
 def test_a_run_that_is_let_go_of_is_let_go_of_at_the_next_look(robot):
     robot.start()
-    follower = RunFollower(robot.mirror)
+    follower = RunFollower(robot.replica)
     follower.look()
-    robot.mirror.let_go()
+    robot.replica.let_go()
     assert [follower.look(), follower.look()] == [True, False]
     assert follower.reader is None
 
 
 def test_a_run_that_can_not_be_read_is_opened_anew_at_each_look(robot, monkeypatch):
     robot.start()
-    follower, opened = RunFollower(robot.mirror), robot.mirror.open_reader
+    follower, opened = RunFollower(robot.replica), robot.replica.open_reader
     follower.look()
     follower.forget()
 
     def broken():
         raise SegmentError("it is damaged")
 
-    monkeypatch.setattr(robot.mirror, "open_reader", broken)
+    monkeypatch.setattr(robot.replica, "open_reader", broken)
     for _ in range(2):
         with pytest.raises(SegmentError, match="damaged"):
             follower.look()
         assert follower.reader is None
-    monkeypatch.setattr(robot.mirror, "open_reader", opened)
+    monkeypatch.setattr(robot.replica, "open_reader", opened)
     assert follower.look()
-    assert follower.run == robot.mirror.run
+    assert follower.run == robot.replica.run
 
 
 def test_who_follows_derived_signals_goes_over_when_others_are_derived(robot):
     robot.start()
-    plain, derived = RunFollower(robot.mirror), RunFollower(robot.mirror, derived=True)
+    plain, derived = RunFollower(robot.replica), RunFollower(robot.replica, derived=True)
     assert [plain.look(), derived.look()] == [True, True]
     robot.log.derive("twice", "2 * x")
     robot.tell()

@@ -177,10 +177,10 @@ def test_who_asks_for_statistics_is_told_once_that_they_failed_and_begin_anew(ro
             raise ValueError(fails.pop())
         advance(*words)
 
-    mirror = Replica(robot_state(robot.log, "", -1))
-    monkeypatch.setattr(mirror, "open_watcher", lambda: SegmentReader(robot.log.segment_path))
+    replica = Replica(robot_state(robot.log, "", -1))
+    monkeypatch.setattr(replica, "open_watcher", lambda: SegmentReader(robot.log.segment_path))
     monkeypatch.setattr(Tally, "advance", failing)
-    surveyor, asked = Surveyor(mirror), GetSurvey(quantities=["mean"], client="me")
+    surveyor, asked = Surveyor(replica), GetSurvey(quantities=["mean"], client="me")
     try:
         assert isinstance(surveyor.answer(asked), Survey)
         fails.append("shapes (1,) and (2,)")

@@ -28,7 +28,7 @@ class WrittenCapture:
 
 
 def write_capture(
-    spool: CaptureBuffer, folder: str, listed: CaptureList, happened: Sequence[LoggedEvent]
+    buffer: CaptureBuffer, folder: str, listed: CaptureList, happened: Sequence[LoggedEvent]
 ) -> WrittenCapture:
     """Write a capture, under the name that one who was killed had begun it with; note it in the list.
 
@@ -38,24 +38,24 @@ def write_capture(
     """
     from silo.files.naming import next_run_number
 
-    capture, logger = spool.capture, spool.schema.logger
+    capture, logger = buffer.capture, buffer.schema.logger
     Path(folder).mkdir(parents=True, exist_ok=True)
 
     def name() -> str:
         begun = f"{logger}_{datetime.now():%Y%m%d_%H-%M-%S}_{next_run_number(folder, logger):05d}"
-        return f"{begun}_{spool.trigger}_{capture.number}"
+        return f"{begun}_{buffer.trigger}_{capture.number}"
 
-    what = f"capture {capture.number} of '{spool.trigger}' in run {spool.run}"
+    what = f"capture {capture.number} of '{buffer.trigger}' in run {buffer.run}"
     with claimed(folder, what, PATIENCE_S) as claim:
-        entry = listed.begun(spool.run, spool.trigger, capture.number, name)
+        entry = listed.begun(buffer.run, buffer.trigger, capture.number, name)
         if entry.files:  # its trigger may not keep it any more
             files, removed = _there(folder, entry), []
         else:
-            files = _written(spool, folder, entry.name, happened, claim)
-            removed = listed.written(entry, [file.path for file in files], spool.options.keep)
-    ended = spool.why and f" ({spool.why})"
+            files = _written(buffer, folder, entry.name, happened, claim)
+            removed = listed.written(entry, [file.path for file in files], buffer.options.keep)
+    ended = buffer.why and f" ({buffer.why})"
     paths = ", ".join(file.path for file in files)
-    text = f"capture {capture.number} of '{spool.trigger}', ticks {capture.first} to {capture.last}{ended}: {paths}"
+    text = f"capture {capture.number} of '{buffer.trigger}', ticks {capture.first} to {capture.last}{ended}: {paths}"
     return WrittenCapture(files, text, removed)
 
 
@@ -66,7 +66,7 @@ def _there(folder: str, entry: CaptureEntry) -> list[SavedFile]:
 
 
 def _written(
-    spool: CaptureBuffer, folder: str, name: str, happened: Sequence[LoggedEvent], claim: int
+    buffer: CaptureBuffer, folder: str, name: str, happened: Sequence[LoggedEvent], claim: int
 ) -> list[SavedFile]:
     """The files of a capture; those that a predecessor wrote already are left as they are."""
     from silo.files import write_run
@@ -74,18 +74,18 @@ def _written(
     from silo.files.naming import custom_path
     from silo.recordings.writing import WriteOrder, write_apart
 
-    wanted: list[FileType] = list(dict.fromkeys((FileType.SILO, *spool.options.save)))
+    wanted: list[FileType] = list(dict.fromkeys((FileType.SILO, *buffer.options.save)))
     paths = {kind: custom_path(folder, name, SAVED[kind].ending) for kind in wanted}
     files = [SavedFile(str(path), kind, size_of(path)) for kind, path in paths.items() if path.exists()]
     there = {file.type for file in files}
-    if there.issuperset(spool.options.save):
-        return [file for file in files if file.type in spool.options.save]
-    options, logger = spool.options, spool.schema.logger
+    if there.issuperset(buffer.options.save):
+        return [file for file in files if file.type in buffer.options.save]
+    options, logger = buffer.options, buffer.schema.logger
     if FileType.SILO not in there:
-        first, last = spool.capture.first, spool.capture.last
-        recording, own = spool.recording(), [event for event in happened if first <= event.tick <= last]
+        first, last = buffer.capture.first, buffer.capture.last
+        recording, own = buffer.recording(), [event for event in happened if first <= event.tick <= last]
         # derived signals and limits by which it fired, whatever they are by now
-        extras = msgspec.structs.replace(spool.extras, capture=recording.extras.capture)
+        extras = msgspec.structs.replace(buffer.extras, capture=recording.extras.capture)
         why = f"trigger {options.name}"
         files += write_run(recording, folder, logger, name=name, why=why, events=own, extras=extras)
     others: list[FileType] = [kind for kind in wanted if kind is not FileType.SILO and kind not in there]

@@ -42,14 +42,14 @@ class WaitingCaptures:
         self._since_s: dict[tuple[str, str], float] = {}
         self._stop_s: float | None = None
 
-    def add(self, spool: "CaptureBuffer") -> bool:
+    def add(self, buffer: "CaptureBuffer") -> bool:
         """Let a capture wait, the oldest of a trigger of which too many do goes; whether it is the first that went."""
-        key = spool.run, spool.trigger
+        key = buffer.run, buffer.trigger
         with self._changed:
             waiting = self._turns.setdefault(key, deque())
-            waiting.append(spool)
+            waiting.append(buffer)
             is_first = False
-            keep = spool.options.keep
+            keep = buffer.options.keep
             if len(waiting) > (max(keep, LEAST_WAITING) if keep else MOST_WAITING):
                 number = waiting.popleft().capture.number
                 is_first = key not in self._dropped
@@ -112,7 +112,7 @@ class WaitingCaptures:
         """Return those that are not written yet, oldest of each trigger first."""
         with self._changed:
             under_way = [] if self._under_way is None else [self._under_way]
-            return [*under_way, *(spool for waiting in self._turns.values() for spool in waiting)]
+            return [*under_way, *(buffer for waiting in self._turns.values() for buffer in waiting)]
 
 
 def _captures(first: int, last: int, count: int) -> str:
@@ -122,8 +122,8 @@ def _captures(first: int, last: int, count: int) -> str:
 class CaptureWriter:
     """Owns the thread. The other methods may be called by any thread."""
 
-    def __init__(self, mirror: Replica, events: EventNotifier) -> None:
-        self._mirror, self._events = mirror, events
+    def __init__(self, replica: Replica, events: EventNotifier) -> None:
+        self._replica, self._events = replica, events
         self._waiting = WaitingCaptures()
         self._listed: CaptureList | None = None
         self.left: set[str] = set()  # runs with captures that wait for who comes after this process
@@ -142,11 +142,11 @@ class CaptureWriter:
         self.left |= runs
         self._tell_left_out(texts)
 
-    def add(self, spool: "CaptureBuffer") -> None:
+    def add(self, buffer: "CaptureBuffer") -> None:
         """Have a capture written."""
-        if self._waiting.add(spool):
+        if self._waiting.add(buffer):
             text = (
-                f"trigger '{spool.trigger}' fires faster than its captures can be written: the oldest that wait are "
+                f"trigger '{buffer.trigger}' fires faster than its captures can be written: the oldest that wait are "
                 "left out from here on; give it a holdoff"
             )
             self._events.publish(EventKind.SAVE_FAILED, text)
@@ -154,7 +154,7 @@ class CaptureWriter:
     @property
     def folder(self) -> str:
         """Where captures are written to."""
-        return self._mirror.now.robot.folder
+        return self._replica.now.robot.folder
 
     def waiting(self, run: str = "") -> "list[CaptureBuffer]":
         """Return the captures that are not written yet, of a run or of all."""
@@ -172,46 +172,56 @@ class CaptureWriter:
     # ------------------------------------------------------------------------------------------------- the thread
 
     def _write_all(self) -> None:
-        while (spool := self._waiting.next()) is not None:
-            self._guarded(spool)
+        while (buffer := self._waiting.next()) is not None:
+            self._guarded(buffer)
             self._tell_left_out(self._waiting.done())
-            del spool  # while the thread waits, nothing must hold the memory of a segment that is gone
+            del buffer  # while the thread waits, nothing must hold the memory of a segment that is gone
 
     def _tell_left_out(self, texts: Sequence[tuple[str, str]]) -> None:
         for run, text in texts:
             self._events.publish(EventKind.SAVE_FAILED, text, run=run)
 
-    def _guarded(self, spool: "CaptureBuffer") -> None:
+    def _guarded(self, buffer: "CaptureBuffer") -> None:
         try:
             try:
-                self._write(spool)
+                self._write(buffer)
             except SaveError as error:  # its writing process was killed, perhaps
-                log.info("capture %d of '%s' is tried again: %s", spool.capture.number, spool.trigger, error)
-                self._write(spool)
+                log.info(
+                    "capture %d of '%s' is tried again: %s",
+                    buffer.capture.number,
+                    buffer.trigger,
+                    error,
+                )
+                self._write(buffer)
         except Exception as error:
             # whatever a writer does, the next capture gets its chance, and clients hear of this one
             is_ours = isinstance(error, SiloError | OSError)
             log.log(logging.WARNING if is_ours else logging.ERROR, "a capture was not saved", exc_info=not is_ours)
             why = str(error) if is_ours else repr(error)
-            text = f"capture {spool.capture.number} of '{spool.trigger}' was not saved: {why}"
-            self._tell(spool, EventKind.SAVE_FAILED, text)
+            text = f"capture {buffer.capture.number} of '{buffer.trigger}' was not saved: {why}"
+            self._tell(buffer, EventKind.SAVE_FAILED, text)
 
-    def _write(self, spool: "CaptureBuffer") -> None:
+    def _write(self, buffer: "CaptureBuffer") -> None:
         from silo.conditions.captures.files import write_capture
 
-        logger = spool.schema.logger
+        logger = buffer.schema.logger
         listed = self._list_of(self.folder, logger)
-        done = write_capture(spool, self.folder, listed, self._events.log.of_run(spool.run))
-        if done.files and not self._was_told(spool, done.files):
-            self._tell(spool, EventKind.CAPTURED, done.text, done.files)
-        self._files[spool.run, spool.trigger] = tuple(file.path for file in done.files)
+        done = write_capture(buffer, self.folder, listed, self._events.log.of_run(buffer.run))
+        if done.files and not self._was_told(buffer, done.files):
+            self._tell(buffer, EventKind.CAPTURED, done.text, done.files)
+        self._files[buffer.run, buffer.trigger] = tuple(file.path for file in done.files)
         if done.removed:
-            log.info("trigger '%s' keeps %d captures: removed %s", spool.trigger, spool.options.keep, done.removed)
+            log.info(
+                "trigger '%s' keeps %d captures: removed %s",
+                buffer.trigger,
+                buffer.options.keep,
+                done.removed,
+            )
 
-    def _tell(self, spool: "CaptureBuffer", kind: EventKind, text: str, files: Sequence[SavedFile] = ()) -> None:
+    def _tell(self, buffer: "CaptureBuffer", kind: EventKind, text: str, files: Sequence[SavedFile] = ()) -> None:
         """Tell it of the capture's own run, which may be over, at the tick of what fired first."""
-        fire = spool.capture.fires[0]
-        self._events.publish(kind, text, files=files, tick=fire.tick, stamp_ns=fire.time_ns, run=spool.run)
+        fire = buffer.capture.fires[0]
+        self._events.publish(kind, text, files=files, tick=fire.tick, stamp_ns=fire.time_ns, run=buffer.run)
 
     def _list_of(self, folder: str, logger: str) -> CaptureList:
         """The list that was read before, of which only what is new has to be read."""
@@ -219,6 +229,6 @@ class CaptureWriter:
             self._listed = CaptureList(folder, logger)
         return self._listed
 
-    def _was_told(self, spool: "CaptureBuffer", files: list[SavedFile]) -> bool:
-        told = [event.text for event in self._events.log.of_run(spool.run) if event.kind == EventKind.CAPTURED.value]
+    def _was_told(self, buffer: "CaptureBuffer", files: list[SavedFile]) -> bool:
+        told = [event.text for event in self._events.log.of_run(buffer.run) if event.kind == EventKind.CAPTURED.value]
         return any(file.path in text for file in files for text in told)

@@ -31,13 +31,13 @@ class ConditionServer(Server[Parts], does=[requests]):
     def try_trigger(self, trigger: TriggerOptions) -> TriggerTried:
         from silo.conditions.trials import try_trigger
 
-        now = self.state.mirror.now
-        return try_trigger(trigger, self.state.mirror.open_reader(), now.table.elements, now.robot.extras.derived)
+        now = self.state.replica.now
+        return try_trigger(trigger, self.state.replica.open_reader(), now.table.elements, now.robot.extras.derived)
 
     def set_trigger(self, turn: Turn, trigger: TriggerOptions, lease_s: float) -> str:
         if not lease_s:
             return self._told(turn, request_of(ConditionRequests.set_trigger, trigger))
-        must_live(self.state.mirror.now)
+        must_live(self.state.replica.now)
         is_new = self.state.judge.hold(trigger, lease_s, turn.by)
         return f"trigger '{trigger.name}' is {'held' if is_new else 'kept'} for {lease_s:g} s"
 
@@ -59,7 +59,7 @@ class ConditionServer(Server[Parts], does=[requests]):
         return text
 
     def arm_trigger(self, turn: Turn, name: str, armed: bool) -> str:
-        judge, now = self.state.judge, self.state.mirror.now
+        judge, now = self.state.judge, self.state.replica.now
         text = f"trigger '{name}' is {'armed' if armed else 'off'}"
         if judge.leased.owner(name):
             judge.arm(name, armed=armed)
@@ -77,7 +77,7 @@ class ConditionServer(Server[Parts], does=[requests]):
     def force_trigger(self, name: str) -> str:
         if name not in self.state.judge.names():
             raise self._no_trigger(name)
-        must_live(self.state.mirror.now)
+        must_live(self.state.replica.now)
         return f"trigger '{name}' was fired at tick {self.state.judge.force(name)}"
 
     def acknowledge(self, turn: Turn, names: list[str], who: str) -> str:
@@ -89,7 +89,7 @@ class ConditionServer(Server[Parts], does=[requests]):
         return text
 
     def _no_trigger(self, name: str) -> RequestRefusedError:
-        names = ", ".join(one.name for one in self.state.mirror.now.robot.extras.triggers)
+        names = ", ".join(one.name for one in self.state.replica.now.robot.extras.triggers)
         there = f"there are {names}" if names else "there is none"
         text = f"no trigger is called '{plain(name)}', {there}; nothing was changed"
         return RequestRefusedError(RefusedWhy.NOT_FOUND, text)

@@ -18,15 +18,15 @@ class ControlServer(Server[Parts], does=[state, control]):
     """Answers who is there and how the logger stands, has it started and stopped, and gives control."""
 
     def hello(self, request: Hello) -> HelloReply:
-        mirror = self.state.mirror
+        replica = self.state.replica
         if request.id and may_use(request.id, request.proof):
             self.state.publisher.name_client(plain(request.id), plain(request.client))
         # a client that gets this from the key `do` too may edit
-        status, closed = mirror.status(), self.state.operators.closed()
-        return HelloReply(PROTOCOL, VERSION, mirror.user, True, status, OLDEST, closed, clock_s())
+        status, closed = replica.status(), self.state.control_lock.closed()
+        return HelloReply(PROTOCOL, VERSION, replica.user, True, status, OLDEST, closed, clock_s())
 
     def get_status(self) -> StatusReply:
-        return StatusReply(self.state.mirror.status())
+        return StatusReply(self.state.replica.status())
 
     def get_summary(self, request: GetSummary) -> SummaryReply:
         return SummaryReply(self.state.publisher.summary.now())
@@ -42,13 +42,13 @@ class ControlServer(Server[Parts], does=[state, control]):
 
     def _status_after(self, request: Request[StatusReply], turn: Turn) -> StatusReply:
         reply = ask_robot(self.state, request, turn)
-        return StatusReply(self.state.mirror.status(), reply.text if isinstance(reply, Done) else "")
+        return StatusReply(self.state.replica.status(), reply.text if isinstance(reply, Done) else "")
 
     def take_control(self, turn: Turn, request: TakeControl) -> str:
-        return self.state.operators.take(request, turn.sender)
+        return self.state.control_lock.take(request, turn.sender)
 
     def release_control(self, turn: Turn, request: ReleaseControl) -> str:
-        return self.state.operators.release(turn.sender)
+        return self.state.control_lock.release(turn.sender)
 
     def give_control(self, turn: Turn, request: GiveControl) -> str:
-        return self.state.operators.give(request, turn.sender)
+        return self.state.control_lock.give(request, turn.sender)

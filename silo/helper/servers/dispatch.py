@@ -31,17 +31,17 @@ class Answers:
 
     def __init__(
         self,
-        mirror: Replica,
+        replica: Replica,
         events: EventNotifier,
         publisher: Publisher,
         saver: Saver,
         robot: RobotLink,
         judge: Judge,
         recording: EndlessRecordings,
-        operators: ControlLock,
+        control_lock: ControlLock,
     ) -> None:
         self._parts = Parts(
-            mirror,
+            replica,
             events,
             publisher,
             saver,
@@ -50,8 +50,8 @@ class Answers:
             recording,
             publisher.pins,
             RecordingFolder(),
-            Surveyor(mirror),
-            operators,
+            Surveyor(replica),
+            control_lock,
         )
         servers = [server(self._parts) for server in SERVERS]
         self._dispatch = Dispatch(servers, lambda request, turn: relayed(self._parts, request, turn))

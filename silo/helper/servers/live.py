@@ -57,7 +57,7 @@ class LiveServer(Server[Parts], does=[view_requests, sample_requests, moment_req
         return self.state.publisher.streams.close_for(request.stream, request.proof)
 
     def open_pin(self, request: OpenPin) -> PinOpened:
-        return self.state.pins.open(request, self.state.mirror.now, self.state.mirror.open_watcher())
+        return self.state.pins.open(request, self.state.replica.now, self.state.replica.open_watcher())
 
     def keep_pin(self, request: KeepPin) -> str:
         self.state.pins.keep(request.pin)
@@ -70,22 +70,22 @@ class LiveServer(Server[Parts], does=[view_requests, sample_requests, moment_req
     def get_history(self, request: GetHistory) -> Columns:
         pinned = self.state.pins.rows(request.pin) if request.pin else None
         check_history(request)
-        return history(request, self.state.mirror.now, self.state.mirror.open_watcher(), pinned)
+        return history(request, self.state.replica.now, self.state.replica.open_watcher(), pinned)
 
     def get_samples(self, request: GetSamples) -> SampleRows:
-        source = self.state.pins.rows(request.pin) if request.pin else self.state.mirror.open_watcher()
+        source = self.state.pins.rows(request.pin) if request.pin else self.state.replica.open_watcher()
         check_samples(request)
-        return samples(request, self.state.mirror.now, source)
+        return samples(request, self.state.replica.now, source)
 
     def find_moments(self, request: FindMoments) -> MomentsFound:
         check_moments(request)
         pinned = self._pinned(request.pins)
-        return find_moments(request, self.state.mirror.now, self.state.mirror.open_watcher(), pinned)
+        return find_moments(request, self.state.replica.now, self.state.replica.open_watcher(), pinned)
 
     def measure_span(self, request: MeasureSpan) -> SpanMeasured:
         check_span(request)
         pinned = self._pinned(request.pins)
-        return measure_span(request, self.state.mirror.now, self.state.mirror.open_watcher(), pinned)
+        return measure_span(request, self.state.replica.now, self.state.replica.open_watcher(), pinned)
 
     def _pinned(self, pins: Sequence[str]) -> list[PinnedRows]:
         return [found for pin in pins if (found := self.state.pins.rows(pin)) is not None]
@@ -97,16 +97,16 @@ class LiveServer(Server[Parts], does=[view_requests, sample_requests, moment_req
         return messages.Events(*self.state.events.log.since(since, limit))
 
     def add_mark(self, turn: Turn, text: str, tick: int, at_ns: int) -> Marked:
-        events, mirror = self.state.events, self.state.mirror
+        events, replica = self.state.events, self.state.replica
         words = plain(text, MOST_MARK_LETTERS).strip()
-        status = mirror.status()
+        status = replica.status()
         problem, meant = "", tick if tick >= 0 else None
         if not words:
             problem = "a mark needs some words"
         elif not -1 <= tick < max(status.ticks, 0):
             there = f"0 to {status.ticks - 1}" if status.ticks else "none yet"
             problem = f"there is no tick {tick} (ticks: {there})"
-        elif at_ns and (meant := mirror.tick_at(at_ns)) < 0:
+        elif at_ns and (meant := replica.tick_at(at_ns)) < 0:
             problem = "no tick of that time is held any more"
         if problem:
             raise RequestRefusedError(RefusedWhy.INVALID, f"{problem}; nothing was marked")

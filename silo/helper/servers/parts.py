@@ -27,7 +27,7 @@ from silo.state.replica import LoggerSnapshot, Replica
 class Parts:
     """Everything that the helper has."""
 
-    mirror: Replica
+    replica: Replica
     events: EventNotifier
     publisher: Publisher
     saver: Saver
@@ -37,7 +37,7 @@ class Parts:
     pins: Pins
     recordings: RecordingFolder
     surveyor: Surveyor
-    operators: ControlLock
+    control_lock: ControlLock
 
 
 def ask_robot(parts: Parts, request: Request[Any], turn: Turn) -> Reply:
@@ -45,7 +45,7 @@ def ask_robot(parts: Parts, request: Request[Any], turn: Turn) -> Reply:
 
     Raises RequestRefusedError where it refuses or has ended, GoesOnError where it takes longer.
     """
-    must_live(parts.mirror.now)
+    must_live(parts.replica.now)
     request = msgspec.structs.replace(request, client=turn.by)
     return raised(parts.robot.ask(request, turn.left_s(REPLY_TIMEOUT_S)))
 

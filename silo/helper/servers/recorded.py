@@ -27,17 +27,17 @@ class RecordingServer(Server[Parts], does=[recordings]):
         return self.state.saver.save(msgspec.structs.replace(request, client=turn.by))
 
     def recordings(self, most: int) -> Recordings:
-        robot = self.state.mirror.now.robot
+        robot = self.state.replica.now.robot
         return self.state.recordings.listing(robot.folder, robot.logger, most)
 
     def parts_of(self, name: str) -> RecordingParts:
-        return self.state.recordings.parts(self.state.mirror.now.robot.folder, name)
+        return self.state.recordings.parts(self.state.replica.now.robot.folder, name)
 
     def get_piece(self, request: GetPiece) -> Piece:
-        return self.state.recordings.piece(self.state.mirror.now.robot.folder, request)
+        return self.state.recordings.piece(self.state.replica.now.robot.folder, request)
 
     def delete_recording(self, turn: Turn, name: str) -> str:
-        robot = self.state.mirror.now.robot
+        robot = self.state.replica.now.robot
         text = self.state.recordings.delete(robot.folder, robot.logger, name)
         self.state.events.publish(EventKind.DELETED, text, by=turn.by)
         return text
@@ -46,7 +46,7 @@ class RecordingServer(Server[Parts], does=[recordings]):
         return Recorders(self.state.recording.infos())
 
     def start_recorder(self, turn: Turn, request: StartRecorder) -> RecorderStarted:
-        must_live(self.state.mirror.now)
+        must_live(self.state.replica.now)
         return self.state.recording.begin(msgspec.structs.replace(request, client=turn.by), left_s=turn.left_s)
 
     def stop_recorder(self, turn: Turn, request: StopRecorder) -> str:

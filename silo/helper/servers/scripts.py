@@ -19,10 +19,10 @@ class TableServer(Server[Parts], does=[requests]):
     """Answers with the table and with texts; edits are checked here and done by the robot program."""
 
     def table(self) -> bytes:
-        return self.state.mirror.now.table_reply
+        return self.state.replica.now.table_reply
 
     def apply_edits(self, turn: Turn, request: ApplyEdits) -> EditsApplied:
-        now = self.state.mirror.now
+        now = self.state.replica.now
         must_live(now)
         must_stop(now)
         return self._apply(turn, request, now)
@@ -30,7 +30,7 @@ class TableServer(Server[Parts], does=[requests]):
     def _apply(self, turn: Turn, request: ApplyEdits, now: LoggerSnapshot) -> EditsApplied:
         check_edits(request, now)
         if not request.edits and request.extras is None:
-            return EditsApplied(self.state.mirror.now.table.revision, 0)
+            return EditsApplied(self.state.replica.now.table.revision, 0)
         return relayed(self.state, request, turn)
 
     # -------------------------------------------------------------------------------------------------- scripts
@@ -43,7 +43,7 @@ class TableServer(Server[Parts], does=[requests]):
         from silo.settings.script import format_script
 
         if not path:
-            now = self.state.mirror.now
+            now = self.state.replica.now
             return ScriptText(str(self._own_script), format_script(now.table.elements, extras=now.robot.extras))
         found = script_folder.resolve(path, self._own_script)
         return ScriptText(str(found), script_folder.read_text(found))
@@ -53,11 +53,11 @@ class TableServer(Server[Parts], does=[requests]):
         from silo.settings.script import apply_script, diff_options, parse_script
 
         found = script_folder.resolve(path, self._own_script)
-        table = self.state.mirror.now.table.elements
+        table = self.state.replica.now.table.elements
         script = parse_script(script_folder.read_text(found), found)
-        plan = apply_script(script, table, self.state.mirror.status().frequency_hz)
+        plan = apply_script(script, table, self.state.replica.status().frequency_hz)
         unknown = [str(unknown.name) for unknown in plan.unknown]
-        now = self.state.mirror.now.robot.extras
+        now = self.state.replica.now.robot.extras
         extras = diff_extras(now, script.extras_beside(now))
         return ScriptDiff(str(found), diff_options(table, plan.options), unknown, script.warnings, extras)
 
@@ -69,19 +69,19 @@ class TableServer(Server[Parts], does=[requests]):
                 if revision != -1 or refused.why is not RefusedWhy.CONFLICT:
                     raise
             # The robot program changed its table on the way, and whoever asks means whatever table there is. The robot
-            # process pushes its table before it answers, so the mirror has it by now: compare the script anew.
+            # process pushes its table before it answers, so the replica has it by now: compare the script anew.
         return self._load(turn, path, revision)
 
     def _load(self, turn: Turn, path: str, revision: int) -> EditsApplied:
         from silo.settings.script import apply_script, parse_script
         from silo.settings.script_conditions import extras_text
 
-        now = self.state.mirror.now
+        now = self.state.replica.now
         must_live(now)
         must_stop(now)
         found = script_folder.resolve(path, self._own_script)
         script = parse_script(script_folder.read_text(found), found)
-        plan = apply_script(script, now.table.elements, self.state.mirror.status().frequency_hz)
+        plan = apply_script(script, now.table.elements, self.state.replica.status().frequency_hz)
         edits = [
             Edit(info.name, options)
             for info, options in zip(now.table.elements, plan.options, strict=True)
@@ -108,7 +108,7 @@ class TableServer(Server[Parts], does=[requests]):
 
         target = script_folder.resolve(path, self._own_script)
         script_folder.check_target(target, self._own_script, overwrite=overwrite)
-        now = self.state.mirror.now
+        now = self.state.replica.now
         kept = write_script(target, now.table.elements, now.robot.extras)
         text = f"script saved: {target}{kept_text(kept)}"
         self.state.events.publish(EventKind.SCRIPT_SAVED, text, by=turn.by)
@@ -116,7 +116,7 @@ class TableServer(Server[Parts], does=[requests]):
 
     @property
     def _own_script(self) -> Path:
-        return Path(self.state.mirror.now.robot.script)
+        return Path(self.state.replica.now.robot.script)
 
     # ------------------------------------------------------------------------------------------------ kept views
 
