@@ -109,7 +109,7 @@ def test_the_helper_takes_no_module_from_the_folder_where_the_robot_program_was_
     program.parent.mkdir()
     program.write_text(
         "import silo, sys\n"
-        "log = silo.Logger('bot', folder=sys.argv[1], script=sys.argv[1] + '/none.yaml')\n"
+        "log = silo.Logger('bot', folder=sys.argv[1])\n"
         "x = log.array('x')\n"
         "with log.serve() as serving:\n"
         "    print(serving.socket_path)\n"

@@ -189,7 +189,7 @@ def test_history_is_whole_though_its_oldest_rows_are_overwritten_while_they_are_
     head_ns = clock[0]
     request = GetHistory(names=["/log/x"], start_ns=0, end_ns=head_ns + 1, column_ns=COLUMN_NS)
     grid = ColumnGrid(1, 0, head_ns // COLUMN_NS + 1)
-    _fill(grid, reader, element.ring, [(0, element.entries[0])], request)
+    _fill(grid, reader, element.ring, {0: element.entries[0]}, request)
     reader.close()
     logger.close()
     there = np.flatnonzero(~np.isnan(grid.low[0]))

@@ -44,16 +44,17 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
     """Run the robot until Ctrl-C, SIGTERM or the time limit. Raises SiloError when it can't log."""
     robot, chosen = make_robot(options)
     options.folder.mkdir(parents=True, exist_ok=True)
+    script = options.script or options.folder / f"{options.name}.yaml"
     log = Logger(
         options.name,
         frequency=options.frequency_hz,
         max_time=0,  # no limit: run until Ctrl-C, looping buffers hold 10 s
-        script=options.script or options.folder / f"{options.name}.yaml",
+        script=script,
         folder=options.folder,
     )
     register(log, chosen)
     step_us, late_us, skipped, ticks = loop_variables(log)
-    log.update()
+    log.update(read_script=bool(options.script) or script.exists())  # ours need not be there
     judge(log)
 
     with log, EndSignals() as ending, log.serve(group=options.group, config=options.config):

@@ -56,17 +56,18 @@ class Monitor:
 def run_host(options: HostOptions, say: Callable[[str], None] = print) -> None:
     """Log this computer until Ctrl-C, SIGTERM or the time limit. Raises SiloError when it can't log."""
     options.folder.mkdir(parents=True, exist_ok=True)
+    script = options.script or options.folder / f"{options.name}.yaml"
     log = Logger(
         options.name,
         frequency=options.frequency_hz,
         max_time=0,  # no limit: run until Ctrl-C
-        script=options.script or options.folder / f"{options.name}.yaml",
+        script=script,
         folder=options.folder,
     )
     lateness_ms = log.array("lateness", group="loop", unit="ms", action=Action.SAVE_AND_PUBLISH)
     reading_ms = log.array("reading_time", group="loop", unit="ms", action=Action.SAVE_AND_PUBLISH)
     monitor = Monitor(log)
-    log.update()
+    log.update(read_script=bool(options.script) or script.exists())  # ours need not be there
 
     with log, EndSignals() as ending, log.serve(group=options.group, config=options.config):
         if not options.stopped:
