@@ -31,7 +31,12 @@ def _pack_format(source: Source) -> str | None:
     return _PACKED.get(source.dtype.str[1:])
 
 
-_MISSING = {"f": np.nan, "c": complex(np.nan, np.nan), "M": np.datetime64("NaT"), "m": np.timedelta64("NaT")}
+_MISSING = {
+    "f": np.nan,
+    "c": complex(np.nan, np.nan),
+    "M": np.datetime64("NaT", "ns"),
+    "m": np.timedelta64("NaT", "ns"),
+}
 _MISSING_TEXTS = {"f": "NaN", "c": "NaN", "M": "NaT", "m": "NaT"}
 
 

@@ -1,5 +1,7 @@
 """Every word of `silo --help`: the commands, what they take, what they say of it."""
 
+from inspect import cleandoc
+
 import click
 
 from silo.cli.main import cli as silo
@@ -13,7 +15,8 @@ def told() -> list[str]:
 
 def of_command(name: str, command: click.Command) -> list[str]:
     """Return what a command and those below it say."""
-    lines = [f"== {name}", *(command.help or "").splitlines(), *(command.epilog or "").splitlines()]
+    texts = [cleandoc(text) for text in (command.help, command.epilog) if text]  # as Python 3.13 has them by itself
+    lines = [f"== {name}", *(line for text in texts for line in text.splitlines())]
     for one in command.params:
         words = " ".join([*one.opts, *(f"/{other}" for other in one.secondary_opts)])
         lines.append(f"{words} {kind_of(one)}: {getattr(one, 'help', None) or ''}")
