@@ -14,7 +14,16 @@ from pathlib import Path
 from silo.conditions.captures.files import write_capture
 from silo.conditions.memory import lost_news, untold
 from silo.conditions.segment_judge import SegmentJudge
-from silo.conditions.state_file import SUFFIX, JudgeState, Untold, all_states, begun_state, read_state, state_path
+from silo.conditions.state_file import (
+    SUFFIX,
+    JudgeState,
+    Untold,
+    all_states,
+    begun_state,
+    note_begun,
+    read_state,
+    state_path,
+)
 from silo.core.elements import Conditions, LoggedEvent, SavedFile
 from silo.core.runtime import HELD_SUFFIX, list_held, list_segments
 from silo.errors import SegmentError, SiloError, StateError
@@ -52,9 +61,17 @@ class RecoveredCaptures:
 def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     """Write the captures that a judge left of a segment whose writer is gone, and forget what it left.
 
-    What it left stays where a capture can't be written: another folder may take it. The segment is claimed. What is
-    found is told in the event log of its logger, too.
+    What it left stays where a capture can't be written: another folder may take it; of a run that no helper process
+    saw it is begun, so that the run is held for who tries again. The segment is claimed. What is found is told in the
+    event log of its logger, too.
     """
+    found = _judged_to_its_end(reader, folder)
+    if not found.is_whole:
+        note_begun(reader.schema)
+    return found
+
+
+def _judged_to_its_end(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     schema = reader.schema
     found = RecoveredCaptures([], [])
     try:

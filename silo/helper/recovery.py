@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from silo.core.elements import Conditions, FileType, SavedFile
 from silo.core.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
-from silo.errors import SegmentError
+from silo.errors import SegmentError, SiloError
 from silo.journal.holdings import Holdings
 from silo.journal.reader import JournalReader
 from silo.recorder.left_recordings import complete_recordings
@@ -108,7 +108,10 @@ def settle_left(
     whose captures those are, `recordings` by recording; `home` is the folder where none is known. Returns in words what
     could not be done: it stays for the next time.
     """
-    problems = complete_recordings(lambda text: tell(EventKind.RECOVERED, text, []), recordings)
+    try:
+        problems = complete_recordings(lambda text: tell(EventKind.RECOVERED, text, []), recordings)
+    except (OSError, SiloError) as error:  # captures wait for nobody's recording
+        problems = [f"recordings of dead programs are not completed now: {error}"]
     with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
         # nearly always there is none
         if any(name.endswith((JUDGE_SUFFIX, HELD_SUFFIX)) for name in os.listdir(runtime_dir())):  # noqa: PTH208

@@ -5,6 +5,7 @@ is only what surely belongs to a dead process and holds nothing that isn't in a 
 """
 
 import contextlib
+import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +19,8 @@ from silo.recovery.left import LeftRun, SavedMeanwhileError, has_unsaved, locked
 from silo.segment.held_runs import hold, is_due, remove
 from silo.segment.layout import ControlWord, SegmentSchema
 from silo.segment.reader import SegmentReader
+
+log = logging.getLogger("silo")
 
 
 def find_stale(folder: Path | None = None) -> list[LeftRun]:
@@ -91,14 +94,17 @@ def _remove_if_worthless(path: Path) -> bool:
 def discard(reader: SegmentReader) -> None:
     """Delete a segment whose data is in a file, or that holds none, and its journals; these first.
 
-    It is held instead where a recorder, or the judge, is not done with it.
+    It is held instead where a recorder, or the judge, is not done with it; where that fails it stays for the next.
     """
     remove_journals(reader.schema)
-    if is_due(reader.schema):
-        with contextlib.suppress(OSError):
+    if not is_due(reader.schema):
+        remove(reader.path)
+        return
+    try:
+        with contextlib.suppress(FileNotFoundError):  # somebody deleted it
             hold(reader.path)
-            return
-    remove(reader.path)
+    except OSError as error:
+        log.warning("%s can't be held for who still has to read it (%s): it stays", reader.path, error.strerror)
 
 
 @contextlib.contextmanager

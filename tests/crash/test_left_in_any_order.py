@@ -6,6 +6,7 @@ or of one folder, in any order in between.
 """
 
 import contextlib
+import errno
 import fcntl
 import os
 import shutil
@@ -21,6 +22,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from silo.cli.main import EXIT_FAILED, run
+from silo.conditions import recovery as conditions_recovery
 from silo.conditions.state_file import begun_state, state_path, store_state
 from silo.core.elements import LoggedEvent, LoggerOptions
 from silo.core.runtime import boot_id, lock_as_writer, pid_namespace
@@ -309,10 +311,33 @@ def test_a_run_that_can_not_be_judged_now_is_held_until_it_can(left) -> None:
     planted.symlink_to(left.place / "elsewhere")
     left.recover()
     left.recover_as_helper()
-    assert [path.suffix for path in left.runtime.iterdir()] == [".held"]
+    assert ".held" in [path.suffix for path in left.runtime.iterdir()]
     planted.unlink()
     left.recover_as_helper()
     left.check()
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_run_whose_captures_can_not_be_written_now_is_held_until_they_can(left, held) -> None:
+    if held:
+        left.leave_a_run_that_is_held(50, "another boot", watched=True, state="unseen")
+    else:
+        left.leave_a_segment(50, "another boot", watched=True, saved=False, journal=False)
+        left.patch.setattr(conditions_recovery, "_was_served", lambda _: True)
+        for path in left.runtime.glob("*.judge"):
+            path.unlink()
+    with pytest.MonkeyPatch.context() as full:
+        full.setattr(conditions_recovery, "write_capture", no_room)
+        with contextlib.suppress(AssertionError):  # it tells of what can't be written
+            left.recover_as_helper()
+    assert ".held" in [path.suffix for path in left.runtime.iterdir()]
+    left.recover_as_helper()
+    left.check()
+    assert len(left.fired) == 2
+
+
+def no_room(*_, **__):
+    raise OSError(errno.ENOSPC, "No space left on device")
 
 
 @pytest.mark.parametrize("journal", [False, True])
