@@ -7,6 +7,7 @@ Tests of the slow tier are marked `slow`. Whatever uses a fixture of `SLOW_FIXTU
 import gc
 import os
 import shutil
+import signal
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -24,6 +25,8 @@ SLOW_FOLDERS = {"crash"}
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job: programs would not hear
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     load_profile(fast=config.option.markexpr == "not slow")
 
 

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.arguments import MOST_NAME_BYTES, shown
 from silo.core.elements import BufferType, LoggedEvent
 from silo.core.recording import NO_FAILURES, Failures, Recording
 from silo.core.runtime import boot_id, has_writer, open_into, pid_namespace, process_start, unopened
@@ -150,6 +151,9 @@ class SegmentReader:
     def _check_layout(self) -> None:
         """What the description says must fit the file, and itself: everything that reads rows relies on it."""
         schema = self.schema
+        for name in (schema.logger, schema.run, schema.logger_id):  # files are named after them
+            if "/" in name or "\0" in name or len(os.fsencode(name)) > MOST_NAME_BYTES // 3:
+                raise self._damaged(f"{shown(name)} is no name")
         ends = [
             8 * (self._control + LINE_WORDS * (1 + len(schema.rings))),
             8 * (self._directory + self._directory_words),

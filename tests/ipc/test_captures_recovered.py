@@ -33,6 +33,8 @@ def fallen(robots, *triggers: TriggerOptions):
         for one in triggers:
             client.set_trigger(one)
         wait_until(lambda: all(one.fires for one in client.triggers().triggers))
+        fired = client.status().ticks
+        wait_until(lambda: client.status().ticks > fired)  # something of the post is there
         for pid in (robot.helper_pid, robot.pid):
             os.kill(pid, 9)
     robot.kill()

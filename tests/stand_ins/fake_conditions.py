@@ -67,6 +67,11 @@ class FakeConditions:
         self.calls.append(("set_limits", limits))
         return f"limits of '{limits.name}' are set"
 
+    def remove_limits(self, name: str) -> str:
+        self._ask()
+        self.calls.append(("remove_limits", name))
+        return f"limits of '{name}' are removed"
+
     def derive(self, name: str, expression: str, unit: str = "") -> str:
         self._ask()
         self.calls.append(("derive", name, expression, unit))
