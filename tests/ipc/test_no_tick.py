@@ -73,13 +73,15 @@ def test_the_time_since_the_last_tick_is_told_until_the_next_one(bench, client) 
 @pytest.mark.slow
 def test_a_frozen_program_is_told_so_and_its_rate_is_no_nominal_one(robots) -> None:
     robot = robots("bot")
-    freeze(robot.pid)
-    try:
-        with Client.connect("bot") as client:
+    with Client.connect("bot") as client:
+        # what a program is in the middle of saying when it is frozen, its start, nobody hears
+        wait_until(lambda: client.status().state is State.RUNNING)
+        freeze(robot.pid)
+        try:
             status = wait_until(lambda: (now := client.status()).idle_s > 3 and now)
             answer = Member(client.found, Summary.of(status), status=status)
             assert answer.stalled
             assert _ls_row(answer)[2].startswith("no tick ")
             assert _ls_row(answer)[4] == "0"
-    finally:
-        os.kill(robot.pid, signal.SIGCONT)
+        finally:
+            os.kill(robot.pid, signal.SIGCONT)
