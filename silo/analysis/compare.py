@@ -4,22 +4,26 @@ The runs are laid on each other by their starts, by an event in each, or by a si
 """
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from silo.analysis.compute.arithmetic import in_common
-from silo.analysis.compute.samples import in_order
+from silo.analysis.compute.samples import Samples, in_order
 from silo.analysis.log import Log
-from silo.analysis.reports import table
+from silo.analysis.plots.curves import text_of
+from silo.analysis.reports import table, type_text
 from silo.analysis.signal import Signal
 from silo.core import units
 from silo.core.arguments import real, shown, text
-from silo.core.arrays.values import with_nan
+from silo.core.arrays.values import as_floats
 from silo.core.calls import told, told_class
 from silo.core.printing import html_table
+from silo.core.recording import RecordedElement, Recording, stamps_of
 from silo.errors import ElementError
 
 Event = Callable[[Log], "Signal | float"]
@@ -33,7 +37,8 @@ class SignalDifference:
     """One scalar of both runs, at the stamps of the faster one: `b - a`.
 
     `largest` is the largest absolute difference, at `at_s` seconds of the first run; `differ` is the share of samples
-    that differ by more than the tolerance. NaN in both is no difference, in one of them it is one.
+    that differ by more than the tolerance, `count` of `samples`, from `first_s` on. NaN in both is no difference, in
+    one of them it is one; `most` is the largest difference of numbers. Texts differ or don't.
     """
 
     name: str
@@ -45,6 +50,24 @@ class SignalDifference:
     differ: float
     a: Signal
     b: Signal
+    count: int = 0
+    samples: int = 0
+    first_s: float = 0.0
+    most: float = np.nan
+
+    @property
+    def facts(self) -> dict[str, str | float | int | None]:
+        """What `silo compare --json` has of it; None for what is no finite number."""
+        found = {key: value for key, value in vars(self).items() if key not in ("a", "b")}
+        return {
+            key: None if isinstance(value, float) and not np.isfinite(value) else value for key, value in found.items()
+        }
+
+    @property
+    def words(self) -> str:
+        """What differs, in a line of `silo diff`."""
+        size = f", by at most {self.most:.6g}" if self.most > 0 else ""
+        return f"{self.count} of {self.samples} samples differ{size}, first at {self.first_s:.6g} s"
 
     @property
     def cells(self) -> tuple[str, ...]:
@@ -166,18 +189,55 @@ def compare(
     wrong: dict[str, str] = {}
     partly: dict[str, str] = {}
     alike = 0
-    for name in [one for one in mine if one in theirs]:
-        try:
-            found, partly[name] = _differences(first[name], second[name], shift_s, allowed)
-        except ElementError as error:
-            wrong[name] = str(error)
-            continue
-        rows += [row for row in found if row.differ > 0]
-        alike += sum(row.differ == 0 for row in found)
+    for one in _compared(first, second, [name for name in mine if name in theirs], shift_s, allowed):
+        rows += one.rows
+        alike += one.alike
+        if one.wrong:
+            wrong[one.name] = one.wrong
+        elif one.span:
+            partly[one.name] = one.span
     rows.sort(key=lambda row: -_weight(row))
     only_a, only_b = (tuple(n for n in x if n not in y) for x, y in ((mine, theirs), (theirs, mine)))
-    told = {name: words for name, words in partly.items() if words}
-    return Comparison(tuple(rows), shift_s, alike, only_a, only_b, wrong, told)
+    return Comparison(tuple(rows), shift_s, alike, only_a, only_b, wrong, partly)
+
+
+class Difference(msgspec.Struct, frozen=True):
+    """One difference between two logs: which signal, and what; or, with `differs` false, what is to be known of it."""
+
+    name: str
+    what: str
+    differs: bool = True
+
+
+def differences(
+    a: Recording, b: Recording, tolerance: float = 0.0, by: Literal["start", "stamps"] = "start"
+) -> list[Difference]:
+    """Return how two logs differ: elements, what is known of them, stamps and values, these as `compare` does."""
+    ours, theirs = ({element.name: element for element in each.elements} for each in (a, b))
+    found = [Difference(name, "only in the first log") for name in ours if name not in theirs]
+    found += [Difference(name, "only in the second log") for name in theirs if name not in ours]
+    if len(a.time_ns) != len(b.time_ns):
+        found.append(Difference("time", f"{len(a.time_ns)} ticks, then {len(b.time_ns)}"))
+    first = Log(a)
+    second = Log(b, start_ns=first.start_ns if by == "stamps" else None)
+    for one in _compared(first, second, [name for name in ours if name in theirs], 0.0, tolerance):
+        facts = zip(_facts(ours[one.name]), _facts(theirs[one.name]), strict=True)
+        found += [Difference(one.name, f"{what}: {old}, then {new}") for (what, old), (_, new) in facts if old != new]
+        found += [Difference(one.name, one.span, differs=False)] if one.span else []
+        found += [Difference(one.name, one.wrong)] if one.wrong else []
+        found += [Difference(row.name, row.words) for row in one.rows]
+    return found
+
+
+def _facts(element: RecordedElement) -> tuple[tuple[str, object], ...]:
+    return (
+        ("unit", element.unit),
+        ("divider", element.divider),
+        ("type", type_text(element)),
+        ("samples", element.count),
+        ("lost samples", element.lost),
+        ("ticks that could not be read", element.failures.count),
+    )
 
 
 def _log(given: Any) -> Log:
@@ -188,45 +248,158 @@ def _log(given: Any) -> Log:
 
 def _weight(row: SignalDifference) -> float:
     """How different a signal is, in multiples of how far it moves: metres and volts stand in one list."""
-    spread = float(np.nanstd(row.a.values.astype(float))) if np.isfinite(row.a.values.astype(float)).any() else 0.0
-    return row.rms / spread if spread > 0 else (float("inf") if row.rms else row.differ)
+    if not row.rms > 0:
+        return row.differ
+    values = as_floats(row.a.values)
+    known = values[np.isfinite(values)]
+    spread = float(known.std()) if len(known) else 0.0
+    return row.rms / spread if spread > 0 else float("inf")
 
 
-def _differences(one: Signal, other: Signal, shift_s: float, tolerance: float) -> tuple[list[SignalDifference], str]:
-    """The scalars of a signal of both, and which time both have where one goes on longer."""
-    if one.values.dtype.kind not in "biufc" or other.values.dtype.kind not in "biufc":
-        raise ElementError("its values are no numbers")
-    other = in_order(other, one.components)
-    if one.components != other.components:
-        raise ElementError(f"components {one.components or 'none'} and {other.components or 'none'}")
-    if not units.same(one.unit, other.unit) and {one.unit, other.unit}.isdisjoint(("", "-")):
-        other = other.in_unit(one.unit)
+class _Pair(NamedTuple):
+    """An element of both logs: the scalars that differ, how many don't, which time both have, or why neither."""
+
+    name: str
+    rows: Sequence[SignalDifference] = ()
+    alike: int = 0
+    span: str = ""
+    wrong: str = ""
+
+
+class _Meeting(NamedTuple):
+    """Where samples of two time bases meet: places in both (None: all), their times, the stamps of the other one as if
+    it had started with the first, and which time that is where one goes on longer.
+    """
+
+    places: tuple[NDArray[np.int64], NDArray[np.int64]] | None
+    times: NDArray[np.float64]
+    moved_ns: NDArray[np.int64]
+    span: str
+    bases: tuple[NDArray[np.int64], NDArray[np.int64]]  # held, as they are known by where they lie
+
+
+def _compared(a: Log, b: Log, names: Sequence[str], shift_s: float, tolerance: float) -> Iterator[_Pair]:
+    """Compare these signals of both. What has the same bytes at the same times is alike without a look at it."""
+    met: dict[tuple[object, ...], _Meeting] = {}
+    # a log has the names of its elements first, in their order
+    elements = [dict(zip(log, range(len(log.recording.elements)), strict=False)) for log in (a, b)]
+    for name in names:
+        try:
+            places = [each.get(name) for each in elements]
+            ours, theirs = (
+                None if place is None else log.recording.elements[place]
+                for log, place in zip((a, b), places, strict=True)
+            )
+            if ours is not None and theirs is not None and _same_bytes(ours, theirs):
+                stamps = stamps_of(a.recording, ours), stamps_of(b.recording, theirs)
+                meeting = _meeting(name, stamps, (a.start_ns, b.start_ns), shift_s, met)
+                if meeting.places is None:
+                    yield _Pair(name, alike=len(ours.entries))
+                    continue
+            yield _differences(a[name], b[name], shift_s, tolerance, met)
+        except ElementError as error:
+            yield _Pair(name, wrong=str(error))
+
+
+def _same_bytes(one: RecordedElement, other: RecordedElement) -> bool:
+    """Whether two elements are of one unit and type, and their samples the same to the last bit."""
+    known = (one.unit, one.kind, one.shape, one.count, len(one.entries))
+    if not one.count or known != (other.unit, other.kind, other.shape, other.count, len(other.entries)):
+        return False
+    for mine, theirs in zip(one.entries, other.entries, strict=True):
+        values = mine.values, theirs.values
+        if mine.entry.suffix != theirs.entry.suffix or values[0].dtype != values[1].dtype:
+            return False
+        if any(isinstance(each, np.ma.MaskedArray) for each in values) or values[0].tobytes() != values[1].tobytes():
+            return False
+    return True
+
+
+def _meeting(
+    name: str,
+    stamps: tuple[NDArray[np.int64], NDArray[np.int64]],
+    starts: tuple[int, int],
+    shift_s: float,
+    met: dict[tuple[object, ...], _Meeting],
+) -> _Meeting:
+    """Where two time bases meet, found once for each pair of them. Raises ElementError where there is no such time."""
+    key = tuple((each.__array_interface__["data"][0], each.strides, len(each)) for each in stamps)
+    if key in met:
+        return met[key]
+    # its own places are the values of each: what is common has the places of both
+    one, other = (
+        Samples(name, np.arange(len(each)), each, start_ns=start) for each, start in zip(stamps, starts, strict=True)
+    )
     if shift_s:
         other = replace(other, start_ns=other.start_ns - round(shift_s * 1e9))
     mine, theirs, span = in_common(one, other)
     if len(mine) == 0:
         raise ElementError("there is no sample in common")
-    whole = (one, other.as_if_started(one.start_ns))
-    if not one.components:
-        return [_difference(mine, theirs, tolerance, *whole)], span
-    every = [[each.component(place) for each in (mine, theirs, *whole)] for place in range(len(one.components))]
-    return [_difference(a, b, tolerance, c, d) for a, b, c, d in every], span
+    whole = len(mine) == len(one) == len(other)
+    places = None if whole else (mine.values, theirs.values)
+    moved_ns = other.as_if_started(one.start_ns).time_ns
+    return met.setdefault(key, _Meeting(places, mine.times, moved_ns, span, stamps))
 
 
-def _difference(mine: Signal, theirs: Signal, tolerance: float, one: Signal, other: Signal) -> SignalDifference:
-    """Of two signals at the same stamps; `one` and `other` are the whole ones, for a plot."""
-    first, second = with_nan(mine.values), with_nan(theirs.values)
-    gap = second.astype(float) - first.astype(float)
-    same = (first == second) | (np.isnan(first.astype(float)) & np.isnan(second.astype(float)))
-    gap = np.where(same, 0.0, gap)
-    differ = ~(np.abs(gap) <= tolerance)
+def _differences(
+    one: Signal, other: Signal, shift_s: float, tolerance: float, met: dict[tuple[object, ...], _Meeting]
+) -> _Pair:
+    """The scalars of a signal of both."""
+    if not len(one) and not len(other):
+        return _Pair(one.name)
+    other = in_order(other, one.components)
+    if one.components != other.components:
+        raise ElementError(f"components {one.components or 'none'} and {other.components or 'none'}")
+    if not units.same(one.unit, other.unit) and {one.unit, other.unit}.isdisjoint(("", "-")):
+        other = other.in_unit(one.unit)
+    meeting = _meeting(one.name, (one.time_ns, other.time_ns), (one.start_ns, other.start_ns), shift_s, met)
+    other = replace(other, time_ns=meeting.moved_ns, start_ns=one.start_ns)
+    if one.components:
+        every = [(one.component(place), other.component(place)) for place in range(len(one.components))]
+    else:
+        every = [(one, other)]
+    rows = [row for pair in every if (row := _difference(*pair, meeting, tolerance)) is not None]
+    return _Pair(one.name, rows, len(every) - len(rows), meeting.span)
+
+
+def _difference(one: Signal, other: Signal, meeting: _Meeting, tolerance: float) -> SignalDifference | None:
+    """How a scalar differs where both have it; None where it doesn't."""
+    first, second = one.values, other.values
+    if meeting.places is not None:
+        first, second = first[meeting.places[0]], second[meeting.places[1]]
+    gap = _gap(first, second)
+    with np.errstate(invalid="ignore"):
+        differ = ~(np.abs(gap) <= tolerance)
+    if not differ.any():
+        return None
     sizes = np.where(np.isnan(gap), np.inf, np.abs(gap))
     where = int(np.argmax(sizes))
     known = gap[np.isfinite(gap)]
     rms, mean = (float(np.sqrt(np.mean(known**2))), float(known.mean())) if len(known) else (np.nan, np.nan)
+    first_s = float(meeting.times[int(np.argmax(differ))])
+    size = float(sizes[where])
     return SignalDifference(
-        one.name, one.unit, float(sizes[where]), float(mine.times[where]), rms, mean, float(differ.mean()), one, other
-    )
+        one.name, one.unit, size, float(meeting.times[where]), rms, mean, float(differ.mean()), one, other,
+        int(differ.sum()), len(differ), first_s, float(np.abs(known).max()) if len(known) else np.nan,
+    )  # fmt: skip
+
+
+def _gap(first: NDArray[Any], second: NDArray[Any]) -> NDArray[np.float64]:
+    """The difference of values: NaN of what isn't there in one of them, and of texts that differ."""
+    texts = [each.dtype.kind in "SUV" for each in (first, second)]
+    if texts[0] != texts[1]:
+        raise ElementError("one is text or bytes, the other is a number")
+    if texts[0]:
+        told = [[text_of(value) for value in each.tolist()] for each in (first, second)]
+        return np.where(np.array(told[0], object) == np.array(told[1], object), 0.0, np.nan)
+    with np.errstate(invalid="ignore", over="ignore"):
+        # the raw values: integers beyond 2**53 are not told apart as floats
+        same = np.asarray(np.ma.filled(first == second, False))
+        mine, theirs = as_floats(first), as_floats(second)
+        gap = theirs - mine
+    gap[~same & (gap == 0)] = np.finfo(float).tiny
+    gap[same | (np.isnan(mine) & np.isnan(theirs))] = 0.0
+    return gap
 
 
 def _shift(a: Log, b: Log, event: Event | None, signal: str, by: str) -> float:

@@ -1,23 +1,18 @@
-"""What is in a log, in numbers: the structs behind `silo info FILE`, `silo stats` and `silo diff`, and their tables.
+"""What is in a log, in numbers: the structs behind `silo info FILE` and `silo stats`, and their tables.
 
 A report is made from a `Recording`, printed as a table that fits the terminal or as JSON.
 """
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import datetime, timezone
-from typing import Literal
 
 import msgspec
 import numpy as np
 
-from silo.analysis.compute.arithmetic import in_common
-from silo.analysis.compute.samples import Samples
-from silo.analysis.plots.curves import CurveSource, picked, text_of
+from silo.analysis.plots.curves import CurveSource, text_of
 from silo.analysis.plots.events import LogEvent, event_lines, events_of
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, stamps_of
-from silo.errors import ElementError
 
 
 class ElementReport(msgspec.Struct, frozen=True):
@@ -72,14 +67,6 @@ class SignalStats(msgspec.Struct, frozen=True):
     most_common: tuple[str, ...] = ()
 
 
-class Difference(msgspec.Struct, frozen=True):
-    """One difference between two logs: which signal, and what; or, with `differs` false, what is to be known of it."""
-
-    name: str
-    what: str
-    differs: bool = True
-
-
 def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
     """Describe a whole log."""
     times = recording.time_ns
@@ -111,7 +98,7 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
     return ElementReport(
         name=element.name,
         unit=element.unit,
-        type=_type(element),
+        type=type_text(element),
         kind=element.kind,
         divider=element.divider,
         buffer=element.buffer_type.name.lower(),
@@ -126,7 +113,8 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
     )
 
 
-def _type(element: RecordedElement) -> str:
+def type_text(element: RecordedElement) -> str:
+    """Return the types of an element's entries, and its shape: `float64[3]`."""
     # of a bag of others, a type must not cost reading a topic
     own = element.own_ns is not None
     dtypes = [np.dtype(entry.entry.dtype) if own else entry.values.dtype for entry in element.entries]
@@ -166,91 +154,6 @@ def statistics(signal: CurveSource) -> SignalStats:
             std=float(finite.std()),
             rms=float(np.sqrt(np.mean(finite**2))),
         )
-
-
-def differences(
-    a: Recording, b: Recording, tolerance: float = 0.0, by: Literal["start", "stamps"] = "start"
-) -> list[Difference]:
-    """Return how two logs differ: elements, their facts, stamps and values.
-
-    Numbers may differ by `tolerance`; NaN equals NaN. Values meet by the rule of `silo.compare`.
-    """
-    found: list[Difference] = []
-    ours = {element.name: element for element in a.elements}
-    theirs = {element.name: element for element in b.elements}
-    found += [Difference(name, "only in the first log") for name in ours if name not in theirs]
-    found += [Difference(name, "only in the second log") for name in theirs if name not in ours]
-    if len(a.time_ns) != len(b.time_ns):
-        found.append(Difference("time", f"{len(a.time_ns)} ticks, then {len(b.time_ns)}"))
-    for name, element in ours.items():
-        if name in theirs:
-            found += _compare(a, b, element, theirs[name], tolerance, by == "stamps")
-    return found
-
-
-def _compare(
-    a: Recording, b: Recording, ours: RecordedElement, theirs: RecordedElement, tolerance: float, by_stamps: bool
-) -> list[Difference]:
-    facts = [
-        (what, first, second)
-        for what, first, second in (
-            ("unit", ours.unit, theirs.unit),
-            ("divider", ours.divider, theirs.divider),
-            ("type", _type(ours), _type(theirs)),
-            ("samples", ours.count, theirs.count),
-            ("lost samples", ours.lost, theirs.lost),
-            ("ticks that could not be read", ours.failures.count, theirs.failures.count),
-        )
-        if first != second
-    ]
-    found = [Difference(ours.name, f"{what}: {first}, then {second}") for what, first, second in facts]
-    others = {entry.name: entry for entry in theirs.entries}
-    for entry in ours.entries:
-        if entry.name in others:
-            pair = picked(a, ours, entry), picked(b, theirs, others[entry.name])
-            starts = [int(each.time_ns[0]) if len(each.time_ns) else 0 for each in (a, a if by_stamps else b)]
-            found += _compare_values(*pair, starts, tolerance)
-    return found
-
-
-def _compare_values(a: CurveSource, b: CurveSource, starts: Sequence[int], tolerance: float) -> list[Difference]:
-    """Compare at the time that both have, which counts from these stamps."""
-    if not len(a.values) or not len(b.values):
-        return []  # how many samples each has is told
-    if (a.values.dtype.kind in "SUV") != (b.values.dtype.kind in "SUV"):
-        return [Difference(a.name, "one is text or bytes, the other is a number")]
-    whole = [
-        Samples(one.name, one.values, one.time_ns, start_ns=start) for one, start in zip((a, b), starts, strict=True)
-    ]
-    try:
-        ours, theirs, span = in_common(*whole)
-    except ElementError as error:
-        return [Difference(a.name, str(error))]
-    found = [Difference(a.name, span, differs=False)] if span else []
-    text = _values_differ(replace(a, values=ours.values), replace(b, values=theirs.values), ours, tolerance)
-    return [*found, Difference(a.name, text)] if text else found
-
-
-def _values_differ(a: CurveSource, b: CurveSource, when: Samples, tolerance: float) -> str:
-    """How values at the same stamps differ; "" where they don't."""
-    if a.values.dtype.kind in "SUV":
-        texts = [[text_of(v) for v in one.values.tolist()] for one in (a, b)]
-        different = np.array([first != second for first, second in zip(*texts, strict=True)], dtype=bool)
-        size = ""
-    else:
-        first, second = a.as_numbers()[0], b.as_numbers()[0]
-        with np.errstate(invalid="ignore", over="ignore"):
-            # the raw values: integers beyond 2**53 are not told apart as floats
-            same = np.ma.filled(a.values == b.values, False)
-            gap = np.where(same, 0.0, np.maximum(np.abs(first - second), np.finfo(float).tiny))
-        gap[np.isnan(first) & np.isnan(second)] = 0.0
-        # of NaN against a number the difference is NaN, which is not within any tolerance
-        different = ~(gap <= tolerance)
-        size = f", by at most {np.nanmax(gap[different]):.6g}" if np.any(np.isfinite(gap[different])) else ""
-    if not different.any():
-        return ""
-    moment = when.times[int(np.argmax(different))]
-    return f"{int(different.sum())} of {len(different)} samples differ{size}, first at {moment:.6g} s"
 
 
 def format_report(facts: LogReport, width: int) -> str:

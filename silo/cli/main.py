@@ -64,6 +64,7 @@ COMMANDS = {
         "Saved files", "silo.cli.logs.verify", "verify", "Find what is missing or twice in a log folder."
     ),
     "diff": LazyCommand("Saved files", "silo.cli.logs.files", "diff_command", "Show how two logs differ."),
+    "compare": LazyCommand("Saved files", "silo.cli.logs.files", "compare_command", "Compare the signals of two runs."),
     "foxglove": LazyCommand(
         "Other viewers", "silo.cli.programs.foxglove", "foxglove", "Show a logger in Foxglove, PlotJuggler."
     ),

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 import silo
-from silo.analysis.reports import differences
+from silo.analysis.compare import differences
 from silo.cli.logs.files import diff_command
 from silo.errors import LogWarning
 

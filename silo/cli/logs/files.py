@@ -1,4 +1,5 @@
-"""Commands on saved logs: `silo convert`, `silo plot`, `silo stats`, `silo diff`, and what `silo info FILE` prints.
+"""Commands on saved logs: `silo convert`, `silo plot`, `silo stats`, `silo diff`, `silo compare`,
+and what `silo info FILE` prints.
 
 `silo.cli` adds them to the group `silo`. A log is given as a path, the start of a file name (the newest is taken), or
 a run number.
@@ -129,16 +130,21 @@ def stats_command(file: str, patterns: tuple[str, ...], start: float | None, sto
     _warn(recording)
 
 
+def _meeting_options(command: Callable[_Params, _Result]) -> Callable[_Params, _Result]:
+    """The options of what lays two logs on each other."""
+    command = click.option(
+        "--by",
+        type=click.Choice(["start", "stamps"]),
+        default="start",
+        help="What is the same moment in both: their starts, or (of two files of one run) the time stamps.",
+    )(command)
+    return click.option("--tolerance", type=float, default=0.0, help="Numbers may differ by this much.")(command)
+
+
 @click.command("diff")
 @click.argument("first", type=LogWord(), metavar="A", shell_complete=_complete_file)
 @click.argument("second", type=LogWord(), metavar="B", shell_complete=_complete_file)
-@click.option("--tolerance", type=float, default=0.0, help="Numbers may differ by this much.")
-@click.option(
-    "--by",
-    type=click.Choice(["start", "stamps"]),
-    default="start",
-    help="What is the same moment in both: their starts, or (of two files of one run) the time stamps.",
-)
+@_meeting_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
 @_clean_errors
 def diff_command(first: str, second: str, tolerance: float, by: Literal["start", "stamps"], as_json: bool) -> None:
@@ -152,7 +158,7 @@ def diff_command(first: str, second: str, tolerance: float, by: Literal["start",
       silo diff run.silo run.mcap
       silo diff 16 17 --tolerance 1e-6
     """
-    from silo.analysis.reports import differences
+    from silo.analysis.compare import differences
 
     a, b = _read(_find(first)), _read(_find(second))
     found = differences(a, b, tolerance, by)
@@ -169,6 +175,48 @@ def diff_command(first: str, second: str, tolerance: float, by: Literal["start",
     _warn(a)
     _warn(b)
     if not equal:
+        raise SystemExit(EXIT_DIFFERENT)
+
+
+@click.command("compare")
+@click.argument("first", type=LogWord(), metavar="A", shell_complete=_complete_file)
+@click.argument("second", type=LogWord(), metavar="B", shell_complete=_complete_file)
+@click.argument("pattern", default="*")
+@_meeting_options
+@click.option("--event", help="An expression: where it first holds is the same moment in both.")
+@click.option("--signal", default="", help="A signal by whose course they are laid on each other.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
+@_clean_errors
+def compare_command(
+    first: str,
+    second: str,
+    pattern: str,
+    tolerance: float,
+    by: Literal["start", "stamps"],
+    event: str | None,
+    signal: str,
+    as_json: bool,
+) -> None:
+    """Show in numbers how the signals of two runs differ, the most different first, as silo.compare does.
+
+    PATTERN are the elements, all by default. Exit code 0 if no signal differs, 4 if one does, 1 if a log can't be read.
+
+    \b
+    Examples:
+      silo compare 16 17 'joints/*'
+      silo compare good.silo bad.mcap --event 'state/mode == TROT'
+    """
+    from silo.analysis.compare import compare
+    from silo.analysis.log import Log
+
+    recordings = [_read(_find(one)) for one in (first, second)]
+    a, b = map(Log, recordings)
+    moment = None if event is None else lambda log: log.eval(event)
+    found = compare(a, b, pattern, event=moment, signal=signal, tolerance=tolerance, by=by)
+    click.echo(msgspec.json.encode([row.facts for row in found.rows]).decode() if as_json else str(found))
+    for recording in recordings:
+        _warn(recording)
+    if found:
         raise SystemExit(EXIT_DIFFERENT)
 
 

@@ -1,0 +1,115 @@
+"""`silo.compare`, `silo compare` and `silo diff`: one rule, and no work twice."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import silo
+from silo.analysis import compare as comparing
+from silo.analysis.compare import differences
+from silo.cli.main import cli
+from silo.core.elements import BufferType, Entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
+
+COUNT = 20
+
+
+def element(name, values, unit="Nm", kind="scalar"):
+    entries = (RecordedEntry(name, Entry("", values.dtype.str), values),)
+    return RecordedElement(name, unit, kind, (), 1, BufferType.LOOPING, 0, entries)
+
+
+def recorded(elements, start_ns=10**18, jitter=0):
+    noise = np.random.default_rng(1).integers(-jitter, jitter + 1, COUNT)
+    return Recording("run", start_ns + np.arange(COUNT) * 10**7 + noise, COUNT, list(elements))
+
+
+def many(count, differ=False):
+    for place in range(count):
+        values = np.sin(np.arange(COUNT) + place)
+        yield element(f"/log/g{place % 7}/s{place}", values + 0.001 * (differ and place % 2))
+
+
+@pytest.fixture
+def met(monkeypatch):
+    """How often two time bases were laid on each other."""
+    calls = []
+    real = comparing.in_common
+
+    def counted(*given):
+        calls.append(given)
+        return real(*given)
+
+    monkeypatch.setattr(comparing, "in_common", counted)
+    return calls
+
+
+@pytest.mark.parametrize("jitter", [0, 100_000])
+def test_two_runs_are_laid_on_each_other_once_for_all_signals_of_one_time_base(met, jitter):
+    a, b = silo.Log(recorded(many(50))), silo.Log(recorded(many(50, differ=True), 2 * 10**18, jitter))
+    found = silo.compare(a, b)
+    assert (len(found.rows), found.alike) == (25, 25)
+    assert len(met) == 1
+
+
+def test_no_signal_is_made_of_what_has_the_same_bytes(monkeypatch):
+    a, b = (silo.Log(recorded(many(10))) for _ in range(2))
+    monkeypatch.setattr(silo.Log, "_signal", lambda *given: pytest.fail("a signal was made"))
+    assert silo.compare(a, b).alike == 10
+
+
+def test_the_same_bytes_at_other_times_are_compared_at_the_times_that_both_have():
+    ramp = np.arange(float(COUNT))
+    a, b = (recorded([element("/log/x", ramp)], start) for start in (10**18, 10**18 + 3 * 10**7))
+    assert not silo.compare(silo.Log(a), silo.Log(b)).rows
+    (row,) = silo.compare(silo.Log(a), silo.Log(b), by="stamps").rows
+    assert row.largest == 3
+
+
+def test_diff_and_compare_find_the_same_signals_different():
+    ramp, bad = np.arange(float(COUNT)), np.arange(float(COUNT))
+    bad[7] = np.nan
+    texts = np.array([b"stance"] * COUNT)
+    fallen = texts.copy()
+    fallen[3] = b"fallen"
+    big = np.full(COUNT, 2**60, np.int64)
+    a = recorded(element(f"/log/{n}", v) for n, v in (("nan", ramp), ("mode", texts), ("big", big), ("same", ramp)))
+    b = recorded(element(f"/log/{n}", v) for n, v in (("nan", bad), ("mode", fallen), ("big", big + 1), ("same", ramp)))
+    told = {one.name: one.what for one in differences(a, b)}
+    found = silo.compare(silo.Log(a), silo.Log(b))
+    assert set(told) == {row.name for row in found.rows} == {"/log/nan", "/log/mode", "/log/big"}
+    assert told == {row.name: row.words for row in found.rows}
+    assert told["/log/mode"] == "1 of 20 samples differ, first at 0.03 s"
+    assert found.alike == 1
+
+
+def test_a_value_in_another_unit_is_the_same_for_both():
+    a, b = (recorded([element("/log/x", np.full(COUNT, value), unit)]) for value, unit in ((1.0, "m"), (1000.0, "mm")))
+    assert not silo.compare(silo.Log(a), silo.Log(b))
+    assert [one.what for one in differences(a, b)] == ["unit: m, then mm"]
+
+
+def test_what_neither_run_has_a_sample_of_is_no_difference():
+    nothing = recorded([element("/log/x", np.empty(0))])
+    assert not differences(nothing, replace(nothing, elements=list(nothing.elements)))
+    assert not silo.compare(silo.Log(nothing), silo.Log(nothing)).not_compared
+
+
+def test_the_shell_compares_as_silo_compare_does(tmp_path):
+    logs = [silo.Log(recorded(many(4, differ))) for differ in (False, True)]
+    for log, path in zip(logs, (tmp_path / "a.silo", tmp_path / "b.silo"), strict=True):
+        log.save(path)
+    paths = [str(tmp_path / f"{name}.silo") for name in "ab"]
+    shown = CliRunner().invoke(cli, ["compare", *paths])
+    assert shown.exit_code == 4
+    assert shown.stdout.strip() == str(silo.compare(*paths))
+    shown = CliRunner().invoke(cli, ["compare", *paths, "s1", "--json"])
+    (row,) = json.loads(shown.stdout)
+    assert (row["name"], row["count"]) == ("/log/g1/s1", COUNT)
+    assert CliRunner().invoke(cli, ["compare", *paths, "--tolerance", "0.1"]).exit_code == 0
+    event = CliRunner().invoke(cli, ["compare", *paths, "--event", "s1 > 99"])
+    assert event.exit_code == 1
+    assert "doesn't happen in the first run" in event.output
