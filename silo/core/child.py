@@ -4,13 +4,22 @@ It is a module of silo, found where this one was, whatever stands in the present
 Ctrl-C in a terminal reaches this process alone, which ends its children in order.
 """
 
+import contextlib
+import logging
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import IO
+
+import msgspec
+
+from silo.core.runtime import boot_id, pid_namespace, process_facts, process_start
+
+log = logging.getLogger("silo")
 
 ENDING_S = 2.0  # how long one may take from closing its channel to its end
 NONE, PIPE = subprocess.DEVNULL, subprocess.PIPE
@@ -101,3 +110,54 @@ def _search() -> str:
     """Where a child looks for modules: first where this silo is."""
     home = str(Path(__file__).resolve().parents[2])
     return os.pathsep.join(dict.fromkeys([home, *os.environ.get("PYTHONPATH", "").split(os.pathsep)])).strip(os.pathsep)
+
+
+# ------------------------------------------------------------------------------------------- of a parent that is gone
+
+
+class Holder(msgspec.Struct, frozen=True):
+    """The child process that holds a lock, as its file tells those who wait: its pid alone may be another's by now."""
+
+    pid: int
+    start: int
+    parent: int
+    boot_id: str
+    pid_namespace: int
+
+
+_decode_holder = msgspec.json.Decoder(Holder).decode
+
+
+def note_holder(descriptor: int, parent: int) -> None:
+    """Have a file that this process holds say so; `parent` started this process."""
+    pid = os.getpid()
+    one = Holder(pid, process_start(pid), parent, boot_id(), pid_namespace())
+    with contextlib.suppress(OSError):  # a full disk: then nobody knows
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, msgspec.json.encode(one), 0)
+
+
+def end_abandoned_holder(descriptor: int) -> bool:
+    """Kill the process that holds a file if it was frozen (SIGSTOP) and its parent is gone: nobody has it go on.
+
+    Any other stays: one that runs is about to end by itself, and what a living parent froze is its parent's.
+    """
+    with contextlib.suppress(OSError, msgspec.MsgspecError):  # one of an older silo doesn't say who it is
+        status = os.fstat(descriptor)
+        one = _decode_holder(os.pread(descriptor, status.st_size, 0))
+        if status.st_uid == os.geteuid() and (one.boot_id, one.pid_namespace) == (boot_id(), pid_namespace()):
+            return _end_abandoned(one)
+    return False
+
+
+def _end_abandoned(one: Holder) -> bool:
+    descriptor = os.pidfd_open(one.pid)  # before it is looked at: what is killed is what was seen
+    try:
+        state, parent, start = process_facts(one.pid)
+        if (state, start) != ("T", one.start) or parent == one.parent:
+            return False
+        signal.pidfd_send_signal(descriptor, signal.SIGKILL)
+        log.warning("ended process %d: it was frozen, and the process that had started it is gone", one.pid)
+        return True
+    finally:
+        os.close(descriptor)

@@ -363,11 +363,17 @@ def process_start(pid: int) -> int:
     Tells a reused pid from the writer.
     """
     try:
-        text = Path(f"/proc/{pid}/stat").read_bytes()  # the name of a program may hold any byte
+        state, _, start = process_facts(pid)
     except OSError:
         return 0
+    return 0 if state in "ZX" else start
+
+
+def process_facts(pid: int) -> tuple[str, int, int]:
+    """Return the state of a process as a letter (proc(5)), the pid of its parent, and when it began. Raises OSError."""
+    text = Path(f"/proc/{pid}/stat").read_bytes()  # the name of a program may hold any byte
     fields = text.rpartition(b")")[2].split()
-    return 0 if len(fields) < 20 or fields[0] in b"ZX" else int(fields[19])
+    return ("X", 0, 0) if len(fields) < 20 else (fields[0].decode(), int(fields[1]), int(fields[19]))
 
 
 def pid_namespace() -> int:

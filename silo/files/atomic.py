@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from silo.core.child import end_abandoned_holder
 from silo.core.runtime import disk_room
 from silo.errors import SaveError
 
@@ -109,7 +110,10 @@ def _claim(path: Path) -> int | None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         is_ours = os.path.samestat(os.fstat(descriptor), path.lstat())
-    except (BlockingIOError, FileNotFoundError):
+    except BlockingIOError:
+        is_ours = False
+        end_abandoned_holder(descriptor)
+    except FileNotFoundError:
         is_ours = False
     except OSError:
         is_ours = True  # no locks in this file system

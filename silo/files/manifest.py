@@ -7,7 +7,7 @@ A file that somebody put in the place of one of ours is not ours. Two lists stan
   appended under a lock; it is written anew when most of what it tells is gone.
 - `.<name>.recorder.json`, the parts of a recorder, and of each run what was to be recorded, and what was: all numbers
   of a recording are computed of this, never told by a process, which may be new, or dead. Replaced as a whole, by the
-  one that holds `.<name>.recorder.lock`. Needs no MCAP.
+  one that holds `.<name>.recorder.lock`, in which it says who it is. Needs no MCAP.
 """
 
 import contextlib
@@ -22,6 +22,7 @@ from pathlib import Path
 
 import msgspec
 
+from silo.core.child import end_abandoned_holder, note_holder
 from silo.core.elements import Conditions
 from silo.core.runtime import open_own, read_own
 from silo.errors import SaveError
@@ -377,12 +378,12 @@ def number_of(path: Path) -> int:
 class Ledger:
     """The parts of one recorder. One user at a time: `close` lets go of the name."""
 
-    def __init__(self, folder: Path, name: str, wait_s: float) -> None:
-        """Take the name; waits until a predecessor has finished. Raises SaveError."""
+    def __init__(self, folder: Path, name: str, wait_s: float, parent: int) -> None:
+        """Take the name; waits until a predecessor has finished. `parent` started this process. Raises SaveError."""
         self.folder, self.name = folder, name
         self.expected: dict[str, dict[int, int]] = {}  # rows of runs that parts seem to have which are not closed yet
         self._path = written_path(folder, name)
-        self._lock = _locked(folder / f".{name}.recorder.lock", wait_s)
+        self._lock = _locked(folder / f".{name}.recorder.lock", wait_s, parent)
         self.written = self._read()
 
     def _read(self) -> Written:
@@ -548,7 +549,8 @@ class Ledger:
         return found.st_size if found is not None else 0
 
 
-def _locked(path: Path, wait_s: float) -> int:
+def _locked(path: Path, wait_s: float, parent: int) -> int:
+    """Open the file, which says who has the lock; one that was frozen, and whose parent died, gives it up."""
     until_s = time.monotonic() + wait_s
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
@@ -561,7 +563,9 @@ def _locked(path: Path, wait_s: float) -> int:
                 f"another recorder writes to '{path.parent}' under this name: record under another name "
                 "(--name) or to another folder (--to); nothing is recorded"
             )
+        end_abandoned_holder(descriptor)
         time.sleep(_RETRY_S)  # a lock gives no sign to those who want a time limit
+    note_holder(descriptor, parent)
     return descriptor
 
 

@@ -1,4 +1,4 @@
-"""`python -m silo.recorder FD`: a recorder, whose order and runs come over that socket; `--close FOLDER`: its rests."""
+"""`python -m silo.recorder FD PID`: a recorder, told by that process over that socket; `--close FOLDER`: its rests."""
 
 import contextlib
 import logging
@@ -27,13 +27,14 @@ def main() -> int:
             print(text, flush=True)
         return 1 if problems else 0
     sock = socket.socket(fileno=int(sys.argv[1]))
+    parent = int(sys.argv[2]) if len(sys.argv) > 2 else os.getppid()  # of an older silo, which this one has replaced
     body = sock.recv(MAX_PACKET_BYTES)  # what is kept for the case that one is killed waits here, all imported
     if not body:
         return 1
     order = decode_order(body)
     if not order.resume:
         _let_others_go_first()
-    recorder = Recorder(order, sock, calm_down=_let_others_go_first)
+    recorder = Recorder(order, sock, calm_down=_let_others_go_first, parent=parent)
     signal.signal(signal.SIGTERM, recorder.on_term)
     return 0 if recorder.run() is RecorderState.ENDED else 1
 

@@ -70,7 +70,9 @@ class Spare:
         """Start it. Raises OSError."""
         self.socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
-            self.child = ChildProcess("silo.recorder", [theirs.fileno()], [theirs.fileno()], environment=HEAP)
+            self.child = ChildProcess(
+                "silo.recorder", [theirs.fileno(), os.getpid()], [theirs.fileno()], environment=HEAP
+            )
         except BaseException:
             self.socket.close()
             raise

@@ -64,9 +64,10 @@ class Recorder:
         sock: socket.socket,
         disk: RecorderDisk | None = None,
         calm_down: Callable[[], object] = lambda: None,
+        parent: int = 0,
     ) -> None:
-        """`calm_down` is called when it has caught up: from then on others may go first."""
-        self._calm_down = calm_down
+        """`calm_down` is called when it has caught up: from then on others may go first. `parent` started it."""
+        self._calm_down, self._parent = calm_down, parent or os.getppid()
         self._order, self._socket = order, sock
         self._disk = disk or RecorderDisk()
         self._runs: deque[SegmentReader] = deque()
@@ -90,7 +91,7 @@ class Recorder:
         """Record until told to end; returns how it ended."""
         try:
             Path(self._order.folder).mkdir(parents=True, exist_ok=True)
-            ledger = Ledger(Path(self._order.folder), self._order.name, PREDECESSOR_S)
+            ledger = Ledger(Path(self._order.folder), self._order.name, PREDECESSOR_S, self._parent)
         except (SaveError, OSError) as error:
             text = str(error) if isinstance(error, SaveError) else f"can't record to '{self._order.folder}': "
             text += "" if isinstance(error, SaveError) else f"{reason(error)}; choose another folder"

@@ -13,8 +13,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
+from msgspec.structs import replace
 
-from silo.core.child import PIPE, ChildProcess
+from silo.core.child import PIPE, ChildProcess, note_holder
 from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
 from silo.errors import SaveError, SiloError
 from silo.files import LogOfRun, PartlySavedError, write, write_run
@@ -33,6 +34,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
     `journal`: write what this journal proves instead of a segment; `log`: write this file again in other formats.
     `why` it is saved, in a few words.
     `awaited`: the robot program itself waits for it, so that there is nobody to be nice to.
+    `parent` starts the process that holds `claims` for it.
     `events` are what happened in that run; `extras` its derived signals and limits as they are now, None: as they were
     when it began.
     """
@@ -48,6 +50,8 @@ class WriteOrder(msgspec.Struct, frozen=True):
     awaited: bool = False
     events: list[LoggedEvent] = []
     extras: Conditions | None = None
+    parent: int = 0
+    claims: Sequence[int] = ()
 
 
 class WriteReport(msgspec.Struct, frozen=True):
@@ -114,7 +118,7 @@ def write_apart(
     decoder = msgspec.json.Decoder(WriteReport)
     with ChildProcess("silo.recordings.writing", segments, [*segments, *claims], stdin=PIPE, stdout=PIPE) as child:
         with contextlib.suppress(BrokenPipeError):  # its exit code, below, says more
-            child.stdin.write(msgspec.json.encode(order))
+            child.stdin.write(msgspec.json.encode(replace(order, parent=os.getpid(), claims=claims)))
             child.stdin.close()
         for line in child.stdout:
             report = decoder.decode(line)
@@ -146,6 +150,8 @@ def _written(order: WriteOrder, progress: Callable[[float], None]) -> WriteRepor
 def main() -> None:
     """The writing process: the segment's file descriptor as argument, the order on standard input."""
     order = msgspec.json.decode(sys.stdin.buffer.read(), type=WriteOrder)
+    for claim in order.claims:
+        note_holder(claim, order.parent)
     if not order.awaited:
         os.nice(NICER)
 

@@ -18,7 +18,7 @@ from silo.analysis.opening import open_log
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import RecorderState
-from silo.core.runtime import list_held, list_segments, runtime_dir
+from silo.core.runtime import list_held, list_segments, process_start, runtime_dir
 from silo.files.bag_reader import read_bag
 from silo.files.manifest import read_written
 from silo.recorder.process import stored
@@ -101,6 +101,22 @@ def test_runs_that_no_helper_process_saw_are_recorded_whole_and_told(bench, clie
     assert values_of(folder) == list(range(1, 411))
     runs = {event.run for event in client.events() if event.kind == "started"}
     assert len(runs - {""}) >= 2
+
+
+def test_a_recorder_that_was_frozen_and_lost_its_helper_process_is_ended_by_its_successor(bench, client) -> None:
+    folder = begin(bench, client)
+    bench.ticks(300)
+    pid = client.status().helper_pid
+    (frozen,) = (one for one in recorders_of(pid) if one.pid == client.recorders()[0].pid)
+    freeze(frozen.pid)
+    bench.ticks(100)
+    os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+    wait_until(lambda: answered(lambda: client.recorders()[0].state) is RecorderState.RECORDING)
+    assert not process_start(frozen.pid)
+    bench.ticks(50)
+    assert "450 samples, 0 lost" in client.stop_recorder()
+    assert values_of(folder) == list(range(1, 451))
 
 
 def test_what_is_recorded_when_it_is_ended_while_its_recorder_is_replaced_is_all(bench, client) -> None:

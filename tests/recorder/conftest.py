@@ -194,7 +194,7 @@ class Direct:
 
     def __init__(self, robot: Robot, order: RecordOrder, disk: RecorderDisk | None = None) -> None:
         Path(order.folder).mkdir(exist_ok=True)
-        self.ledger = Ledger(Path(order.folder), order.name, 0.0)
+        self.ledger = Ledger(Path(order.folder), order.name, 0.0, os.getpid())
         self.writing = Writing(order, self.ledger, disk or RecorderDisk())
         self.writing.start()
         reader = SegmentReader(robot.log.segment_path)

@@ -1,6 +1,7 @@
 """Parts of recordings, without a process: where they begin and end, what is deleted, lost, or left by a kill."""
 
 import itertools
+import os
 import struct
 import threading
 from collections.abc import Iterator
@@ -371,7 +372,7 @@ def test_who_goes_on_begins_behind_a_part_whose_end_was_never_noted(robot, tmp_p
     direct.step()
     direct.finish()
     (tmp_path / "rec" / ".bot.recorder.json").write_bytes(noted)  # killed between the name of the part and its note
-    ledger = Ledger(tmp_path / "rec", "bot", 0.0)
+    ledger = Ledger(tmp_path / "rec", "bot", 0.0, os.getpid())
     run_id, rows = left_rows(ledger)
     ledger.settle([], finished_part)
     ledger.close()
@@ -389,7 +390,7 @@ def test_a_part_that_was_never_noted_counts_for_the_budget_once_it_is_closed(rob
     (tmp_path / "rec" / path.name.replace("00001", "00007")).write_bytes(path.read_bytes())
     direct.finish()
     closed, _ = close_parts(tmp_path / "rec")
-    ledger = Ledger(tmp_path / "rec", "bot", 0.0)
+    ledger = Ledger(tmp_path / "rec", "bot", 0.0, os.getpid())
     ledger.settle(closed, finished_part)
     ledger.close()
     assert ledger.size_bytes == sum(path.stat().st_size for path in parts(tmp_path))

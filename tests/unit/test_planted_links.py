@@ -58,10 +58,10 @@ def test_a_planted_list_of_parts_is_not_read_through_and_a_pipe_holds_up_no_reco
     victim.write_text('{"recorder": "x", "parts": [{"name": "precious", "inode": 1, "size_bytes": 5}]}')
     written_path(folder, "x").symlink_to(victim)
     with pytest.raises(SaveError, match="link, which silo doesn't follow"):
-        Ledger(folder, "x", 0.0)
+        Ledger(folder, "x", 0.0, os.getpid())
     os.mkfifo(written_path(folder, "y"))
     with pytest.raises(SaveError, match="it is no file"):
-        Ledger(folder, "y", 0.0)
+        Ledger(folder, "y", 0.0, os.getpid())
 
 
 def test_a_planted_pipe_holds_up_nobody(folder) -> None:
