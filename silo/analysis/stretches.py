@@ -17,9 +17,9 @@ from silo.core.recording import (
     RecordedElement,
     RecordedEntry,
     Recording,
+    alike,
     falls,
     lazy_entry,
-    plain_element,
     stamps_of,
     within,
 )
@@ -55,9 +55,9 @@ def _kept(recording: Recording, kept: NDArray[np.bool_], first_ns: int, last_ns:
         mine = kept[ticks]
         at = places[ticks[mine]]
         steps = np.unique(np.diff(at))
-        entries = tuple(replace(entry, values=entry.values[mine]) for entry in element.entries)
+        entries = _cut(element, mine, int(mine.sum()))
         if len(steps) > 1:  # where the clock stepped, a slow element has another distance
-            return plain_element(element, own_ns=recording.time_ns[ticks[mine]], first=0, entries=entries)
+            return alike(RecordedElement, element, own_ns=recording.time_ns[ticks[mine]], first=0, entries=entries)
         first, divider = int(at[0]) if len(at) else 0, int(steps[0]) if len(steps) else element.divider
         return replace(element, first=first, divider=divider, entries=entries, buffer_type=BufferType.GROWING)
 
@@ -77,7 +77,7 @@ def _between(element: RecordedElement, low: int, high: int) -> RecordedElement:
     begin = min(max(0, -((element.first - low) // element.divider)), element.count)
     end = min(max(begin, -((element.first - high) // element.divider)), element.count)
     first = element.first + begin * element.divider - low
-    entries = tuple(replace(entry, values=entry.values[begin:end]) for entry in element.entries)
+    entries = _cut(element, slice(begin, end), end - begin)
     # a stretch from the middle is what a growing buffer would have held
     return replace(element, first=max(first, 0), entries=entries, buffer_type=BufferType.GROWING)
 
@@ -85,12 +85,17 @@ def _between(element: RecordedElement, low: int, high: int) -> RecordedElement:
 def _own_between(element: RecordedElement, own: NDArray[np.int64], first_ns: int, last_ns: int) -> RecordedElement:
     """The samples of an element with time stamps of its own, read when they are asked for."""
     kept = within(own, first_ns, last_ns)
-    entries = tuple(lazy_entry(entry.name, entry.entry, partial(_cut, entry, kept)) for entry in element.entries)
-    return plain_element(element, own_ns=own[kept], entries=entries)
+    stamps = own[kept]
+    return alike(RecordedElement, element, own_ns=stamps, entries=_cut(element, kept, len(stamps)))
 
 
-def _cut(entry: RecordedEntry, kept: slice | NDArray[np.bool_]) -> NDArray[Any]:
-    return entry.values[kept]
+def _cut(element: RecordedElement, kept: slice | NDArray[np.bool_], count: int) -> tuple[RecordedEntry, ...]:
+    """Some of the samples, read when they are asked for."""
+
+    def values(entry: RecordedEntry) -> NDArray[Any]:
+        return entry.values[kept]
+
+    return tuple(lazy_entry(e.name, e.entry, partial(values, e), e.dtype, count) for e in element.entries)
 
 
 def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) -> Recording:
@@ -118,11 +123,6 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
     )
 
 
-def _dtype(element: RecordedElement, entry: RecordedEntry) -> np.dtype[Any]:
-    """The type of an entry; of a bag of others what the message type says, which costs no reading."""
-    return np.dtype(entry.entry.dtype) if element.own_ns is not None else entry.values.dtype
-
-
 def _last(own: NDArray[np.int64], time_ns: NDArray[np.int64], smooth: bool) -> int:
     """The last stamp at which there is a value; a single sample, as of a map, holds on."""
     if not len(own) or (len(own) == 1 and not smooth):
@@ -138,7 +138,7 @@ def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int6
     own = own[order]
     places = np.searchsorted(own, time_ns, side="right") - 1
     begin = int(np.searchsorted(places, 0))
-    smooth = linear and all(_dtype(element, e).kind == "f" for e in element.entries)
+    smooth = linear and all(e.dtype.kind == "f" for e in element.entries)
     end = int(np.searchsorted(time_ns, _last(own, time_ns, smooth), side="right"))
     places = places[begin : max(begin, end)]
     wanted = time_ns[begin : max(begin, end)]
@@ -148,12 +148,11 @@ def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int6
             return entry.values[order][places]
         zero = own[0]  # doubles hold nanoseconds only over a few months
         made = np.interp((wanted - zero).astype(float), (own - zero).astype(float), entry.values[order].astype(float))
-        found: NDArray[Any] = made.astype(entry.values.dtype)
+        found: NDArray[Any] = made.astype(entry.dtype)
         return found
 
     first = begin if len(places) else 0
+    entries = tuple(lazy_entry(e.name, e.entry, partial(values, e), e.dtype, len(places)) for e in element.entries)
     if element.own_ns is not None:
-        lazy = tuple(lazy_entry(e.name, e.entry, partial(values, e)) for e in element.entries)
-        return plain_element(element, own_ns=None, first=first, entries=lazy)
-    entries = tuple(replace(entry, values=values(entry)) for entry in element.entries)
+        return alike(RecordedElement, element, own_ns=None, first=first, entries=entries)
     return replace(element, divider=1, first=first, entries=entries, buffer_type=BufferType.GROWING)

@@ -4,9 +4,10 @@ The segment's reader makes a `Recording` (a snapshot), every file writer takes o
 It knows no logger, no file and no process.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NoReturn
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, cast
 
 import msgspec
 import numpy as np
@@ -17,6 +18,7 @@ from silo.core.elements import NO_EXTRAS, BufferType, Conditions, Entry, LoggedE
 from silo.core.printing import html_table
 from silo.errors import ArgumentError
 
+Made = TypeVar("Made")
 Progress = Callable[[float], None]  # called with the share that is done, 0 to 1
 
 
@@ -31,22 +33,48 @@ class RecordedEntry:
     entry: Entry
     values: NDArray[Any]
 
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The type of the values, which are not read for it."""
+        return self.values.dtype
+
+    @property
+    def count(self) -> int:
+        """How many values there are, which are not read for it."""
+        return len(self.values)
+
 
 class LazyEntry(RecordedEntry):
     """An entry whose values are read when they are first asked for; `lazy_entry` makes it."""
 
     def __getattr__(self, name: str) -> NDArray[Any]:
+        # called for what is not there: a cached_property takes 1 us more for each of thousands of entries
         if name != "values":
             raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
         load: Callable[[], NDArray[Any]] = self.__dict__["load"]
         values = self.__dict__["values"] = load()
         return values
 
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The type of the values; of those that are read the one they have."""
+        kind: np.dtype[Any] = self.values.dtype if "values" in self.__dict__ else self.__dict__["kind"]
+        return kind
 
-def lazy_entry(name: str, entry: Entry, load: Callable[[], NDArray[Any]]) -> RecordedEntry:
-    """An entry whose values `load` gives."""
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        length: int | Callable[[], int] = len(self.values) if "values" in self.__dict__ else self.__dict__["length"]
+        return length if isinstance(length, int) else length()
+
+
+def lazy_entry(
+    name: str, entry: Entry, load: Callable[[], NDArray[Any]], dtype: np.dtype[Any], count: int | Callable[[], int]
+) -> RecordedEntry:
+    """An entry whose values `load` gives, so many of this type; of texts the type may be without a length."""
     made = LazyEntry.__new__(LazyEntry)
-    object.__setattr__(made, "__dict__", {"name": name, "entry": entry, "load": load})
+    fields = {"name": name, "entry": entry, "load": load, "kind": dtype, "length": count}
+    object.__setattr__(made, "__dict__", fields)
     return made
 
 
@@ -121,7 +149,7 @@ class RecordedElement:
         """Samples per entry."""
         if self.own_ns is not None:
             return len(self.own_ns)
-        return len(self.entries[0].values) if self.entries else 0
+        return self.entries[0].count if self.entries else 0
 
     @property
     def stamp_indices(self) -> NDArray[np.int64]:
@@ -207,10 +235,26 @@ class Recording:
         return sum(len(element.entries) for element in self.elements)
 
 
-def plain_element(element: RecordedElement, **changes: Any) -> RecordedElement:
-    """A copy with other fields, that reads nothing: an element of a bag may be of a class that does."""
-    fields = {name: getattr(element, name) for name in RecordedElement.__dataclass_fields__ if name not in changes}
-    return RecordedElement(**fields, **changes)
+def alike(kind: Callable[..., Made], source: object, **changes: Any) -> Made:
+    """A struct or dataclass of another kind, of the fields that `source` has under the same names.
+
+    What is known of an element or a log goes so from segments to recordings and files, and back: each file has a
+    struct of its own, whose order of fields is that of its bytes, and nothing is copied field by field.
+    """
+    given = {name: getattr(source, name) for name in _shared(kind, cast(Hashable, type(source))) if name not in changes}
+    return kind(**given, **changes)
+
+
+@lru_cache(maxsize=64)
+def _shared(kind: Hashable, source: Hashable) -> tuple[str, ...]:
+    has = {*fields_of(source)}
+    return tuple(name for name in fields_of(kind) if name in has)
+
+
+def fields_of(kind: Any) -> tuple[str, ...]:
+    """The names of the fields of a struct or dataclass."""
+    fields: tuple[str, ...] = getattr(kind, "__struct_fields__", None) or tuple(kind.__dataclass_fields__)
+    return fields
 
 
 def falls(time_ns: NDArray[np.int64]) -> bool:

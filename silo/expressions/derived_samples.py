@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Derived, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike
 from silo.expressions.binding import BoundExpression
 from silo.expressions.derived_signals import bound_derived, entries_of, info_of
 from silo.expressions.evaluation import UNOBSERVABLE
@@ -70,11 +70,9 @@ def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: 
     late = wanted >= end
     columns[late] = np.nan
     dtype = "|b1" if told and not late.any() else "<f8"
-    return RecordedElement(
-        name=one.name,
-        unit=info.unit,
-        kind=info.kind,
-        shape=info.shape,
+    return alike(
+        RecordedElement,
+        info,
         divider=divider,
         buffer_type=buffer_type,
         first=first,
@@ -82,7 +80,6 @@ def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: 
             RecordedEntry(one.name + entry.suffix, Entry(entry.suffix, dtype), columns[:, at].astype(dtype))
             for at, entry in enumerate(entries_of(bound.width))
         ),
-        description=info.description,
     )
 
 

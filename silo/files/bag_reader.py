@@ -9,7 +9,7 @@ message stands; so a chunk is read with one indexed load per channel, and `open_
 import mmap
 import os
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from silo.core.recording import RecordedElement, Recording
+from silo.core.recording import Recording, alike
 from silo.errors import FileFormatError, LogNotFoundError, SiloError
 from silo.files.atomic import reason
 from silo.files.bags.channels import ChannelReader, Values, channel_readers
@@ -153,7 +153,7 @@ def _read_by_index(file: Path, data: memoryview, index: Index | None) -> Recordi
     ):
         return None
     elements = BagElements(file, data, facts, index, len(times))
-    return _recording(facts, times, elements, elements.warnings)
+    return alike(Recording, facts, time_ns=times, elements=elements, warnings=elements.warnings)
 
 
 def _attached(data: memoryview, index: Index, name: str) -> bytes:
@@ -246,7 +246,8 @@ def _read(data: memoryview) -> Recording:  # noqa: PLR0912  # a branch per recor
         raise ValueError("cut off before its time stamps")
     zero = facts.offset - len(times)
     told = (*_warnings(facts, elements, complete), *(f"{what}: {GAPS}" for what in damaged))
-    return _recording(facts, times, tuple(recorded(values, zero) for values in elements), told)
+    found = tuple(recorded(values, zero) for values in elements)
+    return alike(Recording, facts, time_ns=times, elements=found, warnings=told)
 
 
 def _warnings(facts: RecordingFacts, elements: list[Values], complete: bool) -> tuple[str, ...]:
@@ -257,22 +258,3 @@ def _warnings(facts: RecordingFacts, elements: list[Values], complete: bool) -> 
         cut = "the file is cut off: its index is missing, which other readers need; all samples are there"
         return (*facts.warnings, cut)
     return facts.warnings
-
-
-def _recording(
-    facts: RecordingFacts, times: NDArray[np.int64], elements: Sequence[RecordedElement], warnings: Sequence[str]
-) -> Recording:
-    return Recording(
-        logger=facts.logger,
-        time_ns=times,
-        offset=facts.offset,
-        elements=elements,
-        prefix=facts.prefix,
-        frequency_hz=facts.frequency_hz,
-        started_ns=facts.started_ns,
-        time_looping=facts.time_looping,
-        warnings=warnings,
-        why=facts.why,
-        extras=facts.extras,
-        events=facts.events,
-    )

@@ -12,6 +12,7 @@ from silo.core.recording import (
     RecordedElement,
     RecordedEntry,
     Recording,
+    alike,
     failures_text,
     stamped,
     unheld_text,
@@ -42,17 +43,14 @@ def snapshot(source: RowSource) -> Recording:
     for ring in due.keys() - copies.keys():
         copies[ring] = source.rows(ring, 0, due[ring])
     elements = [_recorded(source, element, copies[element.ring], due[element.ring], first_tick) for element in saved]
-    return Recording(
-        logger=schema.logger,
+    return alike(
+        Recording,
+        schema,
         time_ns=stamps,
         offset=ticks,
         elements=[element for element in elements if element.count],
-        prefix=schema.prefix,
-        frequency_hz=schema.frequency_hz,
-        started_ns=schema.started_ns,
         time_looping=schema.time_buffer_type is BufferType.LOOPING,
         warnings=_warnings(source, elements, ticks),
-        extras=schema.extras,
         events=stamped(source.marks(), stamps, ticks),
     )
 
@@ -69,21 +67,17 @@ def _recorded(source: RowSource, element: ElementSchema, rows: Rows, due: int, f
     begin, end = kept_rows(info.options, rows.first, min(due, rows.first + len(rows)))
     begin = max(begin, -(-first_tick // info.options.divider))  # no sample without its time stamp
     kept = rows.part(begin, max(begin, end))
-    return RecordedElement(
-        name=info.name,
-        unit=info.unit,
-        kind=info.kind,
-        shape=info.shape,
+    return alike(
+        RecordedElement,
+        info,
         divider=info.options.divider,
         buffer_type=info.options.buffer_type,
         first=begin * info.options.divider - first_tick,
         entries=tuple(
             RecordedEntry(info.name + entry.entry.suffix, entry.entry, kept.column(entry)) for entry in element.entries
         ),
-        description=info.description,
         lost=source.ring_lost(element.ring),
         failures=source.failures(element),
-        dtype=info.dtype,
     )
 
 

@@ -23,7 +23,7 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Statistics
 from numpy.typing import NDArray
 
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, failures_at
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike, failures_at
 from silo.errors import FileFormatError, LogWarning
 from silo.files.bags.channels import Values, are_right, channel_readers
 from silo.files.bags.metadata import RecordingFacts
@@ -251,19 +251,5 @@ def recorded(values: Values, zero: int) -> RecordedElement:
     facts = values.facts
     missing = values.missing[: values.whole]
     ticks = zero + facts.first + np.flatnonzero(missing) * facts.divider
-    return RecordedElement(
-        name=facts.name,
-        unit=facts.unit,
-        kind=facts.kind,
-        shape=facts.shape,
-        divider=facts.divider,
-        buffer_type=facts.buffer_type,
-        first=facts.first,
-        entries=tuple(
-            RecordedEntry(entry.name, entry.entry, values.column(index)) for index, entry in enumerate(facts.entries)
-        ),
-        description=facts.description,
-        lost=facts.lost,
-        dtype=facts.dtype,
-        failures=failures_at(facts.failures, ticks, facts.divider),
-    )
+    entries = tuple(RecordedEntry(e.name, e.entry, values.column(index)) for index, e in enumerate(facts.entries))
+    return alike(RecordedElement, facts, entries=entries, failures=failures_at(facts.failures, ticks, facts.divider))

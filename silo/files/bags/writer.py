@@ -19,7 +19,7 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 from numpy.typing import NDArray
 
-from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording
+from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, alike
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, atomic_folder
 from silo.files.bags.events import LOG_TYPE, EventGroup, events_topic
@@ -284,14 +284,9 @@ def recording_facts(recording: Recording, channels: Sequence[Channel]) -> Record
         for part in channel.parts:
             where[channel.element, part.entry] = (number, part.offset, part.wire, part.count)
     elements = tuple(
-        PlacedElement(
-            name=element.name,
-            unit=element.unit,
-            kind=element.kind,
-            shape=element.shape,
-            divider=element.divider,
-            buffer_type=element.buffer_type,
-            first=element.first,
+        alike(
+            PlacedElement,
+            element,
             count=element.count,
             entries=tuple(
                 PlacedEntry(
@@ -304,27 +299,16 @@ def recording_facts(recording: Recording, channels: Sequence[Channel]) -> Record
                 )
                 for i, entry in enumerate(element.entries)
             ),
-            description=element.description,
-            lost=element.lost,
-            dtype=element.dtype,
-            failures=element.failures,
         )
         for index, element in enumerate(recording.elements)
     )
-    return RecordingFacts(
+    return alike(
+        RecordingFacts,
+        recording,
         version=FACTS_VERSION,
-        logger=recording.logger,
-        offset=recording.offset,
-        prefix=recording.prefix,
         elements=elements,
         channel_sizes={n: -1 if c.is_string else c.size for n, c in enumerate(channels, start=1)},
-        frequency_hz=recording.frequency_hz,
-        started_ns=recording.started_ns,
-        time_looping=recording.time_looping,
         warnings=tuple(recording.warnings),
-        why=recording.why,
-        extras=recording.extras,
-        events=recording.events,
     )
 
 

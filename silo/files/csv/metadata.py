@@ -5,6 +5,7 @@ same columns, ticks, first and last time stamp. Values are those of the table, s
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import Entry, LoggedEvent
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, masked
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike, masked
 from silo.files.csv.numbers import Filled
 from silo.files.silo import format as form
 
@@ -68,7 +69,7 @@ def pack(recording: Recording, elements: Sequence[RecordedElement]) -> bytes:
         ticks=len(time_ns),
         span=_span(time_ns),
         time_looping=recording.time_looping,
-        events=tuple(map(form.event_facts, recording.events)),
+        events=tuple(map(form.plain_texts, recording.events)),
     )
     return msgspec.json.format(msgspec.json.encode(facts), indent=1) + b"\n"
 
@@ -100,20 +101,9 @@ def restored(facts: CsvFacts, names: Sequence[str], columns: Sequence[Column], t
     if facts.ticks != len(time_ns) or facts.span != _span(time_ns):
         raise NotThisTableError("its time stamps are others")
     cells = iter(columns)
-    return Recording(
-        logger=facts.log.logger,
-        time_ns=time_ns,
-        offset=facts.offset,
-        elements=tuple(_element(one, cells, len(time_ns)) for one in facts.elements),
-        prefix=facts.log.prefix,
-        frequency_hz=facts.log.frequency_hz,
-        started_ns=facts.log.started_ns,
-        time_looping=facts.time_looping,
-        warnings=facts.log.warnings,
-        why=facts.log.why,
-        extras=facts.log.extras,
-        events=facts.events,
-    )
+    elements = tuple(_element(one, cells, len(time_ns)) for one in facts.elements)
+    log = alike(Recording, facts.log, time_ns=time_ns, elements=elements, offset=facts.offset, events=facts.events)
+    return replace(log, time_looping=facts.time_looping)
 
 
 def _span(time_ns: NDArray[np.int64]) -> tuple[int, int]:
@@ -126,8 +116,7 @@ def _element_facts(element: RecordedElement) -> CsvElement:
         msgspec.structs.replace(one, name=form.plain_text(entry.name))
         for one, entry in zip(facts.entries, element.entries, strict=True)
     )
-    given = msgspec.structs.asdict(facts) | {"entries": entries}
-    return CsvElement(**given, divider=element.divider, count=element.count)
+    return alike(CsvElement, facts, entries=entries, divider=element.divider, count=element.count)
 
 
 def _element(facts: CsvElement, columns: Any, ticks: int) -> RecordedElement:
@@ -147,20 +136,7 @@ def _element(facts: CsvElement, columns: Any, ticks: int) -> RecordedElement:
             values[samples] = there
             values = masked(values, missing)
         entries.append(RecordedEntry(entry.name or "", Entry(entry.suffix, entry.dtype, entry.labels), values))
-    return RecordedElement(
-        name=facts.name,
-        unit=facts.unit,
-        kind=facts.kind,
-        shape=facts.shape,
-        divider=facts.divider,
-        buffer_type=facts.buffer,
-        first=first,
-        entries=tuple(entries),
-        description=facts.description,
-        lost=facts.lost,
-        dtype=facts.dtype,
-        failures=facts.failures,
-    )
+    return alike(RecordedElement, facts, first=first, entries=tuple(entries))
 
 
 def _in_step(places: NDArray[np.intp], facts: CsvElement, ticks: int) -> NDArray[np.intp] | None:

@@ -389,7 +389,9 @@ class TopicReader:
                 shown, path, at = name + suffix, one.paths[0], place if several else None
             dtype = np.dtype(one.dtype).str if one.dtype != "S" else "|S"
             entry = Entry(suffix, dtype, dict(one.labels) or None)
-            entries.append(lazy_entry(shown, entry, _Column(self, path, at)))
+            entries.append(
+                lazy_entry(shown, entry, _Column(self, path, at), np.dtype(dtype), lambda: len(self.time_ns))
+            )
         made = TopicElement(
             name=name,
             unit=one.unit,

@@ -14,7 +14,7 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from silo.core.elements import UNHELD, BufferType, LoggedEvent
-from silo.core.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, masked
+from silo.core.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, alike, masked
 from silo.files.bags.channels import Values, channel_readers
 from silo.files.bags.index import DAMAGE, GAPS, told_damage
 from silo.files.mcap.chunks import INDEX_ENTRY, unpack_chunk
@@ -136,17 +136,14 @@ def _recording(
             f"{lost} samples {'are damaged, or ' if damaged else ''}were lost as the recorder could not keep up "
             f"(ticks {shown}): {GAPS}"
         )
-    return Recording(
-        logger=about.logger,
+    return alike(
+        Recording,
+        about,
         time_ns=_stamps(filled, first, end),
         offset=end,
         elements=tuple(read),
-        prefix=about.prefix,
-        frequency_hz=about.frequency_hz,
-        started_ns=about.started_ns,
         time_looping=True,
         warnings=tuple(warnings),
-        extras=about.extras,
     )
 
 
@@ -172,18 +169,13 @@ def _element(values: Values, ring: _Joined, first: int) -> RecordedElement:
         whole = array[: values.whole]
         entries.append(RecordedEntry(entry.name, entry.entry, _with_holes(whole, ring.rows) if holes else whole))
     spans = holes if len(holes) <= _MOST_SPANS else [*holes[: _MOST_SPANS - 1], holes[-1]]
-    return RecordedElement(
-        name=facts.name,
-        unit=facts.unit,
-        kind=facts.kind,
-        shape=facts.shape,
-        divider=facts.divider,
+    return alike(
+        RecordedElement,
+        facts,
         buffer_type=BufferType.LOOPING,
         first=int(ring.ticks[0]) - first if len(ring.rows) else 0,
         entries=tuple(entries),
-        description=facts.description,
         lost=ring.missing,
-        dtype=facts.dtype,
         failures=Failures(ring.missing, tuple(spans)) if holes else NO_FAILURES,
     )
 

@@ -10,7 +10,7 @@ import re
 import zlib
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -18,7 +18,18 @@ from numpy.typing import NDArray
 
 from silo.core.elements import MARKER, NO_EXTRAS, BufferType, Conditions, LoggedEvent
 from silo.core.kinds import SCALAR
-from silo.core.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, masked
+from silo.core.recording import (
+    NO_FAILURES,
+    Failures,
+    RecordedElement,
+    RecordedEntry,
+    Recording,
+    alike,
+    fields_of,
+    masked,
+)
+
+Facts = TypeVar("Facts")
 
 BANNER = (
     b"#  ---------------------------------------------------------- #\n"
@@ -80,10 +91,19 @@ class Missing(msgspec.Struct, frozen=True, omit_defaults=True):
     dtype: str
     fill: int | None = None
 
+    def type_of(self, stored: np.dtype[Any]) -> np.dtype[Any]:
+        """The type as it was logged, of values of this type in the file; that itself where it can't be."""
+        dtype = self._logged(stored)
+        return stored if dtype is None else dtype
+
+    def _logged(self, stored: np.dtype[Any]) -> np.dtype[Any] | None:
+        dtype = dtype_from(self.dtype)
+        return dtype if dtype is not None and dtype.kind in "biu" and stored.kind in "biuf" else None
+
     def masked(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the values as they were logged; those of a damaged file that can't be it as they are."""
-        dtype = dtype_from(self.dtype)
-        if dtype is None or dtype.kind not in "biu" or values.dtype.kind not in "biuf":
+        dtype = self._logged(values.dtype)
+        if dtype is None:
             return values
         missing = np.isnan(values) if self.fill is None else np.asarray(values == self.fill)
         with np.errstate(invalid="ignore"):
@@ -111,7 +131,7 @@ class EntryFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     missing: Missing | None = None
 
 
-class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
+class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True, rename={"buffer_type": "buffer"}):
     """What the table can't say of an element; it covers the next `len(entries)` lines of the table.
 
     `first` is there only when the rules of the format give other time stamps than the element has. `dtype` are the
@@ -123,7 +143,7 @@ class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     unit: str = "-"
     kind: str = SCALAR.name
     shape: tuple[int, ...] = ()
-    buffer: BufferType = BufferType.LOOPING
+    buffer_type: BufferType = BufferType.LOOPING
     description: str = ""
     lost: int = 0
     first: int | None = None
@@ -263,44 +283,19 @@ def element_facts(element: RecordedElement, first: int | None) -> ElementFacts:
         for entry in element.entries
         for missing in [entry.missing if isinstance(entry, FilledEntry) else None]
     )
-    return ElementFacts(
-        name=plain_text(element.name),
-        entries=entries,
-        unit=plain_text(element.unit),
-        kind=element.kind,
-        shape=element.shape,
-        buffer=element.buffer_type,
-        description=plain_text(element.description),
-        lost=element.lost,
-        first=first,
-        dtype=plain_text(element.dtype),
-        failures=element.failures,
-    )
+    return plain_texts(alike(ElementFacts, element, entries=entries, first=first))
 
 
 def log_facts(recording: Recording) -> LogFacts:
     """The facts of a recording that is about to be written."""
-    return LogFacts(
-        logger=plain_text(recording.logger),
-        prefix=plain_text(recording.prefix),
-        frequency_hz=recording.frequency_hz,
-        started_ns=recording.started_ns,
-        warnings=tuple(plain_text(warning) for warning in recording.warnings),
-        why=plain_text(recording.why),
-        span=(int(recording.time_ns[0]), int(recording.time_ns[-1])) if len(recording.time_ns) else (0, 0),
-        extras=recording.extras,
-        markers=markers_of(recording),
-    )
+    span = (int(recording.time_ns[0]), int(recording.time_ns[-1])) if len(recording.time_ns) else (0, 0)
+    warnings = tuple(map(plain_text, recording.warnings))
+    return plain_texts(alike(LogFacts, recording, warnings=warnings, span=span, markers=markers_of(recording)))
 
 
 def markers_of(recording: Recording) -> int:
     """Return how many of the events of a recording somebody set."""
     return sum(event.kind == MARKER for event in recording.events)
-
-
-def event_facts(event: LoggedEvent) -> LoggedEvent:
-    """An event that is about to be written: a line of the header for each, behind those of the elements."""
-    return msgspec.structs.replace(event, text=plain_text(event.text), who=plain_text(event.who))
 
 
 def first_stamp(looping: bool, stamps: int, samples: int, divider: int, offset: int) -> int:
@@ -338,8 +333,16 @@ def decode_text(text: bytes) -> str:
 
 
 def plain_text(text: str) -> str:
-    """The text as JSON can hold it."""
-    return text if text.isascii() else encode_text(text).decode("utf-8")
+    """The text as JSON can hold it; mostly it is the same object."""
+    plain = text if text.isascii() else encode_text(text).decode("utf-8")
+    return text if plain == text else plain
+
+
+def plain_texts(facts: Facts) -> Facts:
+    """The struct or dataclass with its texts as JSON can hold them: mostly it is the same object."""
+    texts = {name: text for name in fields_of(type(facts)) if isinstance(text := getattr(facts, name), str)}
+    odd = {name: plain for name, text in texts.items() if (plain := plain_text(text)) is not text}
+    return alike(type(facts), facts, **odd) if odd else facts
 
 
 def dtype_from(text: str) -> np.dtype[Any] | None:

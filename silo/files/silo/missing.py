@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.recording import RecordedElement, RecordedEntry, plain_element
+from silo.core.recording import RecordedElement, RecordedEntry, alike
 from silo.files.silo.format import FilledEntry, Missing
 
 _EXACT = 2**53
@@ -44,16 +44,16 @@ def _without_masks(
     columns = [entry.values for entry in element.entries]
     if not any(map(is_masked, columns)):
         return element
-    alike = len({column.dtype for column in columns}) == 1  # entries of one type stay of one type
+    same = len({column.dtype for column in columns}) == 1  # entries of one type stay of one type
     made: list[RecordedEntry] = []
-    together = change(columns) if alike else None
+    together = change(columns) if same else None
     for number, (entry, column) in enumerate(zip(element.entries, columns, strict=True)):
         if together is None and not is_masked(column):
             made.append(entry)
             continue
         (values,), fill = change([column]) if together is None else ([together[0][number]], together[1])
         made.append(FilledEntry(entry.name, entry.entry, values, Missing(column.dtype.str, fill)))
-    return plain_element(element, entries=tuple(made))
+    return alike(RecordedElement, element, entries=tuple(made))
 
 
 def _doubles(columns: Columns) -> tuple[Columns, None] | None:

@@ -222,7 +222,7 @@ def _by_facts(
         kind=facts.kind,
         shape=facts.shape,
         divider=row.divider,
-        buffer_type=facts.buffer,
+        buffer_type=facts.buffer_type,
         first=0,
         entries=(),
         description=facts.description,

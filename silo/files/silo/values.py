@@ -4,7 +4,7 @@ Both readers of the header make these: the quick one for files that are whole, t
 """
 
 from collections.abc import Callable, Mapping
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -12,31 +12,10 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.wide import from_wire
 from silo.core.elements import Entry
-from silo.core.recording import RecordedEntry, Recording
+from silo.core.recording import RecordedEntry, Recording, lazy_entry
 from silo.files.silo import format as form
 
 Type = np.dtype[Any]
-
-
-class FileEntry(RecordedEntry):
-    """An entry whose values are looked up in the file when they are first asked for; `file_entry` makes it."""
-
-    def __getattr__(self, name: str) -> NDArray[Any]:
-        # called for what is not there: a cached_property takes 1 us more for each of thousands of entries
-        if name != "values":
-            raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
-        fields = self.__dict__
-        data, offset, count, stored, logged = fields["place"]
-        values = stored_values(data, stored, count, offset)
-        if stored is not logged:
-            values = _as_logged(values, logged)
-        for at, number in fields.get("dashes", {}).items():
-            values[at] += b"-" * min(number, stored.itemsize)
-        missing: form.Missing | None = fields.get("missing")
-        if missing is not None:
-            values = missing.masked(values)
-        fields["values"] = values
-        return values
 
 
 class FileRecording(Recording):
@@ -66,15 +45,28 @@ def file_entry(
     dashes: at the end of which texts, counted from the first of the column, so many dashes are no padding.
     missing: how the column tells which of its values are missing, and what it was.
     """
-    made = FileEntry.__new__(FileEntry)
-    fields: dict[str, Any] = {"name": name, "entry": entry, "place": (data, offset, count, stored, logged)}
-    if dashes:
-        fields["dashes"] = {at - skipped: number for at, number in dashes.items() if 0 <= at - skipped < count}
+    at = {place - skipped: number for place, number in (dashes or {}).items() if 0 <= place - skipped < count}
+    load = partial(_loaded, data, offset, count, stored, logged, at, missing)
     if missing is not None:
-        fields["missing"] = missing
-        fields["entry"] = Entry(entry.suffix, missing.dtype, entry.labels)
-    object.__setattr__(made, "__dict__", fields)
-    return made
+        entry = Entry(entry.suffix, missing.dtype, entry.labels)
+    return lazy_entry(name, entry, load, logged if missing is None else missing.type_of(logged), count)
+
+
+def _loaded(
+    data: memoryview,
+    offset: int,
+    count: int,
+    stored: Type,
+    logged: Type,
+    dashes: Mapping[int, int],
+    missing: form.Missing | None,
+) -> NDArray[Any]:
+    values = stored_values(data, stored, count, offset)
+    if stored is not logged:
+        values = _as_logged(values, logged)
+    for at, number in dashes.items():
+        values[at] += b"-" * min(number, stored.itemsize)
+    return values if missing is None else missing.masked(values)
 
 
 def file_recording(load_time: Callable[[], NDArray[np.int64]], **facts: Any) -> Recording:

@@ -100,7 +100,7 @@ class FileElements(Sequence[RecordedElement]):
             "kind": facts.kind,
             "shape": facts.shape,
             "divider": kind.divider,
-            "buffer_type": facts.buffer,
+            "buffer_type": facts.buffer_type,
             "first": kind.first if facts.first is None else facts.first,
             "entries": tuple([self._entry(row + number, entry) for number, entry in enumerate(facts.entries)]),
             "description": facts.description,

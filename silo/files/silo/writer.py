@@ -54,7 +54,7 @@ def write_silo(recording: Recording, path: str | os.PathLike[str], progress: Pro
         looping, first = form.looping_and_first(element, stamps, recording.offset)
         facts.append(form.facts_line(form.ELEMENT_FACTS, form.element_facts(element, first)))
         sources += [_source(entry, element.divider, looping) for entry in element.entries]
-    facts += [form.facts_line(form.EVENT_FACTS, form.event_facts(event)) for event in recording.events]
+    facts += [form.facts_line(form.EVENT_FACTS, form.plain_texts(event)) for event in recording.events]
     header = _header(os.fspath(path), recording.offset, [row for row, _ in sources], facts)
     columns = list(_placed(sources, len(header)))
     with atomic_file(path) as file:

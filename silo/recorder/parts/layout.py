@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Conditions
 from silo.core.names import matching
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike
 from silo.errors import SaveError
 from silo.files.bags.events import LOG_TYPE, events_topic
 from silo.files.bags.ros_types import STRING, Channel, MessageType, channels_of, is_text
@@ -47,14 +47,13 @@ class ChannelLayout:
         """The recording without a sample: what its elements are."""
         elements = [self._recorded(element, None) for element in self.elements]
         names = {element.name for element in elements}
-        about = Recording(
-            logger=self.schema.logger,
-            time_ns=np.empty(0, np.int64),
+        empty = np.empty(0, np.int64)
+        about = alike(
+            Recording,
+            self.schema,
+            time_ns=empty,
             offset=0,
             elements=elements,
-            prefix=self.schema.prefix,
-            frequency_hz=self.schema.frequency_hz,
-            started_ns=self.schema.started_ns,
             time_looping=True,
             extras=self._extras(names),
         )
@@ -146,17 +145,13 @@ class ChannelLayout:
             if dtype.kind in "SU":
                 entry = _as_bytes(entry) if entry.name in self.as_bytes else utf8_entry(entry)
             entries.append(entry)
-        return RecordedElement(
-            name=info.name,
-            unit=info.unit,
-            kind=info.kind,
-            shape=info.shape,
+        return alike(
+            RecordedElement,
+            info,
             divider=info.options.divider if rows is None else 1,  # then rows count, not ticks
             buffer_type=BufferType.LOOPING,
             first=0,
             entries=tuple(entries),
-            description=info.description,
-            dtype=info.dtype,
         )
 
 
