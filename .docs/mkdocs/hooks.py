@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from silo import requests as messages
-from silo.cli.main import COMMANDS, cli
+from silo.cli.group import COMMANDS, cli
 from silo.files.formats import FORMATS, Keeps
 from silo_tui.actions import COMMANDS as ACTIONS
 

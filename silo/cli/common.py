@@ -2,22 +2,21 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
-from click.shell_completion import CompletionItem
 from click.types import StringParamType
 
-from silo.core.elements import FileType
 from silo.core.printing import printable
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
-from silo.files.formats import SAVED_NAMES, file_type
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from silo.client.client import Client
-    from silo.core.elements import ElementInfo, Status
+    from silo.core.elements import ElementInfo, FileType, Status
     from silo.fleet.discovery import Discovery
     from silo.net.found import LoggerAddress
 
@@ -231,7 +230,14 @@ def unknown_logger(logger: str | None) -> click.UsageError | None:
 # --------------------------------------------------------------------------------------------------------- completion
 
 
-def complete_logger(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+def items(words: Iterable[str], incomplete: str = "") -> "list[CompletionItem]":
+    """Return the words that begin so, as a shell takes them."""
+    from click.shell_completion import CompletionItem  # a module that no command needs
+
+    return [CompletionItem(word) for word in words if word.startswith(incomplete)]
+
+
+def complete_logger(ctx: click.Context, param: click.Parameter, incomplete: str) -> "list[CompletionItem]":
     """Complete names of the loggers that run."""
     from silo.net.found import told_apart
 
@@ -242,19 +248,19 @@ def complete_logger(ctx: click.Context, param: click.Parameter, incomplete: str)
     names = [one.name for one in loggers]
     apart = told_apart(loggers)
     labels = [one.name if names.count(one.name) == 1 else word for one, word in zip(loggers, apart, strict=True)]
-    return [CompletionItem(label) for label in labels if label.startswith(incomplete)]
+    return items(labels, incomplete)
 
 
-def complete_words(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+def complete_words(ctx: click.Context, param: click.Parameter, incomplete: str) -> "list[CompletionItem]":
     """Complete a logger first, then its elements."""
     words = ctx.params.get(param.name or "") or ()
-    items = complete_element(split_logger(words)[0], incomplete)
-    return items if words else [*complete_logger(ctx, param, incomplete), *items]
+    elements = complete_element(split_logger(words)[0], incomplete)
+    return elements if words else [*complete_logger(ctx, param, incomplete), *elements]
 
 
-def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem]:
+def complete_element(logger: str | None, incomplete: str) -> "list[CompletionItem]":
     """Complete names of elements; namespaces where there would be too many."""
-    from silo.requests.exchange import ask_once
+    from silo.fleet.exchange import ask_once
     from silo.rpc.declaring import request_of
     from silo.scripts.requests import TableRequests
 
@@ -264,12 +270,12 @@ def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem
     except (SiloError, click.UsageError):
         return []
     names = [info.name for info in (*reply.table.elements, *reply.table.derived)]
-    return [CompletionItem(name) for name in next_names(names, incomplete)]
+    return items(next_names(names, incomplete))
 
 
-def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str) -> "list[CompletionItem]":
     """Complete a logger, or a script on its side."""
-    from silo.requests.exchange import ask_once
+    from silo.fleet.exchange import ask_once
     from silo.rpc.declaring import request_of
     from silo.scripts.requests import TableRequests
 
@@ -280,7 +286,7 @@ def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str)
         reply = ask_once(found, request_of(TableRequests.scripts), 1.0)
     except (SiloError, click.UsageError):
         return loggers
-    return loggers + [CompletionItem(name) for name in reply.names if name.startswith(incomplete)]
+    return [*loggers, *items(reply.names, incomplete)]
 
 
 def next_names(names: Sequence[str], incomplete: str) -> list[str]:
@@ -340,6 +346,8 @@ def naming_ways_out(command: str, client: "Client") -> Iterator[None]:
 
 def types_option(command: _Command) -> _Command:
     """Return the option `--type`, to be read by `file_types`."""
+    from silo.files.formats import SAVED_NAMES
+
     return click.option(
         "-t",
         "--type",
@@ -352,8 +360,10 @@ def types_option(command: _Command) -> _Command:
     )(command)
 
 
-def file_types(names: Sequence[str]) -> tuple[FileType, ...]:
+def file_types(names: Sequence[str]) -> "tuple[FileType, ...]":
     """Return the file types of these names, each once."""
+    from silo.files.formats import file_type
+
     return tuple(found for name in dict.fromkeys(names) if (found := file_type(name)) is not None)
 
 

@@ -16,7 +16,7 @@ def completion(shell: str) -> None:
     zsh    add to ~/.zshrc:    eval "$(silo completion zsh)"
     fish   run once:           silo completion fish > ~/.config/fish/completions/silo.fish
     """
-    from silo.cli.main import cli
+    from silo.cli.group import cli
 
     maker = get_completion_class(shell)
     if maker is None:

@@ -22,6 +22,7 @@ from silo.core.elements import SavedFile, Sought
 from silo.core.printing import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SiloError
 from silo.fleet.discovery import discover
+from silo.fleet.exchange import NoAnswerError, client_name
 from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream, by_of
 from silo.history.search_requests import FindMoments, MeasureSpan
 from silo.live.requests import GetSurvey, OpenView, Survey
@@ -29,7 +30,6 @@ from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
 from silo.net.found import LoggerAddress
 from silo.recordings.requests import RecordingRequests
 from silo.requests import AnyReply
-from silo.requests.exchange import NoAnswerError, client_name
 from silo.rpc.declaring import Ask, Do, ReplyT, Request
 from silo.rpc.published import Event
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked

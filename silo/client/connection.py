@@ -22,14 +22,14 @@ import zenoh
 from silo.core.elements import State
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.fleet.discovery import namesakes
+from silo.fleet.exchange import exchange, root_at
+from silo.fleet.many import Pending
 from silo.fleet.near import seen_now
 from silo.net import keys
 from silo.net.found import LoggerAddress
 from silo.net.session import owner_is_gone
 from silo.net.sessions import SessionLease, borrow, give_back, undeclare
 from silo.requests import AnyReply
-from silo.requests.exchange import exchange, root_at
-from silo.requests.many import Pending
 from silo.rpc.clocks import TheirClock
 from silo.rpc.declaring import Do, Request
 from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign

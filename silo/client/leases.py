@@ -10,10 +10,10 @@ import msgspec
 
 from silo.client.connection import Connection
 from silo.control.requests import TakeControl
+from silo.fleet.exchange import decode_reply
+from silo.fleet.many import Pending
 from silo.history.requests import ClosePin, CloseStream, KeepPin, OpenStream, StreamOpened
 from silo.live.requests import CloseView, OpenView, ViewOpened
-from silo.requests.exchange import decode_reply
-from silo.requests.many import Pending
 from silo.rpc.declaring import Done, Request
 from silo.rpc.refusals import Refused, RefusedWhy
 

@@ -14,7 +14,6 @@ import pwd
 import stat
 import struct
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -35,7 +34,11 @@ _BYTE_LOCK = struct.Struct("hhqqi4x")  # `struct flock` of the kernel
 def shared_memory_root() -> Path:
     """Return `/dev/shm`, or the temporary folder where a system has none."""
     root = Path("/dev/shm")
-    return root if root.is_dir() else Path(tempfile.gettempdir())
+    if root.is_dir():
+        return root
+    import tempfile  # 5 ms for what no system of ours needs
+
+    return Path(tempfile.gettempdir())
 
 
 def user_name(uid: int) -> str:

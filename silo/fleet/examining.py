@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 from silo.errors import ConnectionLostError, VersionError
 from silo.fleet.discovery import discover
+from silo.fleet.exchange import ask_once, exchange
 from silo.net.access.probing import Layer, LayerError, reach, tls_problem
 from silo.net.configuration import find_file, from_file, user_of
 from silo.net.found import LoggerAddress, told_apart
 from silo.net.sessions import borrowed
-from silo.requests.exchange import ask_once, exchange
 from silo.state.requests import Hello, HelloReply
 from silo.version import VERSION
 

@@ -16,6 +16,9 @@ import msgspec
 import zenoh
 
 from silo.errors import ConnectionLostError, SiloError, VersionError
+from silo.fleet.exchange import client_name, decode_reply, root_at
+from silo.fleet.many import POLL_S as ANSWERED_S
+from silo.fleet.many import Asking
 from silo.fleet.member import NO_ANSWER, OTHER_SILO, Member
 from silo.fleet.memory import remembered
 from silo.fleet.routers import AskedRouters, RouterTold, told_of
@@ -24,9 +27,6 @@ from silo.net.access.probing import REACH_S, Layer, LayerError
 from silo.net.configuration import find_file, from_file, user_of
 from silo.net.found import LoggerAddress
 from silo.net.sessions import SessionLease, borrowed, undeclare
-from silo.requests.exchange import client_name, decode_reply, root_at
-from silo.requests.many import POLL_S as ANSWERED_S
-from silo.requests.many import Asking
 from silo.rpc.declaring import Ask
 from silo.rpc.foreign import NOT_UNDERSTOOD
 from silo.rpc.published import Summary
@@ -349,7 +349,9 @@ class FleetLink:
             try:
                 if payload is None:
                     raise ConnectionLostError(f"{who} {self._silence}")
-                changes.append((key, _answering(checked(self._question, decode_reply(payload, who)))))
+                changes.append(
+                    (key, _answering(checked(self._question, decode_reply(payload, who, type(self._question)))))
+                )
             except SiloError as error:
                 self._silent[key] = time.monotonic() + AGAIN_S
                 changes.append((key, _failing(error)))

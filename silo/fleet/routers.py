@@ -5,7 +5,7 @@ a logger does, under a name that no logger can have: everybody who may look at r
 rules. It has no token: clients before this one see nothing of it.
 """
 
-import secrets
+import os
 import socket
 import time
 from collections.abc import Callable
@@ -17,9 +17,9 @@ import zenoh
 
 from silo.core.elements import State
 from silo.errors import SiloError
+from silo.fleet.exchange import decode_reply, encoded
 from silo.net import keys
 from silo.net.sessions import SessionLease
-from silo.requests.exchange import decode_reply, encoded
 from silo.rpc.published import MOST_REASON, Summary
 from silo.state.requests import GetSummary, SummaryReply
 
@@ -56,7 +56,7 @@ class RouterFeed:
 
     def __init__(self, session: zenoh.Session, refusals: Refusals) -> None:
         self._refusals = refusals
-        root = keys.Root(socket.gethostname(), NAME, secrets.token_hex(5))
+        root = keys.Root(socket.gethostname(), NAME, os.urandom(5).hex())
         self._key = root.key("ask")  # also in answers to questions with wildcards
         self._questions = session.declare_queryable(self._key, self._answer)
         self._publisher = session.declare_publisher(
@@ -106,7 +106,7 @@ class AskedRouters:
 
 def _told_by(root: keys.Root, payload: bytes) -> RouterTold | None:
     try:
-        reply = decode_reply(payload, f"router {root.host}")
+        reply = decode_reply(payload, f"router {root.host}", GetSummary)
     except SiloError:
         return None  # of a silo that says it otherwise
     return told_of(root, reply.summary) if isinstance(reply, SummaryReply) else None

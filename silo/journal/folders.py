@@ -7,7 +7,6 @@ which no journal is any more. Needs no NumPy: `silo ls` looks here each time.
 """
 
 import contextlib
-import hashlib
 import os
 import time
 from pathlib import Path
@@ -32,6 +31,8 @@ def remember_folder(folder: Path, kind: str = JOURNALS) -> None:
     target = folder.absolute()
     links = _links(kind)
     links.mkdir(mode=0o700, parents=True, exist_ok=True)
+    import hashlib  # loads OpenSSL: `silo ls` reads what is remembered, and remembers nothing
+
     link = links / hashlib.blake2b(os.fsencode(target), digest_size=8).hexdigest()
     with contextlib.suppress(FileNotFoundError):
         os.utime(link, follow_symlinks=False)

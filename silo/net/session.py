@@ -9,7 +9,6 @@ import contextlib
 import fcntl
 import json
 import os
-import secrets
 import socket
 import time
 from pathlib import Path
@@ -195,7 +194,7 @@ def open_server(
                 key_file(path).write_text(str(root))
             if grouped:
                 for file in (own_file(path), group_file(path)):
-                    write_private(file, secrets.token_hex(16))
+                    write_private(file, os.urandom(16).hex())
             session = zenoh.open(settings)
             if config is not None:
                 releasing.begin(session)
@@ -259,7 +258,7 @@ def _let_local_clients_in(settings: zenoh.Config, path: Path) -> None:
         lines = Path(users).read_text().rstrip("\n") + "\n" if users else ""
     except OSError as error:
         raise ConnectionLostError(f"{users}: can't read the users and passwords: {error.strerror}") from error
-    secret = f"local:{secrets.token_hex(16)}\n"
+    secret = f"local:{os.urandom(16).hex()}\n"
     for file, text in ((_users_file(path), f"{lines}{secret}"), (secret_file(path), secret)):
         write_private(file, text)
     settings.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(_users_file(path))))

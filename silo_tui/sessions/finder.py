@@ -89,9 +89,9 @@ class ClientFinder:
 
         The first time it waits until all ways were tried: one that comes at once needn't be the only one.
         """
+        from silo.fleet.exchange import client_name
         from silo.fleet.fleet import Fleet
         from silo.fleet.near import down_text
-        from silo.requests.exchange import client_name
 
         self._own_name = client_name()
         if self._fleet is None:

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import silo
-from silo.cli.main import cli
+from silo.cli.group import cli
 from silo.files.bags.index import read_index
 from silo.files.bags.metadata import pack_times, unpack_facts, unpack_times
 from silo.files.mcap import chunks as mcap_chunks

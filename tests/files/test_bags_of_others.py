@@ -16,7 +16,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import silo
-from silo.cli.main import cli
+from silo.cli.group import cli
 from silo.files.others import mcap_file
 
 START = 1_700_000_000 * 10**9

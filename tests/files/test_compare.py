@@ -10,7 +10,7 @@ from click.testing import CliRunner
 import silo
 from silo.analysis import compare as comparing
 from silo.analysis.compare import differences
-from silo.cli.main import cli
+from silo.cli.group import cli
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 

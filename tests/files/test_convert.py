@@ -16,7 +16,7 @@ import scipy.io
 from click.testing import CliRunner
 
 import silo
-from silo.cli.main import cli
+from silo.cli.group import cli
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError, LogNotFoundError, SaveError, SiloError

@@ -7,9 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 import silo
+from silo.cli.group import cli
 from silo.cli.loggers.events import events
 from silo.cli.loggers.info import info
-from silo.cli.main import cli
 from silo.errors import FileFormatError, LogNotFoundError
 from silo_tui.cli import _file
 

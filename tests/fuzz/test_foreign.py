@@ -15,6 +15,7 @@ import pytest
 
 from silo.core.elements import State
 from silo.errors import ConnectionLostError, SiloError
+from silo.fleet.exchange import decode_reply
 from silo.history.arrays import Gathering, Stream
 from silo.history.found_moments import found_of
 from silo.history.requests import Columns, OpenStream, SampleRows, StreamOpened
@@ -23,7 +24,6 @@ from silo.history.search_requests import FoundIn, MomentsFound
 from silo.live.requests import OpenView, ViewOpened
 from silo.live.topic import batch_of
 from silo.live.view import View, history_columns
-from silo.requests.exchange import decode_reply
 from silo.rpc.foreign import MOST, Foreign
 from silo.rpc.published import Event, EventKind, NotLive, Summary, ViewFrame
 

@@ -34,6 +34,7 @@ from silo.core.elements import (
     TriggerOptions,
 )
 from silo.errors import SiloError
+from silo.fleet.exchange import decode_reply, encoded
 from silo.helper.requests import decode_ask, decode_do
 from silo.helper.robot_link import RobotLink
 from silo.helper.saver import Saver
@@ -92,7 +93,6 @@ from silo.requests import (
     Stop,
     TryTrigger,
 )
-from silo.requests.exchange import decode_reply, encoded
 from silo.rpc.declaring import Request, leaves
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered

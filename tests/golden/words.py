@@ -4,7 +4,7 @@ from inspect import cleandoc
 
 import click
 
-from silo.cli.main import cli as silo
+from silo.cli.group import cli as silo
 from silo_tui.cli import command as silo_tui
 
 

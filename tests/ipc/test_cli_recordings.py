@@ -8,10 +8,10 @@ import msgspec
 import pytest
 from click.testing import CliRunner
 
-from silo.cli.main import cli
+from silo.cli.group import cli
 from silo.client.client import Client
 from silo.errors import RefusedError
-from silo.requests.exchange import client_name
+from silo.fleet.exchange import client_name
 from silo.rpc.published import EventKind
 from tests.ipc.conftest import Heard
 from tests.waiting import wait_until

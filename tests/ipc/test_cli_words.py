@@ -8,12 +8,15 @@ from pathlib import Path
 
 import pytest
 
+import silo
 from silo.cli.common import next_names, show_duration, split_logger
 from silo.cli.edits import select, split_settings
-from silo.cli.main import COMMANDS, EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, cli, run
+from silo.cli.group import COMMANDS, cli
+from silo.cli.main import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, run
 from silo.core.elements import Action, BufferType, ElementOptions
 from silo.errors import ElementError
 from silo.settings.typed import ElementSettings, RelativeValue, apply_settings, read_settings
+from silo.version import VERSION
 from tests.waiting import DEADLINE_S
 
 NAMES = ["/log/base/pose", "/log/base/twist", "/log/legs/LF/torque", "/log/legs/RF/torque", "/log/legs/RF/contact"]
@@ -213,6 +216,38 @@ def test_ctrl_c_is_quiet(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 
 def test_a_closed_pipe_is_quiet() -> None:
     shell = f"{sys.executable} -c 'from silo.cli import main; main()' --help | true"
+    done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, timeout=DEADLINE_S, check=False)
+    assert done.stderr == ""
+
+
+@pytest.mark.slow
+def test_the_version_is_said_before_anything_is_loaded_that_parses_words() -> None:
+    lines = (
+        "import sys; sys.argv[1:] = ['--version']",
+        "try: from silo.cli import main; main()",
+        "except SystemExit as end:",
+        "    print(end.code, [name for name in ('click', 'msgspec', 'typing', 'pathlib') if name in sys.modules])",
+    )
+    home = str(Path(silo.__file__).parents[1])
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", "\n".join(lines)],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=True,
+        env=dict(os.environ, PYTHONPATH=home),
+    )
+    assert done.stdout.splitlines() == [f"silo, version {VERSION}", "0 []"]
+
+
+def test_the_version_is_the_same_wherever_it_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--read-only", "--version"]) == 0
+    assert capsys.readouterr().out == f"silo, version {VERSION}\n"
+
+
+@pytest.mark.slow
+def test_a_version_that_nobody_reads_is_quiet() -> None:
+    shell = f"{sys.executable} -c 'from silo.cli import main; main()' --version | true"
     done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, timeout=DEADLINE_S, check=False)
     assert done.stderr == ""
 

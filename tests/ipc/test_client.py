@@ -18,7 +18,7 @@ from silo.client.connection import Connection
 from silo.errors import ConnectionLostError
 from silo.fleet.discovery import discover
 from silo.fleet.fleet import surveyed
-from silo.requests.many import Asking
+from silo.fleet.many import Asking
 from silo.rpc.published import EventKind
 from tests.waiting import DEADLINE_S
 
@@ -183,7 +183,7 @@ def test_table_of_ten_thousand_elements_arrives(runtime, tmp_path) -> None:
 # Python may lie where only root can read: all is imported, then the rights are dropped
 PERSON = """
 import os, sys, encodings.idna
-from silo.requests.many import Asking
+from silo.fleet.many import Asking
 from silo.client.connect import Client
 from silo.client.connection import Connection
 from silo.errors import SiloError

@@ -25,7 +25,7 @@ from silo.bridges.listening import bound
 from silo.bridges.services import services
 from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
-from silo.requests.exchange import client_name
+from silo.fleet.exchange import client_name
 from tests import chromium
 from tests.ipc.conftest import Bench
 from tests.waiting import DEADLINE_S, wait_until

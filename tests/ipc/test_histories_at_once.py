@@ -8,9 +8,9 @@ import pytest
 import zenoh
 
 from silo.core.arrays.columns import MAX_COLUMNS
+from silo.fleet.exchange import decode_reply, encoded
 from silo.history.requests import Columns, GetHistory
 from silo.net.session import close, open_client
-from silo.requests.exchange import decode_reply, encoded
 from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow

@@ -10,8 +10,8 @@ import pytest
 from silo.client.client import Client
 from silo.core.elements import FileType, TriggerOptions
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError
+from silo.fleet.exchange import decode_reply, encoded
 from silo.requests import AddMark
-from silo.requests.exchange import decode_reply, encoded
 from silo.rpc.clocks import clock_s
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy

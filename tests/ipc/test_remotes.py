@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import silo
-from silo.cli.main import EXIT_NO_LOGGER, EXIT_USAGE, cli, run
+from silo.cli.group import cli
+from silo.cli.main import EXIT_NO_LOGGER, EXIT_USAGE, run
 from silo.cli.network.authority import Made, make_network, robot_of, role_of
 from silo.errors import RefusedError, SiloError
 from silo.fleet.examining import examine
@@ -349,7 +350,7 @@ def test_a_user_whom_no_rule_names_is_a_matter_of_the_role(network, tmp_path) ->
 
 @pytest.mark.slow
 def test_another_silo_is_a_matter_of_the_version(network, monkeypatch) -> None:
-    monkeypatch.setattr("silo.requests.exchange.PROTOCOL", PROTOCOL)
+    monkeypatch.setattr("silo.fleet.exchange.PROTOCOL", PROTOCOL)
     monkeypatch.setattr("silo.rpc.versions.PROTOCOL", PROTOCOL + 1)
     failed = failure(str(network.made.clients["alice"]))
     assert (failed.layer, "runs an older silo" in str(failed)) == (Layer.VERSION, True)

@@ -22,10 +22,10 @@ from silo.cli.network.authority import Made, make_network
 from silo.client.client import Client
 from silo.errors import ConnectionLostError, RefusedError
 from silo.fleet.discovery import discover
+from silo.fleet.exchange import exchange
 from silo.fleet.fleet import Fleet
 from silo.net.session import close, open_router
 from silo.net.sessions import borrowed
-from silo.requests.exchange import exchange
 from silo.state.requests import Hello
 from silo.version import VERSION
 from silo_tui.sessions.finder import ClientFinder

@@ -13,12 +13,12 @@ import silo
 from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, FileType, State
 from silo.errors import RefusedError
+from silo.fleet.exchange import encoded
 from silo.history.requests import GetHistory
 from silo.live.requests import OpenView
 from silo.net.keys import ANY_ALIVE
 from silo.net.session import close, open_client
 from silo.recordings.requests import Save
-from silo.requests.exchange import encoded
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import ApplyEdits

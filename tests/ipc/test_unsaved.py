@@ -13,11 +13,11 @@ from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
 from silo.errors import GoesOnError, RefusedError
 from silo.files.event_log import read_events
+from silo.fleet.exchange import encoded
 from silo.journal.holdings import segment_holdings
 from silo.live.requests import OpenView
 from silo.net.session import MAX_MESSAGE_BYTES, close, open_client
 from silo.requests import Stop
-from silo.requests.exchange import encoded
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import ApplyEdits

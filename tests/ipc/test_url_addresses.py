@@ -11,7 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 import silo
-from silo.cli.main import cli, run
+from silo.cli.group import cli
+from silo.cli.main import run
 from silo.errors import ConnectionLostError, ElementError
 from silo.net.addresses import Address, logger_of, parse_url, url_of, zenoh_settings
 from silo.net.found import LoggerAddress

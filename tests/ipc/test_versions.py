@@ -12,11 +12,11 @@ import silo
 from silo.cli.main import EXIT_NO_LOGGER, run
 from silo.client.client import Client
 from silo.errors import ConnectionLostError, RefusedError, VersionError
+from silo.fleet.exchange import decode_reply, encoded
 from silo.fleet.fleet import surveyed
 from silo.helper.requests import decode_ask, decode_do
 from silo.net.session import close, open_client
 from silo.requests import GetStatus, Start
-from silo.requests.exchange import decode_reply, encoded
 from silo.rpc.declaring import Done, Request, leaves
 from silo.rpc.published import Event, EventKind, ViewFrame
 from silo.rpc.refusals import Refused, RefusedWhy, answered, checked
@@ -187,7 +187,7 @@ def test_silo_ls_lists_a_logger_of_another_silo_as_such(other, capsys) -> None:
 
 
 def test_a_logger_that_comes_back_with_another_silo_is_told_as_such(bench, client, monkeypatch) -> None:
-    monkeypatch.setattr("silo.requests.exchange.PROTOCOL", PROTOCOL)
+    monkeypatch.setattr("silo.fleet.exchange.PROTOCOL", PROTOCOL)
     monkeypatch.setattr("silo.rpc.versions.PROTOCOL", PROTOCOL + 1)  # from now on ours is the newer one
     bench.serving.close()
     wait_until(lambda: not client.connected)

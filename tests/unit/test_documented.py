@@ -12,9 +12,9 @@ import pytest
 
 import silo
 from silo import errors
+from silo.fleet.exchange import encoded
 from silo.live.topic import Batch, Topic
 from silo.requests import GetStatus
-from silo.requests.exchange import encoded
 from silo.rpc.versions import PROTOCOL
 
 ERRORS = {name for name, found in vars(errors).items() if inspect.isclass(found)} | {"ExpressionError"}

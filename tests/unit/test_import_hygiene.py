@@ -15,13 +15,27 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # module -> what must not be loaded in a process that imported nothing else
 NOT_LOADED = {
-    "silo": ["numpy", "zenoh", "textual", "plotext", "msgspec"],
+    "silo": ["numpy", "zenoh", "textual", "plotext", "msgspec", "typing"],
     "silo.core.elements": ["numpy", "zenoh", "textual"],
     "silo.core.kinds": ["numpy", "silo.segment", "silo.journal", "silo.loop", "silo.files"],
     "silo.files.formats": ["numpy", "silo.files.saving"],
     "silo.requests": ["numpy", "zenoh", "textual"],
     "silo.client.connect": ["numpy", "textual", "plotext"],
-    "silo.cli": ["numpy", "zenoh", "textual", "plotext", "silo_tui"],
+    "silo.cli": ["numpy", "zenoh", "textual", "plotext", "silo_tui", "click", "msgspec", "typing"],
+    "silo.fleet.discovery": [
+        "numpy",
+        "textual",
+        "silo.client",
+        "silo.conditions",
+        "silo.files",
+        "silo.history",
+        "silo.live",
+        "silo.requests",
+        "silo.scripts",
+        "hashlib",
+        "html",
+        "tempfile",
+    ],
     "silo.logger.logger": [
         "zenoh",
         "textual",

@@ -1,5 +1,7 @@
 """One request, one reply: encoding, waiting, and turning silence into words. Used by everything that asks a helper."""
 
+import contextlib
+import functools
 import os
 import socket
 import sys
@@ -14,16 +16,14 @@ from silo.errors import ConnectionLostError, VersionError
 from silo.net import keys
 from silo.net.found import LoggerAddress
 from silo.net.sessions import SessionLease, borrowed
-from silo.requests import AnyReply
 from silo.rpc.clocks import UNKNOWN, TheirClock
-from silo.rpc.declaring import Do, ReplyT, Request
+from silo.rpc.declaring import Do, GoesOn, Reply, ReplyT, Request, reply_type
 from silo.rpc.foreign import NOT_UNDERSTOOD
-from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked
+from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked
 from silo.rpc.versions import PROTOCOL, robot_problem
 from silo.state.requests import HelloReply
 
 _encoder = msgspec.msgpack.Encoder()
-_reply_decoder = msgspec.msgpack.Decoder(AnyReply)
 
 
 class _Peer(msgspec.Struct):
@@ -36,6 +36,20 @@ class _Peer(msgspec.Struct):
 
 
 _peer_decoder = msgspec.msgpack.Decoder(_Peer)
+
+
+@functools.cache
+def _decoder(kind: type[Request[Any]]) -> msgspec.msgpack.Decoder[Reply]:
+    """Return what decodes the replies that a request can have, and no others: `silo ls` loads what it asks for."""
+    return msgspec.msgpack.Decoder(reply_type(kind) | Refused | GoesOn)
+
+
+@functools.cache
+def _any_decoder() -> msgspec.msgpack.Decoder[Reply]:
+    """Return what decodes all replies, for which all requests are loaded."""
+    from silo.requests import AnyReply
+
+    return msgspec.msgpack.Decoder(AnyReply)
 
 
 def encoded(request: Request[Any], until_s: float = 0.0) -> bytes:
@@ -104,7 +118,7 @@ def exchange(
     as_change: bool = False,
     refused: bool = False,
     clock: TheirClock = UNKNOWN,
-) -> AnyReply:
+) -> Reply:
     """Send a request and wait for its reply, longer over a slow link.
 
     `as_change` sends one that reads as one that changes something; `refused` sends a change to where is told why it
@@ -124,7 +138,7 @@ def exchange(
         raise ConnectionLostError(f"lost the connection to {who}: {error}") from error
     for reply in replies:
         if (found := payload_of(reply, key)) is not None:
-            return decode_reply(found, who)
+            return decode_reply(found, who, type(request))
     if replies:
         raise ConnectionLostError(
             f"{who} did not answer within {timeout_s:g} s: its helper process is frozen or overloaded; try again"
@@ -135,14 +149,14 @@ def exchange(
     )
 
 
-def decode_reply(payload: bytes, who: str) -> AnyReply:
-    """Decode a reply.
+def decode_reply(payload: bytes, who: str, kind: type[Request[Any]] | None = None) -> Reply:
+    """Decode a reply, the quicker where it is known of which `kind` of request.
 
     Raises VersionError for a hello of a helper process that can't be asked, ConnectionLostError for what can't be
     understood.
     """
     try:
-        reply: AnyReply = _reply_decoder.decode(payload)
+        reply = _decoded(payload, kind)
     except NOT_UNDERSTOOD as error:
         _check_peer(payload, who)
         raise ConnectionLostError(
@@ -152,6 +166,13 @@ def decode_reply(payload: bytes, who: str) -> AnyReply:
     if isinstance(reply, HelloReply) and (problem := robot_problem(who, reply.protocol, reply.oldest, reply.version)):
         raise VersionError(problem)
     return reply
+
+
+def _decoded(payload: bytes, kind: type[Request[Any]] | None) -> Reply:
+    if kind is not None:
+        with contextlib.suppress(*NOT_UNDERSTOOD):
+            return _decoder(kind).decode(payload)
+    return _any_decoder().decode(payload)  # of another request, then: that is told by whoever asked
 
 
 def _check_peer(payload: bytes, who: str) -> None:

@@ -8,9 +8,9 @@ from typing import Any, Generic, TypeVar
 import zenoh
 
 from silo.errors import ConnectionLostError
+from silo.fleet.exchange import encoded, key_of, payload_of
 from silo.net.keys import Root
 from silo.net.sessions import SessionLease
-from silo.requests.exchange import encoded, key_of, payload_of
 from silo.rpc.clocks import UNKNOWN, TheirClock
 from silo.rpc.declaring import Do, Request
 
