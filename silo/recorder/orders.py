@@ -1,6 +1,7 @@
 """What travels between a recorder and the process that started it: msgspec structs in JSON, a packet each."""
 
 import os
+from functools import partial
 
 import msgspec
 
@@ -59,13 +60,8 @@ class Finish(msgspec.Struct, frozen=True, tag=True):
     died: bool = False
 
 
-class Report(msgspec.Struct, frozen=True):
-    """How far a recorder is. Counts are of all its parts since the order; `size_bytes` is what stands on the disk.
-
-    `finished` is a part that was just finished, `told` what clients are to hear: losses, parts that were closed;
-    `told_run` and `told_tick` say where a loss begins, of a run that may be over. `done` is a run that stands in parts
-    from end to end.
-    """
+class Progress(msgspec.Struct):
+    """How far a recorder is. Counts are of all its parts since the order; `size_bytes` is what stands on the disk."""
 
     state: RecorderState
     text: str = ""
@@ -75,11 +71,24 @@ class Report(msgspec.Struct, frozen=True):
     written_bytes: int = 0
     samples: int = 0
     lost: int = 0
+
+
+class Report(Progress):
+    """With it, what is told once.
+
+    `finished` is a part that was just finished, `told` what clients are to hear: losses, parts that were closed;
+    `told_run` and `told_tick` say where a loss begins, or a recorder failed, of a run that may be over. `done` is a run
+    that stands in parts from end to end.
+    """
+
     finished: str = ""
     told: str = ""
     done: str = ""
     told_run: str = ""
     told_tick: int = -1
+
+
+News = partial[Report]  # what is told, to be sent with how far the recorder is by then
 
 
 Command = Follow | NewConditions | Finish

@@ -30,6 +30,7 @@ from silo.recorder.orders import (
     TEXT_BYTES,
     Finish,
     Follow,
+    News,
     RecordOrder,
     Report,
     decode_command,
@@ -38,7 +39,7 @@ from silo.recorder.orders import (
 )
 from silo.recorder.parts.layout import ending, layout_of
 from silo.recorder.ring_cursor import DROPPED, MOST_PERIOD_S, Drained, RingCursor
-from silo.recorder.writing import EventCheck, ExtrasChange, News, RecorderDisk, RunBegins, RunEnds, Settle, Writing
+from silo.recorder.writing import EventCheck, ExtrasChange, RecorderDisk, RunBegins, RunEnds, Settle, Writing
 from silo.recovery.parts import Closing, fewer_rows, left_rows
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows
@@ -49,6 +50,7 @@ CATCH_UP_S = 60.0  # until then what a predecessor left stays open, as to close 
 REPORT_S = 1.0
 RELEASE_S = 5.0  # how often memory pages of the rings are let go of, which would count as the recorder's own
 PREDECESSOR_S = 60.0  # how long one that ends may take to finish its part
+MOST_NEWS = 20
 MOST_MISSED = 100  # runs that are missing, counted one by one
 OLD_RUN_S = 5.0  # a run that doesn't end although the next one began
 
@@ -85,7 +87,6 @@ class Recorder:
         self._settled = False
         self._begun_s = time.monotonic()
         self._next_since_s = 0.0
-        self._news: list[str] = []
 
     def run(self) -> RecorderState:
         """Record until told to end; returns how it ended."""
@@ -107,9 +108,9 @@ class Recorder:
         else:
             ledger.begin_order(self._order.order)
         self._left = ledger.written.run, ledger.written.next_rows
+        self._writing = Writing(self._order, ledger, self._disk)
         self._look_for_gone()
         self._last_number = max((entry.number for entry in ledger.written.runs), default=0)
-        self._writing = Writing(self._order, ledger, self._disk)
         self._writing.start()
         problem = ""
         try:
@@ -133,9 +134,11 @@ class Recorder:
             totals.state, totals.text = RecorderState.ENDED, self._why
         if problem:
             totals.state, totals.text = RecorderState.FAILED, problem
+            if self._drain is not None:
+                self._writing.end_news = News(Report, told_run=self._drain.reader.schema.run)
         if gone := ledger.sums().gone:
             totals.text += f"; the end of {gone} run{'s' if gone > 1 else ''} is in no file"
-        while totals.finished or totals.told or totals.done or self._news:
+        while self._writing.news:
             self._send(self._report())
         self._send(self._report())
         return totals.state
@@ -152,7 +155,7 @@ class Recorder:
                 self._tell_gone(f"{number} of the logger is not recorded to its end: {entry.gone}")
 
     def _tell_gone(self, text: str) -> None:
-        self._news.append(text)
+        self._tell_clients(text)
         self._gone = "; ".join(filter(None, [self._gone, text]))
 
     def on_term(self, _number: int, _frame: object) -> None:
@@ -194,7 +197,7 @@ class Recorder:
             run.schema = msgspec.structs.replace(run.schema, extras=extras)
             self._runs.append(run)
         except SegmentError as error:
-            self._news.append(f"a run can't be recorded: {error}")
+            self._tell_clients(f"a run can't be recorded: {error}")
         self._next_since_s = time.monotonic()
 
     def _change(self, extras: Conditions) -> None:
@@ -208,31 +211,24 @@ class Recorder:
 
     def _tell(self) -> None:
         now_s = time.monotonic()
-        totals = self._writing.totals
-        if now_s - self._reported_s >= REPORT_S or totals.finished or totals.told or totals.done or self._news:
+        if now_s - self._reported_s >= REPORT_S or self._writing.news:
             self._reported_s = now_s
             self._send(self._report())
 
     def _report(self) -> Report:
-        totals = self._writing.totals
-        told = News(self._news.pop(0)) if self._news else totals.told.pop(0) if totals.told else News("")
-        if len(totals.told) > 20:  # a disk that is too slow for ever: the sum is told
-            del totals.told[:]
-        return Report(
-            totals.state,
-            totals.text[:TEXT_BYTES],
-            totals.part,
-            totals.parts,
-            totals.size_bytes,
-            totals.written_bytes + self._writing.open_bytes,
-            totals.samples,
-            totals.lost,
-            totals.finished.pop(0) if totals.finished else "",
-            told.text[:TEXT_BYTES],
-            totals.done.pop(0) if totals.done else "",
-            told.run,
-            told.tick,
-        )
+        writing = self._writing
+        one = writing.news.popleft() if writing.news else writing.end_news
+        if len(writing.news) > MOST_NEWS:  # a disk that is too slow for ever: the sum is told
+            for _ in range(len(writing.news)):
+                news = writing.news.popleft()
+                if "told" not in news.keywords:
+                    writing.news.append(news)
+        totals = writing.totals
+        told = {"text": totals.text[:TEXT_BYTES], "written_bytes": totals.written_bytes + writing.open_bytes}
+        return one(**{**msgspec.structs.asdict(totals), **told})
+
+    def _tell_clients(self, text: str) -> None:
+        self._writing.news.append(News(Report, told=text[:TEXT_BYTES]))
 
     def _send(self, report: Report) -> None:
         """Whoever doesn't read gets the next one: nothing waits for it, but for the last one."""
@@ -305,9 +301,10 @@ class Recorder:
             return
         self._settled = True
         closed, problems = (self._closing or Closing(self._ledger.folder)).result()
-        self._news += [*(part.text for part in closed), *problems]
+        for text in [*(part.text for part in closed), *problems]:
+            self._tell_clients(text)
         if lost := fewer_rows(closed, self._order.name, *self._left):
-            self._news.append(f"the part that a killed recorder left was damaged: {lost} rows of it are lost")
+            self._tell_clients(f"the part that a killed recorder left was damaged: {lost} rows of it are lost")
         self._writing.put(Settle(tuple(closed)))
 
     def _begin_run(self) -> bool:
@@ -316,7 +313,7 @@ class Recorder:
             schema = reader.schema
             entry = self._ledger.written.entry(schema.run)
             if entry is not None and entry.done:
-                self._writing.totals.done.append(schema.run)
+                self._writing.news.append(News(Report, done=schema.run))
                 reader.close()
                 continue
             begin = self._begin_of(reader)
@@ -356,10 +353,10 @@ class Recorder:
         """Have a run begin in the files, with events from `since` on; tell what can't be recorded without end."""
         layout = drain.layout
         if not layout.elements:
-            self._news.append(f"nothing of this run is recorded: no element matches {' '.join(self._order.patterns)}")
+            self._tell_clients(f"nothing of this run is recorded: no element matches {' '.join(self._order.patterns)}")
         elif names := ending(layout):
             shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
-            self._news.append(
+            self._tell_clients(
                 f"{len(names)} elements come to an end when their buffers are full ({shown}): set "
                 "buffer_type=looping to record them without end"
             )

@@ -381,7 +381,9 @@ class EndlessRecordings:
             if not failed:
                 recorder.runs.clear()
         told = f"recording '{recorder.order.name}' ended: {text}; {sums.text}"
-        self._failed(told, recorder.kept.by) if failed else self._tell(told)
+        # a recorder that fails may be behind: what it failed at is of a run that may be over
+        run, tick = recorder.report.told_run, recorder.report.told_tick
+        self._failed(told, recorder.kept.by, run, tick if run else None) if failed else self._tell(told)
         recorder.reported.set()
         recorder.ended.set()
         with self._lock:
@@ -416,9 +418,9 @@ class EndlessRecordings:
         log.info("%s", text)
         self._events.publish(EventKind.RECORDING, text, by=by, run=run, tick=tick)
 
-    def _failed(self, text: str, by: str) -> None:
+    def _failed(self, text: str, by: str, run: str = "", tick: int | None = None) -> None:
         log.warning("%s", text)
-        self._events.publish(EventKind.RECORDING_FAILED, text, by=by)
+        self._events.publish(EventKind.RECORDING_FAILED, text, by=by, run=run, tick=tick)
 
 
 def _info(recorder: RecorderProcess) -> RecorderInfo:

@@ -25,7 +25,7 @@ from silo.files.mcap.writer import Write
 from silo.files.parts.metadata import EVENTS_RING
 from silo.journal.folders import RECORDINGS, remember_folder
 from silo.recorder.event_tail import EventTail
-from silo.recorder.orders import RecordOrder
+from silo.recorder.orders import News, Progress, RecordOrder, Report
 from silo.recorder.parts.layout import ChannelLayout
 from silo.recorder.parts.part import OpenPart, stamps_fit
 from silo.recorder.ring_cursor import TOO_SLOW, Drained, Loss
@@ -97,32 +97,6 @@ _OF_RECORDERS = ("recording", "recording failed")  # kinds of news for which alo
 
 
 @dataclass(frozen=True)
-class News:
-    """What clients are to hear; `run` and `tick` say where it begins, where it is of a run that may be over."""
-
-    text: str
-    run: str = ""
-    tick: int = -1
-
-
-@dataclass
-class Totals:
-    """What became of it all. Changed by the writing thread, read by the other one."""
-
-    state: RecorderState = RecorderState.WAITING
-    text: str = ""
-    part: str = ""
-    parts: int = 0
-    size_bytes: int = 0
-    written_bytes: int = 0
-    samples: int = 0
-    lost: int = 0
-    finished: list[str] = field(default_factory=list)
-    told: list[News] = field(default_factory=list)
-    done: list[str] = field(default_factory=list)  # runs
-
-
-@dataclass(frozen=True)
 class RecorderDisk:
     """The disk as the writer sees it; tests put a slow or a full one in its place."""
 
@@ -135,7 +109,9 @@ class Writing:
 
     def __init__(self, order: RecordOrder, ledger: Ledger, disk: RecorderDisk) -> None:
         self._order, self._ledger, self._disk = order, ledger, disk
-        self.totals = Totals()
+        self.totals = Progress(RecorderState.WAITING)
+        self.news: deque[News] = deque()  # for the other thread, which takes them
+        self.end_news = News(Report)  # of where it failed
         self._folder = Path(order.folder)
         self._layout: ChannelLayout | None = None
         self._next: dict[int, int] = {}
@@ -338,7 +314,7 @@ class Writing:
             run = self._present_layout.schema.run
             self._ledger.end_run(run, {**self._next, **end.end}, done=end.over)
             if end.over:
-                self.totals.done.append(run)
+                self.news.append(News(Report, done=run))
             self._count()
 
     def _note_lost(self, loss: Loss) -> None:
@@ -355,7 +331,7 @@ class Writing:
         text = f"{lost} samples were lost, of ticks {loss.begin * divider} to {(loss.end - 1) * divider}: {loss.why}"
         if loss.why == TOO_SLOW:
             text += "; record fewer elements, make buffers larger, or record to another disk"
-        self.totals.told.append(News(text, layout.schema.run, loss.begin * divider))
+        self.news.append(News(Report, told=text, told_run=layout.schema.run, told_tick=loss.begin * divider))
         self._count()
 
     def _lost_event(self, part: OpenPart) -> LoggedEvent:
@@ -390,7 +366,7 @@ class Writing:
         self._ledger.end(part.final.name, size, run, {**self._next}, part.rows, part.samples)
         self.totals.part = ""
         if size:
-            self.totals.finished.append(str(part.final))
+            self.news.append(News(Report, finished=str(part.final)))
         self._count()
 
     @property
@@ -414,8 +390,13 @@ class Writing:
         except OSError as error:
             text += f"; the last part can't be finished now ({reason(error)}): `silo recover {self._folder}` does it"
         if self._layout is not None:  # what came after the last row, and still comes, nobody counts
+            schema = self._layout.schema
+            ticks = max(
+                (self._next.get(ring, 0) * schema.rings[ring].divider for ring in self._layout.rings), default=0
+            )
+            self.end_news = News(Report, told_run=schema.run, told_tick=ticks)
             with contextlib.suppress(OSError):
-                self._ledger.end_run(self._layout.schema.run, {}, done=False, gone=text)
+                self._ledger.end_run(schema.run, {}, done=False, gone=text)
         self.totals.text = text
         self.totals.state = RecorderState.FAILED
 

@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
-from msgspec.structs import replace
 
 from silo.core.child import PIPE, ChildProcess, note_holder
 from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
@@ -25,6 +24,7 @@ from silo.recovery.left import RECOVERED, RunReader, missing
 from silo.segment.reader import SegmentReader
 
 NICER = 5
+HOLD = "--hold"  # before the process that started the writing one, and descriptors of claims
 
 
 class WriteOrder(msgspec.Struct, frozen=True):
@@ -34,7 +34,6 @@ class WriteOrder(msgspec.Struct, frozen=True):
     `journal`: write what this journal proves instead of a segment; `log`: write this file again in other formats.
     `why` it is saved, in a few words.
     `awaited`: the robot program itself waits for it, so that there is nobody to be nice to.
-    `parent` starts the process that holds `claims` for it.
     `events` are what happened in that run; `extras` its derived signals and limits as they are now, None: as they were
     when it began.
     """
@@ -50,8 +49,6 @@ class WriteOrder(msgspec.Struct, frozen=True):
     awaited: bool = False
     events: list[LoggedEvent] = []
     extras: Conditions | None = None
-    parent: int = 0
-    claims: Sequence[int] = ()
 
 
 class WriteReport(msgspec.Struct, frozen=True):
@@ -115,10 +112,11 @@ def write_apart(
     It keeps up the `claims`, descriptors of what nobody else may write meanwhile, should this process be killed.
     """
     segments = [reader.fileno()] if reader is not None else []
+    arguments: list[str | int] = [*segments, HOLD, os.getpid(), *claims]
     decoder = msgspec.json.Decoder(WriteReport)
-    with ChildProcess("silo.recordings.writing", segments, [*segments, *claims], stdin=PIPE, stdout=PIPE) as child:
+    with ChildProcess("silo.recordings.writing", arguments, [*segments, *claims], stdin=PIPE, stdout=PIPE) as child:
         with contextlib.suppress(BrokenPipeError):  # its exit code, below, says more
-            child.stdin.write(msgspec.json.encode(replace(order, parent=os.getpid(), claims=claims)))
+            child.stdin.write(msgspec.json.encode(order))
             child.stdin.close()
         for line in child.stdout:
             report = decoder.decode(line)
@@ -150,8 +148,10 @@ def _written(order: WriteOrder, progress: Callable[[float], None]) -> WriteRepor
 def main() -> None:
     """The writing process: the segment's file descriptor as argument, the order on standard input."""
     order = msgspec.json.decode(sys.stdin.buffer.read(), type=WriteOrder)
-    for claim in order.claims:
-        note_holder(claim, order.parent)
+    if HOLD in sys.argv:
+        parent, *claims = map(int, sys.argv[sys.argv.index(HOLD) + 1 :])
+        for claim in claims:
+            note_holder(claim, parent)
     if not order.awaited:
         os.nice(NICER)
 

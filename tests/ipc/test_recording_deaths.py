@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -117,6 +118,22 @@ def test_a_recorder_that_was_frozen_and_lost_its_helper_process_is_ended_by_its_
     bench.ticks(50)
     assert "450 samples, 0 lost" in client.stop_recorder()
     assert values_of(folder) == list(range(1, 451))
+
+
+def test_a_recording_that_fails_after_its_run_is_over_is_told_of_that_run(bench, client) -> None:
+    begin(bench, client)
+    bench.ticks(300)
+    (run,) = {event.run for event in client.events() if event.kind == "started"}
+    pid = client.recorders()[0].pid
+    freeze(pid)
+    bench.ticks(200)
+    bench.logger.restart()
+    bench.ticks(10)
+    wait_until(lambda: sum(event.kind == "started" for event in client.events()) == 2)
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, 0))  # as a full disk: it can't write any more
+    os.kill(pid, signal.SIGCONT)
+    (failed,) = wait_until(lambda: [one for one in client.events() if one.kind == "recording failed"])
+    assert (failed.run, 0 <= failed.tick <= 500) == (run, True)
 
 
 def test_what_is_recorded_when_it_is_ended_while_its_recorder_is_replaced_is_all(bench, client) -> None:

@@ -22,6 +22,7 @@ from silo.recorder.orders import (
     MAX_PACKET_BYTES,
     Finish,
     Follow,
+    Progress,
     RecordOrder,
     Report,
     decode_report,
@@ -30,7 +31,7 @@ from silo.recorder.orders import (
 )
 from silo.recorder.parts.layout import layout_of
 from silo.recorder.ring_cursor import RingCursor
-from silo.recorder.writing import EventCheck, RecorderDisk, RunBegins, RunEnds, Totals, Writing
+from silo.recorder.writing import EventCheck, RecorderDisk, RunBegins, RunEnds, Writing
 from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
 
@@ -218,7 +219,11 @@ class Direct:
         self.writing.put(EventCheck())
         return found.complete
 
-    def finish(self) -> Totals:
+    def told(self) -> list[Report]:
+        """What it has told by now, and had not said before."""
+        return [self.writing.news.popleft()(self.writing.totals.state) for _ in range(len(self.writing.news))]
+
+    def finish(self) -> Progress:
         self.writing.put(RunEnds())
         self.writing.end()
         self.writing.join()

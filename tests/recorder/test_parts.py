@@ -160,8 +160,8 @@ def test_what_a_slow_disk_costs_is_counted_at_its_place(robot, tmp_path, truth, 
     assert (str(low), str(high)) in lost
     assert low <= full_at * 5
     assert totals.lost == sum(element.lost for element in found.elements) > 0
-    told = next(one for one in totals.told if "samples were lost, of ticks" in one.text)
-    assert (told.run, told.tick) == (robot.log.present_run.id, low)
+    told = next(one for one in direct.told() if "samples were lost, of ticks" in one.told)
+    assert (told.told_run, told.told_tick) == (robot.log.present_run.id, low)
     assert metadata(path, "silo/totals")[0]["lost"] == str(totals.lost)
     assert "could not keep up" in found.warnings[0]
     truth.by_others(path)
@@ -428,7 +428,7 @@ def test_a_clock_beyond_what_the_format_holds_ends_no_recording(tmp_path, truth,
     assert totals.state is not RecorderState.FAILED, totals.text
     assert totals.lost == 3 * len(bad) + sum(tick % 5 == 0 for tick in bad)
     assert totals.samples + totals.lost == 3 * 300 + 60
-    assert any("before 1970 or after 2038" in text for text in [one.text for one in totals.told])
+    assert any("before 1970 or after 2038" in text for text in [one.told for one in recorder.told()])
     for recording in found:
         truth.span(recording)
     ticks = [tick for one in found for tick in one_element(one, "/log/x")]
