@@ -11,7 +11,6 @@ import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -22,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.compute.expressions import RecordingJudge, narrowed
 from silo.analysis.compute.shapes import assembled, component_names
-from silo.analysis.lookup import Names
+from silo.analysis.lookup import names_of
 from silo.analysis.plots.events import LogEvent, events_of
 from silo.analysis.signal import Signal
 from silo.analysis.stretches import clipped, resampled
@@ -31,6 +30,7 @@ from silo.core.arguments import path as file_path
 from silo.core.calls import told_class
 from silo.core.elements import NO_EXTRAS
 from silo.core.kinds import SCALAR
+from silo.core.names import is_glob
 from silo.core.printing import html_table
 from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, stamps_of
 from silo.errors import ElementError, LogWarning, SaveError, UnknownNameError
@@ -98,13 +98,14 @@ class Log(Mapping[str, Signal]):
         self.recording = recording
         self.path = path
         self._start_ns = start_ns
-        self._names = Names(recording.elements, recording.prefix)
-        self._elements = self._names.elements
+        elements = names_of(recording)
         # an element of the same name stands for itself
-        defined = [one.name for one in recording.extras.derived if one.name not in self._elements]
+        defined = [one.name for one in recording.extras.derived if one.name not in elements.places]
         told = {one.name: why for one, _, why in bound_derived(self._judge.catalogue)} if defined else {}
+        self._elements = elements.names
         self._derived = [name for name in defined if not told[name]]
-        self._blind = [name for name in defined if told[name]]  # what they need isn't in the log
+        blind = [name for name in defined if told[name]]  # what they need isn't in the log
+        self._names = names_of(recording, [*self._derived, *blind]) if defined else elements
 
     # ------------------------------------------------------------------------------------------------------- mapping
 
@@ -115,13 +116,17 @@ class Log(Mapping[str, Signal]):
             raise UnknownSignalError(
                 f"a signal is named by a text, got {shown(name)} ({type(name).__name__}); {way_out}"
             )
-        found = self._names.find(name)
-        if found is None:
-            for key in self._names.keys(name):
-                if key in self._derived or key in self._blind:
-                    return self._evaluated(f"`{key}`", key)
-            raise UnknownSignalError(f"the log has no signal '{name}'{self._names.hint(name, self._derived)}")
-        key, place, index = found
+        found = self._names.find(name, scalars=True, namespaces=False)
+        if len(found) > 1:
+            raise UnknownSignalError(
+                f"{self._names.several(name, found)}; log.glob({name!r}) are all signals that match"
+            )
+        if not found:
+            raise UnknownSignalError(f"the log has no signal '{name}'{self._hint(name)}")
+        place, index = found[0]
+        key = self._names.name(found[0])
+        if place >= len(self._elements):
+            return self._evaluated(f"`{key}`", key)
         element = self.recording.elements[place]
         if index is None:
             return self._signal(key, element)
@@ -131,7 +136,14 @@ class Log(Mapping[str, Signal]):
     def __contains__(self, name: object) -> bool:
         if not isinstance(name, str):
             return False
-        return self._names.find(name) is not None or any(key in self._derived for key in self._names.keys(name))
+        return len(found := self._names.find(name, scalars=True, namespaces=False)) == 1 and found[0][0] < len(self)
+
+    def _hint(self, name: str) -> str:
+        """What is said of a name that there isn't."""
+        if inside := self._names.find(name):
+            return f"; it is a namespace of {len(inside)}: log.namespace({name!r}), log.glob({name!r})"
+        near = self._names.near(name, scalars=True)
+        return f"; did you mean {', '.join(near)}?" if near else f"; it has {len(self)} elements, see list(log)"
 
     def __iter__(self) -> Iterator[str]:
         yield from self._elements
@@ -188,19 +200,18 @@ class Log(Mapping[str, Signal]):
         text("pattern", pattern, "log.names('/log/joints/*')")
         found = self._named(pattern)
         if not found and (len(self) or pattern != "*"):
-            hint = self._names.hint(pattern.strip("*/"), self._derived)
-            warn_outside(f"the log has no signal that '{pattern}' means{hint}; this will be an error")
+            warn_outside(f"the log has no signal that '{pattern}' means{self._hint(pattern)}; this will be an error")
         return found
 
     def _named(self, pattern: str) -> list[str]:
-        bare, prefix = pattern.strip("/"), self.recording.prefix
-        globs = (pattern, f"{prefix}/{pattern.lstrip('/')}", f"/{bare}")
-        found = [name for name in self if any(fnmatchcase(name, glob) for glob in globs)]
-        if not found and bare and not any(letter in pattern for letter in "*?["):
-            whole = self._names.find(pattern) or self._names.find(f"/{bare}")
-            found = [whole[0]] if whole else [name for name in self if name.endswith(f"/{bare}")]
-            found = found or [name for name in self if name.startswith((f"/{bare}/", f"{prefix}/{bare}/"))]
-        return found
+        found = self._names.find(pattern, scalars=True)
+        if is_glob(pattern) and (before := self._names.whole(pattern)) and before != found:
+            warn_outside(
+                f"'{pattern}' means {len(before)} signals here, and behind every '/' from the next release on "
+                f"({len(found)} of this log): write '{self._names.keys(pattern)[1]}' for the former"
+            )
+            found = before
+        return [self._names.name(one) for one in found if one[0] < len(self)]
 
     def glob(self, pattern: str) -> list[Signal]:
         """Return the signals whose names match a pattern.

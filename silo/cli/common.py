@@ -291,7 +291,9 @@ def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str)
 
 def next_names(names: Sequence[str], incomplete: str) -> list[str]:
     """Return the names that begin so; cut behind the next `/` where there are too many to show."""
-    matching = [name for name in names if name.startswith(incomplete)]
+    from silo.core.names import begun
+
+    matching = begun(names, incomplete)
     if len(matching) <= MOST_COMPLETIONS:
         return matching
     start = len(incomplete)

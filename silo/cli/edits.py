@@ -1,7 +1,7 @@
 """`silo set`: settings as words, elements by pattern, one transaction."""
 
 from collections.abc import Sequence
-from difflib import get_close_matches
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -19,7 +19,7 @@ from silo.cli.common import (
     unsaved,
     unsaved_options,
 )
-from silo.core.names import matching, places
+from silo.core.names import Names, matching
 from silo.core.quantities import duration
 from silo.errors import ElementError, RefusedError
 from silo.settings.typed import (
@@ -65,34 +65,39 @@ def complete_set(ctx: click.Context, param: click.Parameter, incomplete: str) ->
     return [*complete_words(ctx, param, incomplete), *settings]
 
 
-def select(names: Sequence[str], patterns: Sequence[str]) -> list[int]:
-    """Places of the elements that a pattern names: an element, a namespace, or a glob (`*` crosses `/`).
-
-    A pattern that doesn't begin with `/` or `*` may begin anywhere behind a `/`. Raises ElementError for a pattern
-    that names nothing.
-    """
+def select(names: Sequence[str], patterns: Sequence[str], prefix: str = "") -> list[int]:
+    """Return the places of the elements that patterns mean. Raises ElementError for one that means nothing."""
+    known = Names(names, prefix)
     chosen: set[int] = set()
     for pattern in patterns:
-        found = places(names, pattern)
+        found = known.every(pattern)
         if not found:
-            near = get_close_matches(pattern, names, 1, cutoff=0.5)
-            hint = f"; did you mean '{near[0]}'?" if near else "; `silo info -e` lists them"
-            raise ElementError(f"no element matches '{pattern}'{hint}")
-        chosen.update(found)
+            raise ElementError(f"no element matches '{pattern}'{known.hint(pattern, '`silo info -e` lists them')}")
+        if found != (later := known.find(pattern)):
+            click.echo(
+                f"'{pattern}' means {many(len(found), 'element')} here, from the next release on "
+                f"'{known.name(later[0])}'{f' and {len(later) - 1} more' if len(later) > 1 else ''}: "
+                f"write '*/{pattern}' for all",
+                err=True,
+            )
+        chosen.update(place for place, _ in found)
     return sorted(chosen)
 
 
 def of_entries(elements: "Sequence[ElementInfo]", patterns: Sequence[str]) -> tuple[list[str], list[str]]:
     """Patterns with the element in place of an entry of it (`joints/q_3`), and what is to be told of that."""
-    names = [one.name for one in elements]
-    owners = [(f"{one.name}{entry.suffix}", one.name) for one in elements for entry in one.entries if entry.suffix]
+    known = Names((one.name for one in elements), "", partial(_scalar_names, elements))
     made, told = [], []
     for pattern in patterns:
-        found = [] if places(names, pattern) else places([entry for entry, _ in owners], pattern)
-        owner = list(dict.fromkeys(owners[place][1] for place in found))
+        found = [] if known.find(pattern) else known.find(pattern, scalars=True)
+        owner = list(dict.fromkeys(known.names[place] for place, _ in found))
         made += owner or [pattern]
         told += [f"'{pattern}' is of '{one}', which is shown as a whole" for one in owner]
     return made, told
+
+
+def _scalar_names(elements: "Sequence[ElementInfo]") -> list[list[str]]:
+    return [[one.name + entry.suffix for entry in one.entries] for one in elements]
 
 
 @click.command("set", help=_HELP)
@@ -122,7 +127,7 @@ def _set(
 
     status, table = client.status(), client.table()
     _refuse_derived(table, patterns)
-    places = select([element.name for element in table.elements], patterns)
+    places = select([element.name for element in table.elements], patterns, status.prefix)
     chosen = [table.elements[place] for place in places]
     options = apply_settings(settings, [(element.name, element.options) for element in chosen], status.frequency_hz)
     changes = diff_options(chosen, options)

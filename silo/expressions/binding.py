@@ -13,6 +13,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from silo.core import units
+from silo.core.names import is_glob
 from silo.expressions.catalogue import OFF, Catalogue, Known
 from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
 from silo.expressions.tokens import ExpressionError
@@ -195,8 +196,9 @@ class _Binder:
             inner = parse(one.expression)
             part = _Binder(inner, catalogue).bind(inner.root)
             return replace(part, unit=one.unit if one.unit not in ("", "-") else part.unit)
-        pattern = any(letter in node.text for letter in "*?[")
-        if not found:
+        pattern = is_glob(node.text)
+        bare = re.sub(r"\[(\d+)\]$", r"_\1", node.text)
+        if not found or (bare != node.text and self._catalogue.find(bare) == found):  # brackets are those of patterns
             raise self._error(self._unknown(node, labels or {}), node)
         if len(found) > 1 and not pattern:
             names = [self._catalogue.name(*place) for place in found]
@@ -237,7 +239,7 @@ class _Binder:
         if "/" in text.strip("/") and all(self._catalogue.find(part) for part in text.split("/", 1)):
             return f"no signal '{text}'; a division has blanks on both sides: {text.replace('/', ' / ', 1)}"
         hint = f"; did you mean {', '.join(near)}?" if near else f"; there are {len(self._catalogue.elements)} elements"
-        matches = "matches" if any(letter in text for letter in "*?[") else "is named"
+        matches = "matches" if is_glob(text) else "is named"
         return f"no signal {matches} '{text}'{hint}"
 
     # ---------------------------------------------------------------------------------------------- operations

@@ -1,13 +1,11 @@
 """The names that expressions may use: elements, scalars of them, patterns, derived signals."""
 
-import fnmatch
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
-from functools import cached_property
+from functools import cached_property, partial
 
 from silo.core.elements import Derived, Entry
+from silo.core.names import Found, Names, is_glob
 
 OFF = -1  # the source of an element that isn't logged
 
@@ -36,59 +34,22 @@ class Catalogue:
 
     def before(self, name: str) -> tuple[Derived, "Catalogue"] | None:
         """Return the derived signal of this name, and what its expression may name: elements, and those before it."""
-        names = (name, f"{self.prefix.rstrip('/')}/{name.lstrip('/')}")
-        for exact in (True, False):
-            for place, one in enumerate(self.derived):
-                if one.name in names if exact else one.name.endswith(f"/{name.lstrip('/')}"):
-                    made = Catalogue(self.elements, self.prefix, self.derived[:place])
-                    vars(made).update({key: vars(self)[key] for key in ("_places", "_by_end") if key in vars(self)})
-                    return one, made
-        return None
+        found = Names((one.name for one in self.derived), self.prefix).find(name, namespaces=False)
+        if not found or is_glob(name):
+            return None
+        place = found[0][0]
+        made = Catalogue(self.elements, self.prefix, self.derived[:place])
+        if "_names" in vars(self):
+            vars(made)["_names"] = self._names
+        return self.derived[place], made
 
     @cached_property
-    def _places(self) -> dict[str, tuple[int, int | None]]:
-        """Element and entry by name; the entry is None for a whole element, which goes before scalars of others."""
-        found: dict[str, tuple[int, int | None]] = {}
-        for place, element in enumerate(self.elements):
-            found.setdefault(element.name, (place, None))
-        for place, element in enumerate(self.elements):
-            for number, entry in enumerate(element.entries):
-                found.setdefault(element.name + entry.suffix, (place, number))
-        return found
+    def _names(self) -> Names:
+        return Names((one.name for one in self.elements), self.prefix, partial(_scalar_names, self.elements))
 
-    @cached_property
-    def _by_end(self) -> dict[str, list[str]]:
-        """Full names by their last part."""
-        ends: dict[str, list[str]] = {}
-        for name in self._places:
-            ends.setdefault(name.rpartition("/")[2], []).append(name)
-        return ends
-
-    def find(self, text: str) -> list[tuple[int, int | None]]:
+    def find(self, text: str) -> list[Found]:
         """Return what a name or a pattern names: one thing, or several where the name isn't unique."""
-        if any(letter in text for letter in "*?["):
-            return self._glob(text)
-        for name in (text, f"{self.prefix.rstrip('/')}/{text.lstrip('/')}"):
-            if name in self._places:
-                return [self._places[name]]
-        end = f"/{text.lstrip('/')}"
-        known = self._by_end.get(text.rpartition("/")[2], ())
-        return [self._places[name] for name in known if name.endswith(end)]
-
-    def _glob(self, pattern: str) -> list[tuple[int, int | None]]:
-        anchored = pattern if pattern.startswith(("/", "*")) else f"*/{pattern}"
-        matches = re.compile(fnmatch.translate(anchored)).match
-        whole: list[tuple[int, int | None]] = [
-            (place, None) for place, element in enumerate(self.elements) if matches(element.name)
-        ]
-        if whole:
-            return whole
-        return [
-            (place, number)
-            for place, element in enumerate(self.elements)
-            for number, entry in enumerate(element.entries)
-            if matches(element.name + entry.suffix)
-        ]
+        return self._names.find(text, scalars=True, namespaces=False)
 
     def name(self, place: int, entry: int | None) -> str:
         """Return the full name of an element or of a scalar."""
@@ -97,8 +58,11 @@ class Catalogue:
 
     def near(self, text: str) -> list[str]:
         """Return the three names nearest to one that is not there, as short as they may be written."""
-        known = [*self._places, *(one.name for one in self.derived)]
-        shorts = {name.removeprefix(f"{self.prefix.rstrip('/')}/"): name for name in known}
-        bare = text.strip("/*")
-        found = get_close_matches(bare, list(shorts)[:20_000], 3, 0.6)
-        return found or [name for name in shorts if bare.lower() in name.lower()][:3]
+        if inside := self._names.find(text):  # a namespace
+            text = self._names.name(inside[0])
+        near = self._names.near(text, scalars=True, more=[one.name for one in self.derived])
+        return [name.removeprefix(f"{self._names.prefix}/") for name in near]
+
+
+def _scalar_names(elements: Sequence[Known]) -> list[list[str]]:
+    return [[element.name + entry.suffix for entry in element.entries] for element in elements]

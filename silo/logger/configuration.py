@@ -130,7 +130,7 @@ class Configuration(metaclass=HidesOtherNames):
     @property
     def elements(self) -> Elements:
         """The element table, in the order of registration; a row is found by its number or its name."""
-        return Elements(self._table.infos)
+        return Elements(self._table.infos, self._table.prefix)
 
     @property
     def name(self) -> str:

@@ -1,13 +1,14 @@
 """One element of a logger, as a program looks at it: options, newest value, samples held."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, NoReturn, SupportsIndex, overload
 
 import numpy as np
 
 from silo.core.calls import no_attribute
 from silo.core.elements import ElementInfo, ElementOptions, SavedFile
+from silo.core.names import Names
 from silo.errors import ArgumentError, UnknownNameError
 from silo.logger.new_values import sample_values
 from silo.segment.reader import SegmentReader
@@ -79,6 +80,15 @@ class LoggedElement:
 class Elements(list[ElementInfo]):
     """The rows of the element table, by number or by name: `log.elements["joints/q"]`."""
 
+    def __init__(self, infos: Iterable[ElementInfo] = (), prefix: str = "") -> None:
+        super().__init__(infos)
+        self._prefix = prefix
+
+    @property
+    def known(self) -> Names:
+        """What the names of the rows mean."""
+        return Names((info.name for info in self), self._prefix)
+
     @overload
     def __getitem__(self, key: SupportsIndex | str) -> ElementInfo: ...
     @overload
@@ -86,15 +96,12 @@ class Elements(list[ElementInfo]):
     def __getitem__(self, key: SupportsIndex | slice | str) -> ElementInfo | list[ElementInfo]:
         if not isinstance(key, str):
             return super().__getitem__(key)
-        exact = [info for info in self if info.name == key]
-        found = exact or [info for info in self if info.name.endswith(f"/{key.lstrip('/')}")]
+        found = self.known.find(key, namespaces=False)
         if len(found) == 1:
-            return found[0]
+            return super().__getitem__(found[0][0])
         if found:
-            raise UnknownNameError(f"{key!r} may be {', '.join(info.name for info in found)}: write the whole name")
-        near = get_close_matches(key, [end for info in self for end in (info.name, info.name.rpartition("/")[2])], 1)
-        hint = f", did you mean '{near[0]}'?" if near else f"; list(log) has all {len(self)}"
-        raise UnknownNameError(f"no element '{key}'{hint}")
+            raise UnknownNameError(self.known.several(key, found))
+        raise UnknownNameError(f"no element '{key}'{self.known.hint(key, f'list(log) has all {len(self)}')}")
 
 
 class SavedFiles(list[SavedFile]):

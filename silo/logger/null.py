@@ -50,7 +50,6 @@ from silo.logger.calls.keywords import (
 )
 from silo.logger.calls.options import array_layout
 from silo.logger.calls.other_names import HidesOtherNames, listed, not_deleted, not_set, with_other_names
-from silo.logger.calls.table import hint
 from silo.logger.elements import Elements, LoggedElement, SavedFiles
 from silo.logger.new_values import NewValues
 
@@ -117,7 +116,7 @@ class NullLogger(metaclass=HidesOtherNames):
         threads: AnyThreads = Threads.SINGLE,
     ) -> None:
         self.options = LoggerOptions(name=name, frequency_hz=frequency, max_time_s=max_time, prefix=prefix)
-        self.elements = Elements()
+        self.elements = Elements((), prefix)
         self.source_failures: dict[str, int] = {}
         self.extras = NO_EXTRAS
 
@@ -150,11 +149,11 @@ class NullLogger(metaclass=HidesOtherNames):
         suffixes = index_suffixes(shape) or [""]
         entries = tuple(Entry(suffix, "<f8") for suffix in suffixes)
         info = ElementInfo(full, str(unit), kind, shape, entries, DEFAULT_OPTIONS)
-        self.elements = Elements([*(one for one in self.elements if one.name != full), info])
+        self.elements = Elements([*(one for one in self.elements if one.name != full), info], self.options.prefix)
 
     def _known(self, name: str) -> ElementInfo | None:
-        names = (name, join_name(self.options.prefix, "", name))
-        return next((info for info in self.elements if info.name in names), None)
+        found = self.elements.known.find(name, namespaces=False)
+        return list(self.elements)[found[0][0]] if len(found) == 1 else None
 
     def array(
         self,
@@ -242,11 +241,10 @@ class NullLogger(metaclass=HidesOtherNames):
 
     def remove(self, name: str) -> int:
         """Forget an element or a whole namespace; how many there were."""
-        full = join_name(self.options.prefix, "", name)
-        kept = [one for one in self.elements if not f"{one.name}/".startswith((f"{name}/", f"{full}/"))]
-        gone = len(self.elements) - len(kept)
-        self.elements = Elements(kept)
-        return gone
+        gone = {place for place, _ in self.elements.known.find(name)}
+        kept = (one for place, one in enumerate(self.elements) if place not in gone)
+        self.elements = Elements(kept, self.options.prefix)
+        return len(gone)
 
     def enable(self, name: str = "/") -> int:
         """Change nothing; 0 elements."""
@@ -281,7 +279,8 @@ class NullLogger(metaclass=HidesOtherNames):
         """Return an element without options and values of its own. Raises like `Logger.element`."""
         info = self._known(name)
         if info is None:
-            raise ElementError(f"no element '{name}'{hint(name, self.options.prefix, list(self))}")
+            hint = self.elements.known.hint(name, f"the table has {len(self)} elements")
+            raise ElementError(f"no element '{name}'{hint}")
         return LoggedElement(info)
 
     def __getitem__(self, name: str) -> LoggedElement:

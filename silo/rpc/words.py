@@ -5,7 +5,8 @@ from difflib import get_close_matches
 from typing import Literal, TypeAlias
 
 from silo.core.arguments import shown
-from silo.core.elements import FileType, State, Status, Table, join_name
+from silo.core.elements import FileType, State, Status, Table
+from silo.core.names import Names
 from silo.errors import ConnectionLostError, ElementError
 
 FileTypeWord: TypeAlias = Literal["silo", "csv", "bag"]
@@ -13,19 +14,18 @@ FileTypes: TypeAlias = Sequence[FileType | FileTypeWord] | FileType | FileTypeWo
 
 
 def full_name(name: str, status: Status, table: Table) -> str:
-    """The full name of an element, given with or without the prefix. Raises ElementError with the nearest one."""
-    names = [info.name for info in table.elements]
-    for candidate in (name, join_name(status.prefix, "", name)):
-        if candidate in names:
-            return candidate
-        if candidate in {info.name for info in table.derived}:
-            raise ElementError(
-                f"'{candidate}' is derived, which has no topic: client.stream(['{candidate}']) brings it"
-            )
-    bare = {one.removeprefix(f"{status.prefix}/"): one for one in names}
-    near = get_close_matches(name.removeprefix(f"{status.prefix}/").strip("/"), bare, 1, 0.6)
-    hint = f"; did you mean '{bare[near[0]]}'?" if near else f"; it has {len(names)} elements, see client.table()"
-    raise ElementError(f"logger '{status.logger}' has no element {shown(name)}{hint}")
+    """The full name of an element, by the rule of `silo.core.names`. Raises ElementError with the nearest one."""
+    names = Names((info.name for info in (*table.elements, *table.derived)), status.prefix)
+    found = names.find(name, namespaces=False)
+    if len(found) > 1:
+        raise ElementError(names.several(name, found))
+    if not found:
+        hint = names.hint(name, f"it has {len(table.elements)} elements, see client.table()")
+        raise ElementError(f"logger '{status.logger}' has no element {shown(name)}{hint}")
+    whole = names.name(found[0])
+    if found[0][0] >= len(table.elements):
+        raise ElementError(f"'{whole}' is derived, which has no topic: client.stream(['{whole}']) brings it")
+    return whole
 
 
 def why_silent(name: str, status: Status, table: Table) -> str:

@@ -1,13 +1,13 @@
 """How triggers and limits stand, in the words of their screens: rows of plain text, and what the head says. Pure."""
 
-import re
 import time
 from collections.abc import Sequence
-from fnmatch import fnmatchcase
 
 from silo.conditions.requests import TriggerTried
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.core.elements import ElementInfo, FileType, TriggerOptions
+from silo.core.names import Names
+from silo.expressions.parsing import ExpressionError, names_in, parse
 from silo_tui.model import text
 
 NAME, WHEN = 10, 20  # cells of a trigger's name, and those that its condition keeps
@@ -45,14 +45,18 @@ def trigger_row(one: TriggerStatus, width: int, now_ns: int | None = None, name:
 
 def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[str]:
     """Return the elements that stand in a condition: by name without the logger's prefix, an entry's, or a glob."""
-    words = [word for word in re.findall(r"[\w/*?]+", when) if any(char.isalpha() for char in word)]
-    found = []
-    for element in elements:
-        short = element.name.removeprefix(prefix.rstrip("/")).strip("/")
-        names = [short, *(short + entry.suffix for entry in element.entries if entry.suffix)]
-        if any(fnmatchcase(name, word.strip("/")) for name in names for word in words):
-            found.append(element.name)
-    return found
+    names = Names(
+        (element.name for element in elements),
+        prefix,
+        lambda: [[element.name + entry.suffix for entry in element.entries] for element in elements],
+    )
+    try:
+        words = names_in(parse(when).root)
+    except ExpressionError:
+        return []
+    named = [word for word in words if any(char.isalpha() for char in word)]
+    places = {place for word in named for place, _ in names.find(word, scalars=True, namespaces=False)}
+    return [names.names[place] for place in sorted(places)]
 
 
 def ago(seconds: float) -> str:

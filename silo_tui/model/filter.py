@@ -2,8 +2,8 @@
 
     torque LF  LF|RF       all words somewhere in the name, in any order and case; either of them
     "two words"  -word     quoted; not
-    /log/*/q  joint?_tau   globs: on the whole name when they begin with `/` (with or without the logger's prefix),
-                           else on its end
+    /log/*/q  joint?_tau   globs, as commands mean them: on the whole name when they begin with `/` (with or without the
+                           logger's prefix), else behind any `/`, or anywhere where there is none
     ~HA+$                  a regular expression, somewhere in the name
     unit:Nm on:no div>1 size>=1k act:publish buf:loop kind:vector type:f4   unit:Nm|rad
     value>60 |value|>60 std>1 rate<95% fill>=50% changed<1s    what was measured, judged twice a second
@@ -12,13 +12,13 @@
 `parse` never raises: a term that can't be understood is reported, with its place, and left out.
 """
 
-import fnmatch
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from silo.core.names import Names
 from silo_tui.model.fact_terms import FACT_TERMS
 from silo_tui.model.facts import WORDS
 from silo_tui.model.fields import Field
@@ -138,10 +138,20 @@ def _word(word: str) -> Test | str | None:
         return _flag(word.lower())
     folded = word.casefold()
     if not quoted and any(char in word for char in "*?["):
-        pattern = folded if folded.startswith("/") else "*" + folded
-        compiled = re.compile(fnmatch.translate(pattern))
-        return _by_name(lambda name: compiled.match(name) is not None, short=folded.startswith("/"))
+        return _by_glob(folded)
     return _by_name(lambda name: folded in name)
+
+
+def _by_glob(pattern: str) -> Test:
+    """Return a test of names by a pattern, as commands mean it."""
+
+    def test(table: TableState, marked: Mask) -> Mask:
+        names = Names(table.folded, table.prefix.casefold())
+        found = np.zeros(len(table), np.bool_)
+        found[[place for place, _ in names.find(pattern) or names.part_of(pattern)]] = True
+        return found
+
+    return test
 
 
 def _regex(pattern: str) -> Test | str | None:
@@ -154,18 +164,9 @@ def _regex(pattern: str) -> Test | str | None:
     return _by_name(lambda name: compiled.search(name) is not None)
 
 
-def _by_name(passes: Callable[[str], bool], *, short: bool = False) -> Test:
-    """Return a test of names in small letters; `short`: also of names as they are shown, without the prefix."""
-
-    def test(table: TableState, marked: Mask) -> Mask:
-        found = np.fromiter((passes(name) for name in table.folded), np.bool_, len(table))
-        prefix = table.prefix.casefold()
-        if short and prefix:
-            rest = (name[len(prefix) :] if name.startswith(prefix + "/") else "" for name in table.folded)
-            found |= np.fromiter((passes(name) for name in rest), np.bool_, len(table))
-        return found
-
-    return test
+def _by_name(passes: Callable[[str], bool]) -> Test:
+    """Return a test of names in small letters."""
+    return lambda table, marked: np.fromiter((passes(name) for name in table.folded), np.bool_, len(table))
 
 
 def _flag(word: str) -> Test:

@@ -211,7 +211,7 @@ TABLE = {
     "update with a number": (lambda log: log.update(read_script=5), "read_script must be True or False"),
 }
 DATA = {
-    "a row that there isn't": (lambda log: log.elements["zz"], "no element 'zz', did you mean 'z'?"),
+    "a row that there isn't": (lambda log: log.elements["zz"], "no element 'zz'; did you mean '/log/z'?"),
     "the values of an element": (lambda log: log["z"].values, "silo.Log(log.snapshot())['/log/z'].values are all"),
     "the value of an element": (lambda log: log["z"].value, "an element has no 'value': it is .newest"),
     "the divider of an element": (lambda log: log["z"].divider, "it is .options.divider; log.set('/log/z', ...)"),

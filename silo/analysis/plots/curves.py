@@ -3,19 +3,20 @@
 Pure functions on a `Recording`; enumerations and strings become numbers with names, so that they can be drawn.
 """
 
-import difflib
-import fnmatch
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.compute.calculus import Floats
 from silo.analysis.compute.expressions import RecordingJudge, is_expression, labels_of, narrowed
+from silo.analysis.lookup import names_of
 from silo.core.arrays.values import as_floats
 from silo.core.arrays.values import text_of as value_text
+from silo.core.names import Names, is_glob
 from silo.core.printing import printable
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamps_of
 from silo.errors import ElementError
@@ -57,20 +58,21 @@ class CurveSource:
 def pick(recording: Recording, patterns: Sequence[str]) -> list[CurveSource]:
     """Return the signals that the patterns name, each once, in the order of the patterns.
 
-    A pattern is, in this order: a name of an entry or of an element (all its entries), the end of a name after a `/`,
-    a glob (`*/torque`), a part of a name, or an expression that computes a signal (`abs(a) - b`). Raises `ElementError`
-    for a pattern that names nothing, with close names.
+    A pattern is a name of elements (all their entries) or of entries, by the rule of `silo.core.names`, or an
+    expression that computes a signal (`abs(a) - b`). Raises `ElementError` for a pattern that names nothing, with close
+    names.
     """
     chosen: dict[str, CurveSource] = {}
+    names = names_of(recording)
     for pattern in patterns:
-        found = _find(recording, pattern)
+        found = _find(recording, names, pattern)
         computed = [] if found else _computed(recording, pattern)
         for signal in computed:
             chosen.setdefault(signal.name, signal)
         if computed:
             continue
         if not found:
-            raise ElementError(f"no signal matches '{pattern}'{_hint(recording, pattern)}")
+            raise ElementError(f"no signal matches '{pattern}'{_hint(names, pattern)}")
         for element, entry in found:
             chosen.setdefault(entry.name, picked(recording, element, entry))
     return list(chosen.values())
@@ -97,22 +99,21 @@ def text_of(value: Any) -> str:
     return printable(value_text(value))
 
 
-def _find(recording: Recording, pattern: str) -> list[tuple[RecordedElement, RecordedEntry]]:
-    if any(letter in pattern for letter in "*?["):
-        glob = pattern if pattern.startswith(("/", "*")) else f"*{pattern}"
-        rules: list[Callable[[str], bool]] = [pattern.__eq__, lambda name: fnmatch.fnmatchcase(name, glob)]
-    else:
-        end = f"/{pattern.lstrip('/')}"
-        rules = [pattern.__eq__, lambda name: name.endswith(end), lambda name: pattern in name]
-    for matches in rules:
-        found = [
-            (element, entry)
-            for element in recording.elements
-            for entry in (element.entries if matches(element.name) else [e for e in element.entries if matches(e.name)])
-        ]
-        if found:
-            return found
-    return []
+def _find(recording: Recording, names: Names, pattern: str) -> list[tuple[RecordedElement, RecordedEntry]]:
+    found = names.every(pattern, scalars=True)
+    if found and not is_glob(pattern) and found != (next_time := names.find(pattern, scalars=True)):
+        warn_outside(
+            f"'{pattern}' means {len(found)} signals here, from the next release on '{names.name(next_time[0])}' alone "
+            f"({len(next_time)}): write '*/{pattern}' for all"
+        )
+    if not found and not is_expression(pattern) and names.part_of(pattern):
+        found = names.part_of(pattern)
+        warn_outside(f"'{pattern}' is only a part of names: from the next release on write '*{pattern}*'")
+    made = []
+    for place, number in found:
+        element = recording.elements[place]
+        made += [(element, entry) for entry in (element.entries if number is None else (element.entries[number],))]
+    return made
 
 
 def _computed(recording: Recording, pattern: str) -> list[CurveSource]:
@@ -131,12 +132,11 @@ def _computed(recording: Recording, pattern: str) -> list[CurveSource]:
     ]
 
 
-def _hint(recording: Recording, pattern: str) -> str:
-    names = [entry.name for element in recording.elements for entry in element.entries]
-    if not names:
+def _hint(names: Names, pattern: str) -> str:
+    if not names.names:
         return ": the log holds no signals"
-    close = difflib.get_close_matches(pattern, names[:2000], n=3, cutoff=0.4) or names[:3]
-    return f"; there are {len(names)} signals, such as {', '.join(close)}"
+    near = names.near(pattern, scalars=True) or names.names[:3]
+    return f"; there are {len(names.names)} elements, such as {', '.join(near)}"
 
 
 def _seconds(values: NDArray[Any]) -> Floats:

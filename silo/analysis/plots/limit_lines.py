@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from silo.analysis.compute.calculus import Floats
+from silo.core.names import Names
 from silo.core.recording import Recording
 
 _WORDS = ("red low", "yellow low", "yellow high", "red high")
@@ -25,14 +26,13 @@ class DrawnBound:
 def limit_levels(recording: Recording, names: Collection[str], right: Collection[str]) -> list[DrawnBound]:
     """Return the bounds of these signals, each once; those of `right` are of the axis on the right."""
     found: dict[tuple[float, str, bool], DrawnBound] = {}
-    prefix = recording.prefix.rstrip("/")
-    element_of = {entry.name: element.name for element in recording.elements for entry in element.entries}
+    own = {entry.name: element.name for element in recording.elements for entry in element.entries}
+    owners = {name: own.get(name, name.rpartition("_")[0]) for name in names}
+    known = Names([*{*names, *owners.values()}], recording.prefix)
     for limits in recording.extras.limits:
-        end = f"/{limits.name.lstrip('/')}"
+        meant = {known.name(one) for one in known.find(limits.name, namespaces=False)}
         for name in names:
-            wholes = (name, element_of.get(name, name.rpartition("_")[0]))
-            exact = any(whole in (limits.name, prefix + end) for whole in wholes)
-            if not exact and not any(whole.endswith(end) for whole in wholes):
+            if name not in meant and owners[name] not in meant:
                 continue
             for value, word in zip(limits.bounds, _WORDS, strict=True):
                 if value is not None:

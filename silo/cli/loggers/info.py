@@ -63,7 +63,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
         patterns, told = of_entries(elements, patterns)
         for text in told:
             click.echo(text, err=True)
-        elements = [elements[place] for place in select([e.name for e in elements], patterns)]
+        elements = [elements[place] for place in select([e.name for e in elements], patterns, status.prefix)]
     if as_json:
         show_json({"status": status, "elements": elements})
         return

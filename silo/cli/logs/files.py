@@ -52,12 +52,15 @@ def _complete_file(ctx: click.Context, param: click.Parameter, incomplete: str) 
 
 def _complete_signal(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Return names of signals in the log that was typed before."""
+    from silo.analysis.lookup import entry_names
+    from silo.core.names import begun
+
     try:
         recording = _read(_find(ctx.params.get("file") or ""))
     except SiloError:
         return []
-    names = (entry.name for element in recording.elements for entry in element.entries)
-    return [CompletionItem(name) for name in names if incomplete in name][:200]
+    names = [name for each in entry_names(recording.elements) for name in each]
+    return [CompletionItem(name) for name in begun(names, incomplete)[:200]]
 
 
 def _clean_errors(command: Callable[_Params, _Result]) -> Callable[_Params, _Result]:

@@ -1,14 +1,17 @@
 """The element table: what is registered, under which name, with which options. Its owner does the locking."""
 
+import logging
 from collections.abc import Iterable, Mapping, Sequence
-from fnmatch import fnmatchcase
 
 import msgspec
 
-from silo.core.elements import Edit, ElementInfo, ElementOptions, Problem, join_name
+from silo.core.elements import Edit, ElementInfo, ElementOptions, Problem
+from silo.core.names import Names, is_glob
 from silo.errors import ElementError
 from silo.loop.plan import Element
 from silo.settings.options import checked, edit_problems
+
+log = logging.getLogger("silo")
 
 
 class Registrations:
@@ -19,7 +22,7 @@ class Registrations:
         self.revision = 0
         self.pending: list[Element] = []
         self.elements: tuple[Element, ...] = ()
-        self._places: dict[str, int] = {}
+        self._known = Names((), prefix)
         self._names: set[str] = set()
         self._entry_names: set[str] = set()
 
@@ -43,7 +46,7 @@ class Registrations:
         if self.pending:
             self.elements += tuple(self.pending)
             self.pending = []
-            self._places = {element.info.name: place for place, element in enumerate(self.elements)}
+            self._known = Names((element.info.name for element in self.elements), self.prefix)
             self.revision += 1
 
     def remove(self, name: str) -> int:
@@ -51,15 +54,10 @@ class Registrations:
 
         Raises ElementError for a name that nothing has. The others keep their order.
         """
-        try:
-            gone = {self.elements[place].info.name for place in self.select(name)}
-        except ElementError:
-            gone = set()
-            if not (waiting := self._waiting(name)):
-                raise
-        else:
-            waiting = self._waiting(name)
-        gone |= waiting
+        known = Names((element.info.name for element in (*self.elements, *self.pending)), self.prefix)
+        gone = {known.names[place] for place, _ in known.find(name)}
+        if not gone:
+            raise ElementError(f"no element or namespace '{name}'{self._hint(name)}")
         for element in [*self.elements, *self.pending]:
             if element.info.name in gone:
                 self._names.discard(element.info.name)
@@ -68,14 +66,9 @@ class Registrations:
         self.pending = [element for element in self.pending if element.info.name not in gone]
         if len(kept) < len(self.elements):
             self.elements = kept
-            self._places = {element.info.name: place for place, element in enumerate(kept)}
+            self._known = Names((element.info.name for element in kept), self.prefix)
             self.revision += 1
         return len(gone)
-
-    def _waiting(self, name: str) -> set[str]:
-        fulls = (join_name("", "", name), join_name(self.prefix, "", name))
-        names = [element.info.name for element in self.pending]
-        return {one for one in names for full in fulls if one == full or one.startswith(full.rstrip("/") + "/")}
 
     def release(self) -> None:
         """Let go of the variables, so that the program may resize or close what holds them. The rows stay."""
@@ -88,32 +81,30 @@ class Registrations:
         return [element.info for element in self.elements]
 
     def has(self, name: str) -> bool:
-        """Whether an element has this name, with or without the prefix."""
-        return any(candidate in self._places for candidate in (name, join_name(self.prefix, "", name)))
+        """Whether an element has this name, by the rule of `silo.core.names`."""
+        return len(self._known.find(name, namespaces=False)) == 1
 
     def place(self, name: str) -> int:
-        """Return where an element stands, by its full name or the name after the prefix. Raises ElementError."""
-        for candidate in (name, join_name(self.prefix, "", name)):
-            if candidate in self._places:
-                return self._places[candidate]
-        raise ElementError(f"no element '{name}'{self._hint(name)}")
+        """Return where an element stands. Raises ElementError where there is none, or several may be meant."""
+        found = self._known.find(name, namespaces=False)
+        if len(found) > 1:
+            raise ElementError(self._known.several(name, found))
+        if not found:
+            raise ElementError(f"no element '{name}'{self._hint(name)}")
+        return found[0][0]
 
     def select(self, name: str) -> list[int]:
-        """Return an element, or every element of a namespace; all for `/` or an empty name. Raises ElementError."""
-        if not name.strip("/"):
-            return list(range(len(self.elements)))
-        fulls = (join_name("", "", name), join_name(self.prefix, "", name))
-        if any(letter in name for letter in "*?["):
-            matching = [place for other, place in self._places.items() if any(fnmatchcase(other, f) for f in fulls)]
-            if matching:
-                return matching
-        for full in fulls:
-            if full in self._places:
-                return [self._places[full]]
-            inside = [place for other, place in self._places.items() if other.startswith(full + "/")]
-            if inside:
-                return inside
-        raise ElementError(f"no element or namespace '{name}'{self._hint(name)}")
+        """Return every element that a name or a pattern means; all for `/` or an empty name. Raises ElementError."""
+        found = self._known.find(name)
+        if is_glob(name) and (before := self._known.whole(name)) and before != found:
+            log.warning(
+                "'%s' means %d elements here, and behind every '/' from the next release on (%d): write '%s' for the "
+                "former", name, len(before), len(found), self._known.keys(name)[1],
+            )  # fmt: skip
+            found = before
+        if not found and name.strip("/"):
+            raise ElementError(f"no element or namespace '{name}'{self._hint(name)}")
+        return [place for place, _ in found]
 
     def named(self, name: str) -> Element | None:
         """The element whose name ends so, also one that waits for `adopt`."""
@@ -123,7 +114,8 @@ class Registrations:
     def _hint(self, name: str) -> str:
         if any(element.info.name.endswith(name) for element in self.pending):
             return "; it was added after the last update(): call update() first"
-        return hint(name, self.prefix, [*self._places, *(element.info.name for element in self.pending)])
+        near = self._known.near(name, 1, more=[element.info.name for element in self.pending])
+        return f"; did you mean '{near[0]}'?" if near else f"; the table has {len(self._known.names)} elements"
 
     def change(self, changes: Mapping[int, ElementOptions]) -> int:
         """Give elements new options, all or none. Returns how many differ; the revision grows if any does."""
@@ -147,21 +139,8 @@ class Registrations:
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
         """Why edits from outside can't be applied, one per field; empty when they can."""
-        return edit_problems(edits, self._places)
+        return edit_problems(edits, self._known.places)
 
     def apply(self, edits: Iterable[Edit]) -> int:
         """Apply edits without `problems`. Returns how many elements changed."""
-        return self.change({self._places[edit.name]: edit.options for edit in edits})
-
-
-def hint(name: str, prefix: str, names: Iterable[str]) -> str:
-    """Which element was meant by a name that none has, or how many there are."""
-    from difflib import get_close_matches
-
-    # without the prefix, which would make all names alike
-    bare = {full.removeprefix(f"{prefix}/"): full for full in names}
-    asked = join_name("", "", name).removeprefix(f"{prefix}/").lstrip("/")
-    near = get_close_matches(asked, bare, 1, 0.6) or [
-        one for one in bare if asked.lower() in (one.lower(), one.rsplit("/", 1)[-1].lower())
-    ]
-    return f"; did you mean '{bare[near[0]]}'?" if near else f"; the table has {len(bare)} elements"
+        return self.change({self._known.places[edit.name]: edit.options for edit in edits})
