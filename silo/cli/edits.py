@@ -73,7 +73,7 @@ def select(names: Sequence[str], patterns: Sequence[str], prefix: str = "") -> l
         found = known.every(pattern)
         if not found:
             raise ElementError(f"no element matches '{pattern}'{known.hint(pattern, '`silo info -e` lists them')}")
-        if found != (later := known.find(pattern)):
+        if (later := known.find(pattern)) and found != later:
             click.echo(
                 f"'{pattern}' means {many(len(found), 'element')} here, from the next release on "
                 f"'{known.name(later[0])}'{f' and {len(later) - 1} more' if len(later) > 1 else ''}: "

@@ -51,7 +51,8 @@ class Names:
         if text.startswith("/"):
             inside = self._inside((f"{text.rstrip('/')}/",)) if namespaces else []
             whole: list[Found] = [(self.places[text], None)] if text in self.places else []
-            return [*whole, *inside] or self.find(text, scalars=scalars, namespaces=namespaces)
+            known = [*whole, *inside] or self.find(text, scalars=scalars, namespaces=namespaces)
+            return known or self.find(text.lstrip("/"), scalars=scalars, namespaces=namespaces)
         steps = self._steps(text, scalars, namespaces, spellings=False)
         found = {one for some in steps for one in some} or self.find(text, scalars=scalars, namespaces=namespaces)
         return sorted(found, key=lambda one: (one[0], -1 if one[1] is None else one[1]))
@@ -79,7 +80,8 @@ class Names:
         if not is_glob(text):
             yield self._ending(bare, scalars)
         if is_glob(text):
-            for glob in dict.fromkeys((text, bare)):
+            globs = (text, f"{self.prefix or '*'}{text}") if text.startswith("/") else (text,)
+            for glob in globs:
                 anchored = glob if glob.startswith(("/", "*")) else f"*/{glob}"
                 yield self._matching([anchored])
                 if scalars:
