@@ -148,7 +148,8 @@ def _by_glob(pattern: str) -> Test:
     def test(table: TableState, marked: Mask) -> Mask:
         names = Names(table.folded, table.prefix.casefold())
         found = np.zeros(len(table), np.bool_)
-        found[[place for place, _ in names.find(pattern) or names.part_of(pattern)]] = True
+        anywhere = [] if pattern.startswith("/") else names.part_of(pattern)
+        found[[place for place, _ in names.find(pattern) or anywhere]] = True
         return found
 
     return test
