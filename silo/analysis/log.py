@@ -32,7 +32,7 @@ from silo.core.elements import NO_EXTRAS
 from silo.core.kinds import SCALAR
 from silo.core.names import is_glob
 from silo.core.printing import html_table
-from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, stamps_of
+from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, read_ahead, stamps_of
 from silo.errors import ElementError, LogWarning, SaveError, UnknownNameError
 from silo.expressions.derived_signals import bound_derived
 from silo.files.formats import writer_for
@@ -459,7 +459,10 @@ class Log(Mapping[str, Signal]):
 
     def _table(self, pattern: str) -> tuple[dict[str, Signal], NDArray[np.int64]]:
         """Return signals, and the stamps of the rows of a table of them: the ticks, or all stamps that they have."""
-        signals = {name: self[name] for name in self.names(pattern)}
+        names = self.names(pattern)
+        wanted = set(names)
+        read_ahead(self.recording.elements[place] for place, name in enumerate(self._elements) if name in wanted)
+        signals = {name: self[name] for name in names}
         own = has_own_stamps(self.recording)
         return signals, common_axis([one.time_ns for one in signals.values()]) if own else self.time_ns
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from silo.core.names import Names
 from silo.core.recording import RecordedElement, Recording
-from silo.files.bags.index import BagElements
 from silo.files.silo.whole import FileElements
 
 
@@ -22,13 +21,9 @@ def names_of(recording: Recording, derived: Sequence[str] = ()) -> Names:
 
 def element_names(elements: Sequence[RecordedElement]) -> list[str]:
     """Return the names of elements, without reading them."""
-    if isinstance(elements, FileElements | BagElements):
-        return elements.names
-    return [element.name for element in elements]
+    return elements.names if isinstance(elements, FileElements) else [element.name for element in elements]
 
 
 def entry_names(elements: Sequence[RecordedElement]) -> list[list[str]]:
     """Return the names of the scalars of each."""
-    if isinstance(elements, BagElements):
-        return elements.entry_names
     return [[entry.name for entry in element.entries] for element in elements]

@@ -71,7 +71,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
     """Describe a whole log."""
     times = recording.time_ns
     span = float(times[-1] - times[0]) / 1e9 if len(times) else 0.0
-    elements = tuple(_describe(recording, element) for element in recording.elements)  # which may find damage
+    elements = tuple(_describe(recording, element) for element in recording.elements)
     return LogReport(
         path=path,
         size_bytes=size_bytes,
@@ -115,10 +115,7 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
 
 def type_text(element: RecordedElement) -> str:
     """Return the types of an element's entries, and its shape: `float64[3]`."""
-    # of a bag of others, a type must not cost reading a topic
-    own = element.own_ns is not None
-    dtypes = [np.dtype(entry.entry.dtype) if own else entry.values.dtype for entry in element.entries]
-    types = list(dict.fromkeys(_type_name(dtype) for dtype in dtypes))
+    types = list(dict.fromkeys(_type_name(entry.dtype) for entry in element.entries))
     shape = f"[{','.join(map(str, element.shape))}]" if element.shape else ""
     return ("/".join(types[:3]) + ("/…" if len(types) > 3 else "") or "-") + shape
 

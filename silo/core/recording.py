@@ -69,11 +69,19 @@ class LazyEntry(RecordedEntry):
 
 
 def lazy_entry(
-    name: str, entry: Entry, load: Callable[[], NDArray[Any]], dtype: np.dtype[Any], count: int | Callable[[], int]
+    name: str,
+    entry: Entry,
+    load: Callable[[], NDArray[Any]],
+    dtype: np.dtype[Any],
+    count: int | Callable[[], int],
+    ahead: Callable[[], None] | None = None,
 ) -> RecordedEntry:
-    """An entry whose values `load` gives, so many of this type; of texts the type may be without a length."""
+    """An entry whose values `load` gives, so many of this type; of texts the type may be without a length.
+
+    `ahead` has them read together with the next that are loaded, of a file in which that is one way.
+    """
     made = LazyEntry.__new__(LazyEntry)
-    fields = {"name": name, "entry": entry, "load": load, "kind": dtype, "length": count}
+    fields = {"name": name, "entry": entry, "load": load, "kind": dtype, "length": count, "ahead": ahead}
     object.__setattr__(made, "__dict__", fields)
     return made
 
@@ -331,8 +339,17 @@ def masked(values: NDArray[Any], missing: NDArray[np.bool_]) -> NDArray[Any]:
     return values if kind in "fcmMSU" else np.ma.masked_array(values, missing)
 
 
+def read_ahead(elements: Iterable[RecordedElement]) -> None:
+    """Tell files whose values will be asked for: a bag unpacks its chunks once for all of them."""
+    for entry in (entry for element in elements for entry in element.entries):
+        ahead: Callable[[], None] | None = entry.__dict__.get("ahead")
+        if ahead is not None:
+            ahead()
+
+
 def read_whole(recording: Recording) -> None:
     """Have all values read, so that `recording.warnings` has all that is damaged in them."""
+    read_ahead(recording.elements)
     for element in recording.elements:
         for entry in element.entries:
             _ = entry.values

@@ -21,6 +21,7 @@ from silo.core.recording import (
     common_axis,
     has_own_stamps,
     places_on,
+    read_ahead,
 )
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
@@ -118,6 +119,7 @@ class RecordingJudge:
         wanted: dict[int, set[tuple[int, int]]] = {}
         for column in (column for bound in expressions for column in bound.columns):
             wanted.setdefault(column.source, set()).add((column.element, column.entry))
+        read_ahead(self._elements[place] for keys in wanted.values() for place, _ in keys)
         for begin in range(0, len(self.time_ns), BATCH_TICKS):
             end = begin + BATCH_TICKS
             yield evaluator.feed({source: self.rows(source, keys, begin, end) for source, keys in wanted.items()})

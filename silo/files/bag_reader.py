@@ -152,8 +152,8 @@ def _read_by_index(file: Path, data: memoryview, index: Index | None) -> Recordi
         for entry in element.entries
     ):
         return None
-    elements = BagElements(file, data, facts, index, len(times))
-    return alike(Recording, facts, time_ns=times, elements=elements, warnings=elements.warnings)
+    bag = BagElements(file, data, facts, index, len(times))
+    return alike(Recording, facts, time_ns=times, elements=bag.elements, warnings=bag.warnings)
 
 
 def _attached(data: memoryview, index: Index, name: str) -> bytes:

@@ -5,7 +5,7 @@ import pytest
 
 import silo
 from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, read_whole
 from silo.errors import FileFormatError
 from silo.files.bag_reader import open_bag, read_bag
 from silo.files.bags import channels
@@ -104,13 +104,19 @@ def test_a_scalar_of_an_element_reads_its_own_messages_alone(path, read, recordi
 def test_many_signals_take_one_pass_more(path, read):
     elements = read_recording(path).elements
     for place in range(len(elements)):
-        _ = elements[place]
+        _ = elements[place].entries[0].values
     assert read == [*[[place] for place in range(ALONE)], list(range(ALONE, len(elements)))]
 
 
 def test_all_elements_take_one_pass(path, read):
-    list(read_recording(path).elements)
+    read_whole(read_recording(path))
     assert read == [list(range(len(NAMES)))]
+
+
+def test_signals_that_are_asked_for_together_take_one_pass_and_nothing_else_is_read(path, read):
+    log = silo.open_log(path)
+    log.eval("force > 1 and position_x > 0")
+    assert read == [[0, 4]]
 
 
 def test_a_chunk_that_an_element_is_not_in_is_not_unpacked(tmp_path, monkeypatch):
@@ -124,9 +130,11 @@ def test_a_chunk_that_an_element_is_not_in_is_not_unpacked(tmp_path, monkeypatch
     real = bag_index.unpack_chunk
     monkeypatch.setattr(bag_index, "unpack_chunk", lambda body: unpacked.append(1) or real(body))
     elements = open_bag(tmp_path / "x.mcap").elements
-    assert elements[0].count == 10
+    assert [one.count for one in elements] == [10, TICKS]
+    assert unpacked == []
+    assert len(elements[0].entries[0].values) == 10
     assert len(unpacked) == 1
-    assert elements[1].count == TICKS
+    assert len(elements[1].entries[0].values) == TICKS
     assert len(unpacked) > 3
 
 
@@ -151,7 +159,8 @@ def test_a_damaged_chunk_costs_what_is_in_it(path, recording):
     chunk = bag_index.read_index(memoryview(path.read_bytes())).chunks[1]
     damaged(path, chunk[0] + chunk[1] // 2)
     with pytest.warns(silo.LogWarning):
-        lazily = tuple(open_bag(path).elements)
+        read_whole(bag := open_bag(path))
+    lazily = bag.elements
     for found in (lazily, read_bag(path).elements):
         gone = set()
         for one, whole in zip(found, recording.elements, strict=True):
@@ -246,5 +255,5 @@ def test_the_heads_of_all_messages_of_a_chunk_are_looked_at_at_once(path, monkey
     right = channels.are_right
     monkeypatch.setattr(bag_index, "are_right", counted)
     monkeypatch.setattr(channels, "are_right", counted)
-    list(open_bag(path).elements)
+    read_whole(open_bag(path))
     assert len(looks) == len(bag_index.read_index(memoryview(path.read_bytes())).chunks)

@@ -91,5 +91,5 @@ def test_each_format_tells_of_it_once_and_goes_on_to_tell_what_is_found_later(pa
     assert [text.startswith("the clock stepped back once") for text in log.warnings] == [True]
     if ending != ".csv":
         with pytest.warns(silo.LogWarning, match="found later"):
-            log.recording.elements.warnings.add("found later")
+            log.recording.warnings.add("found later")
         assert "found later" in log.warnings

@@ -18,7 +18,7 @@ from silo.core.arrays.values import as_floats
 from silo.core.arrays.values import text_of as value_text
 from silo.core.names import Names, is_glob
 from silo.core.printing import printable
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamps_of
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, read_ahead, stamps_of
 from silo.errors import ElementError
 
 _MOST_NAMES = 50
@@ -73,6 +73,7 @@ def pick(recording: Recording, patterns: Sequence[str]) -> list[CurveSource]:
             continue
         if not found:
             raise ElementError(f"no signal matches '{pattern}'{_hint(names, pattern)}")
+        read_ahead(element for element, _ in found)
         for element, entry in found:
             chosen.setdefault(entry.name, picked(recording, element, entry))
     return list(chosen.values())
@@ -80,6 +81,7 @@ def pick(recording: Recording, patterns: Sequence[str]) -> list[CurveSource]:
 
 def pick_all(recording: Recording) -> list[CurveSource]:
     """Return every signal, in the table's order."""
+    read_ahead(recording.elements)
     return [picked(recording, element, entry) for element in recording.elements for entry in element.entries]
 
 

@@ -30,9 +30,7 @@ class Values:
 
     def __init__(self, facts: PlacedElement, messages: int, ticks: int = 0) -> None:
         self.facts = facts
-        # a damaged count must not reserve memory that the file can't fill
-        absent = any(entry.absent for entry in facts.entries)
-        self.reserve(min(facts.count, ticks if absent else messages))
+        self.reserve(most_samples(facts, messages, ticks))
 
     def reserve(self, room: int) -> None:
         """Begin anew, with room for so many samples."""
@@ -234,6 +232,20 @@ def channel_readers(facts: RecordingFacts, elements: list[Values]) -> dict[int, 
                 readers[entry.channel] = ChannelReader(entry.channel, facts.channel_sizes[entry.channel])
             readers[entry.channel].aim(entry, values, index)
     return readers
+
+
+def most_samples(facts: PlacedElement, messages: int, ticks: int) -> int:
+    """How many samples an element can have, of a file with at most so many messages, and ticks.
+
+    A damaged count must not reserve memory that the file can't fill.
+    """
+    return min(facts.count, ticks if any(entry.absent for entry in facts.entries) else messages)
+
+
+def logged_dtype(entry: PlacedEntry) -> np.dtype[Any]:
+    """The type of an entry's values as they were logged. Raises ValueError for one that no file can hold."""
+    dtype = entry_dtype(entry)
+    return dtype if entry.missing is None else entry.missing.type_of(dtype)
 
 
 def entry_dtype(entry: PlacedEntry) -> np.dtype[Any]:

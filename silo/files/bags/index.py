@@ -10,9 +10,10 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import overload
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -23,14 +24,14 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Statistics
 from numpy.typing import NDArray
 
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike, failures_at
+from silo.core.recording import Failures, RecordedElement, RecordedEntry, Recording, alike, failures_at, lazy_entry
 from silo.errors import FileFormatError, LogWarning
-from silo.files.bags.channels import Values, are_right, channel_readers
-from silo.files.bags.metadata import RecordingFacts
+from silo.files.bags.channels import Values, are_right, channel_readers, logged_dtype, most_samples
+from silo.files.bags.metadata import PlacedElement, RecordingFacts
 from silo.files.mcap.chunks import INDEX_ENTRY, unpack_chunk
 from silo.files.mcap.writer import MAGIC
 
-ALONE = 3  # so many elements are read one by one; each costs about as much as unpacking all chunks
+ALONE = 3  # so many elements that nobody asked for together are read one by one; each costs unpacking its chunks
 _HEAD = struct.Struct("<BQ")  # of a record: opcode, length
 _CHUNK = struct.Struct("<QQQQI")  # of a chunk index: first and last time, where, length, bytes of the offsets
 _OFFSET = np.dtype([("channel", "<u2"), ("offset", "<u8")])
@@ -146,8 +147,11 @@ def keep_quiet(recording: Recording) -> None:
         recording.warnings.loud = False
 
 
-class BagElements(Sequence[RecordedElement]):
-    """The elements of a bag, each read when it is first asked for; `names` are there at once."""
+class BagElements:
+    """The elements of a whole bag: what they are stands in its facts, values are read when they are first asked for.
+
+    `warnings` grows by what is then found damaged, and so do the failures of the element.
+    """
 
     def __init__(self, file: Path, data: memoryview, facts: RecordingFacts, index: Index, ticks: int) -> None:
         self._file = file
@@ -155,47 +159,32 @@ class BagElements(Sequence[RecordedElement]):
         self._data = data
         self._facts = facts
         self._index = index
-        self._made: dict[int, RecordedElement] = {}
+        self._values: dict[int, Values] = {}
+        self._asked: set[int] = set()  # to be read together with the next one
         self.warnings = DamageNotes(file, facts.warnings)
         self.warnings.loud = True
+        self.elements = tuple(self._element(place, one) for place, one in enumerate(facts.elements))
 
-    @property
-    def names(self) -> list[str]:
-        """The names of the elements, in their order."""
-        return [facts.name for facts in self._facts.elements]
+    def _element(self, place: int, facts: PlacedElement) -> RecordedElement:
+        # a damaged count must not announce more than the file can hold
+        count = most_samples(facts, len(self._data) // INDEX_ENTRY.itemsize, self._ticks)
+        ahead = partial(self._asked.add, place)
+        entries = [
+            lazy_entry(one.name, one.entry, partial(self._column, place, at), logged_dtype(one), count, ahead)
+            for at, one in enumerate(facts.entries)
+        ]
+        return alike(RecordedElement, facts, entries=tuple(entries))
 
-    @property
-    def entry_names(self) -> list[list[str]]:
-        """The names of the scalars of each element."""
-        return [[entry.name for entry in facts.entries] for facts in self._facts.elements]
-
-    def __len__(self) -> int:
-        return len(self._facts.elements)
-
-    @overload
-    def __getitem__(self, index: int) -> RecordedElement: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[RecordedElement, ...]: ...
-    def __getitem__(self, index: int | slice) -> RecordedElement | tuple[RecordedElement, ...]:
-        if isinstance(index, slice):
-            return tuple(self._elements(list(range(*index.indices(len(self))))))
-        if not -len(self) <= index < len(self):
-            raise IndexError(f"no element {index}: the log has {len(self)}")
-        place = index % len(self)
-        several = place not in self._made and len(self._made) >= ALONE
-        return self._elements(list(range(len(self))) if several else [place])[place if several else 0]
-
-    def __iter__(self) -> Iterator[RecordedElement]:
-        return iter(self._elements(list(range(len(self)))))
-
-    def _elements(self, places: list[int]) -> list[RecordedElement]:
-        missing = [place for place in places if place not in self._made]
-        if missing:
+    def _column(self, place: int, at: int) -> NDArray[Any]:
+        if place not in self._values:
+            asked = {*range(len(self.elements))} if len(self._values) >= ALONE else {place, *self._asked}
+            wanted = sorted(asked - self._values.keys())
             with damage_told(self._file):
-                self._made.update(zip(missing, self._read(missing), strict=True))
-        return [self._made[place] for place in places]
+                self._values.update(zip(wanted, self._read(wanted), strict=True))
+            self._asked.clear()
+        return self._values[place].column(at)
 
-    def _read(self, places: list[int]) -> list[RecordedElement]:
+    def _read(self, places: list[int]) -> list[Values]:
         # a damaged count must not reserve memory that the file can't fill
         most = len(self._data) // INDEX_ENTRY.itemsize
         elements = [Values(self._facts.elements[place], most, self._ticks) for place in places]
@@ -218,7 +207,10 @@ class BagElements(Sequence[RecordedElement]):
             if values.facts.entries and values.short > 0:
                 self._tell(f"'{values.facts.name}' has {values.short:,} samples less than its table says")
                 values.fill_up()
-        return [recorded(values, self._zero) for values in elements]
+        for place, values in zip(places, elements, strict=True):
+            # as frozen as its list of warnings is: what was told before nobody could know of this
+            object.__setattr__(self.elements[place], "failures", with_gaps(values, self._zero))
+        return elements
 
     def _chunk(self, place: int) -> bytes | None:
         try:
@@ -249,7 +241,12 @@ GAPS = "NaN stands there, and nothing (masked) where a type has no NaN"
 def recorded(values: Values, zero: int) -> RecordedElement:
     """An element with the samples of it that are whole; `zero` is the tick of the recording's first time stamp."""
     facts = values.facts
-    missing = values.missing[: values.whole]
-    ticks = zero + facts.first + np.flatnonzero(missing) * facts.divider
     entries = tuple(RecordedEntry(e.name, e.entry, values.column(index)) for index, e in enumerate(facts.entries))
-    return alike(RecordedElement, facts, entries=entries, failures=failures_at(facts.failures, ticks, facts.divider))
+    return alike(RecordedElement, facts, entries=entries, failures=with_gaps(values, zero))
+
+
+def with_gaps(values: Values, zero: int) -> Failures:
+    """The failures of an element, with the ticks whose samples are damaged; `zero` is the first tick."""
+    facts = values.facts
+    ticks = zero + facts.first + np.flatnonzero(values.missing[: values.whole]) * facts.divider
+    return failures_at(facts.failures, ticks, facts.divider)
