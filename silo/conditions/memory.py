@@ -18,6 +18,7 @@ from silo.conditions.state_file import (
     JudgeState,
     KeptCapture,
     Untold,
+    is_note,
     left_states,
     read_state,
     state_path,
@@ -63,6 +64,8 @@ class JudgeMemory:
 
     def _look_at(self, path: Path) -> None:
         try:
+            if is_note(path):
+                return
             state = read_state(path)
         except SegmentError as error:
             self._damaged.add(path.name.removeprefix(f"{self._logger}.").removesuffix(path.suffix))
@@ -114,7 +117,7 @@ class JudgeMemory:
         left = [state for run, state in self._left.items() if not needed(run)]
         if left and now_s >= self._look_due_s:
             self._look_due_s = now_s + LOOK_S
-            there = _runs_there(self._logger)
+            there = runs_there(self._logger)
             for state in left:
                 if state.run not in there:
                     del self._left[state.run]
@@ -193,11 +196,11 @@ class JudgeMemory:
                 self._own.pop(run).unlink(missing_ok=True)
 
 
-def _runs_there(logger: str) -> set[str]:
-    """The runs of a logger that are in memory still."""
+def runs_there(logger: str, folder: str = "") -> set[str]:
+    """Return the runs of a logger that are in memory still, or in its folder."""
     found = set()
     with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
-        for path in [*list_segments(), *list_held()]:
+        for path in [*list_segments(Path(folder) if folder else None), *list_held()]:
             if path.name.lstrip(".").startswith(f"{logger}."):
                 with contextlib.suppress(SegmentError), contextlib.closing(SegmentReader(path)) as reader:
                     found.add(reader.schema.run)

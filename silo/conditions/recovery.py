@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from silo.conditions.captures.files import write_capture
-from silo.conditions.memory import lost_news, untold
+from silo.conditions.memory import lost_news, runs_there, untold
 from silo.conditions.segment_judge import SegmentJudge
 from silo.conditions.state_file import (
     SUFFIX,
@@ -20,12 +20,13 @@ from silo.conditions.state_file import (
     Untold,
     all_states,
     begun_state,
+    is_note,
     note_begun,
     read_state,
     state_path,
 )
 from silo.core.elements import Conditions, LoggedEvent, SavedFile
-from silo.core.runtime import HELD_SUFFIX, list_held, list_segments
+from silo.core.runtime import HELD_SUFFIX
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import append_events, newest_number, read_events
 from silo.files.manifest import CaptureList
@@ -76,7 +77,7 @@ def _judged_to_its_end(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     found = RecoveredCaptures([], [])
     try:
         path = state_path(schema.logger, schema.run)
-        state = read_state(path) if path.exists() else unseen(reader)
+        state = _known(reader, path)
     except OSError:
         found.is_whole = False  # it can't be read now
         return found
@@ -98,6 +99,12 @@ def _judged_to_its_end(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     if found.is_whole:
         path.unlink(missing_ok=True)
     return found
+
+
+def _known(reader: SegmentReader, path: Path) -> JudgeState | None:
+    if not path.exists():
+        return unseen(reader)
+    return begun_state(reader.schema) if is_note(path) else read_state(path)
 
 
 def unseen(reader: SegmentReader) -> JudgeState | None:
@@ -172,17 +179,20 @@ def recover_left(tell: Tell, wanted: Callable[[str, str], bool], home: str = "")
                         remove(reader.path)
     for path in all_states():
         with contextlib.suppress(SegmentError, OSError):  # a damaged one goes with its run
+            logger, _, run = path.name.removesuffix(SUFFIX).rpartition(".")
+            if is_note(path):
+                if run not in runs_there(logger):
+                    path.unlink()
+                continue
             state = read_state(path)
-            logger, folder = path.name.removesuffix(f".{state.run}{SUFFIX}"), state.folder or home
+            folder = state.folder or home
             if folder and wanted(logger, folder) and state.is_orphan:
                 _let_go(path, state, logger, folder, tell)
 
 
 def _let_go(path: Path, state: JudgeState, logger: str, folder: str, tell: Tell) -> None:
     """Forget what is known of a run whose program and memory are gone; that of a segment goes with the segment."""
-    reader = _segment_of(state.run, folder)
-    if reader is not None:
-        reader.close()
+    if state.run in runs_there(logger, folder):
         return
     lost = lost_news(state, folder, logger, GONE)
     if Path(folder).is_dir():
@@ -190,16 +200,6 @@ def _let_go(path: Path, state: JudgeState, logger: str, folder: str, tell: Tell)
     path.unlink(missing_ok=True)
     if lost:
         tell(EventKind.RECOVERED, f"logger '{logger}': {'; '.join(one.text for one in lost)}", [])
-
-
-def _segment_of(run: str, folder: str) -> SegmentReader | None:
-    for path in [*list_segments(Path(folder)), *list_held()]:
-        with contextlib.suppress(SegmentError):
-            reader = SegmentReader(path)
-            if reader.schema.run == run and (path.suffix == HELD_SUFFIX or not reader.alive()):
-                return reader
-            reader.close()
-    return None
 
 
 def _is_written(listed: CaptureList, run: str, trigger: str, number: int) -> bool:

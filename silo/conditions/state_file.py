@@ -130,14 +130,23 @@ def begun_state(schema: SegmentSchema) -> JudgeState:
 def note_begun(schema: SegmentSchema) -> None:
     """Store that a run is to be judged, before anybody is told of it: a successor of this process judges it, too.
 
-    Nothing where something is stored, or nothing is to be judged, or nothing can be stored.
+    Nothing where something is stored, or nothing is to be judged, or nothing can be stored. In memory that is full an
+    empty file says it, as it needs no room: the run is held by it, and judged from its begin.
     """
     if not (schema.extras.triggers or schema.extras.limits):
         return
     with contextlib.suppress(OSError, SegmentError):  # then a successor judges what it finds in the buffers
         path = state_path(schema.logger, schema.run)
         if not path.exists():
-            store_state(path, begun_state(schema))
+            try:
+                store_state(path, begun_state(schema))
+            except OSError:
+                path.touch(0o600)
+
+
+def is_note(path: Path) -> bool:
+    """Whether a file only says that its run is to be judged. Raises OSError where there is none."""
+    return not path.stat().st_size
 
 
 def read_state(path: Path) -> JudgeState:

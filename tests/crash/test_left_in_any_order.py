@@ -23,6 +23,7 @@ from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from silo.cli.main import EXIT_FAILED, run
 from silo.conditions import recovery as conditions_recovery
+from silo.conditions import state_file
 from silo.conditions.state_file import begun_state, state_path, store_state
 from silo.core.elements import LoggedEvent, LoggerOptions
 from silo.core.runtime import boot_id, lock_as_writer, pid_namespace
@@ -317,8 +318,9 @@ def test_a_run_that_can_not_be_judged_now_is_held_until_it_can(left) -> None:
     left.check()
 
 
+@pytest.mark.parametrize("memory_full", [False, True])
 @pytest.mark.parametrize("held", [True, False])
-def test_a_run_whose_captures_can_not_be_written_now_is_held_until_they_can(left, held) -> None:
+def test_a_run_whose_captures_can_not_be_written_now_is_held_until_they_can(left, held, memory_full) -> None:
     if held:
         left.leave_a_run_that_is_held(50, "another boot", watched=True, state="unseen")
     else:
@@ -328,6 +330,8 @@ def test_a_run_whose_captures_can_not_be_written_now_is_held_until_they_can(left
             path.unlink()
     with pytest.MonkeyPatch.context() as full:
         full.setattr(conditions_recovery, "write_capture", no_room)
+        if memory_full:  # in which the runtime folder is, too
+            full.setattr(state_file, "write_private", no_room)
         with contextlib.suppress(AssertionError):  # it tells of what can't be written
             left.recover_as_helper()
     assert ".held" in [path.suffix for path in left.runtime.iterdir()]
