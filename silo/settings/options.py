@@ -49,21 +49,36 @@ class ElementOption:
     """One field of `ElementOptions`: `keys` may stand before the `=` (the first is shown), `words` are its values.
 
     The first of the words is the most wanted one: keys of `silo-tui` step through them in this order. An option without
-    words is a number; `examples` shows what else may be typed for it, `units` which units it takes.
+    words is a number; `examples` shows what else may be typed for it, `units` which units it takes. `head` is the title
+    of its column. In a script it stands under the key `script`, or in the group of that key: `buffer.type`; what is
+    `late` stands there behind those that are not.
     """
 
     name: str
+    head: str
     keys: tuple[str, ...]
     meaning: str
     words: tuple[OptionWord, ...] = ()
     units: tuple[str, ...] = ()
     examples: tuple[str, ...] = ()
     absolute: tuple[str, ...] = ()  # of the examples, those that don't depend on the value before
+    script: str = ""  # its name, if empty
+    late: bool = False
 
     @property
     def label(self) -> str:
         """The option in a sentence: `buffer size`."""
         return self.name.replace("_", " ")
+
+    @property
+    def place(self) -> tuple[str, ...]:
+        """Its key in a script, behind that of its group: `("buffer", "type")`."""
+        return tuple((self.script or self.name).split("."))
+
+    @property
+    def kind(self) -> type[OptionValue]:
+        """The type of its values."""
+        return type(self.words[0].value) if self.words else int
 
     @property
     def wanted(self) -> str:
@@ -108,38 +123,42 @@ RANGES = _ranges()
 # in the order of the fields of `ElementOptions`
 OPTIONS = (
     ElementOption(
-        "enabled", ("enabled", "on", "log", "logging"), "log it or not",
+        "enabled", "on", ("enabled", "on", "log", "logging"), "log it or not",
         (
             OptionWord(True, "on", "on", "log it", ("yes", "y", "true", "x")),
             OptionWord(False, "off", "off", "leave it out", ("no", "n", "false")),
         ),
     ),
     ElementOption(
-        "divider", ("divider", "div"), "every fifth tick", units=("Hz",),
+        "divider", "div", ("divider", "div"), "every fifth tick", units=("Hz",),
         examples=("5", "50Hz", "*2", "/2", "+1"), absolute=("50Hz",),
     ),
     ElementOption(
-        "action", ("action", "act"), "what becomes of the samples",
+        "action", "act", ("action", "act"), "what becomes of the samples",
         (
             OptionWord(Action.SAVE, "save", "save", "into files"),
             OptionWord(Action.SAVE_AND_PUBLISH, "both", "both", "", ("save+publish",), "save and publish"),
             OptionWord(Action.PUBLISH, "publish", "pub", "live only"),
         ),
+        late=True,
     ),
     ElementOption(
-        "buffer_type", ("buffer", "buf", "buffer_type"), "which samples are kept",
+        "buffer_type", "buf", ("buffer", "buf", "buffer_type"), "which samples are kept",
         (
             OptionWord(BufferType.LOOPING, "looping", "loop", "the newest samples"),
             OptionWord(BufferType.FIXED, "fixed", "fix", "the first samples"),
             OptionWord(BufferType.GROWING, "growing", "grow", "all"),
         ),
+        script="buffer.type",
     ),
     ElementOption(
-        "buffer_size", ("size", "buffer_size"), "samples, or a time", units=("s",),
-        examples=("1000", "10k", "10s", "*2", "/2", "+10"), absolute=("10k", "10s"),
+        "buffer_size", "size", ("size", "buffer_size"), "samples, or a time", units=("s",),
+        examples=("1000", "10k", "10s", "*2", "/2", "+10"), absolute=("10k", "10s"), script="buffer.size",
     ),
 )  # fmt: skip
 OPTION = {option.name: option for option in OPTIONS}
+IN_SCRIPT = sorted(OPTIONS, key=lambda option: option.late)  # in the order of a script
+_FIT = [(o.name, o.kind, *(RANGES[o.name] if o.name in RANGES else (0, len(o.words)))) for o in OPTIONS]
 
 
 def option_problems(name: str, options: ElementOptions) -> list[Problem]:
@@ -156,16 +175,11 @@ def option_problems(name: str, options: ElementOptions) -> list[Problem]:
 
 def _all_well(options: ElementOptions) -> bool:
     """Whether all values are of the very types of options, and in range: a tenth of what it takes to say what isn't."""
-    lowest, highest = RANGES["divider"]
-    smallest, largest = RANGES["buffer_size"]
-    return (
-        type(options.enabled) is bool
-        and type(options.action) is Action
-        and type(options.buffer_type) is BufferType
-        and type(options.divider) is type(options.buffer_size) is int
-        and lowest <= options.divider <= highest
-        and smallest <= options.buffer_size <= largest
-    )
+    for name, kind, low, high in _FIT:
+        value = getattr(options, name)
+        if type(value) is not kind or not low <= value <= high:
+            return False
+    return True
 
 
 def raw_problems(name: str, options: Mapping[Any, Any]) -> list[Problem]:

@@ -21,6 +21,7 @@ import yaml
 
 from silo.core.elements import NO_EXTRAS, Conditions, ElementInfo, ElementOptions, FieldChange
 from silo.errors import SaveError, ScriptError
+from silo.settings.options import IN_SCRIPT, OptionValue
 from silo.settings.script_conditions import format_extras, kinds_of, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
 from silo.settings.typed import ElementSettings, phrase, rate_words
@@ -149,7 +150,7 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
         if element is None:
             options.append(msgspec.structs.replace(info.options, enabled=True))
             continue
-        asked = _settings(element)
+        asked = ElementSettings({"enabled": False, **element.asked})
         made, wrong = asked.on(info.name, info.options, frequency_hz)
         options.append(made)
         if words := rate_words(asked, made.divider, frequency_hz):
@@ -165,11 +166,6 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
         for place, element in enumerate(missing)
     )
     return ScriptPlan(tuple(options), unknown, tuple(rates))
-
-
-def _settings(element: ScriptElement) -> ElementSettings:
-    enabled = bool(element.enabled)
-    return ElementSettings(enabled, element.divider, element.action, element.buffer_type, element.buffer_size)
 
 
 def _nearest(name: str, names: Sequence[str]) -> str:
@@ -197,19 +193,34 @@ def format_script(table: Sequence[ElementInfo], kept: Sequence[UnknownKey] = (),
 
     lines = [unknown("above", "", 0), "log_elements:\n" if table else "log_elements: []\n"]
     for info in table:
-        now = info.options
-        lines.append(
-            f"  - name: {_quoted(info.name)}\n"
-            f"    enabled: {'true' if now.enabled else 'false'}\n"
-            f"    divider: {now.divider}\n"
-            f"    buffer:\n"
-            f"      type: {int(now.buffer_type)}\n"
-            f"      size: {now.buffer_size}\n"
-            f"{unknown('buffer', info.name, 6)}"
-            f"    action: {int(now.action)}\n"
-            f"{unknown('element', info.name, 4)}"
-        )
+        lines.append(f"  - name: {_quoted(info.name)}\n")
+        for before, name, group in _LAYOUT:
+            lines.append(f"{before}{_number(getattr(info.options, name))}\n" if name else before)
+            if group:
+                lines.append(unknown(group, info.name, 6))
+        lines.append(unknown("element", info.name, 4))
     return "".join([*lines, format_extras(extras, unknown), unknown("below", "", 0)])
+
+
+def _layout() -> list[tuple[str, str, str]]:
+    """The lines of an element: what stands before a value, the option that it is of, the group that ends with it."""
+    made, above = [], ""
+    for option, following in zip(IN_SCRIPT, [*IN_SCRIPT[1:], None], strict=True):
+        *groups, key = option.place
+        group = "".join(groups)
+        if group and group != above:
+            made.append((f"    {group}:\n", "", ""))
+        ends = group if following is None or following.place[:-1] != option.place[:-1] else ""
+        made.append((f"{' ' * (6 if group else 4)}{key}: ", option.name, ends))
+        above = group
+    return made
+
+
+_LAYOUT = _layout()
+
+
+def _number(value: OptionValue) -> str:
+    return ("false", "true")[value] if isinstance(value, bool) else str(int(value))
 
 
 def _quoted(name: str) -> str:

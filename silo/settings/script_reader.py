@@ -5,50 +5,50 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
-from typing import Any, Literal
 
 import yaml
 
-from silo.core.elements import Action, BufferType, Conditions
-from silo.settings.options import OPTION, shorten
+from silo.core.elements import Conditions
+from silo.settings.options import IN_SCRIPT, OPTIONS, ElementOption, OptionValue, shorten
 from silo.settings.script_conditions import KEYS, Kind, given_kinds, read_extras
-from silo.settings.typed import Amount, RelativeValue, UnreadableError, read_text, read_word
+from silo.settings.typed import ElementSettings, RelativeValue, UnreadableError, read_text, read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
 
-_ELEMENT_KEYS = ("name", "enabled", "divider", "buffer", "action")
-_BUFFER_KEYS = ("type", "size")
+_ELEMENT_KEYS = ("name", *dict.fromkeys(option.place[0] for option in IN_SCRIPT))
+_ELEMENT = "an element"
+_GROUPS = {  # keys below a key of an element
+    group: tuple(option.place[1] for option in IN_SCRIPT if option.place[0] == group)
+    for group in dict.fromkeys(option.place[0] for option in IN_SCRIPT if len(option.place) > 1)
+}
 _WHOLE = re.compile(r"-?(0|[1-9][0-9]*)")
 _OCTAL = re.compile(r"[-+]?0[0-9]+")  # to YAML 010 is 8
 
 
 @dataclass(frozen=True)
 class ScriptElement:
-    """One element as a script lists it; None stands for a key that isn't there. `line` counts from 1.
+    """One element as a script lists it, with what it asks for. `line` counts from 1.
 
     A number may be one that follows from the logger: `size: 10s`, `divider: 50Hz`.
     """
 
     name: str
     line: int
-    enabled: bool | None = None
-    divider: Amount | None = None
-    action: Action | None = None
-    buffer_type: BufferType | None = None
-    buffer_size: Amount | None = None
+    asked: ElementSettings = field(default_factory=ElementSettings)
 
 
 @dataclass(frozen=True)
 class UnknownKey:
     """A key that silo doesn't know: left alone, told of, and kept when the script is saved again.
 
-    `element` is empty for a key of the script itself, `place` the group of keys it stands in.
+    `element` is empty for a key of the script itself. `place` is where it stands: `above` or `below` what silo knows
+    of a script, in an `element`, or in the group or kind of that name (`buffer`, `triggers`).
     """
 
     line: int
     element: str
-    place: Literal["above", "below", "element", "buffer", "derived_signals", "signal_limits", "triggers"]
+    place: str
     pair: Pair
     text: str
 
@@ -125,21 +125,19 @@ class Reader:
                 name = value.value
                 where = f"element '{name}': "
                 break
-        keys = self._mapping(node, where, _ELEMENT_KEYS, "an element", name)
+        keys = self._mapping(node, where, _ELEMENT_KEYS, _ELEMENT, name)
         if not name:
             self.report(line_of(keys.get("name", node)), f"{where}name is missing")
-        buffer: dict[str, yaml.Node] = {}
-        if "buffer" in keys:
-            buffer = self._mapping(keys["buffer"], where, _BUFFER_KEYS, "buffer", name)
-        element = ScriptElement(
-            name,
-            line_of(node),
-            self._word(keys.get("enabled"), where, "enabled"),
-            self._number(keys.get("divider"), where, "divider"),
-            self._word(keys.get("action"), where, "action"),
-            self._word(buffer.get("type"), where, "buffer_type"),
-            self._number(buffer.get("size"), where, "buffer_size"),
-        )
+        nodes: dict[tuple[str, ...], yaml.Node] = {(key,): value for key, value in keys.items()}
+        for group, known in _GROUPS.items():
+            if group in keys:
+                below = self._mapping(keys[group], where, known, group, name)
+                nodes |= {(group, key): value for key, value in below.items()}
+        asked = ElementSettings()
+        for option in OPTIONS:
+            if option.place in nodes and (value := self._value(nodes[option.place], where, option)) is not None:
+                asked[option.name] = value
+        element = ScriptElement(name, line_of(node), asked)
         return element if name else None
 
     def _mapping(
@@ -158,7 +156,7 @@ class Reader:
                 near = get_close_matches(name.lower(), known, 1)
                 hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(known)}"
                 text = f"{where}unknown key '{shorten(name)}' in {what}; {hint}"
-                place = _PLACES.get(what) or ("below" if found else "above")
+                place = what if what in _GROUPS else "element" if what == _ELEMENT else "below" if found else "above"
                 self.unknown.append(UnknownKey(line_of(key), element, place, (key, value), text))
             else:
                 found[name] = value
@@ -176,26 +174,17 @@ class Reader:
             return str(node.value)
         return None
 
-    def _word(self, node: yaml.Node | None, where: str, name: str) -> Any:
-        if node is None:
-            return None
-        option = OPTION[name]
+    def _value(self, node: yaml.Node, where: str, option: ElementOption) -> OptionValue | RelativeValue | None:
+        """What an option is to be; None after reporting that it can't be that."""
         text = self._scalar(node, where, option.label, option.wanted)
         if text is None:
             return None
-        quoted_switch = isinstance(option.words[0].value, bool) and not is_plain(node)
-        value = None if quoted_switch else read_word(option, text)
-        if value is None:
-            self.report(line_of(node), where + option.problem(describe(node)))
-        return value
-
-    def _number(self, node: yaml.Node | None, where: str, name: str) -> Amount | None:
-        if node is None:
-            return None
-        option = OPTION[name]
-        text = self._scalar(node, where, option.label, option.wanted)
-        if text is None:
-            return None
+        if option.words:
+            quoted_switch = option.kind is bool and not is_plain(node)
+            word = None if quoted_switch else read_word(option, text)
+            if word is None:
+                self.report(line_of(node), where + option.problem(describe(node)))
+            return word
         value: object
         if not is_plain(node) or _OCTAL.fullmatch(text):
             self.report(line_of(node), where + option.problem(describe(node)))
@@ -214,6 +203,3 @@ class Reader:
         got = text if _WHOLE.fullmatch(text) else str(value)
         self.report(line_of(node), where + option.problem(shorten(got)))
         return None
-
-
-_PLACES: dict[str, Literal["element", "buffer"]] = {"an element": "element", "buffer": "buffer"}

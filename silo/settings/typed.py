@@ -11,6 +11,9 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from enum import Enum
+from typing import Any
+
+import msgspec
 
 from silo.core.arguments import shown, truth, whole_hint, whole_number
 from silo.core.elements import Action, BufferType, ElementOptions, Problem, buffer_size_for
@@ -47,47 +50,34 @@ class RelativeValue:
         return {"*": value * self.amount, "+": value + self.amount, "-": value - self.amount}[self.operator]
 
 
-Amount = int | RelativeValue
-
-
-@dataclass(frozen=True)
-class ElementSettings:
-    """What somebody asks for; None leaves a field as it is. Whole numbers are not yet held against their range."""
-
-    enabled: bool | None = None
-    divider: Amount | None = None
-    action: Action | None = None
-    buffer_type: BufferType | None = None
-    buffer_size: Amount | None = None
+class ElementSettings(dict[str, OptionValue | RelativeValue]):
+    """What somebody asks for, by names of options; the others stay. Whole numbers are not yet held against ranges."""
 
     def on(self, name: str, now: ElementOptions, frequency_hz: float) -> tuple[ElementOptions, list[Problem]]:
         """The options of the element `name` under these settings, and what is out of range.
 
         A size given as a time follows the new divider. A field with a problem keeps its value.
         """
+        made: dict[str, Any] = {}
         problems: list[Problem] = []
-
-        def number(option: ElementOption, asked: Amount | None, value: int, divider: int) -> int:
+        for option in OPTIONS:  # the divider before the size
+            asked = self.get(option.name)
             if asked is None:
-                return value
-            new = asked if isinstance(asked, int) else asked.on(value, divider, frequency_hz)
+                continue
+            if option.words:
+                made[option.name] = asked
+                continue
+            new: Any = asked
+            typed = ""
+            if isinstance(asked, RelativeValue):
+                new = asked.on(getattr(now, option.name), int(made.get("divider", now.divider)), frequency_hz)
+                typed = f" ({asked.typed})" if asked.typed else ""
             low, high = RANGES[option.name]
             if low <= new <= high:
-                return round(new)
-            typed = f" ({asked.typed})" if isinstance(asked, RelativeValue) and asked.typed else ""
-            problems.append(Problem(name, option.name, option.problem(_shown(new) + typed)))
-            return value
-
-        divider = number(OPTION["divider"], self.divider, now.divider, now.divider)
-        size = number(OPTION["buffer_size"], self.buffer_size, now.buffer_size, divider)
-        options = ElementOptions(
-            now.enabled if self.enabled is None else self.enabled,
-            divider,
-            now.action if self.action is None else self.action,
-            now.buffer_type if self.buffer_type is None else self.buffer_type,
-            size,
-        )
-        return options, problems
+                made[option.name] = round(new)
+            else:
+                problems.append(Problem(name, option.name, option.problem(_shown(new) + typed)))
+        return msgspec.structs.replace(now, **made), problems
 
 
 def _shown(number: float) -> str:
@@ -98,7 +88,7 @@ def _shown(number: float) -> str:
 
 def rate_words(settings: ElementSettings, divider: int, frequency_hz: float) -> str:
     """What a rate became where no divider gives it: `divider=30Hz became 3: 33.3 Hz of 100 Hz`; "" where it is met."""
-    asked = settings.divider
+    asked = settings.get("divider")
     if not isinstance(asked, RelativeValue) or asked.operator != "Hz":
         return ""
     rate_hz = frequency_hz / divider
@@ -239,7 +229,7 @@ def _read(pairs: Iterable[tuple[str, object]], name: str = "") -> ElementSetting
     except UnreadableError as error:
         where = f"element '{name}': " if name else ""
         raise ElementError(f"{where}{error}; nothing was changed") from None
-    return ElementSettings(**found)  # type: ignore[arg-type]  # read_value gives each option what it takes
+    return ElementSettings(found)
 
 
 def is_setting(word: str) -> bool:

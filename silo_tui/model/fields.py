@@ -2,11 +2,12 @@
 
 import enum
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import Action, BufferType, ElementOptions
+from silo.core.elements import ElementOptions
 from silo.settings.options import OPTIONS, ElementOption
 from silo.settings.typed import ElementSettings, phrase, read_options, read_word
 
@@ -25,12 +26,12 @@ class Field(enum.IntEnum):
     @property
     def title(self) -> str:
         """Head of the column."""
-        return ("on", "div", "act", "buf", "size")[self]
+        return self.option.head
 
     @property
     def label(self) -> str:
         """The field in a sentence."""
-        return ("logging", "divider", "action", "buffer type", "buffer size")[self]
+        return "logging" if self is Field.ENABLED else self.option.label
 
     @property
     def cycles(self) -> bool:
@@ -55,15 +56,15 @@ def phrase_for(field: Field, value: int) -> str:
     return phrase(field.option.name, value)
 
 
-def values_of(options: ElementOptions) -> tuple[int, int, int, int, int]:
+def values_of(options: ElementOptions) -> tuple[int, ...]:
     """The options as numbers, in the order of `Field`."""
-    return int(options.enabled), options.divider, int(options.action), int(options.buffer_type), options.buffer_size
+    return tuple(int(getattr(options, option.name)) for option in OPTIONS)
 
 
 def options_of(values: Ints) -> ElementOptions:
     """The inverse of `values_of`; `values` has shape `(5,)`."""
-    enabled, divider, action, buffer_type, size = (int(value) for value in values)
-    return ElementOptions(bool(enabled), divider, Action(action), BufferType(buffer_type), size)
+    made: dict[str, Any] = {option.name: option.kind(value) for option, value in zip(OPTIONS, values, strict=True)}
+    return ElementOptions(**made)
 
 
 def rows_of(options: Sequence[ElementOptions]) -> Ints:

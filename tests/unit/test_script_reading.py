@@ -18,6 +18,7 @@ from silo.settings.script import (
     read_script,
     write_script,
 )
+from silo.settings.typed import ElementSettings
 
 FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "fixtures"
 WHOLE = "must be a whole number from 1 to 2147483647"
@@ -45,11 +46,19 @@ def element_complaint(text: str) -> str:
 def test_every_key_of_an_element_is_read() -> None:
     buffer = "buffer:\n      type: 0\n      size: 10"
     text = f"log_elements:\n  - name: /log/grp/x\n    enabled: true\n    divider: 3\n    {buffer}\n    action: 2\n"
-    assert script(text).elements == (ScriptElement("/log/grp/x", 2, True, 3, Action.PUBLISH, BufferType.FIXED, 10),)
+    assert script(text).elements == (
+        ScriptElement(
+            "/log/grp/x",
+            2,
+            ElementSettings(
+                enabled=True, divider=3, action=Action.PUBLISH, buffer_type=BufferType.FIXED, buffer_size=10
+            ),
+        ),
+    )
 
 
 def test_missing_keys_are_none() -> None:
-    assert element("divider: 2") == ScriptElement("/log/x", 2, divider=2)
+    assert element("divider: 2") == ScriptElement("/log/x", 2, ElementSettings(divider=2))
 
 
 @pytest.mark.parametrize(
@@ -65,17 +74,17 @@ def test_missing_keys_are_none() -> None:
     ],
 )
 def test_buffer_types_are_given_by_number_or_name(word: str, member: int) -> None:
-    assert element(f"buffer: {{type: {word}}}").buffer_type is BufferType(member)
+    assert element(f"buffer: {{type: {word}}}").asked["buffer_type"] is BufferType(member)
 
 
 @pytest.mark.parametrize(("word", "member"), [("0", 0), ("save_and_publish", 0), ("Save", 1), ("PUBLISH", 2)])
 def test_actions_are_given_by_number_or_name(word: str, member: int) -> None:
-    assert element(f"action: {word}").action is Action(member)
+    assert element(f"action: {word}").asked["action"] is Action(member)
 
 
 @pytest.mark.parametrize(("word", "value"), [("true", True), ("False", False), ("yes", True), ("OFF", False)])
 def test_enabled_takes_the_words_that_yaml_knows(word: str, value: bool) -> None:
-    assert element(f"enabled: {word}").enabled is value
+    assert element(f"enabled: {word}").asked["enabled"] is value
 
 
 def test_an_empty_list_of_elements_is_a_script() -> None:
@@ -86,12 +95,12 @@ def test_an_empty_list_of_elements_is_a_script() -> None:
 def test_a_byte_order_mark_and_windows_line_ends_are_read(tmp_path: Path) -> None:
     path = tmp_path / "robot.yaml"
     path.write_bytes(b"\xef\xbb\xbflog_elements:\r\n  - name: /log/x\r\n    divider: 4\r\n")
-    assert read_script(path).elements == (ScriptElement("/log/x", 2, divider=4),)
+    assert read_script(path).elements == (ScriptElement("/log/x", 2, ElementSettings(divider=4)),)
 
 
 def test_an_anchor_may_be_used_for_several_buffers() -> None:
     text = "log_elements:\n- {name: /a, buffer: &b {type: 2, size: 7}}\n- {name: /b, buffer: *b}\n"
-    assert [item.buffer_size for item in script(text).elements] == [7, 7]
+    assert [item.asked["buffer_size"] for item in script(text).elements] == [7, 7]
 
 
 @pytest.mark.skipif(not FIXTURES.is_dir(), reason="files of the original are not here")

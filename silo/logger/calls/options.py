@@ -1,7 +1,6 @@
 """What the arguments of `Logger` and of its methods may be, and what they become."""
 
 import contextlib
-import dataclasses
 import functools
 import grp
 import logging
@@ -144,17 +143,18 @@ def _new_options(name: str, frequency_hz: float, max_time_s: float, *given: obje
     if named["buffer_size"] is None:
         del named["buffer_size"]
     settings = read_options(named, name)
-    (first,) = apply_settings(dataclasses.replace(settings, buffer_size=None), [(name, DEFAULT_OPTIONS)], frequency_hz)
+    size = settings.pop("buffer_size", None)
+    (first,) = apply_settings(settings, [(name, DEFAULT_OPTIONS)], frequency_hz)
     # the room for max_time, and what "*2" makes of it, follow the divider
     logger = LoggerOptions(frequency_hz=frequency_hz, max_time_s=max_time_s)
     default = msgspec.structs.replace(first, buffer_size=logger.default_buffer_size(first.divider))
-    if settings.buffer_size is None:
+    if size is None:
         problems = option_problems(name, default)
         way_out = f"that is max_time, {max_time_s:g} s at {frequency_hz:g} Hz: give a buffer_size"
         if problems:
             raise ElementError(refusal(problems).replace("; nothing", f" ({way_out}); nothing"))
         return default
-    (options,) = apply_settings(ElementSettings(buffer_size=settings.buffer_size), [(name, default)], frequency_hz)
+    (options,) = apply_settings(ElementSettings(buffer_size=size), [(name, default)], frequency_hz)
     return options
 
 
