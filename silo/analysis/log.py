@@ -5,7 +5,6 @@ torque = log["/log/joints/tau"]
 torque.average(2.0, 3.5)
 """
 
-import difflib
 import math
 import os
 import warnings
@@ -13,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,13 +26,13 @@ from silo.analysis.signal import Signal
 from silo.analysis.stretches import clipped, resampled
 from silo.core.arguments import INT64, real, shown, switch, text
 from silo.core.arguments import path as file_path
-from silo.core.calls import told_class
+from silo.core.calls import no_attribute, told_class
 from silo.core.elements import NO_EXTRAS
 from silo.core.kinds import SCALAR
 from silo.core.names import is_glob
 from silo.core.printing import html_table
 from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, read_ahead, stamps_of
-from silo.errors import ElementError, LogWarning, SaveError, UnknownNameError
+from silo.errors import ElementError, LogWarning, SaveError
 from silo.expressions.derived_signals import bound_derived
 from silo.files.formats import writer_for
 
@@ -181,14 +180,10 @@ class Log(Mapping[str, Signal]):
 
     if not TYPE_CHECKING:  # type checkers know which names there are
 
-        def __getattr__(self, name: str) -> Any:
-            near = [] if name.startswith("_") else difflib.get_close_matches(name, dir(type(self)), 1, 0.7)
-            if not name.startswith("_") and name not in _OTHER_NAMES and name in self:
-                raise UnknownNameError(f"a log has no '{name}': the signal is log['{name}']", name=name)
-            way_out = _OTHER_NAMES.get(
-                name, f"did you mean '{near[0]}'?" if near else "help(silo.Log) lists what there is"
-            )
-            raise UnknownNameError(f"a log has no '{name}': {way_out}", name=name)
+        def __getattr__(self, name: str) -> NoReturn:
+            known = not name.startswith("_") and name not in _OTHER_NAMES and name in self
+            others = {name: f"the signal is log['{name}']"} if known else _OTHER_NAMES
+            no_attribute("a log", name, type(self), others)
 
     def names(self, pattern: str = "*") -> list[str]:
         """Return names of elements, in the order of the file. Where there are none, a warning has names alike.

@@ -4,30 +4,29 @@ A signal is a value: every operation returns a new one and leaves the log alone.
 the stamps of the faster one, where the slower one has the value that it held; those of different logs on the time since
 the start of each. Where nothing is in common, or units don't go together, there is an error. NaN samples are left out
 of statistics.
-Operators are in `silo.analysis.compute.operators`, frame changes in `silo.analysis.compute.frames`, tables of other
-libraries in `silo.analysis.compute.exports`.
+Operators are NumPy's, which call `silo.analysis.compute.numpy_functions`; frame changes are in
+`silo.analysis.compute.frames`, tables of other libraries in `silo.analysis.compute.exports`.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, Literal, Union
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias, Union
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import ArrayLike, NDArray
 
-from silo.analysis.compute import calculus, exports, frames, indexing, spectra
+from silo.analysis.compute import calculus, exports, frames, indexing, numpy_functions, spectra
 from silo.analysis.compute.arithmetic import warn_outside, wide
-from silo.analysis.compute.operators import SignalOperators
-from silo.analysis.compute.samples import new_times
+from silo.analysis.compute.samples import Samples, new_times
 from silo.core import units
 from silo.core.arguments import INT64, shown, text
 from silo.core.arrays.values import with_nan
-from silo.core.calls import told_class
+from silo.core.calls import no_attribute, told_class
 from silo.core.printing import html_table
 from silo.core.recording import within
-from silo.errors import ElementError, UnknownNameError
+from silo.errors import ElementError
 
 # what others call it
 _OTHER_NAMES = {
@@ -51,10 +50,63 @@ _OTHER_NAMES = {
 }
 
 
+Operand: TypeAlias = Union["Signal", float, int, NDArray[Any]]
+
+
+class _Operators(NDArrayOperatorsMixin):
+    """Those of NumPy; `signal += 1` makes another one, as signals are values."""
+
+
+for _name in ("add", "sub", "mul", "truediv", "floordiv", "mod", "pow", "and", "or", "xor", "lshift", "rshift"):
+    setattr(_Operators, f"__i{_name}__", getattr(NDArrayOperatorsMixin, f"__{_name}__"))
+
+
 @told_class("signal", make="silo.Signal")
 @dataclass(frozen=True, eq=False, repr=False)
-class Signal(SignalOperators):
-    """Samples `values[i]` at `time_ns[i]`, with what one asks of them; the fields are those of `Samples`."""
+class Signal(Samples, _Operators):
+    """Samples `values[i]` at `time_ns[i]`, with what one asks of them; the fields are those of `Samples`.
+
+    Signals stand for their values where one calculates.
+    """
+
+    if TYPE_CHECKING:  # NumPy's say Any
+
+        def _with_another(self, other: Operand) -> "Signal": ...
+        def _negative(self) -> "Signal": ...
+
+        __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _with_another
+        __floordiv__ = __rfloordiv__ = __mod__ = __rmod__ = __pow__ = __rpow__ = _with_another
+        __lt__ = __le__ = __gt__ = __ge__ = _with_another
+        __and__ = __rand__ = __or__ = __ror__ = __xor__ = __rxor__ = _with_another
+        __neg__ = __pos__ = __abs__ = __invert__ = _negative
+
+    def __eq__(self, other: object) -> "Signal":  # type: ignore[override]  # as arrays do
+        return NotImplemented if other is None else np.equal(self, other)  # type: ignore[call-overload]
+
+    def __ne__(self, other: object) -> "Signal":  # type: ignore[override]
+        return NotImplemented if other is None else np.not_equal(self, other)  # type: ignore[call-overload]
+
+    __hash__ = object.__hash__
+
+    def __bool__(self) -> bool:
+        if self.values.size == 1:
+            return bool(self.values.reshape(-1)[0])
+        raise ElementError(
+            f"'{self.name}' has {len(self)} samples, so it is neither true nor false: write .any(), .all() or len(...)"
+        )
+
+    def __float__(self) -> float:
+        if self.values.size == 1:
+            return float(self.values.reshape(-1)[0])
+        raise ElementError(f"'{self.name}' has {len(self)} samples: write .mean(), .value(time) or [0] for one number")
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **keywords: Any) -> Any:
+        return numpy_functions.ufunc_of(self, ufunc, method, inputs, keywords)
+
+    def __array_function__(
+        self, function: Callable[..., Any], types: Any, args: tuple[Any, ...], keywords: dict[str, Any]
+    ) -> Any:
+        return numpy_functions.function_of(function, args, keywords)
 
     # ------------------------------------------------------------------------------------------------ values at times
 
@@ -292,6 +344,48 @@ class Signal(SignalOperators):
 
     # ----------------------------------------------------------------------------------------------------- as an array
 
+    def __iter__(self) -> Iterator[Any]:
+        """The samples, oldest first."""
+        return iter(self.values)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of `values`: samples first."""
+        return tuple(self.values.shape)
+
+    @property
+    def ndim(self) -> int:
+        """How many dimensions `values` has."""
+        return int(self.values.ndim)
+
+    @property
+    def size(self) -> int:
+        """How many numbers `values` has."""
+        return int(self.values.size)
+
+    def any(self) -> bool:
+        """Return whether any value is true, or not 0."""
+        return bool(np.any(self.numbers("look for truths in")))
+
+    def all(self) -> bool:
+        """Return whether all values are true, or not 0."""
+        return bool(np.all(self.numbers("look for truths in")))
+
+    def when(self) -> NDArray[np.float64]:
+        """Return the times at which a mask becomes true: `(signal > 1).when()`.
+
+        Returns:
+            Seconds since start, shape `(n,)`.
+
+        Raises:
+            ElementError: it is no mask.
+        """
+        if self.values.dtype.kind != "b" or self.values.ndim > 1:
+            raise ElementError(f"'{self.name}' is no mask; write a comparison: (signal > 1).when()")
+        before = np.concatenate([[False], self.values[:-1]])
+        times: NDArray[np.float64] = self.times[self.values & ~before[: len(self.values)]]
+        return times
+
     def __getitem__(self, key: Any) -> Any:
         """Return a sample (`[5]`), samples (`[10:20]`), those of a time (`[2.0:3.5]` in seconds, both included), of a
         mask (`[signal > 1]`), or a component (`["x"]`, `[:, 0]`).
@@ -300,14 +394,9 @@ class Signal(SignalOperators):
 
     if not TYPE_CHECKING:  # type checkers know which names there are
 
-        def __getattr__(self, name: str) -> Any:
-            way_out = _OTHER_NAMES.get(name)
-            if way_out is None and name in self.components:
-                way_out = f"it is signal['{name}']"
-            if way_out is None:
-                near = [] if name.startswith("_") else get_close_matches(name, dir(type(self)), 1, 0.7)
-                way_out = f"did you mean '{near[0]}'?" if near else "help(silo.Signal) lists what there is"
-            raise UnknownNameError(f"a signal has no '{name}': {way_out}", name=name)
+        def __getattr__(self, name: str) -> NoReturn:
+            others = {one: f"it is signal['{one}']" for one in self.components} | _OTHER_NAMES
+            no_attribute("a signal", name, type(self), others)
 
     # ------------------------------------------------------------------------------------------------------- plotting
 

@@ -62,6 +62,7 @@ def test_what_is_left_out_is_told_with_both_spans_and_the_way_out(ten, five):
     with pytest.warns(LogWarning) as told:
         ten["x"] - five["x"]
     words = str(told[0].message)
+    assert told[0].filename == __file__
     assert "0 to 4.99 s" in words
     assert "'/log/x' has samples from 0 to 9.99 s" in words
     assert ".resample(" in words

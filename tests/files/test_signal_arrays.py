@@ -259,3 +259,23 @@ def test_the_type_that_is_asked_for_is_given_or_refused():
     assert np.sqrt(one, dtype=np.float32).dtype == np.float32
     with pytest.raises(silo.ElementError, match=r"np.add can't give int32: the result is float64"):
         np.add(one, 1, dtype=np.int32)
+
+
+def test_an_operator_with_assignment_makes_another_signal_and_leaves_the_first_alone(log):
+    one = first = log["x"]
+    one += 1
+    one *= 2
+    assert (one.name, one.unit, one.values[:2].tolist()) == ("((/log/x + 1) * 2)", "m", [2, 4])
+    assert first.values[:2].tolist() == [0, 1]
+    with pytest.raises(silo.ElementError, match="can't write signals into an array"):
+        np.add(first, 1, out=first)
+
+
+def test_every_operator_of_numpy_is_one_of_signals(log):
+    gait = log["gait"]
+    assert (1 << gait).values.tolist() == [1] * 10 + [2] * 10
+    assert (-log["x"]).name == "-/log/x"
+    assert abs(log["x"]).name == "abs(/log/x)"
+    assert (log["x"] == None) is False  # noqa: E711
+    with pytest.raises(silo.ElementError, match="has no meaning for signals"):
+        divmod(gait, 2)

@@ -1,6 +1,6 @@
 """Arithmetic between signals: types that don't wrap around, common stamps, shapes that meet, units.
 
-`silo.analysis.compute.operators` calls it, `silo.analysis.compute.frames` for the stamps of vectors and orientations.
+`silo.analysis.compute.numpy_functions` calls it, `silo.analysis.compute.frames` for stamps of vectors and orientations.
 """
 
 import math
@@ -31,30 +31,9 @@ def combined(
 ) -> One:
     """Return what a function makes of a signal and another, a number or an array; `swapped` puts the other first."""
     if not isinstance(other, Samples):
-        _check_operand(one, other, sign)
         _warn_of_turn(one, other, sign)
-    base, unit, words = one, _unit(one, other, sign, swapped), _words(other)
-    mine: NDArray[Any] = wide(one)
-    theirs: Any = other
-    if isinstance(other, Samples):
-        words = other.name
-        base, right = together(one, other, f"calculate '{one.name}' {sign} '{words}'")
-        mine, theirs = _broadcast(wide(base), wide(right))
-        _check_shapes(one, other, mine, theirs, sign)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        values = function(theirs, mine) if swapped else function(mine, theirs)
-    name = f"({words} {sign} {one.name})" if swapped else f"({one.name} {sign} {words})"
-    made = one if values.ndim == one.values.ndim or not isinstance(other, Samples) else other
-    return replace(
-        made,
-        name=name,
-        values=values,
-        time_ns=base.time_ns,
-        start_ns=base.start_ns,
-        divider=base.divider,
-        unit=unit,
-        labels={},
-    )
+    values, made, name = _both(one, other, function, sign, swapped, wide, "calculate")
+    return replace(made, name=name, values=values, unit=_unit(one, other, sign, swapped), labels={})
 
 
 def compared(
@@ -70,28 +49,35 @@ def compared(
     """
     if isinstance(other, str | bytes) or one.values.dtype.kind in "SU":
         return _texts_compared(one, other, function, sign)
-    if not isinstance(other, Samples):
-        _check_operand(one, other, sign)
-    _unit(one, other, sign, swapped)
-    base, mine, theirs, words = one, one.numbers("compare"), other, _words(other)
+    values, made, name = _both(one, other, function, sign, swapped, lambda each: each.numbers("compare"), "compare")
+    return replace(made, name=name, values=_truths(values, sign), unit="-", labels={})
+
+
+def _both(
+    one: One,
+    other: One | float | NDArray[Any],
+    function: Callable[[Any, Any], Any],
+    sign: str,
+    swapped: bool,
+    numbers: Callable[[Samples], NDArray[Any]],
+    verb: str,
+) -> tuple[NDArray[Any], One, str]:
+    """What a function makes of two values at common stamps, the signal whose kind it has, and its name."""
+    base, theirs, words = one, other, other.name if isinstance(other, Samples) else _words(other)
     if isinstance(other, Samples):
-        words = other.name
-        base, right = together(one, other, f"compare '{one.name}' {sign} '{words}'")
-        mine, theirs = _broadcast(base.numbers("compare"), right.numbers("compare"))
+        _unit(one, other, sign, swapped)
+        base, right = together(one, other, f"{verb} '{one.name}' {sign} '{words}'")
+        mine, theirs = _broadcast(numbers(base), numbers(right))
         _check_shapes(one, other, mine, theirs, sign)
-    values = function(theirs, mine) if swapped else function(mine, theirs)
-    name = f"({words} {sign} {one.name})" if swapped else f"({one.name} {sign} {words})"
+    else:
+        _check_operand(one, other, sign)
+        _unit(one, other, sign, swapped)
+        mine = numbers(one)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        values = function(theirs, mine) if swapped else function(mine, theirs)
     made = one if values.ndim == one.values.ndim or not isinstance(other, Samples) else other
-    return replace(
-        made,
-        name=name,
-        values=_truths(values, sign),
-        time_ns=base.time_ns,
-        start_ns=base.start_ns,
-        divider=base.divider,
-        unit="-",
-        labels={},
-    )
+    made = replace(made, time_ns=base.time_ns, start_ns=base.start_ns, divider=base.divider)
+    return values, made, f"({words} {sign} {one.name})" if swapped else f"({one.name} {sign} {words})"
 
 
 def _truths(values: Any, sign: str) -> NDArray[np.bool_]:
@@ -200,9 +186,9 @@ def in_common(one: One, other: Other) -> tuple[One, Other, str]:
 
 
 def warn_outside(words: str) -> None:
-    """Warn at the line of the program that calls silo, not in silo."""
+    """Warn at the line of the program that calls silo, not in silo, nor in NumPy's operators, which call it."""
     frame, level = sys._getframe(1), 2
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("silo."):
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith(("silo.", "numpy.lib.mixins")):
         frame, level = frame.f_back, level + 1
     warnings.warn(words, LogWarning, stacklevel=level)
 

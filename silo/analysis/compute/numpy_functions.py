@@ -18,10 +18,14 @@ from silo.errors import ElementError
 
 One = TypeVar("One", bound=Samples)
 
-_SIGNS = {
-    np.add: "+", np.subtract: "-", np.multiply: "*", np.true_divide: "/", np.floor_divide: "//", np.power: "**",
-    np.float_power: "**", np.remainder: "%", np.fmod: "%", np.maximum: "max", np.minimum: "min", np.fmax: "max",
-    np.fmin: "min", np.hypot: "hypot", np.arctan2: "arctan2",
+# Python's own where there is one: it takes a root or a square for what it is, and masked arrays for theirs
+_SIGNS: dict[np.ufunc, tuple[Callable[[Any, Any], Any], str]] = {
+    np.add: (operator.add, "+"), np.subtract: (operator.sub, "-"), np.multiply: (operator.mul, "*"),
+    np.true_divide: (operator.truediv, "/"), np.floor_divide: (operator.floordiv, "//"),
+    np.remainder: (operator.mod, "%"), np.power: (operator.pow, "**"), np.float_power: (np.float_power, "**"),
+    np.fmod: (np.fmod, "%"), np.maximum: (np.maximum, "max"), np.minimum: (np.minimum, "min"),
+    np.fmax: (np.fmax, "max"), np.fmin: (np.fmin, "min"), np.hypot: (np.hypot, "hypot"),
+    np.arctan2: (np.arctan2, "arctan2"),
 }  # fmt: skip
 _COMPARISONS = {
     np.less: (operator.lt, "<"), np.less_equal: (operator.le, "<="), np.greater: (operator.gt, ">"),
@@ -30,6 +34,7 @@ _COMPARISONS = {
 _KEEP = {
     np.negative, np.positive, np.absolute, np.fabs, np.floor, np.ceil, np.rint, np.trunc, np.conjugate,
 }  # fmt: skip
+_WORDS = {np.negative: "-{}", np.absolute: "abs({})"}
 _POWERS = {np.sqrt: 0.5, np.square: 2.0, np.cbrt: 1 / 3, np.reciprocal: -1.0}
 _OF_ANGLES = {np.sin, np.cos, np.tan}
 _TO_ANGLES = {np.arcsin, np.arccos, np.arctan}
@@ -71,10 +76,10 @@ def ufunc_of(signal: One, ufunc: np.ufunc, method: str, inputs: tuple[Any, ...],
         function, sign = _COMPARISONS[ufunc]
         return compared(one, other, function, sign, swapped)
     if ufunc in _LOGIC:
-        return logical(one, other, ufunc, _LOGIC[ufunc], swapped)
+        return _logical(one, other, ufunc, _LOGIC[ufunc], swapped)
     if ufunc not in _SIGNS:
         raise _no_meaning(ufunc)
-    made = combined(one, other, ufunc, _SIGNS[ufunc], swapped)
+    made = combined(one, other, *_SIGNS[ufunc], swapped)
     return replace(made, unit="rad") if ufunc is np.arctan2 else made
 
 
@@ -89,7 +94,7 @@ def _as_type(made: Any, ufunc: np.ufunc, dtype: Any) -> Any:
     return replace(made, values=made.values.astype(wanted))
 
 
-def logical(one: One, other: Any, function: Callable[[Any, Any], Any], sign: str, swapped: bool = False) -> One:
+def _logical(one: One, other: Any, function: Callable[[Any, Any], Any], sign: str, swapped: bool = False) -> One:
     """Return `&`, `|` and `^` of bools or whole numbers; units have no meaning then."""
     kinds = [np.asarray(each.values if isinstance(each, Samples) else each).dtype.kind for each in (one, other)]
     if not set(kinds) <= set("biu"):
@@ -129,7 +134,8 @@ def _unary(signal: One, ufunc: np.ufunc) -> One:
         raise _no_meaning(ufunc)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         made = ufunc(values)
-    return replace(signal, name=f"{name}({signal.name})", values=made, unit=unit, labels={})
+    words = _WORDS.get(ufunc, f"{name}({{}})").format(signal.name)
+    return replace(signal, name=words, values=made, unit=unit, labels={})
 
 
 def _plain_factor(signal: Samples, name: str) -> float:
