@@ -87,7 +87,7 @@ class Threads(str, enum.Enum):
     SERIALIZED = "serialized"
 
 
-class ElementOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, metaclass=ToldStruct):
+class ElementOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False, metaclass=ToldStruct):
     """How one element is logged: everything that the script and the terminal can edit.
 
     Attributes:
@@ -108,7 +108,7 @@ class ElementOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, me
 DEFAULT_OPTIONS = ElementOptions()
 
 
-class Entry(msgspec.Struct, frozen=True):
+class Entry(msgspec.Struct, frozen=True, gc=False):
     """One scalar of an element, as it stands in a saved file.
 
     `suffix` follows the element's name (`_x`, `_0_1`, empty for a scalar), `dtype` is a NumPy type string
@@ -120,7 +120,7 @@ class Entry(msgspec.Struct, frozen=True):
     labels: dict[int, str] | None = None
 
 
-class ElementInfo(msgspec.Struct, frozen=True, omit_defaults=True):
+class ElementInfo(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """One row of the element table.
 
     Attributes:

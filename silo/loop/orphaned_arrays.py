@@ -41,10 +41,14 @@ class Watched:
     @classmethod
     def of(cls, elements: Sequence[Element]) -> "Watched":
         """What is to be watched of a table."""
-        sources = [(element.info, part.source) for element in elements for part in element.parts]
-        found = [(info, source) for info, source in sources if isinstance(source, Reference)]
-        references = [source for _, source in found]
-        return cls([info for info, _ in found], references, HeldArrays(references))
+        infos: list[ElementInfo] = []
+        references: list[Reference] = []
+        for element in elements:
+            for part in element.parts:
+                if isinstance(part.source, Reference):
+                    infos.append(element.info)
+                    references.append(part.source)
+        return cls(infos, references, HeldArrays(references))
 
 
 class Unheld:

@@ -5,6 +5,7 @@ Made once at `start()`. Rules of the time buffer and of the size tiers are pure 
 
 import dataclasses
 import functools
+import itertools
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -85,17 +86,6 @@ def size_tiers(sizes: Sequence[int], weights: Sequence[int], tiers: int) -> list
     return best[-1][1] if best else []
 
 
-@dataclass
-class _Placed:
-    """The words of one element, and its entries' bytes from the first of them."""
-
-    element: Element
-    copied: bool  # whether part of it is read at each due tick, which can fail
-    words: NDArray[np.int64]
-    entries: tuple[Entry, ...]
-    layout: "_Layout"
-
-
 class _Layout(NamedTuple):
     """The words that a source covers, from the one where it begins; of its scalars the bytes from the first of them.
 
@@ -105,6 +95,16 @@ class _Layout(NamedTuple):
     words: NDArray[np.int64]
     offsets: tuple[int, ...]
     swapped: tuple[bool, ...]
+
+
+class _Placed(NamedTuple):
+    """How one element lies in memory: its layout, from the word address `begin`. Elements of a kind share layouts."""
+
+    element: Element
+    copied: bool  # whether part of it is read at each due tick, which can fail
+    begin: int
+    layout: _Layout
+    entries: tuple[Entry, ...]
 
 
 @dataclass(frozen=True)
@@ -160,13 +160,16 @@ class _Rings:
     ) -> None:
         ring = len(self.rings)
         # sorted by address: what lies side by side in memory becomes one copy
-        members = sorted(members, key=lambda member: int(member[1].words[0]) if len(member[1].words) else 0)
-        position = STAMP_WORDS
-        for number, placed in members:
-            self.where[number, live] = ring, 8 * position
-            position += len(placed.words)
-        words = np.concatenate([np.empty(0, np.int64), *(placed.words for _, placed in members)])
-        self.rings.append(RingPlan(RingSchema(ring, divider, kind, capacity, position, 0, live), words))
+        firsts = np.array([placed.begin + placed.layout.words[0] for _, placed in members], np.int64)
+        members = [members[place] for place in np.argsort(firsts, kind="stable").tolist()]
+        counts = np.array([len(placed.layout.words) for _, placed in members], np.int64)
+        ends = STAMP_WORDS + np.cumsum(counts)
+        for (number, _), first_byte in zip(members, (8 * (ends - counts)).tolist(), strict=True):
+            self.where[number, live] = ring, first_byte
+        words = np.concatenate([np.empty(0, np.int64), *(placed.layout.words for _, placed in members)])
+        words += np.repeat(np.array([placed.begin for _, placed in members], np.int64), counts)
+        row_words = STAMP_WORDS + len(words)
+        self.rings.append(RingPlan(RingSchema(ring, divider, kind, capacity, row_words, 0, live), words))
 
 
 def make_plan(
@@ -210,7 +213,7 @@ def _add_rings(rings: _Rings, placed: list[_Placed], frequency_hz: float, tiers:
         groups[options.divider, options.buffer_type].append(number)
     for (divider, kind), numbers in sorted(groups.items()):
         sizes = [placed[number].element.info.options.buffer_size for number in numbers]
-        weights = [len(placed[number].words) + 1 for number in numbers]
+        weights = [len(placed[number].layout.words) + 1 for number in numbers]
         bounds = [max(sizes)] if kind is BufferType.GROWING else size_tiers(sizes, weights, tiers)
         tier_of = np.searchsorted(bounds, sizes)
         for tier, bound in enumerate(bounds):
@@ -278,8 +281,8 @@ def _element_schema(number: int, placed: _Placed, rings: _Rings) -> ElementSchem
 
 
 def _entry_schemas(placed: _Placed, base: int) -> tuple[EntrySchema, ...]:
-    found = zip(placed.entries, placed.layout.offsets, placed.layout.swapped, strict=True)
-    return tuple(EntrySchema(entry, base + offset, swapped) for entry, offset, swapped in found)
+    layout = placed.layout
+    return tuple(map(EntrySchema, placed.entries, [base + offset for offset in layout.offsets], layout.swapped))
 
 
 # ------------------------------------------------------------------------------------------------- words of memory
@@ -287,28 +290,32 @@ def _entry_schemas(placed: _Placed, base: int) -> tuple[EntrySchema, ...]:
 
 def _place(element: Element, scratch: Scratch) -> _Placed:
     """The aligned 8-byte words that cover an element, each once, and where its entries lie in them."""
-    parts = element.parts
-    copied = any(scratch.place_of(part.source) is not None for part in parts)
-    if len(parts) == 1:
-        words, layout = _part_words(parts[0], scratch)
-        return _Placed(element, copied, words, parts[0].entries(), layout)
-    placed = [_part_words(part, scratch) for part in parts]
-    words = np.unique(np.concatenate([one for one, _ in placed]))
+    placed = [_place_part(element, part, scratch) for part in element.parts]
+    if len(placed) == 1:
+        return placed[0]
+    begin = placed[0].begin
+    covered = [one.begin - begin + one.layout.words for one in placed]
+    words = np.unique(np.concatenate(covered))
     offsets: list[int] = []
-    for covered, layout in placed:
-        within = np.array(layout.offsets, np.int64)
-        offsets += (8 * np.searchsorted(words, covered[within // 8]) + within % 8).tolist()
-    swapped = tuple(one for _, layout in placed for one in layout.swapped)
-    entries = tuple(entry for part in parts for entry in part.entries())
-    return _Placed(element, copied, words, entries, _Layout(words, tuple(offsets), swapped))
+    for some, one in zip(covered, placed, strict=True):
+        within = np.array(one.layout.offsets, np.int64)
+        offsets += (8 * np.searchsorted(words, some[within // 8]) + within % 8).tolist()
+    swapped = tuple(itertools.chain.from_iterable(one.layout.swapped for one in placed))
+    entries = tuple(itertools.chain.from_iterable(one.entries for one in placed))
+    copied = any(one.copied for one in placed)
+    return _Placed(element, copied, begin, _Layout(words, tuple(offsets), swapped), entries)
 
 
-def _part_words(part: Component, scratch: Scratch) -> tuple[NDArray[np.int64], _Layout]:
+def _place_part(element: Element, part: Component, scratch: Scratch) -> _Placed:
+    """The same for one part: in its own memory, or at its place in the scratch."""
     source = part.source
-    address, strides = _memory(part, scratch)
+    place = scratch.place_of(source)
+    view = source.view if place is None and isinstance(source, Reference) else place
+    assert view is not None
+    begin, within = divmod(view.__array_interface__["data"][0], 8)
     layout_of = _few_layout if part.is_small else _layout
-    layout = layout_of(source.dtype, source.shape, strides, part.kind, address % 8)
-    return layout.words + address // 8, layout
+    layout = layout_of(view.dtype, view.shape, view.strides, part.kind, within)
+    return _Placed(element, place is not None, begin, layout, part.entries())
 
 
 def _layout(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...], kind: str, begin: int) -> _Layout:
@@ -327,14 +334,6 @@ def _layout(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ..
 
 
 _few_layout = functools.lru_cache(maxsize=1024)(_layout)
-
-
-def _memory(part: Component, scratch: Scratch) -> tuple[int, tuple[int, ...]]:
-    """Address of a source's first item and its strides: its own memory, or its place in the scratch."""
-    place = scratch.place_of(part.source)
-    view = part.source.view if place is None and isinstance(part.source, Reference) else place
-    assert view is not None
-    return view.__array_interface__["data"][0], view.strides
 
 
 __all__ = ["Element", "Plan", "RingPlan", "TimeBuffer", "make_plan", "size_tiers", "time_buffer"]

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import NO_EXTRAS, Conditions, LoggerOptions, Storage, Threads
@@ -39,6 +40,7 @@ from silo.segment.reasons import StopReason
 from silo.segment.writer import Segment
 
 logger = logging.getLogger("silo")
+READ_TOGETHER = 500  # sources: few enough that what another thread changes is rarely seen between two reads
 _numbers = itertools.count()
 
 
@@ -222,20 +224,40 @@ def addresses_work(plan: Plan) -> bool:
 
     A value that another thread changes meanwhile gets further tries.
     """
-    return all(any(_same_bytes(reference.view) for _ in range(5)) for reference in plan.references)
+    views = [reference.view for reference in plan.references]
+    parts = [views[begin : begin + READ_TOGETHER] for begin in range(0, len(views), READ_TOGETHER)]
+    other = itertools.chain.from_iterable(map(_read_otherwise, parts))
+    return all(any(not _read_otherwise([view]) for _ in range(5)) for view in other)
 
 
-def _same_bytes(view: NDArray[Any]) -> bool:
-    address = view.__array_interface__["data"][0]
+def _read_otherwise(views: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+    """Those whose first or last item is not what stands at its address."""
+    ends = [(place, *end) for place, view in enumerate(views) for end in _ends(view) if end[1]]
+    if not ends:
+        return []
+    sizes = np.array([len(seen) for _, _, seen in ends])
+    read = _read_bytes(np.array([address for _, address, _ in ends], np.int64), sizes)
+    differs = read != np.frombuffer(b"".join([seen for _, _, seen in ends]), np.uint8)
+    if not differs.any():
+        return []
+    return [views[place] for place in np.unique(np.repeat([place for place, _, _ in ends], sizes)[differs])]
+
+
+def _ends(view: NDArray[Any]) -> list[tuple[int, bytes]]:
+    """The addresses of the first and last item, and what NumPy sees there."""
+    address: int = view.__array_interface__["data"][0]
     if view.size == 1:
-        return _read_words(address, view.nbytes) == view.tobytes()
+        return [(address, view.tobytes())]
     last = address + sum((size - 1) * step for size, step in zip(view.shape, view.strides, strict=True))
     # arrays of one item, not scalars: those have the byte order of the machine, and cut strings at their zeros
     first, final = ((..., *[one] * view.ndim) for one in (slice(0, 1), slice(-1, None)))
-    ends = ((address, view[first]), (last, view[final]))
-    return all(_read_words(begin, item.nbytes) == item.tobytes() for begin, item in ends)
+    return [(address, view[first].tobytes()), (last, view[final].tobytes())]
 
 
-def _read_words(address: int, size_bytes: int) -> bytes:
-    first, last = address // 8, (address + max(size_bytes, 1) - 1) // 8
-    return words_at(first, last - first + 1).tobytes()[address % 8 : address % 8 + size_bytes]
+def _read_bytes(addresses: NDArray[np.int64], sizes: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """So many bytes from each address on, one after the other, read in whole words as `collect()` does."""
+    bytes_at = np.repeat(addresses - (np.cumsum(sizes) - sizes), sizes) + np.arange(sizes.sum())
+    low, high = int(bytes_at.min()) // 8, int(bytes_at.max()) // 8
+    words = words_at(low, high - low + 1)[bytes_at // 8 - low]
+    read: NDArray[np.uint8] = words.view(np.uint8).reshape(-1, 8)[np.arange(len(words)), bytes_at % 8]
+    return read

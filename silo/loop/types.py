@@ -60,7 +60,7 @@ class Component:
     @property
     def is_small(self) -> bool:
         """Whether what follows from type and shape may be remembered."""
-        return math.prod(self.source.shape) * self.source.dtype.itemsize <= KEPT_BYTES
+        return self.source.nbytes <= KEPT_BYTES
 
 
 def entry_of(scalar: Scalar, labels: Mapping[int, str] | None) -> Entry:

@@ -79,7 +79,7 @@ class SegmentState(enum.IntEnum):
     STOPPED = 2
 
 
-class EntrySchema(msgspec.Struct, frozen=True):
+class EntrySchema(msgspec.Struct, frozen=True, gc=False):
     """Where one scalar stands in a row: bytes from the start of the row. `swapped`: big-endian in memory."""
 
     entry: Entry
@@ -112,7 +112,7 @@ class RingSchema(msgspec.Struct, frozen=True):
     live: bool = False
 
 
-class ElementSchema(msgspec.Struct, frozen=True):
+class ElementSchema(msgspec.Struct, frozen=True, gc=False):
     """One enabled element: `ring` holds its buffer; `live_ring` passes every sample, -1 if it isn't published.
 
     `failures` is the word position of its block of failures, -1 for what is read by address and can't fail.

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from silo.errors import ElementError, SourceError
+from silo.loop import run
 from silo.loop.run import addresses_work
 from tests.stand_ins.ticking import Robot, warnings_of
 
@@ -353,8 +354,39 @@ def test_when_addresses_do_not_work_variables_are_copied_by_numpy(new_logger, mo
 
 
 def test_the_self_test_finds_an_address_that_is_wrong(new_logger, monkeypatch):
-    monkeypatch.setattr("silo.loop.run._read_words", lambda address, size: os.urandom(size))
+    noise = np.frombuffer(os.urandom(1000), np.uint8)
+    monkeypatch.setattr("silo.loop.run._read_bytes", lambda addresses, sizes: noise[: sizes.sum()])
     logger = new_logger()
     logger.add(np.array([1.0, 2.0]), "x")
     logger.start()
     assert logger.present_run.plan.references == ()
+
+
+@pytest.mark.parametrize("place", [0, 499, 500, 1200])
+def test_the_self_test_finds_a_single_wrong_address_among_many(new_logger, monkeypatch, place):
+    arrays = [np.full(1 + number % 3, float(number)) for number in range(1201)]
+    wrong = arrays[place].__array_interface__["data"][0]
+    read = run._read_bytes
+    monkeypatch.setattr("silo.loop.run._read_bytes", lambda found, sizes: read(found, sizes) ^ (wrong in found))
+    logger = new_logger()
+    for number, one in enumerate(arrays):
+        logger.add(one, f"x{number}", buffer_size=2)
+    logger.start()
+    assert logger.present_run.plan.references == ()
+
+
+def test_values_that_change_while_they_are_compared_are_read_again(new_logger, monkeypatch):
+    arrays = [np.zeros(1) for _ in range(3)]
+    read, calls = run._read_bytes, []
+
+    def other_at_first(found, sizes):
+        calls.append(len(found))
+        return read(found, sizes) ^ (len(calls) < 3)
+
+    monkeypatch.setattr("silo.loop.run._read_bytes", other_at_first)
+    logger = new_logger()
+    for number, one in enumerate(arrays):
+        logger.add(one, f"x{number}")
+    logger.start()
+    assert len(logger.present_run.plan.references) == 3
+    assert calls == [3, 1, 1, 1, 1]  # all at once, then each of those that differed, the first one twice
