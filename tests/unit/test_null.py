@@ -5,6 +5,7 @@ import inspect
 import numpy as np
 import pytest
 
+from silo.errors import ArgumentError
 from silo.logger.logger import Logger
 from silo.logger.null import NullLogger
 
@@ -71,3 +72,24 @@ def test_it_is_a_context_manager():
     with NullLogger() as log:
         log.collect()
     assert not log.is_running
+
+
+@pytest.mark.parametrize("name", [name for name in METHODS if inspect.signature(getattr(Logger, name)).parameters])
+def test_its_methods_tell_of_a_wrong_call_as_a_logger_does(name, new_logger):
+    if name in ("collect", "mark"):  # the control loop's: nothing stands before them
+        return
+    told = []
+    for logger in (NullLogger(), new_logger()):
+        with pytest.raises(ArgumentError) as caught:
+            getattr(logger, name)(*range(20))
+        told.append(str(caught.value))
+    assert told[0] == told[1]
+    assert f"log.{'close' if name == 'cleanup' else name}() takes" in told[0]
+
+
+def test_what_it_returns_is_of_the_type_that_a_logger_returns():
+    null = NullLogger()
+    assert (null.set("x"), null.enable(), null.apply([])) == (0, 0, 0)
+    assert (null.load_script(), null.stop_recording(), null.record(name="walk")) == ([], "", "walk")
+    assert null.load_script() is not null.load_script()
+    assert [null.start(), null.trigger("fall", when="x > 1"), null.close(discard=True)] == [None] * 3
