@@ -1,10 +1,11 @@
 """What the commands share: which logger is meant, completion of names, tables of plain text."""
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
 from click.types import StringParamType
@@ -26,6 +27,13 @@ READ_ONLY = "silo read-only"  # in the meta of the root's context
 
 _Made = TypeVar("_Made")
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
+
+
+class Progress(Protocol):
+    """What shows how much is done."""
+
+    def __call__(self, done: float, total: float = 1.0) -> None:
+        """Show a share, or so much of a total."""
 
 
 class TypedPath(click.Path):
@@ -377,6 +385,30 @@ def show_json(value: object) -> None:
     import msgspec
 
     click.echo(msgspec.json.encode(value).decode())
+
+
+def show(value: object, as_json: bool, text: Callable[[], str]) -> None:
+    """Print a value as JSON, or as text."""
+    if as_json:
+        show_json(value)
+    else:
+        click.echo(text())
+
+
+@contextmanager
+def progress(label: str) -> "Iterator[Progress | None]":
+    """Give what shows how much is done, as a share or of a total: a bar on a terminal, None elsewhere."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
+
+        def show(done: float, total: float = 1.0) -> None:
+            step = int(1000 * done / max(total, 1e-9)) - bar.pos
+            if step > 0:
+                bar.update(step)
+
+        yield show
 
 
 def show_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> None:

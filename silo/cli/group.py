@@ -5,7 +5,9 @@ from typing import NamedTuple
 
 import click
 
+from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER
 from silo.cli.common import READ_ONLY, config_option
+from silo.errors import ConnectionLostError, SiloError
 from silo.version import VERSION
 
 
@@ -72,6 +74,18 @@ COMMANDS = {
 }
 
 
+class FailedError(click.ClickException):
+    """An error of silo, as the shell is told of it."""
+
+    exit_code = EXIT_FAILED
+
+
+class NotReachedError(FailedError):
+    """No such logger, or nobody there answers."""
+
+    exit_code = EXIT_NO_LOGGER
+
+
 class LazyGroup(click.Group):
     """A group whose commands are imported when they are called for."""
 
@@ -86,6 +100,14 @@ class LazyGroup(click.Group):
             return None
         command: click.Command = getattr(importlib.import_module(entry.module), entry.attribute)
         return config_option(command)
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Do what the words say. Raises FailedError for each error of silo."""
+        try:
+            return super().invoke(ctx)
+        except SiloError as error:
+            kind = NotReachedError if isinstance(error, ConnectionLostError) else FailedError
+            raise kind(str(error)) from error
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -3,7 +3,7 @@
 import os
 import sys
 
-from silo.cli.codes import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_NO_LOGGER, EXIT_PIPE, EXIT_USAGE
+from silo.cli.codes import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_PIPE, EXIT_USAGE
 from silo.version import VERSION
 
 
@@ -38,7 +38,6 @@ def run(arguments: list[str]) -> int:
     import click
 
     from silo.cli.group import cli
-    from silo.errors import ConnectionLostError, SiloError
 
     if any("\0" in word for word in arguments):  # from no shell, but from programs
         click.echo("silo: an argument holds a NUL character", err=True)
@@ -51,10 +50,9 @@ def run(arguments: list[str]) -> int:
     except click.UsageError as error:
         error.show()
         return EXIT_USAGE
-    except (SiloError, click.ClickException) as error:
-        text = error.format_message() if isinstance(error, click.ClickException) else str(error)
-        click.echo(f"silo: {text}", err=True)
-        return EXIT_NO_LOGGER if isinstance(error, ConnectionLostError) else EXIT_FAILED
+    except click.ClickException as error:
+        click.echo(f"silo: {error.format_message()}", err=True)
+        return error.exit_code
     except (KeyboardInterrupt, click.Abort):
         return EXIT_INTERRUPTED
     except BrokenPipeError:

@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 import silo
-from silo.cli.main import EXIT_FAILED, run
+from silo.cli.codes import EXIT_FAILED
+from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.runtime import open_unfinished, sweep_unfinished, unopened
 from silo.errors import SegmentError

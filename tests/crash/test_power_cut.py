@@ -18,7 +18,8 @@ import pytest
 
 import silo
 from silo.analysis.log import LogWarning
-from silo.cli.main import EXIT_FAILED, run
+from silo.cli.codes import EXIT_FAILED
+from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.runtime import process_start
 from silo.errors import SegmentError

@@ -136,7 +136,10 @@ class Shapes:
         if isinstance(kind, inspect.StructType):
             return f"<{self._struct(kind, where)}>"
         if isinstance(kind, inspect.UnionType):
-            return " | ".join(self._type(one, f"{where}|{place}") for place, one in enumerate(kind.types))
+            found = [self._type(one, f"{where}|{place}") for place, one in enumerate(kind.types)]
+            if all(isinstance(one, inspect.StructType) for one in kind.types):
+                found.sort()  # tags tell them apart, and their order is that in which modules were loaded
+            return " | ".join(found)
         if isinstance(kind, inspect.DictType):
             return f"{{{self._type(kind.key_type, where)}: {self._type(kind.value_type, f'{where}{{}}')}}}"
         if isinstance(kind, inspect.TupleType):

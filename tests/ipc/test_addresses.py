@@ -13,7 +13,8 @@ import pytest
 import zenoh
 
 import silo
-from silo.cli.main import EXIT_USAGE, run
+from silo.cli.codes import EXIT_USAGE
+from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import State
 from silo.errors import ConnectionLostError

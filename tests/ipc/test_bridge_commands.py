@@ -8,7 +8,8 @@ import pytest
 
 import silo
 from silo.bridges.services import pinned, services
-from silo.cli.main import EXIT_FAILED, run
+from silo.cli.codes import EXIT_FAILED
+from silo.cli.main import run
 from silo.client.client import Client
 from silo.net.access.rights import access_control
 

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from silo.cli.main import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, run
+from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE
+from silo.cli.main import run
 from silo.core.elements import State
 from silo.fleet.discovery import discover
 from silo.net.session import close, open_router

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 import silo
+from silo.cli.codes import EXIT_FAILED, EXIT_USAGE
 from silo.cli.loggers.watch import show_clock
-from silo.cli.main import EXIT_FAILED, EXIT_USAGE, run
+from silo.cli.main import run
 from silo.core.elements import Action, BufferType
 from tests.waiting import DEADLINE_S, wait_until
 

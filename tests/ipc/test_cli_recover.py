@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from silo.analysis.opening import open_log
-from silo.cli.main import EXIT_FAILED, EXIT_NO_LOGGER, run
+from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER
+from silo.cli.main import run
 from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow

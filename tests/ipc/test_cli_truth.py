@@ -8,7 +8,8 @@ import signal
 import pytest
 
 import silo
-from silo.cli.main import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, run
+from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE
+from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import State
 from silo.errors import ElementError

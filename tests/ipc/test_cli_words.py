@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 import silo
+from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE
 from silo.cli.common import next_names, show_duration, split_logger
 from silo.cli.edits import select, split_settings
 from silo.cli.group import COMMANDS, cli
-from silo.cli.main import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, run
+from silo.cli.main import run
 from silo.core.elements import Action, BufferType, ElementOptions
 from silo.errors import ElementError
 from silo.settings.typed import ElementSettings, RelativeValue, apply_settings, read_settings

@@ -7,7 +7,8 @@ import weakref
 import pytest
 
 import silo
-from silo.cli.main import EXIT_NO_LOGGER, run
+from silo.cli.codes import EXIT_NO_LOGGER
+from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.runtime import down_mark, down_marks, sweep_unfinished
 from silo.errors import ConnectionLostError

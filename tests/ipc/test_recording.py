@@ -8,7 +8,8 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
-from silo.cli.main import EXIT_USAGE, run
+from silo.cli.codes import EXIT_USAGE
+from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import BufferType, RecorderState
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError, StateError

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import silo
+from silo.cli.codes import EXIT_NO_LOGGER, EXIT_USAGE
 from silo.cli.group import cli
-from silo.cli.main import EXIT_NO_LOGGER, EXIT_USAGE, run
+from silo.cli.main import run
 from silo.cli.network.authority import Made, make_network, robot_of, role_of
 from silo.errors import RefusedError, SiloError
 from silo.fleet.examining import examine

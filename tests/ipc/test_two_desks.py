@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from silo.cli.main import EXIT_FAILED, EXIT_USAGE
+from silo.cli.codes import EXIT_FAILED, EXIT_USAGE
 from silo.cli.network.authority import make_network
 from silo.core.elements import LoggedEvent
 from silo.files.event_log import read_events

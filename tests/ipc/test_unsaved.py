@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 import silo
-from silo.cli.main import EXIT_FAILED, EXIT_USAGE, run
+from silo.cli.codes import EXIT_FAILED, EXIT_USAGE
+from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
 from silo.errors import GoesOnError, RefusedError

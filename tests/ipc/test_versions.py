@@ -9,7 +9,8 @@ import msgspec
 import pytest
 
 import silo
-from silo.cli.main import EXIT_NO_LOGGER, run
+from silo.cli.codes import EXIT_NO_LOGGER
+from silo.cli.main import run
 from silo.client.client import Client
 from silo.errors import ConnectionLostError, RefusedError, VersionError
 from silo.fleet.exchange import decode_reply, encoded

@@ -11,7 +11,8 @@ import pytest
 import zenoh
 
 import silo
-from silo.cli.main import EXIT_FAILED, run
+from silo.cli.codes import EXIT_FAILED
+from silo.cli.main import run
 from silo.client.client import Client
 from silo.control.authentication import Authentication
 from silo.errors import ConnectionLostError, ElementError, RefusedError

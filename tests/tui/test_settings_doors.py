@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 import silo
-from silo.cli.main import EXIT_FAILED, run
+from silo.cli.codes import EXIT_FAILED
+from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import Action, BufferType, Edit, ElementOptions
 from silo.errors import ElementError, RefusedError, ScriptError

@@ -1,12 +1,17 @@
 """`silo control`: who has control of a logger, and taking, releasing and handing it over."""
 
 import time
+from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import complete_logger, connect, json_option, logger_argument, show_json
+from silo.cli.verbs import verb
 from silo.core.quantities import duration, read_seconds
 from silo.net.access.senders import name_of
+
+if TYPE_CHECKING:
+    from silo.client.client import Client
+    from silo.core.elements import Status
 
 
 @click.group()
@@ -25,73 +30,66 @@ def control() -> None:
     """
 
 
-@control.command("take")
-@logger_argument
+@verb(control, "take")
 @click.option("--for", "lasting", default="10min", show_default=True, metavar="TIME", help="How long: 30s, 10min, 2h.")
 @click.option("--force", is_flag=True, help="From whoever has it; everybody is told.")
-def take(logger: str | None, lasting: str, force: bool) -> None:
+def take(client: "Client", lasting: str, force: bool) -> str:
     """Take control: from now on nobody else changes anything.
 
     \b
     Example:
       silo control take anymal --for 30min
     """
-    lease_s = read_seconds("--for", lasting)
-    with connect(logger) as client:
-        click.echo(client.take_control(force=force, lease_s=lease_s))
+    return client.take_control(force=force, lease_s=read_seconds("--for", lasting))
 
 
-@control.command("release")
-@logger_argument
-def release(logger: str | None) -> None:
+@verb(control, "release")
+def release(client: "Client") -> str:
     """Give control up.
 
     \b
     Example:
       silo control release anymal
     """
-    with connect(logger) as client:
-        click.echo(client.release_control())
+    return client.release_control()
 
 
-@control.command("give")
-@click.argument("words", nargs=-1, required=True, metavar="[LOGGER] USER", shell_complete=complete_logger)
-def give(words: tuple[str, ...]) -> None:
+@verb(control, "give", "USER")
+def give(client: "Client", user: str) -> str:
     """Hand control over to an operator who is connected.
 
     \b
     Example:
       silo control give anymal bob
     """
-    if len(words) > 2:
-        raise click.UsageError("one logger and one user: silo control give anymal bob")
-    with connect(words[0] if len(words) == 2 else None) as client:
-        click.echo(client.hand_over(words[-1]))
+    return client.hand_over(user)
 
 
-@control.command("show")
-@logger_argument
-@json_option
-def show(logger: str | None, as_json: bool) -> None:
+def _facts(found: "tuple[str, Status]") -> dict[str, object]:
+    _, status = found
+    return {"control": status.control, "one_operator": status.one_operator, "clients": status.clients}
+
+
+def _show(found: "tuple[str, Status]") -> None:
+    logger, status = found
+    if status.control is not None:
+        now_s = time.time()
+        since, left = now_s - status.control.since_ns / 1e9, status.control.until_ns / 1e9 - now_s
+        click.echo(f"{status.control.who} has control since {duration(since)}, for {duration(max(0.0, left))} more")
+    else:
+        need = "changes need it: `silo control take`" if status.one_operator else "every operator may change it"
+        click.echo(f"nobody has control of {logger}; {need}")
+    for each in status.clients:
+        may = f"as {name_of(each.identity)}, may change it" if each.identity else "looks"
+        click.echo(f"  {each.who}  ({may})")
+
+
+@verb(control, "show", shown=_show, json=_facts)
+def show(client: "Client") -> "tuple[str, Status]":
     """Show who has control, and who is connected.
 
     \b
     Example:
       silo control show anymal --json
     """
-    with connect(logger) as client:
-        me = client.found.label
-        status = client.status()
-    now_s = time.time()
-    if as_json:
-        show_json({"control": status.control, "one_operator": status.one_operator, "clients": status.clients})
-        return
-    if status.control is not None:
-        since, left = now_s - status.control.since_ns / 1e9, status.control.until_ns / 1e9 - now_s
-        click.echo(f"{status.control.who} has control since {duration(since)}, for {duration(max(0.0, left))} more")
-    else:
-        need = "changes need it: `silo control take`" if status.one_operator else "every operator may change it"
-        click.echo(f"nobody has control of {me}; {need}")
-    for each in status.clients:
-        may = f"as {name_of(each.identity)}, may change it" if each.identity else "looks"
-        click.echo(f"  {each.who}  ({may})")
+    return client.found.label, client.status()

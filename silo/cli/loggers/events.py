@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from silo.cli.common import LogWord, complete_logger, connect, find_logger, json_option
+from silo.cli.common import LogWord, complete_logger, connect, find_logger, json_option, show_json
+from silo.cli.verbs import verb
 from silo.core.elements import LoggedEvent
 from silo.errors import LogNotFoundError, SiloError
 from silo.files.formats import means_log
@@ -20,10 +21,9 @@ FOLLOW_S = 0.2
 MOST = 10_000
 
 
-@click.command()
-@click.argument("words", nargs=-1, required=True, metavar="[LOGGER] TEXT", shell_complete=complete_logger)
+@verb(None, "mark", "TEXT")
 @click.option("--tick", type=click.IntRange(0), help="Which tick, instead of the newest.")
-def mark(words: tuple[str, ...], tick: int | None) -> None:
+def mark(client: "Client", text: str, tick: int | None) -> str:
     """Mark the newest tick of a logger with some words; they go to its event log and into its files.
 
     \b
@@ -32,11 +32,8 @@ def mark(words: tuple[str, ...], tick: int | None) -> None:
       silo mark demo "slipped on the ramp"
       silo mark demo "here" --tick 12871
     """
-    if len(words) > 2:
-        raise click.UsageError(f"one logger and one text: silo mark {words[0]} {' '.join(words[1:])!r}")
-    with connect(words[0] if len(words) == 2 else None) as client:
-        event = client.mark(words[-1], tick)
-    click.echo(f"marked tick {event.tick}: {event.text}")
+    event = client.mark(text, tick)
+    return f"marked tick {event.tick}: {event.text}"
 
 
 @click.command()
@@ -129,7 +126,7 @@ def _news(client: "Client") -> Iterator[Sequence[LoggedEvent]]:
 def _print(found: Sequence[LoggedEvent], as_json: bool) -> None:
     for event in found:
         if as_json:
-            click.echo(msgspec.json.encode(msgspec.structs.asdict(event)).decode())
+            show_json(msgspec.structs.asdict(event))
         else:
             click.echo(_line(event))
 

@@ -1,8 +1,5 @@
 """`silo start`, `stop`, `restart`, `save`."""
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import click
@@ -15,6 +12,7 @@ from silo.cli.common import (
     logger_argument,
     many,
     naming_ways_out,
+    progress,
     say_saved,
     show_json,
     types_option,
@@ -123,24 +121,10 @@ def save(logger: str | None, types: tuple[str, ...], name: str, timeout: float, 
 
         carry_out("save", found, saving(chosen, name, timeout), as_json=as_json)
         return
-    with connect(logger) as client, _progress("saving") as progress:
-        files = client.wait_saved(client.save(chosen, name), timeout, progress)
+    with connect(logger) as client, progress("saving") as tell:
+        files = client.wait_saved(client.save(chosen, name), timeout, tell)
     if as_json:
         show_json(files)
         return
     for file in files:
         click.echo(f"{file.path}  {file.size_bytes / 1e6:.1f} MB")
-
-
-@contextmanager
-def _progress(label: str) -> Iterator[Callable[[float], None] | None]:
-    """A progress bar on a terminal, nothing else where."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
-
-        def show(fraction: float) -> None:
-            bar.update(int(fraction * 1000) - bar.pos)
-
-        yield show

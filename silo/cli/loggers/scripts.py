@@ -1,5 +1,6 @@
 """`silo script`: the YAML files that say how each element is logged. They lie on the robot's side."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,14 +15,15 @@ from silo.cli.common import (
     connect,
     discovered,
     json_option,
-    logger_argument,
     many,
     show_json,
 )
 from silo.cli.edits import show_changes
+from silo.cli.verbs import Target, Words, target, verb
 
 if TYPE_CHECKING:
     from silo.client.client import Client
+    from silo.scripts.requests import Scripts
 
 
 @click.group()
@@ -33,8 +35,8 @@ def script() -> None:
     """
 
 
-def _split(words: tuple[str, ...]) -> tuple[str | None, str]:
-    """Return logger and path, either of which may be missing. A word with a `/` may be an address."""
+def _by_path(ctx: click.Context, words: Sequence[str], usage: str) -> Target:
+    """Take logger and path, either of which may be missing. A word with a `/` may be an address."""
     from silo.net.found import is_glob
 
     def is_path(word: str) -> bool:
@@ -45,25 +47,15 @@ def _split(words: tuple[str, ...]) -> tuple[str | None, str]:
     paths = [word for word in words if is_path(word)]
     loggers = [word for word in words if word not in paths]
     if len(paths) > 1 or len(loggers) > 1:
-        raise click.UsageError("give at most one logger and one path (ending in .yaml or .yml)")
-    return loggers[0] if loggers else None, paths[0] if paths else ""
+        raise click.UsageError("give at most one logger and one path (ending in .yaml or .yml)", ctx)
+    return Target(loggers[0] if loggers else None, paths or [""])
 
 
-@script.command("list")
-@logger_argument
-@json_option
-def list_command(logger: str | None, as_json: bool) -> None:
-    """List the scripts on the robot's side.
+_BY_PATH = Words(_by_path, complete_script)
+_logger_and_path = target("[PATH]", _BY_PATH)
 
-    \b
-    Example:
-      silo script list demo
-    """
-    with connect(logger) as client:
-        scripts = client.scripts()
-    if as_json:
-        show_json(scripts)
-        return
+
+def _show_list(scripts: "Scripts") -> None:
     click.echo(f"{scripts.folder}:")
     for name in scripts.names:
         click.echo(f"  {name}{'  (in use)' if name == scripts.current else ''}")
@@ -71,9 +63,19 @@ def list_command(logger: str | None, as_json: bool) -> None:
         click.echo("  no scripts yet; `silo script save` writes one")
 
 
-@script.command(short_help="Print a script, or the present configuration as one.")
-@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_script)
-def show(words: tuple[str, ...]) -> None:
+@verb(script, "list", shown=_show_list)
+def list_command(client: "Client") -> "Scripts":
+    """List the scripts on the robot's side.
+
+    \b
+    Example:
+      silo script list demo
+    """
+    return client.scripts()
+
+
+@verb(script, "show", "[PATH]", _BY_PATH, short="Print a script, or the present configuration as one.")
+def show(client: "Client", path: str) -> None:
     """Print a script; without PATH, the present configuration as a script.
 
     \b
@@ -81,9 +83,7 @@ def show(words: tuple[str, ...]) -> None:
       silo script show demo > mine.yaml
       silo script show demo walk.yaml
     """
-    logger, path = _split(words)
-    with connect(logger) as client:
-        click.echo(client.read_script(path).text, nl=False)
+    click.echo(client.read_script(path).text, nl=False)  # as it is there, to the last byte
 
 
 @script.command(short_help="Check a script of this computer.")
@@ -114,10 +114,10 @@ def check(path: Path, logger: str | None) -> None:
 
 
 @script.command(short_help="Configure all elements by a script.")
-@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_script)
+@_logger_and_path
 @click.option("-n", "--dry-run", is_flag=True, help="Only show what would change.")
 @everyone_option
-def load(words: tuple[str, ...], dry_run: bool, everyone: bool) -> None:
+def load(words: Target, dry_run: bool, everyone: bool) -> None:
     """Configure all elements by a script; only while the logger is stopped.
 
     \b
@@ -126,7 +126,7 @@ def load(words: tuple[str, ...], dry_run: bool, everyone: bool) -> None:
       silo script load demo walk.yaml --dry-run
       silo script load 'robot*/anymal' walk.yaml --all
     """
-    logger, path = _split(words)
+    logger, (path,) = words
     if dry_run and everyone:
         raise click.UsageError("--dry-run shows what one logger would change; leave out --all")
     if not dry_run and (found := many_meant("load the script for", logger, everyone=everyone)) is not None:
@@ -144,10 +144,9 @@ def load(words: tuple[str, ...], dry_run: bool, everyone: bool) -> None:
     click.echo(f"loaded: {many(applied.changed, 'element')} changed (revision {applied.revision})")
 
 
-@script.command(short_help="Write the present configuration to a script.")
-@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_script)
+@verb(script, "save", "[PATH]", _BY_PATH, short="Write the present configuration to a script.")
 @click.option("-f", "--force", is_flag=True, help="Replace a script that exists.")
-def save(words: tuple[str, ...], force: bool) -> None:
+def save(client: "Client", path: str, force: bool) -> str:
     """Write the present configuration to a script on the robot's side.
 
     \b
@@ -155,16 +154,14 @@ def save(words: tuple[str, ...], force: bool) -> None:
       silo script save demo walk.yaml
       silo script save demo --force          (the logger's own script)
     """
-    logger, path = _split(words)
-    with connect(logger) as client:
-        click.echo(client.save_script(path, overwrite=force))
+    return client.save_script(path, overwrite=force)
 
 
 @script.command(short_help="Show what loading a script would change.")
-@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_script)
+@_logger_and_path
 @click.option("--exit-code", is_flag=True, help="Exit with 4 if there are differences.")
 @json_option
-def diff(words: tuple[str, ...], exit_code: bool, as_json: bool) -> int:
+def diff(words: Target, exit_code: bool, as_json: bool) -> int:
     """Show what loading a script would change.
 
     \b
@@ -172,7 +169,7 @@ def diff(words: tuple[str, ...], exit_code: bool, as_json: bool) -> int:
       silo script diff demo
       silo script diff demo walk.yaml
     """
-    logger, path = _split(words)
+    logger, (path,) = words
     with connect(logger) as client:
         if as_json:
             found = client.diff_script(path)

@@ -4,10 +4,9 @@ import sys
 from typing import TYPE_CHECKING
 
 import click
-import msgspec
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FAILED, EXIT_USAGE
-from silo.cli.common import LogWord, show_rows
+from silo.cli.common import LogWord, show_json, show_rows
 from silo.errors import SiloError
 
 if TYPE_CHECKING:
@@ -82,7 +81,7 @@ def _limits(text: str, when: str) -> "SignalLimits":
 
 def _show(found: "list[Finding]", *, as_json: bool) -> None:
     if as_json:
-        click.echo(msgspec.json.encode(found).decode())
+        show_json(found)
         return
     worst_first = sorted(found, key=lambda one: (not one.violated, not one.worst.startswith(("RED", "VIOLATED"))))
     rows = [["what", "worst", "times", "samples", "first", "peak", "at"]]

@@ -5,22 +5,19 @@ and what `silo info FILE` prints.
 a run number.
 """
 
-import functools
 import math
 import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import click
-import msgspec
 from click.shell_completion import CompletionItem
 
 from silo.cli.codes import EXIT_DIFFERENT
-from silo.cli.common import LogWord, TypedPath
+from silo.cli.common import LogWord, TypedPath, progress, show, show_json
 from silo.errors import SiloError
 from silo.files.formats import readable, writable
 
@@ -29,8 +26,7 @@ if TYPE_CHECKING:
     from silo.analysis.plots.curves import CurveSource
     from silo.core.recording import Recording
 
-_Params = ParamSpec("_Params")
-_Result = TypeVar("_Result")
+_Command = TypeVar("_Command", bound=Callable[..., object])
 
 _MOST_CURVES = 20
 
@@ -42,7 +38,7 @@ def print_file_info(path: Path, as_json: bool) -> None:
     path = path if path.exists() else _find(str(path))
     recording = _read(path)
     facts = report(recording, str(path), _size_of(path))
-    click.echo(msgspec.json.encode(facts).decode() if as_json else format_report(facts, _columns()))
+    show(facts, as_json, lambda: format_report(facts, _columns()))
 
 
 def _complete_file(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -61,19 +57,6 @@ def _complete_signal(ctx: click.Context, param: click.Parameter, incomplete: str
         return []
     names = [name for each in entry_names(recording.elements) for name in each]
     return [CompletionItem(name) for name in begun(names, incomplete)[:200]]
-
-
-def _clean_errors(command: Callable[_Params, _Result]) -> Callable[_Params, _Result]:
-    """Show errors of silo as one line on stderr, exit code 1."""
-
-    @functools.wraps(command)
-    def wrapped(*args: _Params.args, **kwargs: _Params.kwargs) -> _Result:
-        try:
-            return command(*args, **kwargs)
-        except SiloError as error:
-            raise click.ClickException(str(error)) from error
-
-    return wrapped
 
 
 _CONVERT_HELP = f"""Convert a log to another format, chosen by the ending of OUT.
@@ -95,14 +78,13 @@ _CONVERT_HELP = f"""Convert a log to another format, chosen by the ending of OUT
 @click.argument("target", metavar="OUT", type=TypedPath(path_type=Path))
 @click.option("-f", "--force", is_flag=True, help="Replace OUT if it exists.")
 @click.option("--rate", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="All signals at this rate.")
-@_clean_errors
 def convert_command(source: str, target: Path, force: bool, rate: float | None) -> None:
     """Convert a log; the help is `_CONVERT_HELP`."""
     from silo.files.convert import convert
 
     path = _find(source)
-    with _progress_bar(f"{target.name}") as progress:
-        recording = convert(path, target, progress, force, lambda read: read if rate is None else _at_rate(read, rate))
+    with progress(f"{target.name}") as tell:
+        recording = convert(path, target, tell, force, lambda read: read if rate is None else _at_rate(read, rate))
     _warn(recording)
     click.echo(f"{target}  {_size_of(target)} bytes, {recording.entry_count} signals, {len(recording.time_ns)} ticks")
 
@@ -113,7 +95,6 @@ def convert_command(source: str, target: Path, force: bool, rate: float | None) 
 @click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log.")
 @click.option("--to", "stop", type=float, help="End of the window, s.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
-@_clean_errors
 def stats_command(file: str, patterns: tuple[str, ...], start: float | None, stop: float | None, as_json: bool) -> None:
     """Show minimum, maximum, mean, standard deviation and rms of signals.
 
@@ -129,11 +110,11 @@ def stats_command(file: str, patterns: tuple[str, ...], start: float | None, sto
     signals = pick(recording, patterns) if patterns else pick_all(recording)
     # one after the other: a window copies the signal
     rows = [statistics(signal) for signal in _windowed(recording, signals, start, stop)]
-    click.echo(msgspec.json.encode(rows).decode() if as_json else format_statistics(rows, _columns()))
+    show(rows, as_json, lambda: format_statistics(rows, _columns()))
     _warn(recording)
 
 
-def _meeting_options(command: Callable[_Params, _Result]) -> Callable[_Params, _Result]:
+def _meeting_options(command: _Command) -> _Command:
     """The options of what lays two logs on each other."""
     command = click.option(
         "--by",
@@ -149,7 +130,6 @@ def _meeting_options(command: Callable[_Params, _Result]) -> Callable[_Params, _
 @click.argument("second", type=LogWord(), metavar="B", shell_complete=_complete_file)
 @_meeting_options
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
-@_clean_errors
 def diff_command(first: str, second: str, tolerance: float, by: Literal["start", "stamps"], as_json: bool) -> None:
     """Show how two logs differ: elements, units, dividers, and values at the time that both have.
 
@@ -167,7 +147,7 @@ def diff_command(first: str, second: str, tolerance: float, by: Literal["start",
     found = differences(a, b, tolerance, by)
     equal = not any(one.differs for one in found)
     if as_json:
-        click.echo(msgspec.json.encode(found).decode())
+        show_json(found)
     elif found:
         width = min(max(len(difference.name) for difference in found), max(20, _columns() // 2))
         for difference in found:
@@ -189,7 +169,6 @@ def diff_command(first: str, second: str, tolerance: float, by: Literal["start",
 @click.option("--event", help="An expression: where it first holds is the same moment in both.")
 @click.option("--signal", default="", help="A signal by whose course they are laid on each other.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
-@_clean_errors
 def compare_command(
     first: str,
     second: str,
@@ -216,7 +195,7 @@ def compare_command(
     a, b = map(Log, recordings)
     moment = None if event is None else lambda log: log.eval(event)
     found = compare(a, b, pattern, event=moment, signal=signal, tolerance=tolerance, by=by)
-    click.echo(msgspec.json.encode([row.facts for row in found.rows]).decode() if as_json else str(found))
+    show([row.facts for row in found.rows], as_json, lambda: str(found))
     for recording in recordings:
         _warn(recording)
     if found:
@@ -235,7 +214,6 @@ def compare_command(
 @click.option("--png", type=TypedPath(path_type=Path, dir_okay=False), help="Write a picture instead (matplotlib).")
 @click.option("--width", type=click.IntRange(30, 1000), help="Columns; that of the terminal if not given.")
 @click.option("--height", type=click.IntRange(8, 1000), help="Rows; those of the terminal if not given.")
-@_clean_errors
 def plot_command(
     file: str,
     patterns: tuple[str, ...],
@@ -320,26 +298,6 @@ def _windowed(
     high = math.inf if stop is None else zero + stop * 1e9
     for signal in signals:
         yield window(signal, low, high)
-
-
-@contextmanager
-def _progress_bar(label: str) -> Iterator[Callable[[float], None] | None]:
-    """A bar on stderr, only where somebody sees it."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    steps = 1000
-    with click.progressbar(length=steps, label=label, file=sys.stderr) as bar:
-        done = 0
-
-        def show(fraction: float) -> None:
-            nonlocal done
-            step = int(fraction * steps) - done
-            if step > 0:
-                bar.update(step)
-                done += step
-
-        yield show
 
 
 def _warn(recording: "Recording") -> None:

@@ -1,8 +1,5 @@
 """`silo files`: the recordings in a logger's folder on the robot: listed, fetched to this machine, deleted."""
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +7,8 @@ from typing import TYPE_CHECKING
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.common import TypedPath, complete_logger, connect, json_option, many, show_json, show_rows
+from silo.cli.common import TypedPath, complete_logger, connect, many, progress, show_rows
+from silo.cli.verbs import verb
 from silo.errors import RefusedError, SiloError
 
 if TYPE_CHECKING:
@@ -50,11 +48,19 @@ def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) 
     return [CompletionItem(name) for name in names if name.startswith(incomplete)]
 
 
-@files.command("ls")
-@click.argument("logger", required=False, metavar="[LOGGER]", shell_complete=complete_logger)
+def _show_list(found: "Recordings") -> None:
+    rows = [_row(one) for one in reversed(found.recordings)]
+    if rows:
+        show_rows([("NAME", "TYPES", "BEGUN", "SPAN", "SIZE", "WHY"), *rows], right=(3, 4))
+    left = f", the newest {len(rows)} of {found.count}" if found.count > len(rows) else ""
+    free = f", {found.free_bytes / 1e9:.1f} GB free" if found.disk_bytes else ""
+    nothing = "" if rows else "; `silo save` makes one"
+    click.echo(f"{found.folder}: {many(len(rows), 'recording')}{left}{free}{nothing}")
+
+
+@verb(files, "ls", shown=_show_list)
 @click.option("-n", "--most", type=click.IntRange(1, 10_000), default=1000, show_default=True, help="Only the newest.")
-@json_option
-def ls(logger: str | None, most: int, as_json: bool) -> None:
+def ls(client: "Client", most: int) -> "Recordings":
     """List the recordings in the logger's folder, the newest last.
 
     \b
@@ -62,19 +68,7 @@ def ls(logger: str | None, most: int, as_json: bool) -> None:
       silo files ls demo
       silo files ls demo --json | jq '.recordings[0].why'
     """
-    with connect(logger) as client:
-        found = _all_read(client, most)
-    if as_json:
-        show_json(found)
-        return
-    header = ("NAME", "TYPES", "BEGUN", "SPAN", "SIZE", "WHY")
-    rows = [_row(one) for one in reversed(found.recordings)]
-    if rows:
-        show_rows([header, *rows], right=(3, 4))
-    left = f", the newest {len(rows)} of {found.count}" if found.count > len(rows) else ""
-    free = f", {found.free_bytes / 1e9:.1f} GB free" if found.disk_bytes else ""
-    nothing = "" if rows else "; `silo save` makes one"
-    click.echo(f"{found.folder}: {many(len(rows), 'recording')}{left}{free}{nothing}")
+    return _all_read(client, most)
 
 
 @files.command()
@@ -95,8 +89,8 @@ def fetch(logger: str, names: tuple[str, ...], folder: Path, force: bool, patien
     """
     with connect(logger) as client:
         for name in _meant(client, names):
-            with _progress(name) as progress:
-                path = client.fetch(name, folder, progress, replace=force, patience_s=patience)
+            with progress(name) as tell:
+                path = client.fetch(name, folder, tell, replace=force, patience_s=patience)
             click.echo(f"{path}  {_size(path) / 1e6:.1f} MB")
 
 
@@ -157,17 +151,3 @@ def _row(one: "SavedRecording") -> tuple[str, ...]:
 
 def _size(path: Path) -> int:
     return sum(file.stat().st_size for file in path.iterdir()) if path.is_dir() else path.stat().st_size
-
-
-@contextmanager
-def _progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
-    """A progress bar on a terminal, nothing else where."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    with click.progressbar(length=1000, label=name, file=sys.stderr) as bar:
-
-        def show(done: int, total: int) -> None:
-            bar.update(1000 * done // max(1, total) - bar.pos)
-
-        yield show

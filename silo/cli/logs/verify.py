@@ -4,9 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-import msgspec
 
-from silo.cli.common import TypedPath, json_option, show_rows
+from silo.cli.common import TypedPath, json_option, show_json, show_rows
 
 if TYPE_CHECKING:
     from silo.verify.folder import RunCovered, Verified
@@ -37,7 +36,7 @@ def verify(folder: Path, as_json: bool) -> int:
 
     found = held_against(folder)
     if as_json:
-        click.echo(msgspec.json.encode(found).decode())
+        show_json(found)
     else:
         _show(found)
     return EXIT_NOT_WHOLE if found.problems else 0
