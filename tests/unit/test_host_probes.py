@@ -10,9 +10,9 @@ import psutil
 import pytest
 
 from silo.logger.logger import Logger
-from silo.programs.host import devices
+from silo.programs.host.probes import PROBES
 from silo.programs.host.program import Monitor
-from silo.programs.host.reading import Rates, plain_name
+from silo.programs.host.reading import Probe, Rates, plain_name, reader
 from silo.settings.script import apply_script, read_script
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
@@ -21,6 +21,10 @@ CONFIG = Path(__file__).resolve().parents[2] / "config"
 @pytest.fixture
 def log(tmp_path: Path) -> Logger:
     return Logger("host", frequency=20, max_time=0, folder=tmp_path, script=tmp_path / "host.yaml")
+
+
+def probe(group: str) -> Probe:
+    return next(one for one in PROBES if one.group == group)
 
 
 def newest(log: Logger, name: str) -> float:
@@ -75,14 +79,14 @@ def test_what_the_machine_lacks_is_left_out(log: Logger, monkeypatch: pytest.Mon
     monkeypatch.setattr(psutil, "sensors_temperatures", dict, raising=False)
     monkeypatch.delattr(psutil, "sensors_fans", raising=False)
     monkeypatch.setattr(psutil, "sensors_battery", lambda: None, raising=False)
-    assert devices.temperatures(log, 1) is devices.fans(log, 1) is devices.battery(log, 1) is None
+    assert [reader(probe(group), log) for group in ("temperature", "fan", "battery")] == [None] * 3
     log.close()
 
 
 def test_sensors_of_the_same_name_are_told_apart(log: Logger, monkeypatch: pytest.MonkeyPatch) -> None:
     sensor = SimpleNamespace(label="Composite", current=40.0)
     monkeypatch.setattr(psutil, "sensors_temperatures", lambda: {"nvme": [sensor, sensor]}, raising=False)
-    devices.temperatures(log, 1)
+    reader(probe("temperature"), log)
     log.update()
     assert [element.name for element in log.elements] == [
         "/log/temperature/nvme/Composite",
@@ -94,7 +98,7 @@ def test_sensors_of_the_same_name_are_told_apart(log: Logger, monkeypatch: pytes
 def test_an_interface_that_goes_away_becomes_nan(log: Logger, monkeypatch: pytest.MonkeyPatch) -> None:
     counters = {"eth0": psutil.net_io_counters()}
     monkeypatch.setattr(psutil, "net_io_counters", lambda **_: counters)
-    read = devices.networks(log, 1)
+    read = reader(probe("network")._replace(divider=1), log)
     assert read is not None
     log.start()
     read()

@@ -1,91 +1,68 @@
-"""What of a computer is logged: one function per source.
-
-A probe registers its elements with the logger and returns the function that reads new values into them, or None where
-this machine lacks the source. What disappears while the program runs (a network interface, a disk) becomes NaN.
-"""
+"""What of a computer is logged: a row per source. What this machine lacks is left out."""
 
 import math
 import os
 import re
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import psutil
 
 from silo.logger.logger import Logger
-from silo.programs.host.devices import battery, disks, fans, networks, temperatures
-from silo.programs.host.reading import LIVE, MB, Rates, Reader, element, elements
+from silo.programs.host.reading import MB, SAVE, Column, Probe, plain_name
 
-_PRESSURE = tuple(Path("/proc/pressure", name) for name in ("cpu", "memory", "io"))
+Found = dict[str, float]
 
+_LOADS = ("1min", "5min", "15min")
+_SHARES = ("user", "system", "iowait", "irq", "softirq", "steal")
+_MEMORY = ("used", "available", "cached", "buffers")
+_NOT_DISKS = ("loop", "ram", "zram", "sr", "fd", "dm-", "md")
 
-@dataclass(frozen=True)
-class Probe:
-    """A source and how many ticks pass between two readings of it (also the divider of its elements)."""
-
-    make: Callable[[Logger, int], Reader | None]
-    divider: int
-
-
-# ---------------------------------------------------------------------------------------------------------- processor
-
-
-def cpu_total(log: Logger, divider: int) -> Reader:
-    """Load of all cores together."""
-    (load,) = elements(log, "cpu", divider, [("load", "%", LIVE)])
-    psutil.cpu_percent()
-
-    def read() -> None:
-        load[...] = psutil.cpu_percent()
-
-    return read
-
-
-def cpu_cores(log: Logger, divider: int) -> Reader:
-    """Load of each core. The kernel counts in 10 ms: read it 5 times a second at most."""
-    count = len(psutil.cpu_percent(percpu=True))
-    loads = [elements(log, f"cpu/core{core:02}", divider, [("load", "%", LIVE)])[0] for core in range(count)]
-
-    def read() -> None:
-        for load, value in zip(loads, psutil.cpu_percent(percpu=True), strict=False):
-            load[...] = value
-
-    return read
+PERCENT, MEGABYTES, COUNT = Column("%"), Column("MB", scale=1 / MB), Column("count")
+_DISK = {
+    "read": Column("MB/s", scale=1 / MB, rate=True),
+    "write": Column("MB/s", scale=1 / MB, rate=True),
+    "read_operations": Column("1/s", SAVE, rate=True),
+    "write_operations": Column("1/s", SAVE, rate=True),
+    "busy": Column("%", scale=0.1, rate=True),  # ms per s
+    "read_total": Column("MB", SAVE, 1 / MB),
+    "write_total": Column("MB", SAVE, 1 / MB),
+}
+_NETWORK = {
+    "received": Column("kB/s", scale=1e-3, rate=True),
+    "sent": Column("kB/s", scale=1e-3, rate=True),
+    "received_packets": Column("1/s", SAVE, rate=True),
+    "sent_packets": Column("1/s", SAVE, rate=True),
+    "received_total": Column("MB", SAVE, 1 / MB),
+    "sent_total": Column("MB", SAVE, 1 / MB),
+    "errors": COUNT,
+    "drops": COUNT,
+}
+_SWAP = {
+    "used": MEGABYTES,
+    "percent": PERCENT,
+    "in": Column("MB/s", scale=1 / MB, rate=True),
+    "out": Column("MB/s", scale=1 / MB, rate=True),
+}
+_OWN = {"load": PERCENT, "memory": MEGABYTES, "threads": COUNT, "open_files": COUNT}
 
 
-def cpu_shares(log: Logger, divider: int) -> Reader:
-    """Return what the processor's time went to."""
-    fields = [field for field in ("user", "system", "iowait", "irq", "softirq", "steal") if field in _cpu_fields()]
-    shares = elements(log, "cpu/share", divider, [(field, "%", LIVE) for field in fields])
-    psutil.cpu_times_percent()
-
-    def read() -> None:
-        times = psutil.cpu_times_percent()
-        for share, field in zip(shares, fields, strict=True):
-            share[...] = getattr(times, field)
-
-    return read
+def _fields(found: Any, names: Iterable[str]) -> Found:
+    """Return those of the names that there are on this system."""
+    return {name: getattr(found, name) for name in names if hasattr(found, name)}
 
 
-def _cpu_fields() -> tuple[str, ...]:
-    fields: tuple[str, ...] = psutil.cpu_times_percent()._fields
-    return fields
+def _numbered(name: str, values: Iterable[float]) -> Found:
+    return {f"core{core:02}/{name}": value for core, value in enumerate(values)}
 
 
-def cpu_frequencies(log: Logger, divider: int) -> Reader | None:
-    """Return the clock of each core, where the kernel tells."""
-    count = len(_frequencies())
-    if count == 0:
-        return None
-    clocks = [elements(log, f"cpu/core{core:02}", divider, [("frequency", "MHz", LIVE)])[0] for core in range(count)]
-
-    def read() -> None:
-        for clock, value in zip(clocks, _frequencies(), strict=False):
-            clock[...] = value
-
-    return read
+def _below(members: Iterable[tuple[str, Iterable[float]]], columns: Iterable[str]) -> Found:
+    """Return values by names like `sda/read`."""
+    heads = list(columns)
+    return {f"{name}/{head}": value for name, row in members for head, value in zip(heads, row, strict=True)}
 
 
 def _frequencies() -> list[float]:
@@ -96,175 +73,132 @@ def _frequencies() -> list[float]:
         return []
 
 
-def kernel(log: Logger, divider: int) -> Reader:
-    """Return context switches and interrupts."""
-    rates = Rates(3)
-    names = ("context_switches", "interrupts", "soft_interrupts")
-    values = elements(log, "kernel", divider, [(name, "1/s", LIVE) for name in names])
-
-    def read() -> None:
-        stats = psutil.cpu_stats()
-        found = rates.update((stats.ctx_switches, stats.interrupts, stats.soft_interrupts))
-        for value, rate in zip(values, found, strict=True):
-            value[...] = rate
-
-    return read
+def _kernel(_: Logger) -> Found:
+    now = psutil.cpu_stats()
+    return {
+        "context_switches": now.ctx_switches, "interrupts": now.interrupts, "soft_interrupts": now.soft_interrupts
+    }  # fmt: skip
 
 
-def load_average(log: Logger, divider: int) -> Reader:
-    """Return the length of the run queue over 1, 5 and 15 minutes."""
-    rows = [(f"{minutes}min", "-", LIVE) for minutes in (1, 5, 15)]
-    values = elements(log, "load_average", divider, rows)
-
-    def read() -> None:
-        for value, average in zip(values, os.getloadavg(), strict=True):
-            value[...] = average
-
-    return read
-
-
-def pressure(log: Logger, divider: int) -> Reader | None:
+def _pressure(_: Logger) -> Found:
     """Return the share of the last 10 s in which some process waited for processor, memory or disk."""
-    files = [path for path in _PRESSURE if not math.isnan(_some_pressure(path))]
-    if not files:
-        return None
-    values = elements(log, "pressure", divider, [(path.name, "%", LIVE) for path in files])
-
-    def read() -> None:
-        for value, path in zip(values, files, strict=True):
-            value[...] = _some_pressure(path)
-
-    return read
+    found: Found = {}
+    for name in ("cpu", "memory", "io"):
+        try:
+            told = re.search(r"some avg10=([0-9.]+)", Path("/proc/pressure", name).read_text())
+        except OSError:  # not in this kernel, or not allowed
+            continue
+        found |= {name: float(told[1])} if told else {}
+    return found
 
 
-def _some_pressure(path: Path) -> float:
-    try:
-        found = re.search(r"some avg10=([0-9.]+)", path.read_text())
-    except OSError:  # not in this kernel, or not allowed
-        return math.nan
-    return float(found[1]) if found else math.nan
+def _memory(_: Logger) -> Found:
+    now = psutil.virtual_memory()
+    return {"percent": now.percent, **_fields(now, _MEMORY)}
 
 
-# ------------------------------------------------------------------------------------------------------------- memory
+def _swap(_: Logger) -> Found:
+    now = psutil.swap_memory()
+    return {"used": now.used, "percent": now.percent, "in": now.sin, "out": now.sout} if now.total else {}
 
 
-def memory(log: Logger, divider: int) -> Reader:
-    """Return main memory."""
-    fields = [field for field in ("used", "available", "cached", "buffers") if hasattr(psutil.virtual_memory(), field)]
-    values = elements(log, "memory", divider, [("percent", "%", LIVE), *((field, "MB", LIVE) for field in fields)])
-
-    def read() -> None:
-        now = psutil.virtual_memory()
-        values[0][...] = now.percent
-        for value, field in zip(values[1:], fields, strict=True):
-            value[...] = getattr(now, field) / MB
-
-    return read
-
-
-def swap(log: Logger, divider: int) -> Reader | None:
-    """Return swap space, where there is any."""
-    if psutil.swap_memory().total == 0:
-        return None
-    rates = Rates(2)
-    rows = [("used", "MB", LIVE), ("percent", "%", LIVE), ("in", "MB/s", LIVE), ("out", "MB/s", LIVE)]
-    values = elements(log, "swap", divider, rows)
-
-    def read() -> None:
-        now = psutil.swap_memory()
-        moved = rates.update((now.sin, now.sout)) / MB
-        for value, new in zip(values, (now.used / MB, now.percent, *moved), strict=True):
-            value[...] = new
-
-    return read
-
-
-def file_systems(log: Logger, divider: int) -> Reader:
-    """Return how full the file systems are that matter to a robot.
-
-    Root, home, shared memory, the folder of the logs.
-    """
+def _file_systems(log: Logger) -> Found:
+    """Return how full the file systems are that matter to a robot, each once."""
     folders = {"root": "/", "home": str(Path.home()), "shm": "/dev/shm", "logs": log.options.folder}
-    devices: dict[int, str] = {}
+    found: Found = {}
+    seen: set[int] = set()
     for name, folder in folders.items():
-        if Path(folder).is_dir():
-            devices.setdefault(Path(folder).stat().st_dev, name)
-    chosen = [(name, folders[name]) for name in devices.values()]
-    rows = [("used", "%", LIVE), ("free", "MB", LIVE)]
-    pairs = [elements(log, f"files/{name}", divider, rows) for name, _ in chosen]
-
-    def read() -> None:
-        for (used, free), (_, folder) in zip(pairs, chosen, strict=True):
-            used[...], free[...] = _usage(folder)
-
-    return read
+        try:
+            device, now = Path(folder).stat().st_dev, psutil.disk_usage(folder)
+        except OSError:  # not on this system, or unmounted meanwhile
+            continue
+        if device not in seen:
+            seen.add(device)
+            found |= {f"{name}/used": now.percent, f"{name}/free": now.free}
+    return found
 
 
-def _usage(folder: str) -> tuple[float, float]:
+@cache
+def _myself() -> psutil.Process:
+    return psutil.Process()
+
+
+def _own(_: Logger) -> Found:
+    me = _myself()
+    with me.oneshot():
+        return dict(zip(_OWN, (me.cpu_percent(), me.memory_info().rss, me.num_threads(), me.num_fds()), strict=True))
+
+
+def _disks(_: Logger) -> Found:
+    """Return bytes and operations of each disk (not of its partitions)."""
     try:
-        now = psutil.disk_usage(folder)
-    except OSError:  # unmounted meanwhile
-        return math.nan, math.nan
-    return now.percent, now.free / MB
+        counters = psutil.disk_io_counters(perdisk=True, nowrap=False) or {}
+    except (OSError, RuntimeError):  # containers without /sys/block
+        return {}
+    whole = {name: one for name, one in counters.items() if not name.startswith(_NOT_DISKS) and _is_whole(name)}
+    rows = (
+        (plain_name(name), (one.read_bytes, one.write_bytes, one.read_count, one.write_count,
+                            getattr(one, "busy_time", math.nan), one.read_bytes, one.write_bytes))
+        for name, one in whole.items()
+    )  # fmt: skip
+    return _below(rows, _DISK)
 
 
-# ---------------------------------------------------------------------------------------------------------- processes
+def _is_whole(name: str) -> bool:
+    """Return whether this is a disk and not a partition; where /sys doesn't tell, everything counts."""
+    return not Path("/sys/block").is_dir() or Path("/sys/block", name).exists()
 
 
-def processes(log: Logger, divider: int) -> Reader:
-    """Return how many processes there are."""
-    count = element(log, "process", divider, "count", "count", dtype="u4")
-
-    def read() -> None:
-        count[...] = len(psutil.pids())
-
-    return read
-
-
-def own_process(log: Logger, divider: int) -> Reader:
-    """Return what this program itself takes."""
-    rows = [("load", "%", LIVE), ("memory", "MB", LIVE), ("threads", "count", LIVE), ("open_files", "count", LIVE)]
-    values = elements(log, "process/self", divider, rows)
-    me = psutil.Process()
-    me.cpu_percent()
-
-    def read() -> None:
-        with me.oneshot():
-            found = (me.cpu_percent(), me.memory_info().rss / MB, me.num_threads(), me.num_fds())
-        for value, new in zip(values, found, strict=True):
-            value[...] = new
-
-    return read
+def _networks(_: Logger) -> Found:
+    rows = (
+        (plain_name(name), (one.bytes_recv, one.bytes_sent, one.packets_recv, one.packets_sent, one.bytes_recv,
+                            one.bytes_sent, one.errin + one.errout, one.dropin + one.dropout))
+        for name, one in psutil.net_io_counters(pernic=True, nowrap=False).items()
+    )  # fmt: skip
+    return _below(rows, _NETWORK)
 
 
-def uptime(log: Logger, divider: int) -> Reader:
-    """Return seconds since this computer started."""
-    value = element(log, "kernel", divider, "uptime", "s")
+def _sensors(function: str) -> Callable[[Logger], Found]:
+    """Return what asks for all sensors of a kind; psutil has these functions only on systems that have sensors."""
 
-    def read() -> None:
-        value[...] = time.clock_gettime(time.CLOCK_BOOTTIME)
+    def ask(_: Logger) -> Found:
+        told: Mapping[str, list[Any]] = getattr(psutil, function, dict)()
+        found: Found = {}
+        for chip, sensors in told.items():
+            for place, one in enumerate(sensors):
+                name = f"{plain_name(chip)}/{plain_name(one.label or str(place))}"
+                same = sum(each == name or each.startswith(f"{name}_") for each in found)
+                found[f"{name}_{same + 1}" if name in found else name] = one.current
+        return found
 
-    return read
+    return ask
 
 
-# dividers at 20 Hz: 4 is 5 Hz, 20 is once a second
+def _battery(_: Logger) -> Found:
+    now = getattr(psutil, "sensors_battery", lambda: None)()
+    return {"charge": now.percent, "plugged": bool(now.power_plugged)} if now else {}
+
+
+# dividers at 20 Hz: 4 is 5 Hz, 20 is once a second; the kernel counts the load of cores in 10 ms
 PROBES = (
-    Probe(cpu_total, 2),
-    Probe(cpu_cores, 4),
-    Probe(cpu_shares, 4),
-    Probe(cpu_frequencies, 20),
-    Probe(load_average, 20),
-    Probe(memory, 4),
-    Probe(swap, 20),
-    Probe(temperatures, 20),
-    Probe(fans, 20),
-    Probe(battery, 100),
-    Probe(disks, 4),
-    Probe(networks, 4),
-    Probe(file_systems, 100),
-    Probe(kernel, 4),
-    Probe(pressure, 20),
-    Probe(processes, 20),
-    Probe(own_process, 20),
-    Probe(uptime, 20),
+    Probe("cpu", 2, {"load": PERCENT}, lambda _: {"load": psutil.cpu_percent()}),
+    Probe("cpu", 4, {"load": PERCENT}, lambda _: _numbered("load", psutil.cpu_percent(percpu=True))),
+    Probe("cpu/share", 4, PERCENT, lambda _: _fields(psutil.cpu_times_percent(), _SHARES)),
+    Probe("cpu", 20, {"frequency": Column("MHz")}, lambda _: _numbered("frequency", _frequencies())),
+    Probe(
+        "load_average", 20, Column("-"), lambda _: dict(zip(("1min", "5min", "15min"), os.getloadavg(), strict=True))
+    ),
+    Probe("memory", 4, {"percent": PERCENT, **dict.fromkeys(_MEMORY, MEGABYTES)}, _memory),
+    Probe("swap", 20, _SWAP, _swap),
+    Probe("temperature", 20, Column("degC"), _sensors("sensors_temperatures")),
+    Probe("fan", 20, Column("rpm"), _sensors("sensors_fans")),
+    Probe("battery", 100, {"charge": PERCENT, "plugged": Column("-", dtype="?")}, _battery),
+    Probe("disk", 4, _DISK, _disks),
+    Probe("network", 4, _NETWORK, _networks),
+    Probe("files", 100, {"used": PERCENT, "free": MEGABYTES}, _file_systems),
+    Probe("kernel", 4, Column("1/s", rate=True), _kernel),
+    Probe("pressure", 20, PERCENT, _pressure),
+    Probe("process", 20, Column("count", dtype="u4"), lambda _: {"count": len(psutil.pids())}),
+    Probe("process/self", 20, _OWN, _own),
+    Probe("kernel", 20, Column("s"), lambda _: {"uptime": time.clock_gettime(time.CLOCK_BOOTTIME)}),
 )

@@ -9,7 +9,7 @@ from silo.core.elements import Action, FileType
 from silo.logger.logger import Logger
 from silo.programs.demo.program import farewell, welcome
 from silo.programs.host.probes import PROBES
-from silo.programs.host.reading import Reader
+from silo.programs.host.reading import Reader, reader
 from silo.programs.rate import EndSignals, Rate
 
 FREQUENCY_HZ = 20.0
@@ -40,16 +40,16 @@ class Monitor:
         self._due: list[tuple[Reader, int, int]] = []
         self._ticks = 0
         for place, probe in enumerate(PROBES):
-            reader = probe.make(log, probe.divider)
-            if reader is not None:
-                reader()
-                self._due.append((reader, probe.divider, place % probe.divider))
+            read = reader(probe, log)
+            if read is not None:
+                read()
+                self._due.append((read, probe.divider, place % probe.divider))
 
     def read(self) -> None:
         """New values of the sources that are due in this tick."""
-        for reader, divider, phase in self._due:
+        for read, divider, phase in self._due:
             if self._ticks % divider == phase:
-                reader()
+                read()
         self._ticks += 1
 
 

@@ -1,13 +1,13 @@
-"""What all probes of `silo host` share: elements, rates, names."""
+"""How a source of `silo host` is read: its elements, its rates, its names."""
 
 import math
 import re
 import time
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from silo.core.elements import Action, buffer_size_for
 from silo.logger.logger import Logger
@@ -18,30 +18,67 @@ MB = 1e6
 KEEP_S = 600.0
 
 Reader = Callable[[], None]
-Row = tuple[str, str, Action]  # name, unit, action
 
 
-def element(
-    log: Logger, group: str, divider: int, name: str, unit: str = "-", action: Action = LIVE, dtype: DTypeLike = float
-) -> NDArray[Any]:
+class Column(NamedTuple):
+    """What is logged of a number of a source: times `scale`, and its growth per second where it is a `rate`."""
+
+    unit: str
+    action: Action = LIVE
+    scale: float = 1.0
+    rate: bool = False
+    dtype: str = "f8"
+
+
+class Probe(NamedTuple):
+    """A source: what `ask` tells, by names below `group`, each as the last word of it says, or all alike.
+
+    `divider` is how many ticks pass between two readings, also that of the elements.
+    """
+
+    group: str
+    divider: int
+    columns: Column | Mapping[str, Column]
+    ask: Callable[[Logger], Mapping[str, float]]
+
+    def column(self, name: str) -> Column:
+        """Return what is logged of a name."""
+        return self.columns if isinstance(self.columns, Column) else self.columns[name.rpartition("/")[2]]
+
+
+def reader(probe: Probe, log: Logger) -> Reader | None:
+    """Add the elements of a source; return what reads new values into them, None where this machine lacks it.
+
+    What is there no more while the program runs (a network interface, a disk) becomes NaN.
+    """
+    columns = {name: probe.column(name) for name in probe.ask(log)}
+    if not columns:
+        return None
+    values = {name: _element(log, probe, name, column) for name, column in columns.items()}
+    counted = [name for name, column in columns.items() if column.rate]
+    rates = Rates(len(counted))
+
+    def read() -> None:
+        now = dict(probe.ask(log))
+        now |= zip(counted, rates.update([now.get(name, math.nan) for name in counted]), strict=True)
+        for name, column in columns.items():
+            gone = math.nan if column.dtype == "f8" else 0
+            values[name][...] = now.get(name, gone) * column.scale
+
+    return read
+
+
+def _element(log: Logger, probe: Probe, name: str, column: Column) -> NDArray[Any]:
     """Return a scalar in silo's memory, of which the last ten minutes are kept."""
-    size = buffer_size_for(KEEP_S, log.options.frequency_hz, divider)
-    return log.array(
-        name, (), dtype, group=group, unit=unit, divider=divider, action=action, buffer_size=size
+    below, _, last = name.rpartition("/")
+    size = buffer_size_for(KEEP_S, log.options.frequency_hz, probe.divider)
+    made = log.array(
+        last, (), column.dtype, group=f"{probe.group}/{below}".rstrip("/"), unit=column.unit, divider=probe.divider,
+        action=column.action, buffer_size=size,
     )  # fmt: skip
-
-
-def elements(log: Logger, group: str, divider: int, rows: Sequence[Row]) -> list[NDArray[Any]]:
-    """Return one float per row, NaN until it is read."""
-    made = [element(log, group, divider, *row) for row in rows]
-    lose(made)
+    if column.dtype == "f8":
+        made[...] = math.nan
     return made
-
-
-def lose(values: Sequence[NDArray[Any]]) -> None:
-    """The source is gone: NaN, not a value that stands still."""
-    for value in values:
-        value[...] = math.nan
 
 
 def plain_name(text: str) -> str:
