@@ -34,6 +34,7 @@ from silo.core.printing import html_table
 from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, read_ahead, stamps_of
 from silo.errors import ElementError, LogWarning, SaveError
 from silo.expressions.derived_signals import bound_derived
+from silo.files.added import added_formats
 from silo.files.formats import writer_for
 
 __all__ = ["Log", "LogWarning", "Signal", "UnknownSignalError"]
@@ -289,7 +290,7 @@ class Log(Mapping[str, Signal]):
             SaveError: no format has this ending, the file is there already, or the system refuses.
         """
         target = file_path("path", path)
-        write = writer_for(target)
+        write = writer_for(target, added_formats)
         if target.is_dir():
             raise SaveError(f"'{target}' is a folder: it is not replaced; choose another name")
         if target.exists() and not switch("overwrite", overwrite):

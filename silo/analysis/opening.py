@@ -18,6 +18,7 @@ from silo.core.arguments import shown, whole
 from silo.core.calls import told
 from silo.core.recording import has_own_stamps
 from silo.errors import ElementError, LogWarning
+from silo.files.added import added_formats
 from silo.files.formats import read_recording
 from silo.files.naming import find_log, find_logs
 
@@ -69,7 +70,7 @@ def open_log(
     path = find_log(
         which if isinstance(which, int) else file_path("which log", which), file_path("folder", folder), _told_by(4)
     )
-    recording = read_recording(path)
+    recording = read_recording(path, added_formats)
     if stamps == "header" and has_own_stamps(recording):
         from silo.files.others.recording import stamped_by_header
 

@@ -180,10 +180,9 @@ def matching(names: Sequence[str], patterns: Sequence[str], prefix: str = "") ->
 
 
 def begun(names: Sequence[str], incomplete: str) -> list[str]:
-    """Return what a name that is being typed may become: whole names, else what they have behind a `/`."""
+    """Return the names that one being typed may become: those that begin so, else those that do behind a `/`."""
     whole = [name for name in names if name.startswith(incomplete)]
-    ends = (name[name.find(f"/{incomplete}") + 1 :] for name in names if f"/{incomplete}" in name)
-    return whole or list(dict.fromkeys(ends))
+    return whole or [name for name in names if f"/{incomplete}" in name]
 
 
 def _other_spellings(text: str) -> list[str]:

@@ -31,11 +31,13 @@ def convert(
     written. An existing target is replaced only with `force`, and only when the new one is complete. Raises
     `LogNotFoundError`, `FileFormatError` for the source, `SaveError` for the target, `SiloError` for a missing extra.
     """
+    from silo.files.added import added_formats
+
     final = checked_path("the file to write", target)
-    write = writer_for(final)
+    write = writer_for(final, added_formats)
     if final.exists() and not force:
         raise SaveError(f"'{final}' exists already; add --force to replace it, or choose another name")
-    recording = change(_with_what_is_not_known(read_recording(source), Path(source)))
+    recording = change(_with_what_is_not_known(read_recording(source, added_formats), Path(source)))
     recording = replace(recording, why=CONVERTED)
     if not recording.elements and recording.warnings:
         raise FileFormatError(f"'{source}': nothing in it can be read, nothing was written: {recording.warnings[-1]}")

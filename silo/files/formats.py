@@ -10,7 +10,7 @@ import enum
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
@@ -24,6 +24,20 @@ if TYPE_CHECKING:
 
     Writer = Callable[[Recording, Path, Progress | None], None]
     Reader = Callable[[Path], Recording]
+
+
+class OtherFormats(Protocol):
+    """What reads and writes files that silo can't, and what would if it weren't broken: `silo.files.added`."""
+
+    @property
+    def left_out(self) -> tuple[str, ...]: ...  # noqa: D102
+
+    def reader(self, path: Path) -> "Reader | None": ...  # noqa: D102
+
+    def writer(self, path: Path) -> "Writer | None": ...  # noqa: D102
+
+
+Added = Callable[[], OtherFormats]
 
 
 class Keeps(enum.Flag):
@@ -43,7 +57,7 @@ class Keeps(enum.Flag):
 
 
 class Format(msgspec.Struct, frozen=True):
-    """One format. `writer` and `reader` are `module:function`; `reader` is empty where silo only writes.
+    """One format. `writer` and `reader` are `module:function`, empty where it is only read or only written.
 
     endings: the first is what silo gives to new files; all are understood. folder: a log is a folder, not a file.
     saved_as: its number in the save request, for formats that a logger saves in. about: a few words for dialogs.
@@ -55,7 +69,7 @@ class Format(msgspec.Struct, frozen=True):
     name: str
     endings: tuple[str, ...]
     about: str
-    writer: str
+    writer: str = ""
     keeps: Keeps = Keeps.NOTHING
     reader: str = ""
     own_times: bool = False
@@ -203,20 +217,27 @@ def format_of(path: "str | os.PathLike[str]") -> Format | None:
     return FOLDER if not ending else next((one for one in FORMATS if ending in one.endings), None)
 
 
-def writer_for(path: Path) -> "Writer":
-    """The function that writes files of this ending. Raises `SaveError` for an ending that nothing writes."""
+def writer_for(path: Path, added: Added | None = None) -> "Writer":
+    """The function that writes files of this ending, by `added` also one of another package.
+
+    Raises `SaveError` for an ending that nothing writes.
+    """
     found = format_of(path)
-    if found is None:
-        raise SaveError(f"'{path}': silo can't write {path.suffix.lower()}, only {writable()}")
-    return found.load_writer()
+    if found is not None:
+        return found.load_writer()
+    others = added() if added is not None else None
+    if others is not None and (write := others.writer(path)) is not None:
+        return write
+    left_out = "".join(f"; {words}" for words in (others.left_out if others is not None else ()))
+    raise SaveError(f"'{path}': silo can't write {path.suffix.lower()}, only {writable()}{left_out}")
 
 
-def read_recording(path: "str | os.PathLike[str]") -> "Recording":
-    """Open any file that silo reads; one with an unknown ending by its first bytes.
+def read_recording(path: "str | os.PathLike[str]", added: Added | None = None) -> "Recording":
+    """Open any file that silo reads; one with an unknown ending by its first bytes. `added` gives readers of others.
 
     Raises `LogNotFoundError` or `FileFormatError`.
     """
-    source = Path(path)
+    source, left_out = Path(path), ""
     if not source.exists():
         raise LogNotFoundError(f"there is no file or folder '{source}'")
     if not source.is_dir() and not source.is_file():
@@ -228,8 +249,14 @@ def read_recording(path: "str | os.PathLike[str]") -> "Recording":
         if not is_bag_folder(source):
             raise FileFormatError(f"'{source}' is a folder without a bag in it")
         return _clock_told(FOLDER.load_reader()(source))
-    refuse_others(source)
     found = format_of(source) if source.suffix else None
+    own = found is not None and found.reader and not found.folder
+    if added is not None and not own and source.suffix != SQLITE_ENDING and _by_mark(source) is None:
+        others = added()
+        if (read := others.reader(source)) is not None:
+            return _clock_told(read(source))
+        left_out = "".join(f"; {words}" for words in others.left_out)
+    refuse_others(source)
     if source.suffix == SQLITE_ENDING:
         found = FOLDER
     elif found is None:
@@ -238,9 +265,8 @@ def read_recording(path: "str | os.PathLike[str]") -> "Recording":
         # a single file that is called like a bag folder
         found = _by_mark(source) or found
     if found is None or not found.reader:
-        raise FileFormatError(
-            f"'{source}': silo doesn't read {source.suffix.lower() or 'files without ending'}, only {readable()}"
-        )
+        ending = source.suffix.lower() or "files without ending"
+        raise FileFormatError(f"'{source}': silo doesn't read {ending}, only {readable()}{left_out}")
     try:
         return _clock_told(found.load_reader()(source))
     except MemoryError:

@@ -165,8 +165,8 @@ def test_removing_takes_what_waits_for_the_next_update_by_the_same_rule(tmp_path
         log.close()
 
 
-def test_completion_offers_what_a_name_may_become_whole_or_behind_a_slash():
+def test_completion_offers_the_names_that_begin_so_or_do_behind_a_slash():
     names = ["/log/joints/q", "/log/joints/tau", "/log/jaw"]
     assert begun(names, "/log/joi") == names[:2]
-    assert begun(names, "joints/t") == ["joints/tau"]
-    assert begun(names, "j") == ["joints/q", "joints/tau", "jaw"]
+    assert begun(names, "joints/t") == ["/log/joints/tau"]
+    assert begun(names, "j") == names

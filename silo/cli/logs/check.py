@@ -41,11 +41,12 @@ def check_command(
       5  nothing could be judged     2  the file or an expression can't be read
     """
     from silo.analysis.check import check
+    from silo.files.added import added_formats
     from silo.files.formats import read_recording
     from silo.files.naming import find_log
 
     try:
-        recording = read_recording(find_log(file))
+        recording = read_recording(find_log(file), added_formats)
         asked = [*recording.extras.limits, *(_limits(text, when) for text in limits)]
         if not (asked or never or always):
             raise click.UsageError(

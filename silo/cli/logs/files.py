@@ -277,10 +277,11 @@ def _find(which: str) -> Path:
 
 
 def _read(path: Path) -> "Recording":
+    from silo.files.added import added_formats
     from silo.files.bags.index import keep_quiet
     from silo.files.formats import read_recording
 
-    recording = read_recording(path)
+    recording = read_recording(path, added_formats)
     keep_quiet(recording)  # `_warn` comes last
     return recording
 
