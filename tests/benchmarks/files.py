@@ -25,7 +25,8 @@ from silo.analysis.opening import open_log
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.csv import writer
-from silo.files.csv.writer import read_csv, write_csv
+from silo.files.csv.reader import read_csv
+from silo.files.csv.writer import write_csv
 from silo.files.silo.reader import read_silo
 from silo.files.silo.writer import write_silo
 

@@ -2,6 +2,7 @@
 
 import csv
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,22 +10,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.core.elements import BufferType
-from silo.errors import FileFormatError, LogNotFoundError, SaveError
+from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.csv import writer
-from silo.files.csv.writer import read_csv, write_csv
+from silo.files.csv.reader import read_csv
+from silo.files.csv.writer import write_csv
 from tests.examples import examples
+from tests.rows_csv import write_rows
 
 QUICK = settings(max_examples=examples(80))
 NUMBERS = ("<f8", "<f4", "<f2", "|i1", "<i2", "<i4", "<i8", "|u1", "<u2", "<u4", "<u8", "|b1", "<M8[ns]", "|S5", "<U4")
 
 
-@pytest.fixture(params=["polars", "plain"])
+@pytest.fixture(params=["encoded", "plain"])
 def way(request, monkeypatch):
-    if request.param == "plain":
-        monkeypatch.setattr(writer, "find_spec", lambda name: None)
-    else:
-        pytest.importorskip("polars")
-        monkeypatch.setattr(writer, "POLARS_FROM", 0)
+    monkeypatch.setattr(writer, "ENCODED_FROM", 0 if request.param == "encoded" else 10**12)
     return request.param
 
 
@@ -46,19 +45,19 @@ def same_values(before, after, bits_of):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("layout", ["columns", "rows"])
+@pytest.mark.parametrize("write", [write_csv, write_rows])
 @pytest.mark.parametrize("plain", [True, False])
 @QUICK
 @given(data=st.data())
 def test_everything_that_csv_can_hold_survives_a_round_trip(
-    data, layout, plain, any_recording, bits_of, tmp_path_factory
+    data, write, plain, any_recording, bits_of, tmp_path_factory
 ):
     recording = data.draw(any_recording(types=NUMBERS, names=st.text("ab c\"',#\n/é", max_size=8)))
     path = tmp_path_factory.mktemp("csv") / "x.csv"
     with pytest.MonkeyPatch.context() as patch:
         if not plain:
-            patch.setattr(writer, "POLARS_FROM", 0)
-        write_csv(recording, path, layout)
+            patch.setattr(writer, "ENCODED_FROM", 0)
+        write(recording, path)
     # the table alone, as other tools leave it
     (path.parent / "x.csv.json").unlink()
     again = read_csv(path)
@@ -92,24 +91,22 @@ def test_both_ways_of_writing_give_the_same_values(plan, recorded, tmp_path, mon
     plans = [plan(f"/log/{i}", dtype, divider=1 + i % 3) for i, dtype in enumerate(NUMBERS)]
     recording = recorded(plans, 30)
     write_csv(recording, tmp_path / "plain.csv")
-    monkeypatch.setattr(writer, "POLARS_FROM", 0)
-    write_csv(recording, tmp_path / "polars.csv")
-    tables = [list(csv.reader((tmp_path / f"{way}.csv").open(newline=""))) for way in ("polars", "plain")]
+    monkeypatch.setattr(writer, "ENCODED_FROM", 0)
+    write_csv(recording, tmp_path / "encoded.csv")
+    tables = [list(csv.reader((tmp_path / f"{way}.csv").open(newline=""))) for way in ("encoded", "plain")]
     assert tables[0][0] == tables[1][0]
     for one, other in zip(*tables, strict=True):
         for left, right in zip(one, other, strict=True):
             assert left == right or repr(float(left)) == repr(float(right))
 
 
-def test_polars_is_loaded_for_a_large_table_alone(plan, recorded, tmp_path, monkeypatch):
-    asked = []
-    monkeypatch.setattr(writer, "find_spec", asked.append)
-    recording = recorded([plan("/log/a", size=100)], 100)
+def test_a_text_that_reads_as_the_end_of_an_encoded_line_is_kept(plan, recorded, tmp_path, way):
+    recording = recorded([plan("/log/a", "|S8"), plan("/log/b")], 3)
+    texts = np.array([b"x]\n[y", b'","', b"]"], "S8")
+    entry = replace(recording.elements[0].entries[0], values=texts)
+    recording = replace(recording, elements=[replace(recording.elements[0], entries=(entry,)), recording.elements[1]])
     write_csv(recording, tmp_path / "x.csv")
-    assert not asked
-    monkeypatch.setattr(writer, "POLARS_FROM", 200)
-    write_csv(recording, tmp_path / "x.csv")
-    assert asked == ["polars"]
+    assert read_csv(tmp_path / "x.csv").elements[0].entries[0].values.tolist() == texts.tolist()
 
 
 def test_a_log_longer_than_a_chunk_has_no_seam(plan, recorded, tmp_path, way, monkeypatch):
@@ -143,7 +140,7 @@ def test_polars_reads_it(plan, recorded, tmp_path, way):
 
 def test_rows_have_the_shape_of_the_original(plan, recorded, tmp_path):
     recording = recorded([plan("/log/a", "|u1", size=2), plan("/log/b", "<i2", divider=2, size=2)], 8)
-    write_csv(recording, tmp_path / "x.csv", "rows")
+    write_rows(recording, tmp_path / "x.csv")
     rows = list(csv.reader(io.StringIO((tmp_path / "x.csv").read_text())))
     assert [row[0] for row in rows] == ["/log/time_s", "/log/time_ns", "/log/a", "/log/b"]
     # LOOPING rows are padded at the front, and every cell is followed by a comma
@@ -155,14 +152,9 @@ def test_rows_have_the_shape_of_the_original(plan, recorded, tmp_path):
 
 def test_a_fixed_buffer_that_filled_early_gives_a_full_row(plan, recorded, tmp_path):
     plans = [plan("/log/a", "<i4", buffer_type=BufferType.FIXED, size=2)]
-    write_csv(recorded(plans, 9), tmp_path / "x.csv", "rows")
+    write_rows(recorded(plans, 9), tmp_path / "x.csv")
     rows = (tmp_path / "x.csv").read_text().splitlines()
     assert rows[2].count(",") == rows[0].count(",")
-
-
-def test_an_unknown_layout_is_refused(plan, recorded, tmp_path):
-    with pytest.raises(SaveError, match="choose 'columns' or 'rows'"):
-        write_csv(recorded([plan("/log/a")], 1), tmp_path / "x.csv", "diagonal")
 
 
 def test_long_double_keeps_its_precision(plan, recorded, tmp_path):
@@ -174,11 +166,10 @@ def test_long_double_keeps_its_precision(plan, recorded, tmp_path):
 
 def test_progress_rises_to_one(plan, recorded, tmp_path, monkeypatch):
     monkeypatch.setattr(writer, "CHUNK_CELLS", 20)
-    for layout in ("columns", "rows"):
-        fractions = []
-        write_csv(recorded([plan("/log/a", size=90)], 100), tmp_path / "x.csv", layout, fractions.append)
-        assert fractions == sorted(fractions)
-        assert (fractions[0], fractions[-1]) == (0.0, 1.0)
+    fractions = []
+    write_csv(recorded([plan("/log/a", size=90)], 100), tmp_path / "x.csv", fractions.append)
+    assert fractions == sorted(fractions)
+    assert (fractions[0], fractions[-1]) == (0.0, 1.0)
 
 
 def test_a_table_of_another_tool_is_read(tmp_path):
@@ -207,8 +198,8 @@ def test_a_line_that_is_cut_off_is_told_and_left_out(plan, recorded, tmp_path):
 @pytest.mark.slow
 def test_cut_at_any_length_it_never_crashes(plan, recorded, tmp_path):
     recording = recorded([plan("/log/a"), plan('/log/"q"', "|S4"), plan("/log/v", "<f4", "vector", divider=2)], 6)
-    for layout in ("columns", "rows"):
-        write_csv(recording, tmp_path / "x.csv", layout)
+    for write in (write_csv, write_rows):
+        write(recording, tmp_path / "x.csv")
         data = (tmp_path / "x.csv").read_bytes()
         for length in range(len(data)):
             (tmp_path / "cut.csv").write_bytes(data[:length])
@@ -253,7 +244,7 @@ def test_what_is_no_table_is_an_error_that_names_the_file(tmp_path):
 @pytest.mark.parametrize("large", [False, True])
 def test_other_readers_see_numbers_and_exact_nanoseconds(plan, recorded, tmp_path, monkeypatch, large):
     polars, pandas = pytest.importorskip("polars"), pytest.importorskip("pandas")
-    monkeypatch.setattr(writer, "POLARS_FROM", 0 if large else 10**9)
+    monkeypatch.setattr(writer, "ENCODED_FROM", 0 if large else 10**9)
     recording = recorded([plan("/log/a", size=20), plan("/log/b", "<f4", size=20)], 20)
     for element in recording.elements:
         element.entries[0].values[3] = np.nan

@@ -11,6 +11,7 @@ from silo.files.convert import convert
 from silo.files.csv.reader import read_csv
 from silo.files.csv.writer import write_csv
 from silo.files.silo.reader import read_silo
+from tests.rows_csv import write_rows
 
 UNKNOWN = "units, labels, types and buffers of the log are not known"
 
@@ -34,12 +35,12 @@ def facts_of(recording):
     return [[getattr(element, name) for name in said] for element in recording.elements], entries
 
 
-@pytest.mark.parametrize("layout", ["columns", "rows"])
-def test_a_table_with_its_facts_is_the_log_that_was_saved(layout, plan, recorded, tmp_path):
+@pytest.mark.parametrize("write", [write_csv, write_rows])
+def test_a_table_with_its_facts_is_the_log_that_was_saved(write, plan, recorded, tmp_path):
     before = recorded(
         [plan("/log/q", "<f4", "quaternion", divider=2, unit="rad", labels=None), plan("/log/t", "|S5")], 9
     )
-    write_csv(before, tmp_path / "x.csv", layout)
+    write(before, tmp_path / "x.csv")
     after = read_csv(tmp_path / "x.csv")
     assert facts_of(after) == facts_of(before)
     assert (after.logger, after.offset, after.warnings) == (before.logger, before.offset, ())

@@ -1,11 +1,15 @@
-"""Tables of numbers are read by polars; what comes of them is the same as cell by cell."""
+"""Tables of silo and of others, each read as they were cell by cell, before all cells were found at once."""
+
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.files.csv import numbers
+from silo.errors import FileFormatError
+from silo.files.csv import writer
 from silo.files.csv.reader import read_csv
 from silo.files.csv.writer import write_csv
 
@@ -44,32 +48,13 @@ def plain_numbers():
     }
 
 
-@pytest.fixture(params=["quick", "cell by cell"])
-def reader(request, monkeypatch):
-    monkeypatch.setattr(numbers, "SMALLEST", 0 if request.param == "quick" else 10**12)
-    return request.param
-
-
-@pytest.fixture
-def taken(monkeypatch):
-    """Whether the quick way was taken."""
-    found = []
-    known = numbers.read_numbers
-
-    def noted(*arguments):
-        found.append(known(*arguments))
-        return found[-1]
-
-    monkeypatch.setattr("silo.files.csv.reader.read_numbers", noted)
-    monkeypatch.setattr(numbers, "SMALLEST", 0)
-    return lambda: found[-1] is not None
-
-
 def same(one, other):
     return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind in "fM")
 
 
-def test_a_log_comes_back_bit_for_bit(reader, tmp_path):
+@pytest.mark.parametrize("encoded_from", [0, 10**12])
+def test_a_log_comes_back_bit_for_bit(encoded_from, tmp_path, monkeypatch):
+    monkeypatch.setattr(writer, "ENCODED_FROM", encoded_from)
     written = recording(plain_numbers())
     write_csv(written, tmp_path / "x.csv")
     read = read_csv(tmp_path / "x.csv")
@@ -79,57 +64,56 @@ def test_a_log_comes_back_bit_for_bit(reader, tmp_path):
         assert (mine.first, mine.divider, mine.unit) == (theirs.first, theirs.divider, "m")
 
 
-def test_a_log_of_numbers_takes_the_quick_way(taken, tmp_path):
-    write_csv(recording(plain_numbers()), tmp_path / "x.csv")
-    read_csv(tmp_path / "x.csv")
-    assert taken()
-
-
-TABLES = {
-    "floats": "time,a,b\n" + "".join(f"{k / 10},{k / 3},{-k}e-5\n" for k in range(20)),
-    "whole numbers and a divider": "time,a,b\n" + "".join(f"{k},{k},{k if k % 2 == 0 else ''}\n" for k in range(20)),
-    "no line feed at the end": "time,a\n0,1.5\n1,2.5",
-    "blank lines": "time,a\n0,1.5\n\n1,2.5\n\n",
-    "carriage returns": "time,a\r\n0,1.5\r\n1,2.5\r\n",
-    "one carriage return": "time,a\n0,1.5\n1,2.5\r\n2,3.5\n",
-    "a short line": "time,a,b\n0,1,2\n1,3\n2,5,6\n",
-    "a long line": "time,a,b\n0,1,2\n1,3,4,5\n2,5,6\n",
-    "a short and a long line": "time,a,b\n0,1,2\n1,3\n2,5,6,7\n",
-    "cut off": "time,a,b\n0,1,2\n1,3,4\n2,5",
-    "texts": "time,a,b\n0,1,walk\n1,2,stand\n",
-    "quoted numbers": 'time,a\n0,"1"\n1,"2"\n',
-    "a quoted comma": 'time,a,b\n0,"1,5",2\n1,"2",3\n',
-    "gaps": "time,a\n0,1.5\n1,\n2,\n3,2.5\n4,1\n",
-    "an empty column": "time,a,b\n0,,1\n1,,2\n",
-    "nan and inf": "time,a\n0,nan\n1,inf\n2,-inf\n3,1\n",
-    "large integers": "time,a,b\n0,18446744073709551615,9007199254740993\n1,1,2\n",
-    "large integers among floats": "time,a\n0,0.5\n1,9007199254740993\n",
-    "floats after many integers": "time,a\n" + "".join(f"{k},{k}\n" for k in range(300)) + "300,0.5\n",
-    "a text after many numbers": "time,a\n" + "".join(f"{k},{k}\n" for k in range(300)) + "300,x\n",
-    "underscores": "time,a\n0,1_000\n1,2\n",
-    "blanks": "time,a\n0, 1\n1,2 \n",
-    "truths": "time,a\n0,true\n1,false\n",
-    "a mark at the begin": "\ufefftime,a\n0,1\n1,2\n",
-    "dates": "time,a\n2026-01-01T00:00:00,1\n2026-01-01T00:00:01,2\n",
-    "only a head": "time,a\n",
-    "too large": "time,a\n0,1e400\n1,2\n",
-    "a vector": "time,/log/q_x,/log/q_y,/log/q_z\n0,1.5,2,3\n1,4,5,6\n",
-}
+TABLES = json.loads((Path(__file__).parents[1] / "data" / "csv_tables.json").read_text())
 
 
 @pytest.mark.parametrize("table", TABLES)
-def test_tables_of_others_are_read_alike_in_both_ways(table, tmp_path, monkeypatch):
-    path = tmp_path / "x.csv"
-    path.write_bytes(TABLES[table].encode())
-    found = []
-    for smallest in (0, 10**12):
-        monkeypatch.setattr(numbers, "SMALLEST", smallest)
-        found.append(read_csv(path))
-    quick, slow = found
-    assert quick.warnings == slow.warnings
-    assert quick.time_ns.tolist() == slow.time_ns.tolist()
-    assert [e.name for e in quick.elements] == [e.name for e in slow.elements]
-    for mine, theirs in zip(quick.elements, slow.elements, strict=True):
-        assert (mine.kind, mine.first, mine.divider) == (theirs.kind, theirs.first, theirs.divider)
-        for one, other in zip(mine.entries, theirs.entries, strict=True):
-            assert same(one.values, other.values), (one.values, other.values)
+def test_tables_of_others_are_read_as_ever(table, tmp_path):
+    told, path = TABLES[table], tmp_path / "x.csv"
+    path.write_bytes(told["text"].encode())
+    if "error" in told:
+        with pytest.raises(FileFormatError):
+            read_csv(path)
+        return
+    read = read_csv(path)
+    said = [(one.count, [str(entry.dtype.kind) for entry in one.entries]) for one in read.elements]
+    assert [*read.warnings] == told["warnings"]
+    assert read.time_ns.tolist() == told["time_ns"]
+    assert [
+        {
+            **{name: getattr(one, name) for name in ("name", "kind", "first", "divider", "count")},
+            "entries": [
+                {"name": entry.name, "dtype": str(entry.values.dtype), "values": repr(entry.values.tolist())}
+                for entry in one.entries
+            ],
+        }
+        for one in read.elements
+    ] == told["elements"]
+    assert said == [(one.count, [str(entry.dtype.kind) for entry in one.entries]) for one in read.elements]
+
+
+def test_a_text_far_down_in_a_column_of_numbers_makes_it_a_column_of_texts(tmp_path):
+    lines = [f"{k},{k},{k / 3}" for k in range(2000)]
+    lines[1237] = "1237,x,y.5"
+    (tmp_path / "x.csv").write_text("\n".join(["time,a,b", *lines]))
+    a, b = read_csv(tmp_path / "x.csv").elements
+    assert (a.entries[0].dtype.kind, b.entries[0].dtype.kind) == ("S", "S")
+    assert (a.entries[0].values[1237], b.entries[0].values[1237]) == (b"x", b"y.5")
+
+
+def test_a_point_far_down_in_a_column_of_whole_numbers_makes_all_of_them_real(tmp_path):
+    lines = [f"{k},{k}" for k in range(2000)]
+    lines[1237] = "1237,0.5"
+    (tmp_path / "x.csv").write_text("\n".join(["time,a", *lines]))
+    (entry,) = read_csv(tmp_path / "x.csv").elements[0].entries
+    assert entry.values[1237] == 0.5
+    assert (entry.values.dtype, entry.dtype) == (np.float64, np.float64)
+
+
+def test_a_value_that_its_type_cannot_be_is_told_when_it_is_read(tmp_path):
+    write_csv(recording({"/log/a": np.arange(300, dtype="i1")}), tmp_path / "x.csv")
+    text = (tmp_path / "x.csv").read_text().replace(",5,", ",300,", 1)
+    (tmp_path / "x.csv").write_text(text)
+    (element,) = read_csv(tmp_path / "x.csv").elements
+    with pytest.raises(FileFormatError, match=r"'/log/a' was logged as \|i1, which a value in the table is not"):
+        _ = element.entries[0].values

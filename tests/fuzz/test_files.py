@@ -33,6 +33,7 @@ from silo.files.bags.index import read_index, record_at
 from silo.files.bags.metadata import FACTS_ATTACHMENT, RecordingFacts, unpack_facts
 from silo.files.formats import FORMATS, writer_for
 from silo.files.parts.scan import attachment
+from tests.rows_csv import write_rows
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 ROOM_BYTES = 1 << 30
@@ -221,9 +222,7 @@ def whole(target: str, number: int) -> tuple[Path, dict[Path, bytes]]:
     if path.is_dir():
         shutil.rmtree(path)
     if target == "rows":
-        from silo.files.csv.writer import write_csv
-
-        write_csv(recording, path, "rows")
+        write_rows(recording, path)
     else:
         writer_for(path)(recording, path, None)
     files = sorted(path.iterdir()) if target == "bag" else sorted(Path().glob("x.*"))

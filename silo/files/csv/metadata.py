@@ -4,29 +4,40 @@
 same columns, ticks, first and last time stamp. Values are those of the table, so that they may be edited.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import Entry, LoggedEvent
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike, masked
-from silo.files.csv.numbers import Filled
+from silo.core.recording import RecordedElement, Recording, alike, lazy_entry, masked
+from silo.errors import FileFormatError
+from silo.files.csv.cells import DIGITS, OTHERS, QUOTE, Words, as_numbers
 from silo.files.silo import format as form
 
 SIDECAR = ".json"
 VERSION = 1
 _LARGEST = 256 << 20
 _LARGEST_TICK = 2**62
-_QUOTE = b'"'
 _MASKED = "biuV"  # what has no NaN: an empty cell is a value that is missing
 
 
-Column = NDArray[np.bytes_] | Filled  # texts of all cells, or the numbers of the filled ones
+class Column(NamedTuple):
+    """A column of a table: the rows in which it is filled, and what gives the texts there.
+
+    `dtype` is the type that these surely have, None where they must be looked at; `letters` those of
+    `silo.files.csv.cells`, None where nobody looked.
+    """
+
+    places: NDArray[np.intp]
+    words: Callable[[], Words]
+    dtype: Any
+    letters: int | None
 
 
 class CsvElement(form.ElementFacts, frozen=True, omit_defaults=True):
@@ -87,13 +98,6 @@ def unpack(data: bytes) -> CsvFacts:
     return facts
 
 
-def types_of(facts: CsvFacts) -> list[np.dtype[Any]] | None:
-    """The types of the columns but the first; None where one isn't known."""
-    found = [form.dtype_from(entry.dtype) for one in facts.elements for entry in one.entries]
-    known = [kind for kind in found if kind is not None]
-    return known if len(known) == len(found) else None
-
-
 def restored(facts: CsvFacts, names: Sequence[str], columns: Sequence[Column], time_ns: NDArray[np.int64]) -> Recording:
     """The recording as it was, of the cells of the table. Raises `NotThisTableError` if the facts don't fit."""
     if [entry.name for one in facts.elements for entry in one.entries] != list(names):
@@ -120,23 +124,46 @@ def _element_facts(element: RecordedElement) -> CsvElement:
 
 
 def _element(facts: CsvElement, columns: Any, ticks: int) -> RecordedElement:
-    first = facts.first or 0
     entries = []
     for entry in facts.entries:
-        cells: Column = next(columns)
-        places = cells.places if isinstance(cells, Filled) else np.flatnonzero(np.char.str_len(cells))
-        values = _values(cells.values if isinstance(cells, Filled) else cells[places], entry)
-        samples = _in_step(places, facts, ticks)
-        if samples is None or (len(samples) < facts.count and values.dtype.kind not in _MASKED):
+        column: Column = next(columns)
+        samples = _in_step(column.places, facts, ticks)
+        dtype = form.dtype_from(entry.dtype)
+        if dtype is None or not _may_be(dtype, column):
+            raise NotThisTableError(f"the values of '{entry.name}' are no {entry.dtype}")
+        if samples is None or (len(samples) < facts.count and dtype.kind not in _MASKED):
             raise NotThisTableError(f"'{entry.name}' has its samples at other ticks")
-        if len(samples) < facts.count:
-            missing = np.ones(facts.count, bool)
-            missing[samples] = False
-            there, values = values, np.zeros(facts.count, values.dtype)
-            values[samples] = there
-            values = masked(values, missing)
-        entries.append(RecordedEntry(entry.name or "", Entry(entry.suffix, entry.dtype, entry.labels), values))
-    return alike(RecordedElement, facts, first=first, entries=tuple(entries))
+        load = partial(_loaded, column, entry, dtype, facts.count, samples)
+        about = Entry(entry.suffix, entry.dtype, entry.labels)
+        entries.append(lazy_entry(entry.name or "", about, load, dtype.newbyteorder("="), facts.count))
+    return alike(RecordedElement, facts, first=facts.first or 0, entries=tuple(entries))
+
+
+def _may_be(dtype: np.dtype[Any], column: Column) -> bool:
+    """Whether the letters of a column may be values of this type."""
+    if dtype.kind not in "biufmM" or column.letters is None:
+        return dtype.kind in "biufmMSUc" or (dtype.kind == "V" and dtype.fields is None)
+    return column.letters | DIGITS == DIGITS if dtype.kind != "f" else not column.letters & OTHERS
+
+
+def _loaded(
+    column: Column, entry: form.EntryFacts, dtype: np.dtype[Any], count: int, samples: NDArray[np.intp]
+) -> NDArray[Any]:
+    """The values of a column as they were logged; strings stay bytes, as in every recording."""
+    try:
+        values = _parsed(column.words(), dtype)
+    except (ValueError, OverflowError, TypeError):
+        raise FileFormatError(
+            f"'{entry.name}' was logged as {entry.dtype}, which a value in the table is not; correct that, or remove "
+            "the .json beside it to read the table by itself"
+        ) from None
+    if len(samples) == count:
+        return values
+    missing = np.ones(count, bool)
+    missing[samples] = False
+    spread = np.zeros(count, values.dtype)
+    spread[samples] = values
+    return masked(spread, missing)
 
 
 def _in_step(places: NDArray[np.intp], facts: CsvElement, ticks: int) -> NDArray[np.intp] | None:
@@ -152,21 +179,10 @@ def _in_step(places: NDArray[np.intp], facts: CsvElement, ticks: int) -> NDArray
     return samples if inside.all() else None
 
 
-def _values(cells: NDArray[Any], entry: form.EntryFacts) -> NDArray[Any]:
-    """The cells, texts or numbers, in the type that was logged; strings stay bytes, as in every recording."""
-    dtype = form.dtype_from(entry.dtype)
-    try:
-        if dtype is not None:
-            return _parsed(cells, dtype)
-    except (ValueError, OverflowError, TypeError):
-        pass
-    raise NotThisTableError(f"the values of '{entry.name}' are no {entry.dtype}")
-
-
 def _parsed(cells: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     kind = dtype.kind
     if kind in "SUcV":
-        texts = [cell.removeprefix(_QUOTE) for cell in cells.tolist()]
+        texts = [cell.removeprefix(QUOTE) for cell in cells.tolist()]
         if kind == "c":
             return np.array([complex(text.decode("ascii")) for text in texts], dtype)
         if kind == "V" and dtype.fields is None:
@@ -179,10 +195,10 @@ def _parsed(cells: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
         return np.array(texts, "S")
     if kind == "f":
         # the shortest text of a narrow float is nearest to it, by way of a double, too
-        return cells.astype(dtype)
+        return as_numbers(cells, dtype)
     if kind not in "biumM":
         raise ValueError
-    wide = cells.astype(np.uint64 if kind == "u" else np.int64)
+    wide = as_numbers(cells, np.dtype(np.uint64 if kind == "u" else np.int64))
     if kind in "mM":
         return wide.view(dtype.newbyteorder("="))
     values = wide.astype(dtype)

@@ -1,131 +1,81 @@
-"""CSV -> a recording: both layouts that we write, the original's rows, and tables that other tools wrote.
+"""CSV -> a recording: tables with a column per entry, of silo and of others, and the original's rows.
 
 CSV says neither types, units nor dividers: `<name>.csv.json` beside it does, where silo wrote both. Else types follow
 from the texts (quoted: string), the divider of an entry from the ticks at which its cells are filled, and vectors are
-put together again by their suffixes.
+put together again by their suffixes. Opening finds where the cells are (`silo.files.csv.cells`) and reads the time
+stamps; the values of a column are read when they are asked for.
 """
 
+import mmap
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Entry
 from silo.core.kinds import regroup
-from silo.core.recording import RecordedElement, RecordedEntry, Recording, masked
+from silo.core.recording import RecordedElement, Recording, lazy_entry, masked
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
-from silo.files.csv.metadata import Column, NotThisTableError, restored, sidecar_of, types_of, unpack
-from silo.files.csv.numbers import Filled, NumberTable, read_numbers
+from silo.files.csv.cells import DIGITS, POINTS, QUOTE, Cells, Words, as_numbers, find_cells, unquoted
+from silo.files.csv.metadata import Column, NotThisTableError, restored, sidecar_of, unpack
 from silo.files.silo.format import decode_text, first_stamp
 
 TIME_NS = "time_ns"  # the last column: the first one in whole nanoseconds
-_ROUNDED_NS = 1000  # by which seconds that went through a double may be off
+_ROUNDED_NS = 1500  # by which seconds that went through a double may be off
 _SECOND = 1_000_000_000
 _MOST_NS = 2**63
-_LINES_AT_ONCE = 4096
-_CELL = re.compile(rb'(?:"((?:[^"]|"")*)"[^,]*|([^,]*))(?:,|$)')
+_MOST_DIGITS = 18  # of a number that surely is an int64
+_CELL = re.compile(rb'(?:("(?:[^"]|"")*"?)[^,]*|([^,]*))(?:,|$)')
 _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
 _MOST_OFFSETS = 1_000_000
-# A quoted cell keeps its first quote: so an empty string is not an empty cell.
-_QUOTE = b'"'
-
-
-class _Samples(NamedTuple):
-    """What a column holds: sample i at time stamp `first + i * divider`."""
-
-    values: NDArray[Any]
-    first: int
-    divider: int
+_BOM = b"\xef\xbb\xbf"
 
 
 def read_csv(path: str | os.PathLike[str]) -> Recording:
-    """Read a CSV file, of one column per entry (first column: time in seconds) or one row per entry.
+    """Open a CSV file, of one column per entry (first column: time in seconds) or one row per entry.
 
     What can't be understood is left out, with a warning of the recording. Raises `LogNotFoundError` if the file can't
     be opened, `FileFormatError` if it is empty or its first column (or rows) holds no time.
     """
     try:
-        data = Path(path).read_bytes()
+        text = _mapped(Path(path))
     except FileNotFoundError as error:
         raise LogNotFoundError(f"there is no file '{os.fspath(path)}'") from error
     except OSError as error:
         raise LogNotFoundError(f"can't open '{os.fspath(path)}': {reason(error)}") from error
     try:
-        return _parsed(data, Path(path))
+        return _parsed(text, Path(path))
     except FileFormatError as error:
         raise FileFormatError(f"'{os.fspath(path)}' can't be read as a log: {error}") from None
 
 
-def _parsed(data: bytes, path: Path) -> Recording:
+def _mapped(path: Path) -> NDArray[np.uint8]:
+    with path.open("rb") as file:
+        if os.fstat(file.fileno()).st_size == 0:
+            return np.empty(0, np.uint8)
+        return np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), np.uint8)
+
+
+def _parsed(text: NDArray[np.uint8], path: Path) -> Recording:
     warnings: list[str] = []
-    facts = _facts_beside(path)
-    columns: Sequence[Column]
-    plain = _plain_table(data, facts)
-    if plain is not None:
-        head, numbers = plain
-        time_ns = _time(_text(head[0]), numbers.first)
-        names, columns, time_ns = _counted([_text(cell) for cell in head[1:]], numbers.columns, time_ns)
-        return _as_recording(path, "/log", names, columns, time_ns, facts, warnings)
-    records = _records(data)
-    head = next(records, [])
+    begin = len(_BOM) if text[: len(_BOM)].tobytes() == _BOM else 0
+    head, begin = _record(text.data, begin)
     if not head:
         raise FileFormatError("it is empty")
     if _text(head[0]).endswith("time_s") and len(head) > 1 and re.fullmatch(rb"-?\d*", head[1]):
-        names, columns, time_ns = _from_rows(head, records, warnings)
+        names, columns, time_ns = _from_rows(head, _records(text.data, begin), warnings)
         prefix = _text(head[0]).removesuffix("time_s").removesuffix("/")
     else:
-        names, columns, time_ns = _counted(*_from_columns(head, records, warnings))
+        names, columns, time_ns = _from_columns(head, find_cells(text, begin, len(head)), warnings)
         prefix = "/log"
-    return _as_recording(path, prefix, names, columns, time_ns, facts, warnings)
-
-
-def _plain_table(data: bytes, facts: bytes | None) -> tuple[list[bytes], NumberTable] | None:
-    """The first record and the numbers of a plain table of columns; None for any other."""
-    line = data[: data.find(b"\n") + 1].rstrip(b"\r\n")
-    head = _split(line) if line.count(_QUOTE) % 2 == 0 and line else []
-    if len(head) < 2 or _text(head[0]).endswith("time_s"):
-        return None
-    types = None
-    if facts is not None:
-        try:
-            types = types_of(unpack(facts))
-            if types is not None and _text(head[-1]) == TIME_NS:
-                types = [*types, np.dtype(np.int64)]
-        except NotThisTableError:
-            return None
-    numbers = read_numbers(data, len(head), types)
-    return None if numbers is None else (head, numbers)
-
-
-def _counted(
-    names: list[str], columns: Sequence[Column], time_ns: NDArray[np.int64]
-) -> tuple[list[str], Sequence[Column], NDArray[np.int64]]:
-    """The columns of signals, and the stamps by that of nanoseconds, where it agrees with the first one."""
-    if not names or names[-1] != TIME_NS:
-        return names, columns, time_ns
-    cells = columns[-1]
-    counted = cells.values if isinstance(cells, Filled) else _numbers(cells)
-    fits = counted is not None and counted.dtype == np.int64 and len(counted) == len(time_ns)
-    if counted is None or not fits or (np.abs(counted - time_ns) > _ROUNDED_NS).any():
-        return names[:-1], columns[:-1], time_ns  # somebody edited the seconds, or the file was cut there
-    return names[:-1], columns[:-1], counted
-
-
-def _as_recording(
-    path: Path,
-    prefix: str,
-    names: Sequence[str],
-    columns: Sequence[Column],
-    time_ns: NDArray[np.int64],
-    facts: bytes | None,
-    warnings: list[str],
-) -> Recording:
+    facts = _facts_beside(path)
     if facts is not None:
         try:
             recording = restored(unpack(facts), names, columns, time_ns)
@@ -148,35 +98,47 @@ def _facts_beside(path: Path) -> bytes | None:
 # ---------------------------------------------------------------------------------------------------- text to columns
 
 
-def _records(data: bytes) -> Iterator[list[bytes]]:
-    """The cells of each line; a quoted cell may hold line breaks."""
-    pending: list[bytes] = []
-    for line in data.removeprefix(b"\xef\xbb\xbf").split(b"\n"):
-        if pending or line.count(_QUOTE) % 2:
-            pending.append(line)
-            if len(pending) > 1 and line.count(_QUOTE) % 2:
-                yield _split(b"\n".join(pending))
-                pending = []
-        elif line.strip():
-            yield _split(line)
-    if pending:
-        yield _split(b"\n".join(pending))
+def _record(text: memoryview, begin: int) -> tuple[list[bytes], int]:
+    """The cells of the first record from this byte on that isn't blank, and where the next one begins."""
+    record = b""
+    while begin < len(text):
+        end = _line_end(text, begin)
+        record += bytes(text[begin:end])
+        begin = end
+        if record.count(QUOTE) % 2 == 0:
+            if record.strip():
+                break
+            record = b""
+    return (_split(record.removesuffix(b"\n")) if record.strip() else []), begin
+
+
+def _line_end(text: memoryview, begin: int) -> int:
+    """Where the line ends that begins there, its end included."""
+    for start in range(begin, len(text), 1 << 16):
+        place = bytes(text[start : start + (1 << 16)]).find(b"\n")
+        if place >= 0:
+            return start + place + 1
+    return len(text)
+
+
+def _records(text: memoryview, begin: int) -> Iterator[list[bytes]]:
+    """The cells of each record; a quoted cell may hold line breaks."""
+    while begin < len(text):
+        cells, begin = _record(text, begin)
+        if cells:
+            yield cells
 
 
 def _split(record: bytes) -> list[bytes]:
     record = record.removesuffix(b"\r")
-    if _QUOTE not in record:
+    if QUOTE not in record:
         return record.split(b",")
     cells: list[bytes] = []
     position = 0
     while position <= len(record):
         match = _CELL.match(record, position)
-        if match is None:
-            # an opening quote without its end: the file was cut here
-            cells.append(record[position:])
-            break
-        quoted = match[1]
-        cells.append(match[2] if quoted is None else _QUOTE + quoted.replace(b'""', _QUOTE))
+        assert match is not None  # anything is a cell
+        cells.append(match[2] if match[1] is None else unquoted(match[1]))
         if not match[0].endswith(b","):
             break
         position = match.end()
@@ -184,36 +146,47 @@ def _split(record: bytes) -> list[bytes]:
 
 
 def _text(cell: bytes) -> str:
-    return decode_text(cell.removeprefix(_QUOTE))
+    return decode_text(cell.removeprefix(QUOTE))
 
 
 def _from_columns(
-    head: list[bytes], records: Iterator[list[bytes]], warnings: list[str]
-) -> tuple[list[str], list[NDArray[np.bytes_]], NDArray[np.int64]]:
+    head: list[bytes], cells: Cells, warnings: list[str]
+) -> tuple[list[str], list[Column], NDArray[np.int64]]:
     width = len(head)
-    chunks: list[list[NDArray[np.bytes_]]] = [[] for _ in head]
-    block: list[list[bytes]] = []
-    for number, cells in enumerate(records, start=2):
-        if len(cells) != width:
-            warnings.append(f"record {number} has {len(cells)} cells where the header has {width}; it is left out")
-            continue
-        block.append(cells)
-        if len(block) == _LINES_AT_ONCE:
-            _append(chunks, block)
-            block = []
-    _append(chunks, block)
-    columns = [np.concatenate(column) if column else np.empty(0, "S1") for column in chunks]
-    return [_text(cell) for cell in head[1:]], columns[1:], _time(_text(head[0]), columns[0])
+    warnings += [
+        f"record {number} has {count} cells where the header has {width}; it is left out" for number, count in cells.odd
+    ]
+    sizes = cells.sizes
+    longest, shortest, letters = sizes.max(axis=0, initial=0), sizes.min(axis=0, initial=1), cells.letters()
+    everywhere = np.arange(len(sizes))
+    columns = []
+    for number in range(width):
+        places = everywhere if shortest[number] else np.flatnonzero(sizes[:, number])
+        kind = _surely(int(letters[number]), int(longest[number]))
+        columns.append(Column(places, partial(cells.column, number, places), kind, int(letters[number])))
+    names = [_text(cell) for cell in head]
+    words = cells.column(0)
+    if width > 1 and names[-1] == TIME_NS and len(columns[-1].places) == len(words):
+        counted, seconds = _numbers(columns[-1].words()), _converted(words, np.dtype(np.float64))
+        # else somebody edited the seconds, or the file was cut there
+        if counted is not None and counted.dtype == np.int64 and seconds is not None:
+            near = np.abs(seconds * 1e9 - counted) <= _ROUNDED_NS
+            if near.all():
+                return names[1:-1], columns[1:-1], counted
+    end = width - (width > 1 and names[-1] == TIME_NS)
+    return names[1:end], columns[1:end], _time(names[0], words)
 
 
-def _append(chunks: list[list[NDArray[np.bytes_]]], block: list[list[bytes]]) -> None:
-    for column, cells in zip(chunks, zip(*block, strict=True), strict=False):
-        column.append(np.array(cells, "S"))
+def _surely(letters: int, longest: int) -> np.dtype[Any] | None:
+    """The type that texts of these letters have; None where they must be looked at."""
+    if letters == DIGITS and longest <= _MOST_DIGITS:
+        return np.dtype(np.int64)
+    return np.dtype(np.float64) if letters == DIGITS | POINTS else None
 
 
 def _from_rows(
     head: list[bytes], records: Iterator[list[bytes]], warnings: list[str]
-) -> tuple[list[str], list[NDArray[np.bytes_]], NDArray[np.int64]]:
+) -> tuple[list[str], list[Column], NDArray[np.int64]]:
     second = next(records, [b""])
     if not _text(second[0]).endswith("time_ns"):
         raise FileFormatError("after the row 'time_s' comes no row 'time_ns'")
@@ -224,14 +197,16 @@ def _from_rows(
     pairs = zip(seconds[:stamps].tolist(), nanoseconds[:stamps].tolist(), strict=True)
     time_ns = _stamps([second * _SECOND + nanosecond for second, nanosecond in pairs])
     names: list[str] = []
-    columns: list[NDArray[np.bytes_]] = []
+    columns: list[Column] = []
     for number, record in enumerate(records, start=3):
         cells = _cells_of(record)
         if len(cells) > stamps:
             warnings.append(f"row {number} has {len(cells)} cells for {stamps} ticks; it is left out")
             continue
         names.append(_text(record[0]))
-        columns.append(np.array([*cells, *[b""] * (stamps - len(cells))], "S"))
+        words = np.array(cells, "S") if cells else np.empty(0, "S1")
+        places = np.flatnonzero(np.char.str_len(words))
+        columns.append(Column(places, partial(words.__getitem__, places), None, None))
     return names, columns, time_ns
 
 
@@ -243,9 +218,9 @@ def _cells_of(row: list[bytes]) -> list[bytes]:
 # --------------------------------------------------------------------------------------------------- columns to values
 
 
-def _time(name: str, cells: NDArray[np.bytes_]) -> NDArray[np.int64]:
+def _time(name: str, cells: Words) -> NDArray[np.int64]:
     """Nanoseconds of a time column: exact for decimal texts; dates and counts of ns (`..._ns`) are understood, too."""
-    texts: list[bytes] = np.char.lstrip(cells, _QUOTE).tolist()
+    texts: list[bytes] = np.char.lstrip(cells, QUOTE).tolist()
     if name.endswith("_ns"):
         whole = _numbers(texts)
         if whole is not None and whole.dtype == np.int64:
@@ -277,7 +252,7 @@ def _nanoseconds(match: re.Match[bytes]) -> int:
     return -stamp if match[1] == b"-" else stamp
 
 
-def _numbers(texts: Sequence[bytes] | NDArray[np.bytes_]) -> NDArray[Any] | None:
+def _numbers(texts: Sequence[bytes] | Words) -> NDArray[Any] | None:
     """The values if all texts are numbers: int64, else uint64, else float64."""
     if not len(texts):
         return np.empty(0, np.int64)
@@ -289,37 +264,36 @@ def _numbers(texts: Sequence[bytes] | NDArray[np.bytes_]) -> NDArray[Any] | None
     return None
 
 
-def _converted(cells: NDArray[np.bytes_], dtype: np.dtype[Any]) -> NDArray[Any] | None:
+def _converted(cells: Words, dtype: np.dtype[Any]) -> NDArray[Any] | None:
     try:
-        return cells.astype(dtype)
+        return as_numbers(cells, dtype)
     except (ValueError, OverflowError):
         return None
 
 
-def _samples(cells: Column, rows: int) -> _Samples | None:
-    """What a column of a table with so many rows holds, None if it is empty."""
-    if isinstance(cells, Filled):
-        return _stepping(cells.places, cells.values, rows) if len(cells.places) else None
-    places = np.flatnonzero(np.char.str_len(cells))
-    if not len(places):
-        return None
-    filled = cells[places]
-    quoted = np.char.startswith(filled, _QUOTE)
-    values = None if quoted.any() else _numbers(filled)
-    if values is None:
-        values = np.array([cell.removeprefix(_QUOTE) for cell in filled.tolist()], "S")
-    return _stepping(places, values, rows)
+def _values(words: Callable[[], Words]) -> NDArray[Any]:
+    """The values of filled cells: numbers, or texts, which stay bytes."""
+    cells = words()
+    values = None if np.char.startswith(cells, QUOTE).any() else _numbers(cells)
+    return np.array([cell.removeprefix(QUOTE) for cell in cells.tolist()], "S") if values is None else values
 
 
-def _stepping(places: NDArray[np.intp], values: NDArray[Any], rows: int) -> _Samples:
+def _stepping(places: NDArray[np.intp], rows: int) -> tuple[int, int, int]:
+    """The first row of a column, how many lie between two, and how many there are; 0, 1 and all without a pattern."""
     steps = np.diff(places)
     divider = int(steps[0]) if len(steps) else 1
-    if (steps == divider).all():
-        return _Samples(values, int(places[0]), divider)
     # gaps without a pattern, as other tools leave them for NaN, and silo for whole numbers that are missing
-    dense, missing = np.zeros(rows, values.dtype), np.ones(rows, bool)
+    return (int(places[0]), divider, len(places)) if (steps == divider).all() else (0, 1, rows)
+
+
+def _spread(load: Callable[[], NDArray[Any]], places: NDArray[np.intp], count: int) -> NDArray[Any]:
+    """The values of a column; of one without a pattern a value for each row, of which some are missing."""
+    values = load()
+    if len(values) == count:
+        return values
+    dense, missing = np.zeros(count, values.dtype), np.ones(count, bool)
     dense[places], missing[places] = values, False
-    return _Samples(masked(dense, missing), 0, 1)
+    return masked(dense, missing)
 
 
 def _recording(
@@ -331,25 +305,24 @@ def _recording(
     warnings: list[str],
 ) -> Recording:
     stamps = len(time_ns)
-    found = [(name, found) for name, cells in zip(names, columns, strict=True) if (found := _samples(cells, stamps))]
-    likeness = [(s.first, s.divider, len(s.values), s.values.dtype.kind) for _, s in found]
+    found = []
+    for name, column in zip(names, columns, strict=True):
+        if len(column.places):
+            values = _values(column.words) if column.dtype is None else None
+            load = partial(_values, column.words) if values is None else partial(np.asarray, values)
+            known = column if values is None else column._replace(dtype=values.dtype)
+            found.append((name, _stepping(column.places, stamps), known, load))
     elements: list[RecordedElement] = []
-    for group in regroup([name for name, _ in found], likeness):
+    for group in regroup([name for name, *_ in found], [(*steps, one.dtype.kind) for _, steps, one, _ in found]):
         members = found[group.start : group.start + len(group.suffixes)]
+        first, divider, count = members[0][1]
         entries = tuple(
-            RecordedEntry(name, Entry(suffix, samples.values.dtype.str), samples.values)
-            for (name, samples), suffix in zip(members, group.suffixes, strict=True)
+            lazy_entry(name, Entry(suffix, one.dtype.str), partial(_spread, load, one.places, count), one.dtype, count)
+            for (name, _, one, load), suffix in zip(members, group.suffixes, strict=True)
         )
-        samples = members[0][1]
-        newest = samples.first > 0 and stamps - 1 - (samples.first + (len(samples.values) - 1) * samples.divider) < (
-            samples.divider
-        )
+        newest = first > 0 and stamps - 1 - (first + (count - 1) * divider) < divider
         buffer_type = BufferType.LOOPING if newest else BufferType.GROWING
-        elements.append(
-            RecordedElement(
-                group.name, "-", group.kind, group.shape, samples.divider, buffer_type, samples.first, entries
-            )
-        )
+        elements.append(RecordedElement(group.name, "-", group.kind, group.shape, divider, buffer_type, first, entries))
     looping = bool(elements) and all(element.buffer_type is BufferType.LOOPING for element in elements)
     offset = _likely_offset(elements, stamps)
     return Recording(stem, time_ns, offset, elements, prefix, time_looping=looping, warnings=tuple(warnings))

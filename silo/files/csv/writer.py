@@ -1,17 +1,15 @@
-"""A recording -> CSV: one column per entry (what pandas, PlotJuggler and spreadsheets open), or one row per entry.
+"""A recording -> CSV, one column per entry: what pandas, PlotJuggler and spreadsheets open.
 
 Numbers in full precision, strings always quoted (so that `"12"` stays a string), an empty cell for a tick without
-sample, and where a whole number is missing. The column layout of a large log is written by polars where that is
-installed (5 times as fast; the values are the same, some exponents look different). Reading is in
-`silo.files.csv.reader`.
+sample, and where a whole number is missing. The rows of a large log are made by the JSON encoder, in a fifth of the
+time (the values are the same, some exponents look different). Reading is in `silo.files.csv.reader`.
 """
 
-import io
 import os
 from collections.abc import Iterator, Sequence
-from importlib.util import find_spec
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,16 +17,11 @@ from silo.core.recording import Progress, RecordedElement, Recording
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, write_all
 from silo.files.csv.metadata import pack, sidecar_of
-from silo.files.csv.reader import TIME_NS, read_csv
+from silo.files.csv.reader import TIME_NS
 from silo.files.silo.missing import is_masked
 
-__all__ = ["Layout", "read_csv", "write_csv"]
-
-Layout = Literal["columns", "rows"]
-
-# Cells that are text at the same time: about 100 MB in the plain way, 40 MB with polars.
-CHUNK_CELLS = 1_000_000
-POLARS_FROM = 200_000  # cells; below, loading polars takes longer than writing the table without it
+CHUNK_CELLS = 200_000  # that are text at the same time: 20 MB
+ENCODED_FROM = 200_000  # cells; smaller tables look as Python writes numbers
 _SECOND = 1_000_000_000
 
 
@@ -45,33 +38,24 @@ class _Cells(NamedTuple):
         return len(self.values) == self.rows
 
 
-def write_csv(
-    recording: Recording,
-    path: str | os.PathLike[str],
-    layout: Layout = "columns",
-    progress: Progress | None = None,
-) -> None:
+def write_csv(recording: Recording, path: str | os.PathLike[str], progress: Progress | None = None) -> None:
     """Save a recording as CSV, atomically.
 
-    `columns`: a header, then one line per tick: `time` (seconds since 1970 with nine decimals, exact), one column per
-    entry, and `time_ns` (the same time in whole nanoseconds: seconds that are read as doubles are off by up to 223 ns).
-    `rows`: the original's layout, one line per entry with one cell per tick, `time_s` and `time_ns` first.
-    Bools and enumerations are numbers, dates are counts of their unit. Elements without a sample are left out.
-    Units, labels, types and buffers stand in `<path>.json` beside it.
-    `progress` is called with the fraction written. Raises `SaveError` when the system refuses.
+    A header, then one line per tick: `time` (seconds since 1970 with nine decimals, exact), one column per entry, and
+    `time_ns` (the same time in whole nanoseconds: seconds that are read as doubles are off by up to 223 ns). Bools and
+    enumerations are numbers, dates are counts of their unit. Elements without a sample are left out. Units, labels,
+    types and buffers stand in `<path>.json` beside it. `progress` is called with the fraction written. Raises
+    `SaveError` when the system refuses.
     """
-    if layout not in ("columns", "rows"):
-        raise SaveError(f"unknown layout '{layout}' of a CSV file: choose 'columns' or 'rows'")
     elements = [element for element in recording.elements if element.count]
     _refuse_objects(elements)
-    pieces = _columns(recording, elements) if layout == "columns" else _rows(recording, elements)
     # the table takes its name first: facts that are older than it would not fit, and are seen through
     with atomic_file(sidecar_of(os.fspath(path))) as beside, atomic_file(path) as file:
         write_all(beside.fileno(), [memoryview(pack(recording, elements))], 0)
         position = 0
         if progress:
             progress(0.0)
-        for fraction, text in pieces:
+        for fraction, text in _columns(recording, elements):
             write_all(file.fileno(), [memoryview(text)], position)
             position += len(text)
             if progress:
@@ -81,11 +65,8 @@ def write_csv(
 def _refuse_objects(elements: Sequence[RecordedElement]) -> None:
     for element in elements:
         for entry in element.entries:
-            if entry.values.dtype.hasobject:
+            if entry.dtype.hasobject:
                 raise SaveError(f"'{entry.name}' holds Python objects, which no file can hold; log numbers or strings")
-
-
-# ------------------------------------------------------------------------------------------------- one column per entry
 
 
 def _columns(recording: Recording, elements: Sequence[RecordedElement]) -> Iterator[tuple[float, bytes]]:
@@ -96,8 +77,7 @@ def _columns(recording: Recording, elements: Sequence[RecordedElement]) -> Itera
         ",".join(["time", *(_quoted(name) for name in names), TIME_NS]).encode("utf-8", "backslashreplace") + b"\n",
     )
     stamps = len(recording.time_ns)
-    large = stamps * (len(names) + 2) >= POLARS_FROM
-    make = _polars_lines if large and _polars_can(elements) else _plain_lines
+    make = _encoded_lines if stamps * (len(names) + 2) >= ENCODED_FROM else _plain_lines
     rows = max(1, CHUNK_CELLS // (len(names) + 2))
     for start in range(0, stamps, rows):
         stop = min(stamps, start + rows)
@@ -140,63 +120,56 @@ def _plain(values: NDArray[Any]) -> NDArray[Any]:
     return values.astype(np.float32) if values.dtype.itemsize == 2 and kind == "f" else values
 
 
-def _polars_can(elements: Sequence[RecordedElement]) -> bool:
-    # long double is all that polars has no type for
-    wide = any(
-        entry.values.dtype.kind == "f" and entry.values.dtype.itemsize > 8 for e in elements for entry in e.entries
-    )
-    return not wide and find_spec("polars") is not None
+def _encoded_lines(time_ns: NDArray[np.int64], cells: Sequence[_Cells]) -> bytes:
+    even = all(cell.complete and cell.values.dtype.str == "<f8" for cell in cells) and len(cells) > 0
+    matrix = np.stack([cell.values for cell in cells], axis=1) if even else np.full((1, 1), np.nan)
+    rows = matrix.tolist() if np.isfinite(matrix).all() else list(zip(*map(_encodable, cells), strict=True))
+    lines = _ENCODER.encode_lines(rows)[1:-2].split(_BETWEEN)
+    if len(lines) != len(time_ns):  # a text that reads as the end of a line
+        return _plain_lines(time_ns, cells)
+    times = zip(_time_texts(time_ns), lines, time_ns.tolist(), strict=True)
+    return b"".join([b"%b,%b,%d\n" % (time.encode(), line, stamp) for time, line, stamp in times])
 
 
-def _polars_lines(time_ns: NDArray[np.int64], cells: Sequence[_Cells]) -> bytes:
-    import polars
+_ENCODER = msgspec.json.Encoder()
+_BETWEEN = b"]\n["
+_EMPTY = msgspec.Raw(b"")
 
-    scale = polars.lit("0.000000001").cast(polars.Decimal(38, 9))
-    time = polars.select(polars.Series(time_ns).cast(polars.Decimal(38, 0)) * scale).to_series()
-    columns = [time.alias("time")]
-    spread: dict[tuple[int, int, int] | None, Any] = {}
-    for number, cell in enumerate(cells):
-        native = cell.values.astype(cell.values.dtype.newbyteorder("="), copy=False)
-        series = polars.Series(str(number), native, strict=False)
-        if native.dtype.kind == "U":
-            series = series.cast(polars.String)
-        if not cell.complete:
-            key = (cell.places.start, cell.places.step, len(cell.values)) if isinstance(cell.places, slice) else None
-            indices = spread.get(key)
-            if indices is None:
-                places = np.full(cell.rows, -1, np.int64)
-                places[cell.places] = np.arange(len(cell.values))
-                indices = polars.Series(places)
-                indices = indices.set(indices < 0, None)
-                if key is not None:
-                    spread[key] = indices
-            series = series.gather(indices)
-        columns.append(series)
-    columns.append(polars.Series(TIME_NS, time_ns))
-    text = io.BytesIO()
-    # batches of 64 lines: with the 1024 by default wide logs take 2.5 times as long
-    polars.DataFrame(columns).write_csv(text, include_header=False, quote_style="non_numeric", batch_size=64)
-    return text.getvalue()
+
+def _encodable(cell: _Cells) -> list[Any]:
+    """The cells of a column as JSON numbers; what is none stands for itself."""
+    values = cell.values
+    numbers = values.dtype.kind in "iu" or (values.dtype.kind == "f" and values.dtype.itemsize == 8)
+    found: list[Any] = values.tolist() if numbers else list(map(_raw, _texts(values)))
+    if numbers and values.dtype.kind == "f":
+        odd = np.flatnonzero(~np.isfinite(values))
+        for place, text in zip(odd.tolist(), _texts(values[odd]), strict=True):
+            found[place] = _raw(text)
+    return found if cell.complete else _spread(found, cell, _EMPTY)
+
+
+def _raw(text: str) -> msgspec.Raw:
+    return msgspec.Raw(text.encode("utf-8", "backslashreplace"))
 
 
 def _plain_lines(time_ns: NDArray[np.int64], cells: Sequence[_Cells]) -> bytes:
     columns = [_time_texts(time_ns)]
     for cell in cells:
         texts = _texts(cell.values)
-        columns.append(texts if cell.complete else _spread(texts, cell))
+        columns.append(texts if cell.complete else _spread(texts, cell, ""))
     columns.append(list(map(str, time_ns.tolist())))
     lines = map(",".join, zip(*columns, strict=True))
     return ("\n".join(lines) + "\n").encode("utf-8", "backslashreplace")
 
 
-def _spread(texts: list[str], cell: _Cells) -> list[str]:
-    """The texts in their rows, the others empty."""
-    column = [""] * cell.rows
+def _spread(found: list[Any], cell: _Cells, empty: Any) -> list[Any]:
+    """The cells in their rows, the others empty."""
+    column = [empty] * cell.rows
     if isinstance(cell.places, slice):
-        column[cell.places] = texts
+        column[cell.places] = found
     else:
-        for place, text in zip(cell.places.tolist(), texts, strict=True):
-            column[place] = text
+        for place, one in zip(cell.places.tolist(), found, strict=True):
+            column[place] = one
     return column
 
 
@@ -223,26 +196,3 @@ def _texts(values: NDArray[Any]) -> list[str]:
 
 def _quoted(text: str) -> str:
     return '"' + text.replace('"', '""') + '"'
-
-
-# ---------------------------------------------------------------------------------------------------- one row per entry
-
-
-def _rows(recording: Recording, elements: Sequence[RecordedElement]) -> Iterator[tuple[float, bytes]]:
-    """Pieces of the file with the fraction that is then written; each row ends in a comma, as in the original."""
-    stamps = len(recording.time_ns)
-    total = recording.entry_count + 2
-    times = (recording.time_ns // _SECOND, recording.time_ns % _SECOND)
-    for number, (name, values) in enumerate(zip(("time_s", "time_ns"), times, strict=True), start=1):
-        yield number / total, _row(f"{recording.prefix}/{name}", _texts(values))
-    for element in elements:
-        for entry in element.entries:
-            number += 1
-            cells = _cells(element, entry.values, 0, stamps)
-            yield number / total, _row(entry.name, _spread(_texts(cells.values), cells))
-    yield 1.0, b""
-
-
-def _row(name: str, texts: Sequence[str]) -> bytes:
-    shown = _quoted(name) if any(character in name for character in '",\r\n') else name
-    return ",".join([shown, *texts, "\n"]).encode("utf-8", "backslashreplace")
