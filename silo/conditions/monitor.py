@@ -29,6 +29,7 @@ from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 from silo.state.events import EventNotifier
 from silo.state.replica import Replica
+from silo.state.run_follower import RunFollower
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need
@@ -63,6 +64,7 @@ class Judge:
         self.leased = LeasedTriggers()
         self._wake = threading.Event()
         self._ended = False
+        self._present = RunFollower(replica)
         self._offered: deque[SegmentReader] = deque()
         self._left: deque[SegmentReader] = deque()  # runs that ended while there was no helper process
         self._due: set[str] = set()  # of all those
@@ -305,8 +307,8 @@ class Judge:
             self._judge_left(self._left.popleft())
         while self._offered:
             self._next_run(self._offered.popleft())
-        if self._run != self._replica.run and not self._offered:
-            self._next_run(self._replica.open_reader())  # let go of, without triggers, or not handed over
+        if not self._offered and self._present.look():
+            self._next_run(self._present.reader)  # let go of, without triggers, or not handed over
         self._adopt()
         if self._memory is not None:
             self._memory.forget_others(lambda run: run == self._run or run in self._due)
@@ -336,12 +338,9 @@ class Judge:
         if robot.segment != self._replica.segment or (judge is not None and judge.extras == extras):
             return  # of another run, or known
         if judge is None:
-            if not _has_conditions(extras) or self._failed or not self._run:
-                return
-            reader = self._replica.open_reader()
-            if reader is None or reader.schema.run != self._run:
-                return
-            self._begin(reader, extras, since=reader.ticks)
+            reader = self._present.reader
+            if _has_conditions(extras) and not self._failed and reader is not None and self._present.run == self._run:
+                self._begin(reader, extras, since=reader.ticks)
         else:
             judge.adopt(extras)
             self._tell_problems(judge)
@@ -350,6 +349,7 @@ class Judge:
         """Close the run before, and begin with this one; None: there is none."""
         run = reader.schema.run if reader is not None else ""
         if run and run == self._run:
+            self._due.discard(run)  # it was found before it was handed over
             return
         self._end_run("a new run began")
         self._run, self._closed, self._failed = run, False, ""

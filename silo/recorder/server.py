@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec.structs import asdict
 
 from silo.core.elements import BufferType, RecorderState
 from silo.core.names import matching
@@ -123,14 +124,7 @@ class EndlessRecordings:
                 problem = f"no element matches '{pattern[:80]}'; `silo info -e` lists them"
         if problem:
             raise RequestRefusedError(RefusedWhy.INVALID, f"{problem}; nothing is recorded")
-        return RecordOrder(
-            request.name,
-            str(folder),
-            tuple(request.patterns),
-            request.split_bytes,
-            request.split_s,
-            request.keep_bytes,
-        )
+        return msgspec.convert({**asdict(request), "folder": str(folder)}, RecordOrder)
 
     def _free_name(self, asked: str) -> str:
         logger = self._replica.now.robot.logger
@@ -424,26 +418,9 @@ class EndlessRecordings:
 
 
 def _info(recorder: RecorderProcess) -> RecorderInfo:
-    order, report = recorder.order, recorder.report
-    return RecorderInfo(
-        name=order.name,
-        folder=order.folder,
-        state=report.state,
-        patterns=list(order.patterns),
-        split_bytes=order.split_bytes,
-        split_s=order.split_s,
-        keep_bytes=order.keep_bytes,
-        part=report.part,
-        parts=report.parts,
-        size_bytes=report.size_bytes,
-        samples=report.samples,
-        lost=report.lost,
-        since_ns=recorder.kept.since_ns,
-        by=recorder.kept.by,
-        text=report.text,
-        pid=recorder.pid,
-        written_bytes=report.written_bytes,
-    )
+    kept = recorder.kept
+    facts = {**asdict(kept.order), **asdict(recorder.report), **asdict(kept), "pid": recorder.pid}
+    return msgspec.convert(facts, RecorderInfo)
 
 
 def _wrong_numbers(request: StartRecorder) -> str:

@@ -1,0 +1,51 @@
+"""The thread that judges: which run it takes, and when it is done with it."""
+
+import os
+
+import pytest
+
+import silo
+from silo.conditions.monitor import Judge
+from silo.core.elements import LoggedEvent
+from silo.logger.helper.answers import robot_state
+from silo.rpc.published import EventKind
+from silo.state.event_log import EventLog
+from silo.state.handover import RunOffer
+from silo.state.replica import Replica
+from tests.waiting import wait_until
+
+
+class Events:
+    """What is told of a run, kept to oneself."""
+
+    def __init__(self, folder: str) -> None:
+        self.log = EventLog(folder, "bot")
+
+    def publish(self, kind: EventKind, text: str, **_: object) -> LoggedEvent:
+        return self.log.add(LoggedEvent(kind.value, text, 1, 0, 1, "bot", "", 0))
+
+
+@pytest.mark.slow
+def test_a_run_that_it_found_before_it_was_handed_over_is_let_go_of_at_its_end(tmp_path, runtime_folder) -> None:
+    logger = silo.Logger("bot", max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
+    x = logger.array("x", ())
+    logger.trigger("spike", "x > 50", pre="20ms", post="10ms")
+    logger.start()
+    replica = Replica(robot_state(logger, "", -1))
+    judge = Judge(replica, Events(str(tmp_path)))
+    judge.start()
+    try:
+        x[...] = 1.0
+        logger.collect()
+        run = logger.present_run.id
+        descriptor = os.open(logger.segment_path, os.O_RDONLY)
+        replica.take_run(RunOffer(run, logger.segment_path), descriptor)
+        wait_until(lambda: judge.standing().run == run)
+        judge.take_run()
+        assert judge.needs(run)
+        replica.let_go()
+        wait_until(lambda: not judge.needs(run))
+    finally:
+        judge.stop("the test is over")
+        replica.let_go()
+        logger.close()
