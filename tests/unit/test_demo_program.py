@@ -230,7 +230,7 @@ def test_it_starts_at_any_frequency(tmp_path: Path, frequency_hz: float) -> None
 
 
 def test_rates_are_the_same_at_every_frequency() -> None:
-    dividers = {one.divider for one in make_robot(DemoOptions())[1]}
+    dividers = {one.row.divider for one in make_robot(DemoOptions())[1]}
     for frequency_hz in range(1, 10_001):
         for divider in dividers:
             rate_hz = frequency_hz / divider_at(divider, frequency_hz)

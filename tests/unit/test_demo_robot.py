@@ -7,10 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from silo.programs.demo.gait import FEET_M, MISSION_S, Gait, foot_paths, leg_angles, leg_positions, phase_at
-from silo.programs.demo.parts import DriveState
 from silo.programs.demo.program import LOOP_ELEMENTS, DemoOptions, make_robot
 from silo.programs.demo.robot import AMBIENT_C, GRAVITY_M_S2, MASS_KG, SimulatedRobot
-from silo.programs.demo.signals import signals
+from silo.programs.demo.signals import DriveState, signals
 
 Recorded = dict[str, NDArray[np.float64]]
 FREQUENCY_HZ = 400

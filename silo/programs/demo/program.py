@@ -116,19 +116,20 @@ def loop_variables(log: Logger) -> tuple[NDArray[Any], ...]:
 def register(log: Logger, chosen: Sequence[LoggedSignal]) -> None:
     """Add the elements to the logger."""
     for signal in chosen:
+        row = signal.row
         log.add(
             signal.source,
             signal.name,
             attr=signal.attr,
             group=signal.group,
-            unit=signal.unit,
-            divider=divider_at(signal.divider, log.options.frequency_hz),
-            action=signal.action,
-            buffer_type=signal.buffer_type,
-            buffer_size=signal.buffer_size,
-            kind=signal.kind,
-            labels=signal.labels,
-            description=signal.description,
+            unit=row.unit,
+            divider=divider_at(row.divider, log.options.frequency_hz),
+            action=row.action,
+            buffer_type=row.buffer_type,
+            buffer_size=row.buffer_size,
+            kind=row.kind,
+            labels=row.labels,
+            description=row.description,
         )
 
 

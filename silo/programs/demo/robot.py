@@ -22,20 +22,7 @@ from silo.programs.demo.gait import (
     leg_positions,
     phase_at,
 )
-from silo.programs.demo.parts import (
-    GAIN_P_NM_RAD,
-    GRAVITY_M_S2,
-    Base,
-    Battery,
-    BatteryState,
-    ContactState,
-    Controller,
-    DriveState,
-    Estimator,
-    Joints,
-    Legs,
-    Sensors,
-)
+from silo.programs.demo.signals import GAIN_P_NM_RAD, GRAVITY_M_S2, BatteryState, ContactState, DriveState, Variables
 
 MASS_KG = 50.0
 TORQUE_LIMIT_NM = 80.0
@@ -57,7 +44,7 @@ _ODOMETRY = np.array([1.004, 1.004, 1.0])  # legs slip a little, so that the est
 _BEAMS_RAD = np.linspace(-np.pi, np.pi, 32, endpoint=False)
 
 
-class SimulatedRobot:
+class SimulatedRobot(Variables):
     """The whole robot. `step()` moves it on by one tick of `1 / frequency_hz` seconds.
 
     The same seed gives the same motion and the same faults. `channels` further diagnostic values serve to try large
@@ -68,14 +55,8 @@ class SimulatedRobot:
         random = np.random.default_rng(seed)
         self.dt = 1.0 / frequency_hz
         self.ticks = 0
-        self.base = Base()
-        self.joints = Joints()
-        self.legs = Legs()
-        self.sensors = Sensors()
-        self.estimator = Estimator()
-        self.controller = Controller()
-        self.battery = Battery()
-        self.channels = np.zeros(channels)
+        super().__init__(channels)
+        self.base.rotation = np.eye(3)  # which nobody logs
         self._channel_rates = 2 * np.pi * random.uniform(0.05, 5.0, channels)
         self._noise = random.standard_normal((_NOISE_ROWS, 96))  # drawn once: 1 us per tick instead of 10
         self._chance = random.random((_NOISE_ROWS, 8))
