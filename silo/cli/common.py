@@ -270,7 +270,7 @@ def complete_element(logger: str | None, incomplete: str) -> "list[CompletionIte
     """Complete names of elements; namespaces where there would be too many."""
     from silo.fleet.exchange import ask_once
     from silo.rpc.declaring import request_of
-    from silo.scripts.requests import TableRequests
+    from silo.state.requests import TableRequests
 
     try:
         found = find_logger(logger)
@@ -285,13 +285,13 @@ def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str)
     """Complete a logger, or a script on its side."""
     from silo.fleet.exchange import ask_once
     from silo.rpc.declaring import request_of
-    from silo.scripts.requests import TableRequests
+    from silo.scripts.requests import ScriptRequests
 
     words = ctx.params.get(param.name or "") or ()
     loggers = [] if words else complete_logger(ctx, param, incomplete)
     try:
         found = find_logger(split_logger(words)[0])
-        reply = ask_once(found, request_of(TableRequests.scripts), 1.0)
+        reply = ask_once(found, request_of(ScriptRequests.scripts), 1.0)
     except (SiloError, click.UsageError):
         return loggers
     return [*loggers, *items(reply.names, incomplete)]

@@ -28,15 +28,15 @@ from silo.history.search_requests import FindMoments, MeasureSpan
 from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
 from silo.net.found import LoggerAddress
+from silo.recorder.requests import RecorderRequests
 from silo.recordings.requests import RecordingRequests
 from silo.requests import AnyReply
 from silo.rpc.declaring import Ask, Do, ReplyT, Request
 from silo.rpc.published import Event
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked
 from silo.rpc.words import full_name, why_silent
-from silo.scripts.requests import TableRequests
-from silo.state.event_requests import EventRequests
-from silo.state.requests import Hello, HelloReply, StateRequests
+from silo.scripts.requests import ScriptRequests
+from silo.state.requests import EventRequests, Hello, HelloReply, StateRequests, TableRequests
 from silo.version import VERSION
 
 if TYPE_CHECKING:
@@ -56,7 +56,9 @@ LONGEST_S = 1e6  # that anybody waits
 
 
 @told_class("client", make="Client")
-class Client(StateRequests, TableRequests, EventRequests, RecordingRequests, ConditionRequests):
+class Client(
+    StateRequests, TableRequests, EventRequests, ScriptRequests, RecordingRequests, RecorderRequests, ConditionRequests
+):  # fmt: skip
     """A connection to one logger. A context manager."""
 
     _held: ControlLease | None = None

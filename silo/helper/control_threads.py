@@ -19,8 +19,8 @@ from silo.control.authentication import Authentication, attachment_of
 from silo.control.denials import Denials
 from silo.control.lanes import Lanes, Waiting, is_late
 from silo.control.lock import ControlLock
-from silo.helper.requests import decode_ask, decode_do
-from silo.helper.servers.dispatch import Answers
+from silo.helper.decoding import decode_ask, decode_do
+from silo.helper.servers import Servers
 from silo.net.keys import Root, may_use
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Do, GoesOn, Lane, Request, SlowAsk, spoken
@@ -44,7 +44,7 @@ class RequestThreads:
         self,
         session: zenoh.Session,
         root: Root,
-        answers: Answers,
+        servers: Servers,
         authentication: Authentication,
         control_lock: ControlLock,
         know: Callable[[str, str, str], None],
@@ -53,7 +53,7 @@ class RequestThreads:
         """`know` takes the id of a client, who it is in words, and its identity."""
         self._root, self._denials = root, denials
         self._authentication, self._control_lock, self._know = authentication, control_lock, know
-        self._answers = answers
+        self._servers = servers
         # when more wait, the oldest are dropped, and their clients get an empty answer at once
         self._asked = session.declare_queryable(root.key("ask"), zenoh.handlers.RingChannel(MAX_WAITING))
         self._to_do = [
@@ -107,7 +107,7 @@ class RequestThreads:
         if isinstance(request, SlowAsk):
             self._wait(query, request, key, len(payload))
         elif request is not None:
-            self._reply(query, key, lambda: self._answers.reply(request))
+            self._reply(query, key, lambda: self._servers.reply(request))
 
     def _take(self, declared: str, query: zenoh.Query) -> None:
         """Take in what may change something; whether its sender may is looked at when its turn comes."""
@@ -175,23 +175,23 @@ class RequestThreads:
         if one.claim():
             self._reply(query, one.key, lambda: reply)
         elif isinstance(one.request, Do):
-            self._answers.tell_end(one.job, one.request, reply, one.by)
+            self._servers.tell_end(one.job, one.request, reply, one.by)
 
     def _answer(self, one: Waiting) -> Answer:
         request, key = one.request, str(one.query.key_expr)
         if isinstance(request, SlowAsk):
-            return self._answers.reply(request)
+            return self._servers.reply(request)
         who = plain(request.client)
         with self._denying(request, self._authentication.name_of(key, who)):
             sender = self._authentication.sender(key, attachment_of(one.query), who)
         if isinstance(request, Hello):
             if request.id and may_use(request.id, request.proof):
                 self._know(plain(request.id), sender.words, sender.identity)
-            return self._answers.reply(msgspec.structs.replace(request, id=""))
+            return self._servers.reply(msgspec.structs.replace(request, id=""))
         one.by = sender.words
         with self._denying(request, sender.words):
             self._control_lock.check(request, sender)
-        return self._answers.reply(msgspec.structs.replace(request, client=sender.words), Turn(sender, one.until_s))
+        return self._servers.reply(msgspec.structs.replace(request, client=sender.words), Turn(sender, one.until_s))
 
     def _tell_late(self, one: Waiting, lane: Lane, begun: bool) -> None:
         """Refuse what was not begun in time, and say of what was that it goes on; then nobody else answers."""
@@ -203,7 +203,7 @@ class RequestThreads:
             text = f"its turn did not come in time: it waited for {lane.value}; nothing was changed; try again"
             self._reply(one.query, one.key, lambda: _raise(RequestRefusedError(RefusedWhy.LATE, text)))
             return
-        one.job = self._answers.number()
+        one.job = self._servers.number()
         if one.claim():
             name = spoken(one.request)
             told = GoesOn(one.job, f"{name} goes on: it waits for {lane.value}; an event tells how it ends")

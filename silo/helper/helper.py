@@ -35,7 +35,7 @@ from silo.helper.orphans import OrphanRecovery
 from silo.helper.robot_link import RobotLink, ending
 from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
-from silo.helper.servers.dispatch import Answers
+from silo.helper.servers import Servers
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.live.publisher import Publisher
 from silo.net.access.logins import asks_for_passwords, watch_logins
@@ -43,8 +43,9 @@ from silo.net.configuration import robot_named
 from silo.net.folders import group_folder, share_socket
 from silo.net.keys import Root
 from silo.net.session import close, dead_mark, forget, open_server
+from silo.recorder.requests import StartRecorder, StopRecorder
 from silo.recorder.server import EndlessRecordings
-from silo.recordings.requests import Save, SaveStarted, StartRecorder, StopRecorder
+from silo.recordings.requests import Save, SaveStarted
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Reply
 from silo.rpc.published import EventKind
@@ -163,8 +164,8 @@ class Helper:
         runs = Runs(self._robot, replica, held, events, marks, judge, recording, early)
         runs.begin()
         people = self._authority(path, replica, events)
-        answers = Answers(replica, events, publisher, saver, self._robot, judge, recording, people[1])
-        control = RequestThreads(session, self._root, answers, *people, publisher.name_client, self._denials)
+        servers = Servers(replica, events, publisher, saver, self._robot, judge, recording, people[1])
+        control = RequestThreads(session, self._root, servers, *people, publisher.name_client, self._denials)
         for part in (marks, publisher, saver, journaling, judge, recording, control):
             part.start()
         token = session.liveliness().declare_token(self._root.key("alive"))
@@ -177,7 +178,7 @@ class Helper:
             at_end.callback(held.release, at_end=True)
             for wait in (saver.stop, predecessors.stop, recording.wait):
                 at_end.callback(wait, SAVE_GRACE_S)
-            for stop in (answers.stop, control.stop, journaling.stop):
+            for stop in (servers.stop, control.stop, journaling.stop):
                 at_end.callback(stop)
             at_end.callback(judge.stop, "the helper process ended", within_s=CAPTURES_GRACE_S)
             at_end.callback(self._robot.lost)

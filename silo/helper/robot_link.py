@@ -12,8 +12,6 @@ from silo.rpc.declaring import Do, Done, GoesOn, Reply, Request, spoken
 from silo.rpc.refusals import Refused, RefusedWhy
 from silo.state.handover import RunOffer, taken_runs
 
-REPLY_TIMEOUT_S = 5.0
-
 
 class RobotLink:
     """The robot process, as the helper talks to it. Any thread may ask; the main thread receives."""
@@ -48,7 +46,7 @@ class RobotLink:
         """Return a number by which an event can tell how something ended."""
         return next(self._numbers)
 
-    def ask(self, request: Request[Any], timeout_s: float = REPLY_TIMEOUT_S) -> Reply:
+    def ask(self, request: Request[Any], timeout_s: float) -> Reply:
         """Have the robot process do something and wait for its answer; what takes longer goes on."""
         assert isinstance(request, Do)
         number = self.number()

@@ -282,7 +282,7 @@ class Logged(LoggerConditions):
                 just being started anew.
         """
         from silo.core.quantities import read_keep, read_split
-        from silo.recordings.requests import StartRecorder
+        from silo.recorder.requests import StartRecorder
 
         split_bytes, split_s = read_split(split)
         request = StartRecorder(

@@ -16,7 +16,7 @@ from silo.core.arguments import whole, word
 from silo.core.calls import told_class
 from silo.core.elements import DEFAULT_MAX_TIME_S, BufferType, ControlMode, GroupRole, Storage, Threads
 from silo.errors import SiloError, StateError
-from silo.logger.calls.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord, UnsavedWord
+from silo.logger.calls.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord
 from silo.logger.calls.options import (
     logger_options,
     serving_config,
@@ -43,6 +43,7 @@ from silo.loop.run import Run
 from silo.recovery.runs import look_back
 from silo.segment.marks import NO_WORDS, Mark, no_mark
 from silo.segment.reasons import STOP_TEXTS, StopReason
+from silo.state.robot import UnsavedWord
 
 if TYPE_CHECKING:
     from silo.logger.helper.serving import Serving

@@ -13,6 +13,7 @@ import select
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,16 +26,19 @@ from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.errors import SegmentError
 from silo.files.manifest import RecordedTotals
 from silo.files.naming import check_name
+from silo.recorder import requests
 from silo.recorder.folder import recording_folder
 from silo.recorder.orders import CLOSED, RecordOrder
 from silo.recorder.process import RecorderHandover, RecorderProcess, Spare, close_left, store, stored
-from silo.recordings.requests import RecorderInfo, RecorderStarted, StartRecorder, StopRecorder
+from silo.recorder.requests import RecorderInfo, Recorders, RecorderStarted, StartRecorder, StopRecorder
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.rpc.serving import Server, Turn
 from silo.segment.held_runs import child_of, recorders_path
 from silo.state.events import EventNotifier
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica
+from silo.state.robot_program import RobotProgram
 
 MOST_RECORDERS = 8
 MOST_PATTERNS, MOST_PATTERN_LETTERS = 1000, 50_000
@@ -45,6 +49,24 @@ AGAIN_S = (0.0, 0.5, 2.0, 10.0, 30.0)  # before each new try, after so many that
 MOST_ENDS = 3  # how often one is started again that is to end and dies before it recorded anything
 
 log = logging.getLogger("silo.helper")
+
+
+@dataclass(frozen=True)
+class RecorderServer(Server, does=[requests]):
+    """Has recorders begin and end, and tells of them."""
+
+    recording: "EndlessRecordings"
+    robot: RobotProgram
+
+    def list_recorders(self) -> Recorders:
+        return Recorders(self.recording.infos())
+
+    def start_recorder(self, turn: Turn, request: StartRecorder) -> RecorderStarted:
+        self.robot.must_live()
+        return self.recording.begin(msgspec.structs.replace(request, client=turn.by), left_s=turn.left_s)
+
+    def stop_recorder(self, turn: Turn, request: StopRecorder) -> str:
+        return self.recording.end(msgspec.structs.replace(request, client=turn.by), left_s=turn.left_s)
 
 
 class EndlessRecordings:

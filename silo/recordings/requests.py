@@ -1,14 +1,13 @@
-"""Saving, the recordings in the logger's own folder, and endless recordings."""
+"""Saving, and the recordings in the logger's own folder."""
 
-from collections.abc import Sequence
 from typing import ClassVar
 
 import msgspec
 
-from silo.core.arguments import text, texts, whole
+from silo.core.arguments import text, whole
 from silo.core.calls import told_class
-from silo.core.elements import Conditions, FileType, RecorderState
-from silo.rpc.declaring import Caller, Do, Done, Lane, Reply, SlowAsk, ask, change, given
+from silo.core.elements import Conditions, FileType
+from silo.rpc.declaring import Caller, Do, Lane, Reply, SlowAsk, ask, change, given
 from silo.rpc.words import FileTypes, file_types
 
 
@@ -121,75 +120,9 @@ class Save(Do[SaveStarted], frozen=True):
     extras: Conditions | None = None
 
 
-class RecorderInfo(msgspec.Struct, frozen=True):
-    """An endless recording. `samples`, `lost` and `parts` count since it was started, `size_bytes` is on the disk now.
-
-    `written_bytes` counts since it was started too, what was deleted since along with it.
-
-    `split_bytes`, `split_s` and `keep_bytes` are 0 for no limit; `text` says how it ended, if it did.
-    """
-
-    name: str
-    folder: str
-    state: RecorderState
-    patterns: list[str] = []
-    split_bytes: int = 0
-    split_s: float = 0.0
-    keep_bytes: int = 0
-    part: str = ""
-    parts: int = 0
-    size_bytes: int = 0
-    samples: int = 0
-    lost: int = 0
-    since_ns: int = 0
-    by: str = ""
-    text: str = ""
-    pid: int = 0
-    written_bytes: int = 0
-
-
-class RecorderStarted(Reply, frozen=True):
-    """It records. `folder` is absolute, on the robot; `text` says what will not be recorded as one may think."""
-
-    name: str
-    folder: str
-    text: str = ""
-
-
-class Recorders(Reply, frozen=True):
-    """All recorders of a logger; those that ended by themselves stay until they are stopped."""
-
-    recorders: list[RecorderInfo]
-
-
-class StartRecorder(Do[RecorderStarted], frozen=True):
-    """Record what these patterns mean (all without any) to MCAP files, from now on and across new starts.
-
-    `folder` lies inside the logger's folder; only the robot program may name another. A part ends at `split_bytes` or
-    after `split_s`; of all parts `keep_bytes` are kept, the oldest go. 0 is no limit. `name` is drawn if it is empty.
-    """
-
-    lane: ClassVar[Lane] = Lane.RECORDERS
-
-    name: str = ""
-    folder: str = ""
-    patterns: list[str] = []
-    split_bytes: int = 0
-    split_s: float = 0.0
-    keep_bytes: int = 0
-
-
-class StopRecorder(Do[Done], frozen=True):
-    """Finish the part and end; an empty name is the only one."""
-
-    lane: ClassVar[Lane] = Lane.RECORDERS
-
-    name: str = ""
-
-
 @told_class("client")
 class RecordingRequests(Caller):
-    """Saved files and endless recordings."""
+    """Saved files."""
 
     def save(self, types: FileTypes = (FileType.SILO,), name: str = "") -> int:
         """Begin to save in the helper process.
@@ -244,69 +177,3 @@ class RecordingRequests(Caller):
 
     def _piece_of(self, path: str, mark: str, offset: int, count: int, sum_only: bool) -> Piece:
         return self._call(GetPiece(path=path, mark=mark, offset=offset, count=count, sum_only=sum_only))
-
-    def record(
-        self,
-        patterns: Sequence[str] = (),
-        to: str = "",
-        split: str = "1GB",
-        keep: str = "",
-        name: str = "",
-    ) -> RecorderStarted:
-        """Record every sample from now on to MCAP files on the robot, across restarts, until `stop_recorder`.
-
-        Args:
-            patterns: elements, namespaces or globs; all elements without any.
-            to: a folder inside the logger's, relative to that or absolute; empty: `recordings`.
-            split: `"1GB"` or `"10min"`, after which a part is finished: from 1 MB, or 1 s to 31 days; empty: never.
-            keep: `"50GB"`, above which its own oldest parts are deleted: from 2 MB; empty: all stay.
-            name: of the recording and its files, instead of the logger's.
-
-        Returns:
-            Its `name`, its `folder` (absolute, on the robot), and in `text` what will not be recorded without end.
-
-        Raises:
-            ElementError: `split`, `keep` or the patterns make no sense; nothing is recorded.
-            RefusedError: no element matches a pattern, the folder is outside of the logger's, the name can't be or is
-                taken, 8 recordings are under way, or the system or a robot program that has ended prevents it; nothing
-                is recorded.
-        """
-        from silo.core.quantities import read_keep, read_split
-
-        split_bytes, split_s = read_split(split)
-        return self._call(
-            StartRecorder(
-                name=name,
-                folder=to,
-                patterns=texts("patterns", patterns, "['/log/joints/*']"),
-                split_bytes=split_bytes,
-                split_s=split_s,
-                keep_bytes=read_keep(keep),
-            )
-        )
-
-    def stop_recorder(self, name: str = "") -> str:
-        """Finish an endless recording; waits up to 5 s for the end of its last part.
-
-        Args:
-            name: of the recording; empty: the only one.
-
-        Returns:
-            What was done, in words, with its numbers of files and samples.
-
-        Raises:
-            RefusedError: there is none, or none of that name, or several without a name; nothing was stopped.
-        """
-        return self._call(StopRecorder(name=name)).text
-
-    def recorders(self) -> list[RecorderInfo]:
-        """Return the endless recordings of this logger; those that ended by themselves stay until they are stopped.
-
-        Returns:
-            For each its parts, samples and losses since it was started, the bytes on the disk, and how it ended.
-        """
-        return self._list_recorders().recorders
-
-    @ask()
-    def _list_recorders(self) -> Recorders:
-        """Which endless recordings are there, and how far are they?"""

@@ -7,12 +7,11 @@ import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar
 
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Reply, Request, RobotRequest, fields_of, leaves, method_of
 
-StateT = TypeVar("StateT")
 Answer = Reply | bytes  # bytes are a reply that is encoded already
 
 WAITED_S = 0.375  # until then somebody else is waited for: what is told of it takes up to 0.1 s on two busy processors
@@ -43,8 +42,11 @@ class Turn:
         return max(0.0, min(most_s, self.until_s - WAITED_S - clock_s()))
 
 
-class Server(Generic[StateT]):
+class Server:
     """Base of what does the requests that some modules declare: a method for each, with the fields for arguments.
+
+    Each is a dataclass of what it needs to do them, and no more. What an element of that is is said by a class of its
+    feature or of one below, by a protocol where it is the logger or the helper process.
 
     One that a struct declares comes whole, as `request`; who wants to know who asks takes a `turn` before it. What is
     done is returned: the reply, its bytes, or a text for `Done`; what isn't, is raised. What the robot program does has
@@ -52,9 +54,6 @@ class Server(Generic[StateT]):
     """
 
     handlers: ClassVar[dict[type[Request[Any]], str]] = {}
-
-    def __init__(self, state: StateT) -> None:
-        self.state = state
 
     def __init_subclass__(cls, *, does: Iterable[ModuleType], robot: bool = False, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -85,7 +84,7 @@ def _check_arguments(cls: type, name: str, kind: type[Request[Any]]) -> None:
 class Dispatch:
     """Has each request done by the server that has a method for it; others are handed on."""
 
-    def __init__(self, servers: Iterable[Server[Any]], hand_on: Callable[[Request[Any], Turn], Answer]) -> None:
+    def __init__(self, servers: Iterable[Server], hand_on: Callable[[Request[Any], Turn], Answer]) -> None:
         self._hand_on = hand_on
         found = itertools.chain.from_iterable(
             ((kind, getattr(server, name)) for kind, name in server.handlers.items()) for server in servers

@@ -1,38 +1,9 @@
-"""The element table and edits of it, scripts, and views of the terminal that are kept beside them."""
+"""Scripts, and views of the terminal that are kept beside them."""
 
-from collections.abc import Sequence
-
-from silo.core.arguments import shown
 from silo.core.calls import told_class
-from silo.core.elements import Conditions, Edit, FieldChange, Table
-from silo.errors import ElementError
-from silo.rpc.declaring import Caller, Lane, Reply, RobotRequest, ask, change
-
-
-class TableReply(Reply, frozen=True):
-    """Carries a `Table`."""
-
-    table: Table
-
-
-class EditsApplied(Reply, frozen=True):
-    """`changed` counts elements; `unknown` are names of a script that the table doesn't have.
-
-    `warnings` are `file:line: reason` of keys of the script that silo doesn't know.
-    """
-
-    revision: int
-    changed: int
-    unknown: list[str] = []
-    warnings: list[str] = []
-
-
-class ApplyEdits(RobotRequest[EditsApplied], frozen=True):
-    """All or nothing, and only while stopped. `revision` is the table's that the edits are based on (-1: any)."""
-
-    revision: int
-    edits: list[Edit]
-    extras: Conditions | None = None  # derived signals, limits and triggers of a script, None: they stay
+from silo.core.elements import FieldChange
+from silo.rpc.declaring import Caller, Lane, Reply, ask, change
+from silo.state.requests import EditsApplied
 
 
 class Scripts(Reply, frozen=True):
@@ -79,34 +50,8 @@ class KeptView(Reply, frozen=True):
 
 
 @told_class("client")
-class TableRequests(Caller):
-    """The element table, its scripts, and kept views."""
-
-    def table(self) -> Table:
-        """Return the element table with its revision."""
-        return self._table().table
-
-    @ask("GetTable")
-    def _table(self) -> TableReply:
-        """Which elements are there, with which options?"""
-
-    def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
-        """Apply edits as one transaction, all or none.
-
-        Args:
-            edits: what to change.
-            revision: that of the table they are based on; -1: whichever.
-
-        Returns:
-            The new revision, and how many elements changed.
-
-        Raises:
-            ElementError: they are no list of edits.
-            RefusedError: the logger runs, the table has changed since, or an edit can't be; nothing was changed.
-        """
-        if isinstance(edits, str) or not isinstance(edits, Sequence):
-            raise ElementError(f"edits must be a list of silo.Edit, got {shown(edits)}; nothing was changed")
-        return self._call(ApplyEdits(revision=revision, edits=list(edits)))
+class ScriptRequests(Caller):
+    """Scripts and kept views."""
 
     @ask("ListScripts", slow=True)
     def scripts(self) -> Scripts:

@@ -22,11 +22,11 @@ from silo.errors import SegmentError
 from silo.expressions.derived_signals import derived_infos
 from silo.journal.derived_rows import DerivedPlan, DerivedReader, derived_plan
 from silo.journal.holdings import Holdings, RetainedAlike, kept_alike, segment_holdings
-from silo.scripts.requests import TableReply
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import lost_samples
 from silo.state.handover import RunOffer
+from silo.state.requests import TableReply
 from silo.state.robot_state import RobotState
 
 MOST_CLIENTS = 20

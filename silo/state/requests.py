@@ -1,12 +1,13 @@
-"""Who is there, the logger's state, and starting and stopping it."""
+"""Who is there, the logger's state, starting and stopping it; its table and edits of it; what happened, and marks."""
 
 import enum
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+from silo.core.arguments import line, shown, whole
 from silo.core.calls import told_class
-from silo.core.elements import Status
-from silo.errors import RefusedError
-from silo.rpc.declaring import Ask, Caller, Reply, ask, change
+from silo.core.elements import Conditions, Edit, LoggedEvent, Status, Table
+from silo.errors import ElementError, RefusedError
+from silo.rpc.declaring import Ask, Caller, Reply, RobotRequest, ask, change
 from silo.rpc.published import Summary
 
 
@@ -73,6 +74,45 @@ def unsaved_of(word: Unsaved | str) -> Unsaved:
         raise RefusedError(f"unsaved must be one of {words}, got {word!r}; nothing was changed") from None
 
 
+class TableReply(Reply, frozen=True):
+    """Carries a `Table`."""
+
+    table: Table
+
+
+class EditsApplied(Reply, frozen=True):
+    """`changed` counts elements; `unknown` are names of a script that the table doesn't have.
+
+    `warnings` are `file:line: reason` of keys of the script that silo doesn't know.
+    """
+
+    revision: int
+    changed: int
+    unknown: list[str] = []
+    warnings: list[str] = []
+
+
+class ApplyEdits(RobotRequest[EditsApplied], frozen=True):
+    """All or nothing, and only while stopped. `revision` is the table's that the edits are based on (-1: any)."""
+
+    revision: int
+    edits: list[Edit]
+    extras: Conditions | None = None  # derived signals, limits and triggers of a script, None: they stay
+
+
+class Events(Reply, frozen=True):
+    """Lines of the event log, oldest first. `missed` counts those asked for that are older and not among them."""
+
+    events: list[LoggedEvent]
+    missed: int = 0
+
+
+class Marked(Reply, frozen=True):
+    """The mark as it stands in the event log."""
+
+    event: LoggedEvent
+
+
 @told_class("client")
 class StateRequests(Caller):
     """The state of the logger, starting and stopping it."""
@@ -136,6 +176,91 @@ class StateRequests(Caller):
     @change(robot=True)
     def _restart(self, unsaved: Unsaved = Unsaved.REFUSE) -> StatusReply:
         """Stop and start."""
+
+
+@told_class("client")
+class TableRequests(Caller):
+    """The element table."""
+
+    def table(self) -> Table:
+        """Return the element table with its revision."""
+        return self._table().table
+
+    @ask("GetTable")
+    def _table(self) -> TableReply:
+        """Which elements are there, with which options?"""
+
+    def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
+        """Apply edits as one transaction, all or none.
+
+        Args:
+            edits: what to change.
+            revision: that of the table they are based on; -1: whichever.
+
+        Returns:
+            The new revision, and how many elements changed.
+
+        Raises:
+            ElementError: they are no list of edits.
+            RefusedError: the logger runs, the table has changed since, or an edit can't be; nothing was changed.
+        """
+        if isinstance(edits, str) or not isinstance(edits, Sequence):
+            raise ElementError(f"edits must be a list of silo.Edit, got {shown(edits)}; nothing was changed")
+        return self._call(ApplyEdits(revision=revision, edits=list(edits)))
+
+
+@told_class("client")
+class EventRequests(Caller):
+    """The event log, and marks in it."""
+
+    def events(self, since: int = 0, limit: int = 1000) -> list[LoggedEvent]:
+        """Return what happened after line `since` of the event log: the newest `limit` lines of it, oldest first.
+
+        Args:
+            since: the number of a line; `number` of the last line returned is the next one.
+            limit: how many lines at most.
+
+        Returns:
+            Events with their ticks, time stamps in ns, and who did it.
+
+        Raises:
+            RefusedError: the limit is out of range.
+            ConnectionLostError: the helper process doesn't answer.
+        """
+        return self._get_events(since, limit).events
+
+    @ask()
+    def _get_events(self, since: int = 0, limit: int = 1000) -> Events:
+        """What happened after line `since` of the event log? The newest `limit` of it."""
+
+    def mark(self, text: str, tick: int | None = None, *, at_ns: int | None = None) -> LoggedEvent:
+        """Mark a tick of the present run, by default the newest, with some words.
+
+        Args:
+            text: the words.
+            tick: which tick since start; the newest if it isn't given.
+            at_ns: a time stamp in ns instead; the newest tick up to it is marked.
+
+        Returns:
+            The line of the event log.
+
+        Raises:
+            ElementError: the words or a number make no sense.
+            RefusedError: there is no such tick any more; nothing was marked.
+            ConnectionLostError: the helper process doesn't answer.
+        """
+        return self._add_mark(
+            line("text", text, 'client.mark("slipped")'),
+            -1 if tick is None else whole("tick", tick, 0, 2**62),
+            0 if at_ns is None else whole("at_ns", at_ns, 1, 2**63 - 1),
+        ).event
+
+    @change(control=False, timeout_s=2.0)
+    def _add_mark(self, text: str, tick: int = -1, at_ns: int = 0) -> Marked:
+        """Mark a tick of the present run with some words; -1 is the newest.
+
+        With a time stamp `at_ns`, the newest tick up to it.
+        """
 
 
 def _status(reply: StatusReply, told: Callable[[str], None] | None) -> Status:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from silo.core.elements import RecorderState
 from silo.core.names import matching
-from silo.recordings.requests import RecorderInfo
+from silo.recorder.requests import RecorderInfo
 from silo_tui.model import text
 
 WORDS = {

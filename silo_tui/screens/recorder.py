@@ -7,7 +7,7 @@ from textual.widgets import Input
 from silo.core.names import matching
 from silo.core.quantities import duration, read_keep, read_split
 from silo.errors import SiloError
-from silo.recordings.requests import RecorderInfo
+from silo.recorder.requests import RecorderInfo
 from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.model.changes import cost_of

@@ -13,7 +13,8 @@ import numpy as np
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.elements import LoggedEvent, SavedFile, State, Status
 from silo.errors import RefusedError
-from silo.recordings.requests import RecorderInfo, Recordings
+from silo.recorder.requests import RecorderInfo
+from silo.recordings.requests import Recordings
 from silo.rpc.frames import Frame
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy

@@ -35,10 +35,10 @@ from silo.core.elements import (
 )
 from silo.errors import SiloError
 from silo.fleet.exchange import decode_reply, encoded
-from silo.helper.requests import decode_ask, decode_do
+from silo.helper.decoding import decode_ask, decode_do
 from silo.helper.robot_link import RobotLink
 from silo.helper.saver import Saver
-from silo.helper.servers.dispatch import Answers
+from silo.helper.servers import Servers
 from silo.history.requests import (
     By,
     ClosePin,
@@ -58,8 +58,9 @@ from silo.live.requests import CloseView, GetSurvey, OpenView, ViewOpened
 from silo.logger.helper.answers import answer, robot_state
 from silo.net.keys import Root
 from silo.net.session import close, open_server
+from silo.recorder.requests import StartRecorder, StopRecorder
 from silo.recorder.server import EndlessRecordings
-from silo.recordings.requests import GetPiece, Save, StartRecorder, StopRecorder
+from silo.recordings.requests import GetPiece, Save
 from silo.requests import (
     Acknowledge,
     AddMark,
@@ -96,13 +97,12 @@ from silo.requests import (
 from silo.rpc.declaring import Request, leaves
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered
-from silo.scripts.requests import ApplyEdits, TableReply
 from silo.state.event_log import EventLog
 from silo.state.events import EventNotifier
 from silo.state.handover import handover_pair
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica
-from silo.state.requests import GetSummary, Hello, HelloReply, StatusReply, Unsaved
+from silo.state.requests import ApplyEdits, GetSummary, Hello, HelloReply, StatusReply, TableReply, Unsaved
 from silo.state.robot_state import RobotState
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
@@ -215,7 +215,7 @@ class Bench:
         self.saver = Saver(self.replica, events, self.robot)
         self.recording = EndlessRecordings(self.replica, events, HeldRuns(self.replica, lambda: None))
         judge = Judge(self.replica, events)
-        self.answers = Answers(
+        self.servers = Servers(
             self.replica,
             events,
             self.publisher,
@@ -298,7 +298,7 @@ def problem_of(bench: Bench, payload: bytes, key: str, at_the_door: list[bytes] 
     request = answered(lambda: decode_ask(payload) if key == "ask" else decode_do(payload))
     if isinstance(request, Refused) and at_the_door is not None:
         at_the_door.append(payload)
-    found = request if isinstance(request, Refused) else answered(lambda: bench.answers.reply(request))
+    found = request if isinstance(request, Refused) else answered(lambda: bench.servers.reply(request))
     reply = decode_reply(found if isinstance(found, bytes) else msgspec.msgpack.encode(found), "the helper process")
     if isinstance(reply, Refused):
         return f"raw: {reply.text}" if RAW.search(reply.text) or not reply.text else ""

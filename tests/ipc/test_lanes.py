@@ -16,13 +16,13 @@ from silo.fleet.exchange import decode_reply, encoded
 from silo.helper.control_threads import RequestThreads
 from silo.net.keys import LOCAL_SENDER, Root
 from silo.net.session import close, open_client, open_server
-from silo.recordings.requests import StopRecorder
+from silo.recorder.requests import StopRecorder
 from silo.requests import AddMark, AnyReply, DeleteRecording, KeepView, Start
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, GoesOn, Lane, Request, spoken
 from silo.rpc.refusals import Refused, RefusedWhy
 from silo.rpc.serving import Sender, Turn
-from silo.scripts.requests import ApplyEdits
+from silo.state.requests import ApplyEdits
 from tests.waiting import DEADLINE_S, wait_until
 
 ROOT = Root("robot", "walker", "1f")

@@ -15,7 +15,7 @@ from silo.requests import AddMark
 from silo.rpc.clocks import clock_s
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy
-from silo.state.event_requests import Marked
+from silo.state.requests import Marked
 from tests.waiting import freeze, wait_until
 
 pytestmark = pytest.mark.slow

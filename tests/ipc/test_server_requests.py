@@ -21,7 +21,7 @@ from silo.net.session import close, open_client
 from silo.recordings.requests import Save
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
-from silo.scripts.requests import ApplyEdits
+from silo.state.requests import ApplyEdits
 from tests.examples import examples
 from tests.waiting import DEADLINE_S
 

@@ -21,8 +21,8 @@ from silo.net.session import MAX_MESSAGE_BYTES, close, open_client
 from silo.requests import Stop
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
-from silo.scripts.requests import ApplyEdits
 from silo.segment.reader import SegmentReader
+from silo.state.requests import ApplyEdits
 from tests.waiting import DEADLINE_S, freeze, wait_until
 
 

@@ -15,7 +15,7 @@ from silo.client.client import Client
 from silo.errors import ConnectionLostError, RefusedError, VersionError
 from silo.fleet.exchange import decode_reply, encoded
 from silo.fleet.fleet import surveyed
-from silo.helper.requests import decode_ask, decode_do
+from silo.helper.decoding import decode_ask, decode_do
 from silo.net.session import close, open_client
 from silo.requests import GetStatus, Start
 from silo.rpc.declaring import Done, Request, leaves

@@ -19,16 +19,17 @@ from silo.core.elements import (
 )
 from silo.core.quantities import read_keep, read_split
 from silo.errors import ScriptError
+from silo.recorder.requests import RecorderInfo, RecorderStarted
 from silo.recordings.fetching import Fetch
 from silo.recordings.folder import RecordingFolder
-from silo.recordings.requests import GetPiece, RecorderInfo, RecorderStarted, Recordings
+from silo.recordings.requests import GetPiece, Recordings
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
-from silo.scripts.requests import EditsApplied, KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
+from silo.scripts.requests import KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
 from silo.settings.conditions_diff import diff_extras
 from silo.settings.options import edit_problems, refusal
 from silo.settings.script import Script, ScriptPlan, apply_script, diff_options, format_script, parse_script
-from silo.state.requests import Unsaved
+from silo.state.requests import EditsApplied, Unsaved
 from tests.stand_ins.fake_signals import FOLDER, HZ, OWN_NAME, refused
 
 

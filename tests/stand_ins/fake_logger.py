@@ -29,8 +29,8 @@ from silo.errors import ConnectionLostError, SiloError
 from silo.expressions.derived_signals import derived_infos
 from silo.fleet.member import Member
 from silo.net.access.senders import viewer_words
+from silo.recorder.requests import RecorderInfo
 from silo.recordings.folder import RecordingFolder
-from silo.recordings.requests import RecorderInfo
 from silo.rpc.published import Event, EventKind
 from silo.rpc.versions import PROTOCOL
 from silo.settings.script import format_script

@@ -15,7 +15,7 @@ import msgspec
 import zenoh
 
 from silo.core.elements import Present, State, Status
-from silo.helper.requests import decode_ask, decode_do
+from silo.helper.decoding import decode_ask, decode_do
 from silo.net.access.probing import reach
 from silo.net.keys import Root
 from silo.net.session import close, open_client

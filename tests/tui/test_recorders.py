@@ -3,7 +3,7 @@
 import pytest
 
 from silo.core.elements import RecorderState
-from silo.recordings.requests import RecorderInfo
+from silo.recorder.requests import RecorderInfo
 from silo_tui.model.recorders import Pace, head, row
 
 SECOND = 10**9

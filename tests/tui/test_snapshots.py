@@ -13,7 +13,8 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.silo.writer import write_silo
 from silo.fleet.member import Member
 from silo.net.found import LoggerAddress
-from silo.recordings.requests import RecorderInfo, RecordingFile, Recordings, SavedRecording
+from silo.recorder.requests import RecorderInfo
+from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
 from silo.rpc.published import Summary
 from silo.rpc.quantities import FROZEN, NOT_FINITE
 from silo_tui.app import SiloApp

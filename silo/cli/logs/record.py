@@ -17,7 +17,7 @@ from silo.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from silo.recordings.requests import RecorderInfo
+    from silo.recorder.requests import RecorderInfo
 
 _OPTIONS = {"ls": "ls", "list": "ls", "stop": "stop [NAME]"}  # words that others of our commands take
 

@@ -20,7 +20,6 @@ StorageWord: TypeAlias = Literal["memory", "disk", "file"]
 ThreadsWord: TypeAlias = Literal["single", "serialized"]
 GroupRoleWord: TypeAlias = Literal["viewer", "operator"]
 ControlWord: TypeAlias = Literal["any", "one"]
-UnsavedWord: TypeAlias = Literal["clear", "save", "refuse"]
 
 Number: TypeAlias = SupportsIndex | str  # a whole number, also NumPy's, or words such as "50Hz", "10s", "10k"
 Switch: TypeAlias = Union[bool, "np.bool_", SwitchWord]

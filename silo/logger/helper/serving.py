@@ -30,7 +30,8 @@ from silo.logger.helper.identity import drawn_id
 from silo.logger.helper.patience import FROZEN_ROUNDS, ROUND_S, Patience
 from silo.logger.helper.process import HelperProcess
 from silo.logger.helper.viewers import FoxgloveProcess
-from silo.recordings.requests import RecorderStarted, Save, SaveStarted, StartRecorder, StopRecorder
+from silo.recorder.requests import RecorderStarted, StartRecorder, StopRecorder
+from silo.recordings.requests import Save, SaveStarted
 from silo.requests import AnyReply
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done

@@ -1,33 +1,34 @@
-"""Has requests done by the servers of their features."""
+"""The servers of all features, with what each needs of the helper process."""
 
 from typing import Any
 
 from silo.conditions.monitor import Judge
+from silo.conditions.server import ConditionServer
 from silo.control.lock import ControlLock
+from silo.control.server import ControlServer
 from silo.helper.robot_link import RobotLink, ending
 from silo.helper.saver import Saver
-from silo.helper.servers.conditions import ConditionServer
-from silo.helper.servers.control import ControlServer
-from silo.helper.servers.live import LiveServer
-from silo.helper.servers.parts import Parts, relayed
-from silo.helper.servers.recorded import RecordingServer
-from silo.helper.servers.scripts import TableServer
+from silo.history.server import HistoryServer
 from silo.live.publisher import Publisher
+from silo.live.server import LiveServer
 from silo.live.statistics import Surveyor
-from silo.recorder.server import EndlessRecordings
+from silo.recorder.server import EndlessRecordings, RecorderServer
 from silo.recordings.folder import RecordingFolder
+from silo.recordings.server import RecordingServer
 from silo.rpc.declaring import GoesOn, Request
 from silo.rpc.published import EventKind
 from silo.rpc.serving import Answer, Dispatch, Turn
+from silo.scripts.server import ScriptServer
 from silo.state.events import EventNotifier
 from silo.state.replica import Replica
+from silo.state.robot_program import RobotProgram
+from silo.state.server import Outside, StateServer
 
-SERVERS = (TableServer, LiveServer, RecordingServer, ConditionServer, ControlServer)
 NOBODY = Turn()
 
 
-class Answers:
-    """Answers requests with everything that the helper has."""
+class Servers:
+    """Has each request done by the server of its feature, or by the robot program."""
 
     def __init__(
         self,
@@ -40,25 +41,24 @@ class Answers:
         recording: EndlessRecordings,
         control_lock: ControlLock,
     ) -> None:
-        self._parts = Parts(
-            replica,
-            events,
-            publisher,
-            saver,
-            robot,
-            judge,
-            recording,
-            publisher.pins,
-            RecordingFolder(),
-            Surveyor(replica),
-            control_lock,
+        self._robot, self._events, self._surveyor = robot, events, Surveyor(replica)
+        program = RobotProgram(replica, robot)
+        outside = Outside(publisher.name_client, publisher.summary.now, control_lock.closed)
+        servers = (
+            StateServer(replica, events, program, outside),
+            ScriptServer(replica, events, program),
+            ControlServer(control_lock),
+            ConditionServer(judge, replica, events, program),
+            HistoryServer(replica, publisher.pins, publisher.streams),
+            LiveServer(publisher, self._surveyor),
+            RecordingServer(RecordingFolder(), saver, replica, events),
+            RecorderServer(recording, program),
         )
-        servers = [server(self._parts) for server in SERVERS]
-        self._dispatch = Dispatch(servers, lambda request, turn: relayed(self._parts, request, turn))
+        self._dispatch = Dispatch(servers, program.reply)
 
     def stop(self) -> None:
         """End what goes on by itself."""
-        self._parts.surveyor.stop()
+        self._surveyor.stop()
 
     def reply(self, request: Request[Any], turn: Turn = NOBODY) -> Answer:
         """Return the answer, or its bytes; waits for the robot process where it must, while the `turn` has time.
@@ -69,9 +69,9 @@ class Answers:
 
     def number(self) -> int:
         """Return a number by which an event can tell how a request ended."""
-        return self._parts.robot.number()
+        return self._robot.number()
 
     def tell_end(self, job: int, request: Request[Any], reply: Answer, by: str) -> None:
         """Tell all how a request ended whose client was told that it goes on."""
         if not isinstance(reply, bytes | GoesOn):
-            self._parts.events.publish(EventKind.ENDED, ending(request, reply), by=by, job=job)
+            self._events.publish(EventKind.ENDED, ending(request, reply), by=by, job=job)

@@ -1,7 +1,9 @@
 """Refusals that both the helper process and the robot program give: what can be told early is, with the same words."""
 
+from silo.core.elements import Problem
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
-from silo.scripts.requests import ApplyEdits
+from silo.settings.options import refusal
+from silo.state.requests import ApplyEdits
 
 
 def refused_running() -> RequestRefusedError:
@@ -17,3 +19,9 @@ def check_revision(request: ApplyEdits, revision: int) -> None:
             f"somebody changed the table meanwhile (it is at revision {revision}, the edits are based on "
             f"{request.revision}): read it again; nothing was changed",
         )
+
+
+def check_none(problems: list[Problem]) -> None:
+    """Raise RequestRefusedError with what is wrong, if something is."""
+    if problems:
+        raise RequestRefusedError(RefusedWhy.INVALID, refusal(problems), problems)

@@ -1,39 +1,30 @@
-"""The element table and edits of it, scripts in the logger's script folder, and views of the terminal beside them."""
+"""Scripts in the logger's script folder, and views of the terminal beside them."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from silo.core.elements import Edit
-from silo.helper.requests import check_edits
-from silo.helper.servers.parts import Parts, must_live, must_stop, relayed
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
 from silo.scripts import requests, script_folder, view_folder
-from silo.scripts.requests import ApplyEdits, EditsApplied, KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
-from silo.state.replica import LoggerSnapshot
+from silo.scripts.requests import KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
+from silo.state.events import EventNotifier
+from silo.state.replica import Replica
+from silo.state.requests import ApplyEdits, EditsApplied
+from silo.state.robot_program import RobotProgram
+from silo.state.server import apply_edits
 
 TRIES = 10  # each is in vain only if the robot program changed its table within the milliseconds of that try
 
 
-class TableServer(Server[Parts], does=[requests]):
-    """Answers with the table and with texts; edits are checked here and done by the robot program."""
+@dataclass(frozen=True)
+class ScriptServer(Server, does=[requests]):
+    """Answers with texts; what a script changes is done by the robot program."""
 
-    def table(self) -> bytes:
-        return self.state.replica.now.table_reply
-
-    def apply_edits(self, turn: Turn, request: ApplyEdits) -> EditsApplied:
-        now = self.state.replica.now
-        must_live(now)
-        must_stop(now)
-        return self._apply(turn, request, now)
-
-    def _apply(self, turn: Turn, request: ApplyEdits, now: LoggerSnapshot) -> EditsApplied:
-        check_edits(request, now)
-        if not request.edits and request.extras is None:
-            return EditsApplied(self.state.replica.now.table.revision, 0)
-        return relayed(self.state, request, turn)
-
-    # -------------------------------------------------------------------------------------------------- scripts
+    replica: Replica
+    events: EventNotifier
+    robot: RobotProgram
 
     def scripts(self) -> Scripts:
         own = self._own_script
@@ -43,7 +34,7 @@ class TableServer(Server[Parts], does=[requests]):
         from silo.settings.script import format_script
 
         if not path:
-            now = self.state.replica.now
+            now = self.replica.now
             return ScriptText(str(self._own_script), format_script(now.table.elements, extras=now.robot.extras))
         found = script_folder.resolve(path, self._own_script)
         return ScriptText(str(found), script_folder.read_text(found))
@@ -53,11 +44,11 @@ class TableServer(Server[Parts], does=[requests]):
         from silo.settings.script import apply_script, diff_options, parse_script
 
         found = script_folder.resolve(path, self._own_script)
-        table = self.state.replica.now.table.elements
+        table = self.replica.now.table.elements
         script = parse_script(script_folder.read_text(found), found)
-        plan = apply_script(script, table, self.state.replica.status().frequency_hz)
+        plan = apply_script(script, table, self.replica.status().frequency_hz)
         unknown = [str(unknown.name) for unknown in plan.unknown]
-        now = self.state.replica.now.robot.extras
+        now = self.replica.now.robot.extras
         extras = diff_extras(now, script.extras_beside(now))
         return ScriptDiff(str(found), diff_options(table, plan.options), unknown, script.warnings, extras)
 
@@ -76,12 +67,12 @@ class TableServer(Server[Parts], does=[requests]):
         from silo.settings.script import apply_script, parse_script
         from silo.settings.script_conditions import extras_text
 
-        now = self.state.replica.now
-        must_live(now)
-        must_stop(now)
+        now = self.replica.now
+        self.robot.must_live()
+        self.robot.must_stop()
         found = script_folder.resolve(path, self._own_script)
         script = parse_script(script_folder.read_text(found), found)
-        plan = apply_script(script, now.table.elements, self.state.replica.status().frequency_hz)
+        plan = apply_script(script, now.table.elements, self.replica.status().frequency_hz)
         edits = [
             Edit(info.name, options)
             for info, options in zip(now.table.elements, plan.options, strict=True)
@@ -92,7 +83,7 @@ class TableServer(Server[Parts], does=[requests]):
         based_on = now.table.revision if revision == -1 else revision
         wanted = script.extras_beside(now.robot.extras)
         extras = wanted if wanted != now.robot.extras else None
-        applied = self._apply(turn, ApplyEdits(revision=based_on, edits=edits, extras=extras), now)
+        applied = apply_edits(self.robot, turn, ApplyEdits(revision=based_on, edits=edits, extras=extras), now)
         text = f"script {found} loaded: {applied.changed} elements changed"
         if unknown:
             text += f", {len(unknown)} names are not in the table"
@@ -100,7 +91,7 @@ class TableServer(Server[Parts], does=[requests]):
             text += f", {len(script.unknown_keys)} keys are unknown and were left alone"
         if extras is not None:
             text += f"; {extras_text(extras)}"
-        self.state.events.publish(EventKind.SCRIPT_LOADED, text, by=turn.by)
+        self.events.publish(EventKind.SCRIPT_LOADED, text, by=turn.by)
         return EditsApplied(applied.revision, applied.changed, unknown, [*script.warnings, *applied.warnings])
 
     def save_script(self, turn: Turn, path: str, overwrite: bool) -> str:
@@ -108,15 +99,15 @@ class TableServer(Server[Parts], does=[requests]):
 
         target = script_folder.resolve(path, self._own_script)
         script_folder.check_target(target, self._own_script, overwrite=overwrite)
-        now = self.state.replica.now
+        now = self.replica.now
         kept = write_script(target, now.table.elements, now.robot.extras)
         text = f"script saved: {target}{kept_text(kept)}"
-        self.state.events.publish(EventKind.SCRIPT_SAVED, text, by=turn.by)
+        self.events.publish(EventKind.SCRIPT_SAVED, text, by=turn.by)
         return text
 
     @property
     def _own_script(self) -> Path:
-        return Path(self.state.replica.now.robot.script)
+        return Path(self.replica.now.robot.script)
 
     # ------------------------------------------------------------------------------------------------ kept views
 

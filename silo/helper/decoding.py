@@ -10,16 +10,9 @@ from silo.requests import AnyAsk, AnyDo
 from silo.rpc.declaring import Ask, Do, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.versions import client_problem
-from silo.scripts.early_refusals import check_revision
-from silo.scripts.requests import ApplyEdits
-from silo.settings.options import MAX_NAME, MAX_PROBLEMS, edit_problems, raw_problems, refusal, shorten
-from silo.state.replica import LoggerSnapshot
-from silo.state.requests import Hello
-
-IS_DERIVED = (
-    "is derived from others, and has no divider, buffer or action of its own; edit those, or give it another "
-    "expression (silo derive)"
-)
+from silo.settings.options import MAX_NAME, MAX_PROBLEMS, raw_problems, shorten
+from silo.state.edit_refusals import check_none
+from silo.state.requests import ApplyEdits, Hello
 
 
 class _Kind(msgspec.Struct):
@@ -89,7 +82,7 @@ def _check_values(payload: bytes) -> None:
     if not isinstance(raw, dict) or raw.get("type") != ApplyEdits.__name__ or not isinstance(raw.get("edits"), list):
         return
     problems = list(islice((problem for item in raw["edits"] for problem in _problems_of(item)), MAX_PROBLEMS))
-    _check_none(problems)
+    check_none(problems)
 
 
 def _problems_of(item: object) -> list[Problem]:
@@ -105,19 +98,3 @@ def _problems_of(item: object) -> list[Problem]:
     options = item.get("options") if isinstance(item, dict) else None
     found = raw_problems(shown, options) if isinstance(options, dict) else []
     return found or [Problem(shown, "", text)]
-
-
-def _check_none(problems: list[Problem]) -> None:
-    if problems:
-        raise RequestRefusedError(RefusedWhy.INVALID, refusal(problems), problems)
-
-
-def check_edits(request: ApplyEdits, now: LoggerSnapshot) -> None:
-    """Raise why edits of the present table can't be applied; what can be told here never reaches the robot process."""
-    check_revision(request, now.table.revision)
-    derived = next(
-        (edit.name for edit in request.edits if edit.name not in now.places and now.element(edit.name)), None
-    )
-    if derived is not None:
-        _check_none([Problem(shorten(derived, MAX_NAME), "name", IS_DERIVED)])
-    _check_none(edit_problems(request.edits, now.places))

@@ -1,48 +1,57 @@
 """Triggers, limits, their alarms, and derived signals."""
 
 import time
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
 
 from silo.conditions import requests
+from silo.conditions.monitor import Judge
 from silo.conditions.requests import Alarms, ConditionRequests, Triggers, TriggerTried
 from silo.conditions.standing import worst_first
 from silo.core.elements import SignalLimits, TriggerOptions
-from silo.helper.servers.parts import Parts, must_live, relayed
 from silo.rpc.declaring import Request, request_of
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
-from silo.state.events import plain
+from silo.state.events import EventNotifier, plain
+from silo.state.replica import Replica
+from silo.state.robot_program import RobotProgram
 
 
-class ConditionServer(Server[Parts], does=[requests]):
+@dataclass(frozen=True)
+class ConditionServer(Server, does=[requests]):
     """Answers how they stand; what changes them is done by the robot program, of leased triggers here."""
 
+    judge: Judge
+    replica: Replica
+    events: EventNotifier
+    robot: RobotProgram
+
     def triggers(self) -> Triggers:
-        found = self.state.judge.standing()
+        found = self.judge.standing()
         return Triggers(found.run, found.tick, list(found.triggers))
 
     def alarms(self) -> Alarms:
-        found = self.state.judge.standing()
+        found = self.judge.standing()
         return Alarms(found.run, found.tick, worst_first(list(found.limits)))
 
     def try_trigger(self, trigger: TriggerOptions) -> TriggerTried:
         from silo.conditions.trials import try_trigger
 
-        now = self.state.replica.now
-        return try_trigger(trigger, self.state.replica.open_reader(), now.table.elements, now.robot.extras.derived)
+        now = self.replica.now
+        return try_trigger(trigger, self.replica.open_reader(), now.table.elements, now.robot.extras.derived)
 
     def set_trigger(self, turn: Turn, trigger: TriggerOptions, lease_s: float) -> str:
         if not lease_s:
             return self._told(turn, request_of(ConditionRequests.set_trigger, trigger))
-        must_live(self.state.replica.now)
-        is_new = self.state.judge.hold(trigger, lease_s, turn.by)
+        self.robot.must_live()
+        is_new = self.judge.hold(trigger, lease_s, turn.by)
         return f"trigger '{trigger.name}' is {'held' if is_new else 'kept'} for {lease_s:g} s"
 
     def remove_trigger(self, turn: Turn, name: str) -> str:
-        if self.state.judge.let_go(name):
+        if self.judge.let_go(name):
             return f"trigger '{plain(name)}' is let go of"
         return self._told(turn, request_of(ConditionRequests.remove_trigger, name))
 
@@ -54,12 +63,12 @@ class ConditionServer(Server[Parts], does=[requests]):
 
     def _told(self, turn: Turn, request: Request[Any]) -> str:
         """Have the robot program do it, and tell all clients."""
-        text: str = relayed(self.state, request, turn).text
-        self.state.events.publish(EventKind.CONDITIONS, text, by=turn.by)
+        text: str = self.robot.reply(request, turn).text
+        self.events.publish(EventKind.CONDITIONS, text, by=turn.by)
         return text
 
     def arm_trigger(self, turn: Turn, name: str, armed: bool) -> str:
-        judge, now = self.state.judge, self.state.replica.now
+        judge, now = self.judge, self.replica.now
         text = f"trigger '{name}' is {'armed' if armed else 'off'}"
         if judge.leased.owner(name):
             judge.arm(name, armed=armed)
@@ -69,27 +78,27 @@ class ConditionServer(Server[Parts], does=[requests]):
             raise self._no_trigger(name)
         if known.armed != armed:  # it stays so for the next run and in scripts
             changed = msgspec.structs.replace(known, armed=armed)
-            relayed(self.state, request_of(ConditionRequests.set_trigger, changed), turn)
+            self.robot.reply(request_of(ConditionRequests.set_trigger, changed), turn)
         judge.arm(name, armed=armed)
-        self.state.events.publish(EventKind.CONDITIONS, text, by=turn.by)
+        self.events.publish(EventKind.CONDITIONS, text, by=turn.by)
         return text
 
     def force_trigger(self, name: str) -> str:
-        if name not in self.state.judge.names():
+        if name not in self.judge.names():
             raise self._no_trigger(name)
-        must_live(self.state.replica.now)
-        return f"trigger '{name}' was fired at tick {self.state.judge.force(name)}"
+        self.robot.must_live()
+        return f"trigger '{name}' was fired at tick {self.judge.force(name)}"
 
     def acknowledge(self, turn: Turn, names: list[str], who: str) -> str:
         who = plain(who or turn.by)
-        count = self.state.judge.acknowledge(names, who, time.time_ns())
+        count = self.judge.acknowledge(names, who, time.time_ns())
         text = f"{count} alarm{'s' if count != 1 else ''} seen by {who}"
         if count:
-            self.state.events.publish(EventKind.CONDITIONS, text, by=turn.by)
+            self.events.publish(EventKind.CONDITIONS, text, by=turn.by)
         return text
 
     def _no_trigger(self, name: str) -> RequestRefusedError:
-        names = ", ".join(one.name for one in self.state.replica.now.robot.extras.triggers)
+        names = ", ".join(one.name for one in self.replica.now.robot.extras.triggers)
         there = f"there are {names}" if names else "there is none"
         text = f"no trigger is called '{plain(name)}', {there}; nothing was changed"
         return RequestRefusedError(RefusedWhy.NOT_FOUND, text)

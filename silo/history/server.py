@@ -1,0 +1,87 @@
+"""Samples that are held: as columns, as rows, in pins; moments and facts in them. And streams of what comes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from silo.history import requests, search_requests
+from silo.history.history import check_history, history
+from silo.history.pinned_rows import PinnedRows
+from silo.history.pins import Pins
+from silo.history.requests import (
+    ClosePin,
+    CloseStream,
+    Columns,
+    GetHistory,
+    GetSamples,
+    KeepPin,
+    OpenPin,
+    OpenStream,
+    PinOpened,
+    SampleRows,
+    StreamOpened,
+)
+from silo.history.samples import check_samples, samples
+from silo.history.search import check_moments, check_span, find_moments, measure_span
+from silo.history.search_requests import FindMoments, MeasureSpan, MomentsFound, SpanMeasured
+from silo.rpc.serving import Server
+from silo.state.replica import Replica
+
+
+class Streams(Protocol):
+    """All open streams."""
+
+    def open(self, request: OpenStream, /) -> StreamOpened:
+        """Open or renew one."""
+
+    def close_for(self, name: str, proof: str, /) -> str:
+        """Close the one of a client; returns what was done."""
+
+
+@dataclass(frozen=True)
+class HistoryServer(Server, does=[requests, search_requests]):
+    """Answers what is held, and opens what is sent from now on."""
+
+    replica: Replica
+    pins: Pins
+    streams: Streams
+
+    def open_stream(self, request: OpenStream) -> StreamOpened:
+        return self.streams.open(request)
+
+    def close_stream(self, request: CloseStream) -> str:
+        return self.streams.close_for(request.stream, request.proof)
+
+    def open_pin(self, request: OpenPin) -> PinOpened:
+        return self.pins.open(request, self.replica.now, self.replica.open_watcher())
+
+    def keep_pin(self, request: KeepPin) -> str:
+        self.pins.keep(request.pin)
+        return "kept"
+
+    def close_pin(self, request: ClosePin) -> str:
+        self.pins.close(request.pin)
+        return "the pin is closed"
+
+    def get_history(self, request: GetHistory) -> Columns:
+        pinned = self.pins.rows(request.pin) if request.pin else None
+        check_history(request)
+        return history(request, self.replica.now, self.replica.open_watcher(), pinned)
+
+    def get_samples(self, request: GetSamples) -> SampleRows:
+        source = self.pins.rows(request.pin) if request.pin else self.replica.open_watcher()
+        check_samples(request)
+        return samples(request, self.replica.now, source)
+
+    def find_moments(self, request: FindMoments) -> MomentsFound:
+        check_moments(request)
+        pinned = self._pinned(request.pins)
+        return find_moments(request, self.replica.now, self.replica.open_watcher(), pinned)
+
+    def measure_span(self, request: MeasureSpan) -> SpanMeasured:
+        check_span(request)
+        pinned = self._pinned(request.pins)
+        return measure_span(request, self.replica.now, self.replica.open_watcher(), pinned)
+
+    def _pinned(self, pins: Sequence[str]) -> list[PinnedRows]:
+        return [found for pin in pins if (found := self.pins.rows(pin)) is not None]

@@ -1,0 +1,138 @@
+"""Who is there and how the logger stands; starting and stopping it; its table and edits of it; its event log."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from silo.core.elements import Problem
+from silo.net.keys import may_use
+from silo.rpc.clocks import clock_s
+from silo.rpc.declaring import Done, Request, request_of
+from silo.rpc.published import EventKind, Summary
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.rpc.serving import Server, Turn
+from silo.rpc.versions import OLDEST, PROTOCOL
+from silo.settings.options import MAX_NAME, edit_problems, shorten
+from silo.state import requests
+from silo.state.edit_refusals import check_none, check_revision
+from silo.state.events import EventNotifier, plain
+from silo.state.replica import LoggerSnapshot, Replica
+from silo.state.requests import (
+    ApplyEdits,
+    EditsApplied,
+    Events,
+    GetSummary,
+    Hello,
+    HelloReply,
+    Marked,
+    StateRequests,
+    StatusReply,
+    SummaryReply,
+    Unsaved,
+)
+from silo.state.robot_program import RobotProgram
+from silo.version import VERSION
+
+MOST_EVENTS_AT_ONCE = 10_000
+MOST_MARK_LETTERS = 200
+WRITTEN_S = 0.5  # a disk that takes longer holds no client up
+
+IS_DERIVED = (
+    "is derived from others, and has no divider, buffer or action of its own; edit those, or give it another "
+    "expression (silo derive)"
+)
+
+
+@dataclass(frozen=True)
+class Outside:
+    """What stands here of those who look on, whom other features know."""
+
+    name_client: Callable[[str, str], None]  # the id of a client, and who it is
+    summary: Callable[[], Summary]
+    closed: Callable[[], str]  # why nobody from the network may change anything
+
+
+@dataclass(frozen=True)
+class StateServer(Server, does=[requests]):
+    """Answers how the logger stands, and has it started, stopped and edited."""
+
+    replica: Replica
+    events: EventNotifier
+    robot: RobotProgram
+    outside: Outside
+
+    def hello(self, request: Hello) -> HelloReply:
+        if request.id and may_use(request.id, request.proof):
+            self.outside.name_client(plain(request.id), plain(request.client))
+        # a client that gets this from the key `do` too may edit
+        status, closed = self.replica.status(), self.outside.closed()
+        return HelloReply(PROTOCOL, VERSION, self.replica.user, True, status, OLDEST, closed, clock_s())
+
+    def get_status(self) -> StatusReply:
+        return StatusReply(self.replica.status())
+
+    def get_summary(self, request: GetSummary) -> SummaryReply:
+        return SummaryReply(self.outside.summary())
+
+    def start(self, turn: Turn, unsaved: Unsaved) -> StatusReply:
+        return self._status_after(request_of(StateRequests._start, unsaved), turn)
+
+    def stop(self, turn: Turn) -> StatusReply:
+        return self._status_after(request_of(StateRequests._stop), turn)
+
+    def restart(self, turn: Turn, unsaved: Unsaved) -> StatusReply:
+        return self._status_after(request_of(StateRequests._restart, unsaved), turn)
+
+    def _status_after(self, request: Request[StatusReply], turn: Turn) -> StatusReply:
+        reply = self.robot.ask(request, turn)
+        return StatusReply(self.replica.status(), reply.text if isinstance(reply, Done) else "")
+
+    def table(self) -> bytes:
+        return self.replica.now.table_reply
+
+    def apply_edits(self, turn: Turn, request: ApplyEdits) -> EditsApplied:
+        self.robot.must_live()
+        self.robot.must_stop()
+        return apply_edits(self.robot, turn, request, self.replica.now)
+
+    def get_events(self, since: int, limit: int) -> Events:
+        if not 0 <= limit <= MOST_EVENTS_AT_ONCE:
+            text = f"the limit of events must be 0 to {MOST_EVENTS_AT_ONCE}, got {limit}"
+            raise RequestRefusedError(RefusedWhy.INVALID, text)
+        return Events(*self.events.log.since(since, limit))
+
+    def add_mark(self, turn: Turn, text: str, tick: int, at_ns: int) -> Marked:
+        events, replica = self.events, self.replica
+        words = plain(text, MOST_MARK_LETTERS).strip()
+        status = replica.status()
+        problem, meant = "", tick if tick >= 0 else None
+        if not words:
+            problem = "a mark needs some words"
+        elif not -1 <= tick < max(status.ticks, 0):
+            there = f"0 to {status.ticks - 1}" if status.ticks else "none yet"
+            problem = f"there is no tick {tick} (ticks: {there})"
+        elif at_ns and (meant := replica.tick_at(at_ns)) < 0:
+            problem = "no tick of that time is held any more"
+        if problem:
+            raise RequestRefusedError(RefusedWhy.INVALID, f"{problem}; nothing was marked")
+        mark = events.publish(EventKind.MARKER, words, by=turn.by, tick=meant)
+        events.log.wait_written(mark.number, WRITTEN_S)  # what was answered outlives a kill of this process
+        return Marked(mark)
+
+
+def apply_edits(robot: RobotProgram, turn: Turn, request: ApplyEdits, now: LoggerSnapshot) -> EditsApplied:
+    """Have edits of the table that is there now done, once they are checked. Raises what refuses them."""
+    check_edits(request, now)
+    if not request.edits and request.extras is None:
+        return EditsApplied(robot.replica.now.table.revision, 0)
+    return robot.reply(request, turn)
+
+
+def check_edits(request: ApplyEdits, now: LoggerSnapshot) -> None:
+    """Raise why edits of the present table can't be applied; what can be told here never reaches the robot process."""
+    check_revision(request, now.table.revision)
+    derived = next(
+        (edit.name for edit in request.edits if edit.name not in now.places and now.element(edit.name)), None
+    )
+    if derived is not None:
+        check_none([Problem(shorten(derived, MAX_NAME), "name", IS_DERIVED)])
+    check_none(edit_problems(request.edits, now.places))
