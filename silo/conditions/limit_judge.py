@@ -17,7 +17,7 @@ from silo.conditions.rows import JudgedRows
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import SignalLimits
 from silo.errors import ElementError
-from silo.expressions.binding import OFF, BoundExpression, BoundSignal, ScalarPlace, meaning
+from silo.expressions.binding import OFF, BoundExpression, BoundSignal, ScalarPlace, means_else
 from silo.expressions.evaluation import Evaluator, EvaluatorMemory, SourceRows
 from silo.judging.definitions import bind_limits, scalar_names
 from silo.judging.limits import EntryState, Level, Limit, LimitRule, Violation
@@ -162,20 +162,17 @@ class LimitJudge:
         self._limited = {}
         for options in limits:
             known = before.get(options.name)
-            same = known is not None and known.options == options and not (anew and self._differs(known))
-            self._limited[options.name] = known if known is not None and same else self._begun(options, problems)
+            if known is None or known.options != options or (anew and self._means_else(known)):
+                known = self._begun(options, problems)
+            self._limited[options.name] = known
         by_ring: dict[int, list[_Limited]] = {}
         for one in self._limited.values():
             if one.evaluator is None and not one.why:
                 by_ring.setdefault(one.expressions[0].columns[0].source, []).append(one)
         self._together = {ring: _Together(limited) for ring, limited in by_ring.items()}
 
-    def _differs(self, known: _Limited) -> bool:
-        try:
-            now = bind_limits(known.options, self._rows.catalogue)[1]
-        except ElementError:
-            return True
-        return [meaning(bound) for bound in now] != [meaning(bound) for bound in known.expressions]
+    def _means_else(self, known: _Limited) -> bool:
+        return means_else(known.expressions, lambda: bind_limits(known.options, self._rows.catalogue)[1])
 
     def _begun(self, options: SignalLimits, problems: list[str]) -> _Limited:
         catalogue = self._rows.catalogue

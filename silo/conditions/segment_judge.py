@@ -16,7 +16,7 @@ from silo.conditions.standing import CapturedSpan, LimitStatus, TriggerStatus, T
 from silo.conditions.state_file import JudgeState, KeptCapture, KeptTrigger, Untold
 from silo.core.elements import Conditions, ElementInfo, TriggerOptions
 from silo.errors import ElementError
-from silo.expressions.binding import BoundExpression, meaning
+from silo.expressions.binding import BoundExpression, means_else
 from silo.expressions.evaluation import Evaluator
 from silo.judging.definitions import trigger_rule
 from silo.judging.switched_off import trigger_conditions
@@ -113,7 +113,14 @@ class SegmentJudge:
 
     def _taken(self, options: TriggerOptions, before: _Watched | None, *, anew: bool) -> _Watched:
         """A trigger with these options: the same one, the same with other words about it, or one that begins now."""
-        if before is not None and before.options == options and not (anew and self._differs(before)):
+        if (
+            before is not None
+            and before.options == options
+            and not (
+                anew
+                and means_else(before.expressions, lambda: trigger_conditions(options, self._rows.catalogue).bounds)
+            )
+        ):
             return before
         rule = trigger_rule(options, self.reader.schema.frequency_hz)
         if options.save:
@@ -145,15 +152,6 @@ class SegmentJudge:
         made.note = found.problem.removeprefix("is ")
         made.expressions, made.evaluator = found.bounds, Evaluator(*found.bounds)
         return made
-
-    def _differs(self, watched: _Watched) -> bool:
-        """Whether the words of a trigger mean something else than when it was taken."""
-        options = watched.options
-        try:
-            now = trigger_conditions(options, self._rows.catalogue).bounds
-        except ElementError:
-            return True
-        return [meaning(bound) for bound in now] != [meaning(bound) for bound in watched.expressions]
 
     @property
     def wait_s(self) -> float:

@@ -6,7 +6,7 @@ what `silo.expressions.evaluation` computes.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from silo.core import units
 from silo.core.names import is_glob
+from silo.errors import ElementError
 from silo.expressions.catalogue import OFF, Catalogue, Known
 from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
 from silo.expressions.tokens import ExpressionError
@@ -31,7 +32,7 @@ __all__ = [
     "ScalarPlace",
     "bind",
     "columns_of",
-    "meaning",
+    "means_else",
 ]
 
 MOST_WIDTH = 1000  # scalars in a vector
@@ -152,12 +153,17 @@ def columns_of(part: Part) -> list[ScalarPlace]:
     return columns_of(part.part) if isinstance(part, Remembered) else []
 
 
-def meaning(bound: BoundExpression) -> object:
-    """Return what two expressions have in common that compute the same, whatever words they are written in."""
-    return _meaning(bound.root)
+def means_else(before: Sequence[BoundExpression], again: Callable[[], Sequence[BoundExpression]]) -> bool:
+    """Whether words that are bound `again` compute something else than before, or can't be bound any more."""
+    try:
+        now = again()
+    except ElementError:
+        return True
+    return [_meaning(bound.root) for bound in now] != [_meaning(bound.root) for bound in before]
 
 
 def _meaning(part: Part) -> object:
+    """Return what parts have in common that compute the same, whatever words they are written in."""
     if isinstance(part, Computed):
         return part.operator, tuple(_meaning(one) for one in part.parts)
     if isinstance(part, Remembered):

@@ -319,23 +319,28 @@ def happened(folder: Path) -> list[str]:
     return [event.kind for path in sorted(folder.glob("*.mcap")) for event in read_bag(path).events]
 
 
+@pytest.mark.parametrize("frozen", [False, True])
 def test_what_is_recorded_of_a_program_that_died_after_helper_and_recorder_is_completed_by_recover(
-    robots, tmp_path, monkeypatch, capsys
+    robots, tmp_path, monkeypatch, capsys, frozen
 ) -> None:
     robot, folder = began(robots)
+    with Client.connect("bot") as client:
+        recording = client.recorders()[0].pid
     program, helper, *recorders = all_of(robot)
     for pid in [*recorders, helper]:
         freeze(pid)
     ticks_s = time.monotonic()
     wait_until(lambda: time.monotonic() > ticks_s + 0.3)  # the program goes on by itself
     for pid in [*recorders, program, helper]:
-        os.kill(pid, signal.SIGKILL)
+        if not frozen or pid != recording:  # it stays as it is, and nobody is left who would have it go on
+            os.kill(pid, signal.SIGKILL)
     robot.process.wait()
     monkeypatch.chdir(tmp_path)
     assert run(["recover", "--list"]) == 0
     assert f"recording 'bot' in {folder} is not complete" in capsys.readouterr().out
     assert run(["recover"]) == 0
     assert "completed" in capsys.readouterr().out
+    assert not process_start(recording)
     check_whole(folder, tmp_path)
     assert happened(folder).count("crashed") == 1
     assert list_held() == list_segments() == []
