@@ -20,58 +20,54 @@ class LazyCommand(NamedTuple):
     summary: str
 
 
-COMMANDS = {
-    "ls": LazyCommand("Loggers", "silo.cli.loggers.ls", "ls", "List the loggers that run."),
-    "info": LazyCommand("Loggers", "silo.cli.loggers.info", "info", "Show a logger, its elements, or a saved file."),
-    "watch": LazyCommand("Loggers", "silo.cli.loggers.watch", "watch", "Print live values."),
-    "address": LazyCommand("Loggers", "silo.cli.loggers.address", "address", "Print how any language reaches a topic."),
-    "set": LazyCommand("Loggers", "silo.cli.edits", "set_command", "Change how elements are logged."),
-    "start": LazyCommand("Loggers", "silo.cli.loggers.life_cycle", "start", "Start logging."),
-    "stop": LazyCommand("Loggers", "silo.cli.loggers.life_cycle", "stop", "Stop logging; the data stays."),
-    "restart": LazyCommand("Loggers", "silo.cli.loggers.life_cycle", "restart", "Stop, and start with empty buffers."),
-    "save": LazyCommand("Loggers", "silo.cli.loggers.life_cycle", "save", "Save what the buffers hold to files."),
-    "files": LazyCommand("Loggers", "silo.cli.logs.recordings", "files", "List, fetch, delete recordings of a robot."),
-    "record": LazyCommand("Loggers", "silo.cli.logs.record", "record", "Record to MCAP files, for days."),
-    "mark": LazyCommand("Loggers", "silo.cli.loggers.events", "mark", "Mark the newest tick with some words."),
-    "events": LazyCommand("Loggers", "silo.cli.loggers.events", "events", "Print what happened, and who did it."),
-    "derive": LazyCommand("Loggers", "silo.cli.conditions.derive", "derive", "Compute signals from others."),
-    "script": LazyCommand("Loggers", "silo.cli.loggers.scripts", "script", "Show, check, load, save, compare scripts."),
-    "trigger": LazyCommand(
-        "Loggers", "silo.cli.conditions.triggers", "trigger", "Save what was logged around a condition."
-    ),
-    "alarms": LazyCommand(
-        "Loggers", "silo.cli.conditions.alarms", "alarms", "Show what is, or was, beyond its limits."
-    ),
-    "control": LazyCommand(
-        "Loggers", "silo.cli.loggers.control", "control", "One operator at a time: take, give, release."
-    ),
-    "recover": LazyCommand("Loggers", "silo.cli.logs.recover", "recover", "Save what programs that died left behind."),
-    "convert": LazyCommand("Saved files", "silo.cli.logs.files", "convert_command", "Convert a log to another format."),
-    "plot": LazyCommand("Saved files", "silo.cli.logs.files", "plot_command", "Draw signals of a log."),
-    "stats": LazyCommand(
-        "Saved files", "silo.cli.logs.files", "stats_command", "Minimum, maximum, mean ... of signals."
-    ),
-    "check": LazyCommand(
-        "Saved files", "silo.cli.logs.check", "check_command", "Judge limits and conditions on a log."
-    ),
-    "verify": LazyCommand(
-        "Saved files", "silo.cli.logs.verify", "verify", "Find what is missing or twice in a log folder."
-    ),
-    "diff": LazyCommand("Saved files", "silo.cli.logs.files", "diff_command", "Show how two logs differ."),
-    "compare": LazyCommand("Saved files", "silo.cli.logs.files", "compare_command", "Compare the signals of two runs."),
-    "foxglove": LazyCommand(
-        "Other viewers", "silo.cli.programs.foxglove", "foxglove", "Show a logger in Foxglove, PlotJuggler."
-    ),
-    "ros2": LazyCommand("Other viewers", "silo.cli.programs.ros2", "ros2", "Show a logger to ROS 2, by rmw_zenoh."),
-    "demo": LazyCommand(
-        "Programs", "silo.cli.programs.demo_and_host", "demo", "Run a simulated legged robot that logs."
-    ),
-    "host": LazyCommand("Programs", "silo.cli.programs.demo_and_host", "host", "Log this computer."),
-    "remote": LazyCommand("Programs", "silo.cli.network.remote", "remote", "Reach loggers of other computers."),
-    "router": LazyCommand("Programs", "silo.cli.network.router", "router", "Let robots and desks meet over one link."),
-    "config": LazyCommand("Programs", "silo.cli.programs.config", "config", "List and copy examples of configuration."),
-    "completion": LazyCommand("Programs", "silo.cli.completion", "completion", "Completion for your shell."),
-}
+# section, command, module:function (of the command's name, if none is said), line of the help
+_ROWS = (
+    ("Loggers", "ls", "loggers.ls", "List the loggers that run."),
+    ("Loggers", "info", "loggers.info", "Show a logger, its elements, or a saved file."),
+    ("Loggers", "watch", "loggers.watch", "Print live values."),
+    ("Loggers", "address", "loggers.address", "Print how any language reaches a topic."),
+    ("Loggers", "set", "edits:set_command", "Change how elements are logged."),
+    ("Loggers", "start", "loggers.life_cycle", "Start logging."),
+    ("Loggers", "stop", "loggers.life_cycle", "Stop logging; the data stays."),
+    ("Loggers", "restart", "loggers.life_cycle", "Stop, and start with empty buffers."),
+    ("Loggers", "save", "loggers.life_cycle", "Save what the buffers hold to files."),
+    ("Loggers", "files", "logs.recordings", "List, fetch, delete recordings of a robot."),
+    ("Loggers", "record", "logs.record", "Record to MCAP files, for days."),
+    ("Loggers", "mark", "loggers.events", "Mark the newest tick with some words."),
+    ("Loggers", "events", "loggers.events", "Print what happened, and who did it."),
+    ("Loggers", "derive", "conditions.derive", "Compute signals from others."),
+    ("Loggers", "script", "loggers.scripts", "Show, check, load, save, compare scripts."),
+    ("Loggers", "trigger", "conditions.triggers", "Save what was logged around a condition."),
+    ("Loggers", "alarms", "conditions.alarms", "Show what is, or was, beyond its limits."),
+    ("Loggers", "control", "loggers.control", "One operator at a time: take, give, release."),
+    ("Loggers", "recover", "logs.recover", "Save what programs that died left behind."),
+    ("Saved files", "convert", "logs.files:convert_command", "Convert a log to another format."),
+    ("Saved files", "plot", "logs.files:plot_command", "Draw signals of a log."),
+    ("Saved files", "stats", "logs.files:stats_command", "Minimum, maximum, mean ... of signals."),
+    ("Saved files", "check", "logs.check:check_command", "Judge limits and conditions on a log."),
+    ("Saved files", "verify", "logs.verify", "Find what is missing or twice in a log folder."),
+    ("Saved files", "diff", "logs.files:diff_command", "Show how two logs differ."),
+    ("Saved files", "compare", "logs.files:compare_command", "Compare the signals of two runs."),
+    ("Other viewers", "foxglove", "programs.foxglove", "Show a logger in Foxglove, PlotJuggler."),
+    ("Other viewers", "ros2", "programs.ros2", "Show a logger to ROS 2, by rmw_zenoh."),
+    ("Programs", "demo", "programs.demo_and_host", "Run a simulated legged robot that logs."),
+    ("Programs", "host", "programs.demo_and_host", "Log this computer."),
+    ("Programs", "remote", "network.remote", "Reach loggers of other computers."),
+    ("Programs", "router", "network.router", "Let robots and desks meet over one link."),
+    ("Programs", "config", "programs.config", "List and copy examples of configuration."),
+    ("Programs", "completion", "completion", "Completion for your shell."),
+)
+
+
+def _commands() -> dict[str, LazyCommand]:
+    found = {}
+    for section, name, place, summary in _ROWS:
+        module, _, attribute = place.partition(":")
+        found[name] = LazyCommand(section, f"silo.cli.{module}", attribute or name, summary)
+    return found
+
+
+COMMANDS = _commands()
 
 
 class FailedError(click.ClickException):

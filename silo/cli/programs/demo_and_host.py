@@ -19,13 +19,17 @@ def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
         click.option("--name", default=name, show_default=True, help="Name of the logger."),
         click.option(
             "--frequency",
+            "frequency_hz",
             type=click.FloatRange(0, 10_000, min_open=True),
             default=frequency,
             show_default=True,
             help="Ticks per second.",
         ),
         click.option(
-            "--time-limit", type=click.FloatRange(min=0, min_open=True), help="End by itself after so long, s."
+            "--time-limit",
+            "time_limit_s",
+            type=click.FloatRange(min=0, min_open=True),
+            help="End by itself after so long, s.",
         ),
         click.option(
             "--folder", type=TypedPath(path_type=Path, file_okay=False), default=Path(), help="Where saved files go."
@@ -63,25 +67,19 @@ def before() -> Path | None:
     return Path(configuration()) if typed and configuration() else None
 
 
+def _read(given: dict[str, Any]) -> dict[str, Any]:
+    """Return what was typed, as the options of the programs have it."""
+    return {**given, "save": file_types(given["save"]), "config": given["config"] or before()}
+
+
 @click.command()
 @_common("demo", 400.0)
 @click.option("--elements", type=click.IntRange(5, 200_000), help="So many elements; 500 if not given.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Another seed, other noise and faults.")
-@click.option("--with-parent", type=int, hidden=True, help="End when the parent process, of this pid, is gone.")
-def demo(
-    name: str,
-    frequency: float,
-    time_limit: float | None,
-    folder: Path,
-    script: Path | None,
-    group: str | None,
-    config: Path | None,
-    stopped: bool,
-    save: tuple[str, ...],
-    elements: int | None,
-    seed: int,
-    with_parent: int | None,
-) -> None:
+@click.option(
+    "--with-parent", "parent_pid", type=int, hidden=True, help="End when the parent process, of this pid, is gone."
+)
+def demo(**given: Any) -> None:
     """Run a simulated legged robot that logs 500 elements at 400 Hz, until Ctrl-C.
 
     It walks and trots through a mission of half a minute, and slips at random: base/tilt is derived and has limits, the
@@ -95,26 +93,12 @@ def demo(
     """
     from silo.programs.demo.program import DemoOptions, run_demo
 
-    options = DemoOptions(
-        name, frequency, elements, time_limit, folder, script, stopped, seed, file_types(save), with_parent,
-        group, config or before(),
-    )  # fmt: skip
-    run_demo(options, click.echo)
+    run_demo(DemoOptions(**_read(given)), click.echo)
 
 
 @click.command()
 @_common("host", 20.0)
-def host(
-    name: str,
-    frequency: float,
-    time_limit: float | None,
-    folder: Path,
-    script: Path | None,
-    group: str | None,
-    config: Path | None,
-    stopped: bool,
-    save: tuple[str, ...],
-) -> None:
+def host(**given: Any) -> None:
     """Log this computer until Ctrl-C: processor, memory, disks, networks, temperatures; ten minutes are kept.
 
     What the computer lacks is left out. Useful beside any robot program.
@@ -126,6 +110,4 @@ def host(
     """
     from silo.programs.host.program import HostOptions, run_host
 
-    saved = file_types(save)
-    options = HostOptions(name, frequency, time_limit, folder, script, stopped, saved, group, config or before())
-    run_host(options, click.echo)
+    run_host(HostOptions(**_read(given)), click.echo)

@@ -22,22 +22,30 @@ PARENT_LOOK_S = 1.0
 LOOP_ELEMENTS = 4
 
 
-@dataclass(frozen=True)
-class DemoOptions:
-    """What `silo demo` can be told; see its help. `elements` None is the robot as it is, about 500."""
+@dataclass(frozen=True, kw_only=True)
+class ProgramOptions:
+    """What `silo demo` and `silo host` can be told; see their help."""
 
-    name: str = "demo"
-    frequency_hz: float = FREQUENCY_HZ
-    elements: int | None = None
+    name: str
+    frequency_hz: float
     time_limit_s: float | None = None
     folder: Path = Path()
     script: Path | None = None
     stopped: bool = False
-    seed: int = 0
     save: tuple[FileType, ...] = ()
-    parent_pid: int | None = None  # end when this process, which started us, is gone
     group: str | None = None  # for `Logger.serve`
     config: Path | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemoOptions(ProgramOptions):
+    """What `silo demo` can be told besides. `elements` None is the robot as it is, about 500."""
+
+    name: str = "demo"
+    frequency_hz: float = FREQUENCY_HZ
+    elements: int | None = None
+    seed: int = 0
+    parent_pid: int | None = None  # end when this process, which started us, is gone
 
 
 def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:

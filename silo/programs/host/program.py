@@ -3,11 +3,10 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
-from silo.core.elements import Action, FileType
+from silo.core.elements import Action
 from silo.logger.logger import Logger
-from silo.programs.demo.program import farewell, welcome
+from silo.programs.demo.program import ProgramOptions, farewell, welcome
 from silo.programs.host.probes import PROBES
 from silo.programs.host.reading import Reader, reader
 from silo.programs.rate import EndSignals, Rate
@@ -15,19 +14,12 @@ from silo.programs.rate import EndSignals, Rate
 FREQUENCY_HZ = 20.0
 
 
-@dataclass(frozen=True)
-class HostOptions:
+@dataclass(frozen=True, kw_only=True)
+class HostOptions(ProgramOptions):
     """What `silo host` can be told; see its help."""
 
     name: str = "host"
     frequency_hz: float = FREQUENCY_HZ
-    time_limit_s: float | None = None
-    folder: Path = Path()
-    script: Path | None = None
-    stopped: bool = False
-    save: tuple[FileType, ...] = ()
-    group: str | None = None  # for `Logger.serve`
-    config: Path | None = None
 
 
 class Monitor:
