@@ -12,6 +12,7 @@ import numpy as np
 
 from silo.analysis.plots.curves import CurveSource, text_of
 from silo.analysis.plots.events import LogEvent, event_lines, events_of
+from silo.core.quantities.writing import size_text
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, stamps_of
 
 
@@ -213,13 +214,3 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], width: int, align:
             cells.append(text.rjust(sizes[k]) if align[k] == "r" else text.ljust(sizes[k]))
         lines.append("  ".join(cells).rstrip())
     return lines
-
-
-def size_text(size_bytes: int) -> str:
-    """Return a size as people read it: `12.3 MB`."""
-    size = float(size_bytes)
-    for unit in ("bytes", "kB", "MB"):
-        if size < 1000:
-            return f"{size:.0f} {unit}" if unit == "bytes" else f"{size:.1f} {unit}"
-        size /= 1000
-    return f"{size:.1f} GB"

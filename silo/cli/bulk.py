@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import discovered, many, read_only, show_json, tell_unreachable
+from silo.cli.common import discovered, read_only, show_json, tell_unreachable
+from silo.core.quantities.writing import many
 from silo.errors import ConnectionLostError, SiloError
 
 if TYPE_CHECKING:

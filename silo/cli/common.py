@@ -11,6 +11,7 @@ import click
 from click.types import StringParamType
 
 from silo.core.printing import printable
+from silo.core.quantities.writing import clock_text
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 
 if TYPE_CHECKING:
@@ -425,20 +426,6 @@ def show_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> None:
         click.echo("  ".join(cells).rstrip())
 
 
-def show_duration(seconds: float) -> str:
-    """Return `00:12`, `1:02:03`, `3d 04:05:06`."""
-    whole = max(0, int(seconds))
-    days, hours, minutes, rest = whole // 86400, whole // 3600 % 24, whole // 60 % 60, whole % 60
-    if days:
-        return f"{days}d {hours:02}:{minutes:02}:{rest:02}"
-    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes:02}:{rest:02}"
-
-
-def many(count: int, noun: str) -> str:
-    """Return `1 element`, `3 elements`."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
 def type_of(info: "ElementInfo") -> str:
     """Return the type of an element in a word: `f8`, `f8[3]`, `enum`, `text`, `12 values`."""
     if any(entry.labels for entry in info.entries):
@@ -454,4 +441,4 @@ def type_of(info: "ElementInfo") -> str:
 
 def logged_for(status: "Status") -> str:
     """How long a logger has been logging, fit to show; `-` before its first start."""
-    return show_duration((time.time_ns() - status.started_ns) / 1e9) if status.state.value == "running" else "-"
+    return clock_text((time.time_ns() - status.started_ns) / 1e9) if status.state.value == "running" else "-"

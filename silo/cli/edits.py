@@ -10,7 +10,6 @@ from click.shell_completion import CompletionItem
 from silo.cli.common import (
     complete_words,
     connect,
-    many,
     say_saved,
     show_rows,
     split_logger,
@@ -20,7 +19,7 @@ from silo.cli.common import (
     unsaved_options,
 )
 from silo.core.names import Names, matching
-from silo.core.quantities import duration
+from silo.core.quantities.writing import duration, many
 from silo.errors import ElementError, RefusedError
 from silo.settings.typed import (
     ElementSettings,

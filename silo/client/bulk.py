@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from silo.client.client import LONGEST_S, Client
 from silo.core.elements import FileType, SavedFile, Status
+from silo.core.quantities.writing import size_text
 from silo.errors import SiloError
 from silo.net.found import LoggerAddress
 from silo.state.requests import Unsaved
@@ -119,7 +120,7 @@ def saving(types: Sequence[FileType], name: str = "", timeout_s: float = LONGEST
 
     def job(client: Client) -> tuple[str, tuple[SavedFile, ...]]:
         files = client.wait_saved(client.save(types, name), timeout_s)
-        told = ", ".join(f"{file.path} {file.size_bytes / 1e6:.1f} MB" for file in files)
+        told = ", ".join(f"{file.path} {size_text(file.size_bytes)}" for file in files)
         return f"saved {told}", tuple(files)
 
     return job

@@ -11,6 +11,7 @@ from silo.conditions.monitor import Judge
 from silo.conditions.requests import Alarms, ConditionRequests, Triggers, TriggerTried
 from silo.conditions.standing import worst_first
 from silo.core.elements import SignalLimits, TriggerOptions
+from silo.core.quantities.writing import many
 from silo.rpc.declaring import Request, request_of
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
@@ -92,7 +93,7 @@ class ConditionServer(Server, does=[requests]):
     def acknowledge(self, turn: Turn, names: list[str], who: str) -> str:
         who = plain(who or turn.by)
         count = self.judge.acknowledge(names, who, time.time_ns())
-        text = f"{count} alarm{'s' if count != 1 else ''} seen by {who}"
+        text = f"{many(count, 'alarm')} seen by {who}"
         if count:
             self.events.publish(EventKind.CONDITIONS, text, by=turn.by)
         return text

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from silo.core.quantities import duration
+from silo.core.quantities.writing import duration
 
 FIRST_S, LONGEST_S = 60.0, 3600.0  # between two lines of one kind, twice as long each time that it went on
 MOST_KINDS = 32  # of which each has lines of its own

@@ -10,7 +10,7 @@ from typing import Any
 
 from silo.control.requests import GiveControl, TakeControl
 from silo.core.elements import Control
-from silo.core.quantities import duration
+from silo.core.quantities.writing import duration
 from silo.net.access.senders import name_of
 from silo.rpc.declaring import Do, Request
 from silo.rpc.leases import Lease, Leases

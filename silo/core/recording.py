@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from silo.core.calls import no_attribute
 from silo.core.elements import NO_EXTRAS, BufferType, Conditions, Entry, LoggedEvent
 from silo.core.printing import html_table
+from silo.core.quantities.writing import many
 from silo.errors import ArgumentError
 
 Made = TypeVar("Made")
@@ -106,7 +107,7 @@ def failures_text(failures: Failures) -> str:
     """What failed, fit to show: `could not be read at 3 ticks (12, 20-21): ...`."""
     shown = ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in failures.spans[:5])
     shown += ", ..." if len(failures.spans) > 5 else ""
-    ticks = f"{failures.count} tick{'s' if failures.count != 1 else ''} ({shown})"
+    ticks = f"{many(failures.count, 'tick')} ({shown})"
     return f"could not be read at {ticks}: NaN, or its last value, stands there instead"
 
 

@@ -1,6 +1,6 @@
 """Whether a logger that runs ticks at all: a frozen program looks like one that logs, but for its ticks."""
 
-from silo.core.quantities import duration
+from silo.core.quantities.writing import duration
 
 STALLED_S = 3.0  # on two busy processors a loop of 400 Hz stood still for up to 0.4 s
 STALLED_PERIODS = 5

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from silo.core.child import end_abandoned_holder
+from silo.core.quantities.writing import size_text
 from silo.core.runtime import disk_room
 from silo.errors import SaveError
 
@@ -343,7 +344,7 @@ def _refused(final: Path, error: OSError, left: str = "nothing was left under th
 
 def _free(folder: Path) -> str:
     with suppress(OSError):
-        return f"{disk_room(folder)[0] / 1e6:.1f} MB are free in '{folder}': "
+        return f"{size_text(disk_room(folder)[0])} are free in '{folder}': "
     return ""
 
 

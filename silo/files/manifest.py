@@ -24,6 +24,7 @@ import msgspec
 
 from silo.core.child import end_abandoned_holder, note_holder
 from silo.core.elements import Conditions
+from silo.core.quantities.writing import size_text
 from silo.core.runtime import open_own, read_own
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, reason
@@ -356,9 +357,7 @@ class ClosedPart:
         """What was done, fit to show."""
         if not self.size_bytes:
             return f"{self.path.name}: its recorder was killed before its first sample; removed"
-        return (
-            f"{self.path}: closed, as its recorder was killed: {self.samples} samples, {self.size_bytes / 1e6:.1f} MB"
-        )
+        return f"{self.path}: closed, as its recorder was killed: {self.samples} samples, {size_text(self.size_bytes)}"
 
 
 LookAtPart = Callable[[Path], ClosedPart | None]  # what a finished part holds, None where it can't be told

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
+from silo.core.quantities.writing import size_text
 from silo.core.recording import Progress, Recording, with_events
 from silo.errors import SaveError
 from silo.files.atomic import reason
@@ -147,13 +148,3 @@ def _part_of(progress: Progress, index: int, count: int) -> Progress:
 def describe(files: list[SavedFile]) -> str:
     """Return paths with sizes, fit to show."""
     return ", ".join(f"{file.path} ({size_text(file.size_bytes)})" for file in files) or "nothing"
-
-
-def size_text(size_bytes: int) -> str:
-    """Return a size as people read it: `3.2 MB`."""
-    size = float(size_bytes)
-    for unit in ("bytes", "kB", "MB"):
-        if size < 1000:
-            return f"{size:.0f} {unit}" if unit == "bytes" else f"{size:.1f} {unit}"
-        size /= 1000
-    return f"{size:.2f} GB"

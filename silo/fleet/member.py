@@ -222,12 +222,3 @@ def lost_lines(members: Iterable[Member], now_s: float, now_ns: int) -> list[str
         if one.found.host not in hosts
     ]
     return [*(one.words(now_s, now_ns) for one in down), *single]
-
-
-def size(size_bytes: float) -> str:
-    """Return `812 MB`, `40 GB`: room on a disk."""
-    for unit in ("B", "kB", "MB", "GB"):
-        if size_bytes < 999.5:
-            return f"{size_bytes:.3g} {unit}"
-        size_bytes /= 1000
-    return f"{size_bytes:.3g} TB"

@@ -25,6 +25,7 @@ from silo.control.authentication import Authentication
 from silo.control.denials import Denials
 from silo.control.lock import ControlLock
 from silo.core.elements import Conditions, Derived, FileType, State
+from silo.core.quantities.writing import many
 from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError
 from silo.helper.control_threads import RequestThreads
@@ -381,7 +382,7 @@ def _tell_changes(events: EventNotifier, before: LoggerSnapshot, now: LoggerSnap
             events.publish(EventKind.STARTED, "started", by=by, tick=0)
     if now.table.revision != before.table.revision:
         count, derived = _changed(before, now), derived_text(before.robot.extras.derived, now.robot.extras.derived)
-        told = [f"{count} element{'s' if count != 1 else ''} changed"] if count or not derived else []
+        told = [f"{many(count, 'element')} changed"] if count or not derived else []
         events.publish(EventKind.EDITED, "; ".join([*told, *filter(None, [derived])]), by=by)
     if not by and (text := conditions_text(before.robot.extras, now.robot.extras)):
         events.publish(EventKind.CONDITIONS, text)  # by the program: what clients change is told with their request

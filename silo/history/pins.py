@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silo.core.quantities import duration
+from silo.core.quantities.writing import duration
 from silo.history.picking import RingGroup, RowSelection, bounds, pick, unknown_name
 from silo.history.pinned_rows import PinnedRows
 from silo.history.requests import By, OpenPin, PinOpened

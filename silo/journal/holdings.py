@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from silo.core.elements import BufferType
-from silo.core.quantities import duration
+from silo.core.quantities.writing import duration, many
 from silo.core.recording import Recording
 from silo.journal.reader import JournalReader
 from silo.segment.layout import TIME_RING, SegmentSchema
@@ -31,15 +31,11 @@ class Holdings:
     @property
     def text(self) -> str:
         """Fit to show: `1000 samples of 1 element over 9.99 s, of 12840 ticks since start`."""
-        ticks = _many(self.ticks, "tick")
+        ticks = many(self.ticks, "tick")
         if not self.samples:
             return f"no sample, of {ticks} since start"
-        held = f"{_many(self.samples, 'sample')} of {_many(self.elements, 'element')}"
+        held = f"{many(self.samples, 'sample')} of {many(self.elements, 'element')}"
         return f"{held} over {duration(self.seconds)}, of {ticks} since start"
-
-
-def _many(count: int, what: str) -> str:
-    return f"{count} {what}{'s' if count != 1 else ''}"
 
 
 @dataclass(frozen=True)

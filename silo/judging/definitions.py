@@ -7,7 +7,7 @@ import numpy as np
 
 from silo.core.arguments import real, shown, whole
 from silo.core.elements import BufferType, Conditions, Derived, ElementInfo, SignalLimits, TriggerOptions
-from silo.core.quantities import both_meanings, seconds_of
+from silo.core.quantities.reading import both_meanings, seconds_of
 from silo.errors import ElementError
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.derived_signals import binds, placed

@@ -281,7 +281,7 @@ class Logged(LoggerConditions):
             SaveError: no element matches a pattern, the name is taken, the system refuses, or the helper process is
                 just being started anew.
         """
-        from silo.core.quantities import read_keep, read_split
+        from silo.core.quantities.reading import read_keep, read_split
         from silo.recorder.requests import StartRecorder
 
         split_bytes, split_s = read_split(split)

@@ -18,6 +18,7 @@ import msgspec
 import numpy as np
 
 from silo.core.elements import Conditions, RecorderState
+from silo.core.quantities.writing import many
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
 from silo.files.event_log import newest_number
@@ -137,7 +138,7 @@ class Recorder:
             if self._drain is not None:
                 self._writing.end_news = News(Report, told_run=self._drain.reader.schema.run)
         if gone := ledger.sums().gone:
-            totals.text += f"; the end of {gone} run{'s' if gone > 1 else ''} is in no file"
+            totals.text += f"; the end of {many(gone, 'run')} is in no file"
         while self._writing.news:
             self._send(self._report())
         self._send(self._report())

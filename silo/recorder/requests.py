@@ -107,7 +107,7 @@ class RecorderRequests(Caller):
                 taken, 8 recordings are under way, or the system or a robot program that has ended prevents it; nothing
                 is recorded.
         """
-        from silo.core.quantities import read_keep, read_split
+        from silo.core.quantities.reading import read_keep, read_split
 
         split_bytes, split_s = read_split(split)
         return self._call(

@@ -446,7 +446,7 @@ def _info(recorder: RecorderProcess) -> RecorderInfo:
 
 
 def _wrong_numbers(request: StartRecorder) -> str:
-    from silo.core.quantities import LEAST_SPLIT_BYTES, LEAST_SPLIT_S, MOST_BYTES, MOST_SPLIT_S
+    from silo.core.quantities.reading import LEAST_SPLIT_BYTES, LEAST_SPLIT_S, MOST_BYTES, MOST_SPLIT_S
     from silo.errors import SaveError
 
     if request.name:

@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
+from silo.core.quantities.writing import size_text
 from silo.core.runtime import disk_room
 from silo.errors import ConnectionLostError, SaveError
 from silo.recordings.requests import PartOfRecording, Piece, RecordingParts
@@ -149,15 +150,17 @@ class Fetch:
 
     def _kept(self, name: str, folder: Path) -> str:
         kept = folder / f"{name}{ENDING}"
-        return f"{_mb(self._here)} of {_mb(self._total)} are kept in '{kept}': fetch again to go on from there"
+        here = f"{size_text(self._here)} of {size_text(self._total)}"
+        return f"{here} are kept in '{kept}': fetch again to go on from there"
 
     def _refused(self, error: OSError, name: str, folder: Path) -> SaveError:
         why = error.strerror or str(error)
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             free, _ = disk_room(folder)
             return SaveError(
-                f"can't fetch '{name}': {why}: {_mb(self._total - self._here)} more are needed, {_mb(free)} are free "
-                f"in '{folder}'; make room or choose another folder; {self._kept(name, folder)}"
+                f"can't fetch '{name}': {why}: {size_text(self._total - self._here)} more are needed, "
+                f"{size_text(free)} are free in '{folder}'; make room or choose another folder; "
+                f"{self._kept(name, folder)}"
             )
         return SaveError(f"can't fetch '{name}' to '{folder}': {why}; choose another folder")
 
@@ -231,7 +234,3 @@ def _sync(folder: Path) -> None:
             raise
     finally:
         os.close(descriptor)
-
-
-def _mb(size_bytes: int) -> str:
-    return f"{size_bytes / 1e6:.1f} MB"

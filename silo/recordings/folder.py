@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from silo.core.elements import FileType
+from silo.core.quantities.writing import size_text
 from silo.core.runtime import disk_room
 from silo.files.atomic import PART_ENDING, reason
 from silo.files.convert import CONVERTED
@@ -121,7 +122,7 @@ class RecordingFolder:
                 self._check_own(folder, logger, each)
                 _check_no_others(folder, each)
             size = sum(_delete(folder, each) for each in names)
-        return f"deleted {', '.join(names)} ({size / 1e6:.1f} MB)"
+        return f"deleted {', '.join(names)} ({size_text(size)})"
 
     # ------------------------------------------------------------------------------------------------- looking into
 

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 from silo.core.elements import BufferType
+from silo.core.quantities.writing import size_text
 from silo.core.runtime import (
     available_memory_bytes,
     disk_room,
@@ -147,7 +148,7 @@ class Segment:
         if self._in_memory and self._chunk_data > (available := available_memory_bytes()):
             # a tmpfs may be larger than the memory: what doesn't fit would have the kernel kill the robot program
             raise NoRoomError(
-                f"no memory for {self._chunk_data / 1e6:.1f} MB of buffers, {available / 1e6:.1f} MB are available; "
+                f"no memory for {size_text(self._chunk_data)} of buffers, {size_text(available)} are available; "
                 f'make buffers smaller, or use storage="file"{_held_by_dead()}',
                 self._chunk_data,
                 available,
@@ -186,14 +187,14 @@ class Segment:
             if error.errno == errno.EFBIG:
                 limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
                 raise SegmentError(
-                    f"{self.path.parent}: this process may make files of {limit / 1e6:.1f} MB only (RLIMIT_FSIZE, "
-                    f"`ulimit -f`), the buffers take {(offset + size_bytes) / 1e6:.1f} MB ({error.strerror}): raise "
+                    f"{self.path.parent}: this process may make files of {size_text(limit)} only (RLIMIT_FSIZE, "
+                    f"`ulimit -f`), the buffers take {size_text(offset + size_bytes)} ({error.strerror}): raise "
                     "that limit, or make buffers smaller"
                 ) from error
             free_bytes, _ = disk_room(self.path.parent)
             raise NoRoomError(
-                f"{self.path.parent}: no room for {size_bytes / 1e6:.1f} MB of buffers, "
-                f"{free_bytes / 1e6:.1f} MB are free ({error.strerror}); "
+                f"{self.path.parent}: no room for {size_text(size_bytes)} of buffers, "
+                f"{size_text(free_bytes)} are free ({error.strerror}); "
                 f'make buffers smaller, enlarge /dev/shm, or use storage="file"{_held_by_dead()}',
                 size_bytes,
                 free_bytes,
@@ -373,7 +374,7 @@ def _held_by_dead() -> str:
     if not sizes:
         return ""
     several = f"{len(sizes)} recordings" if len(sizes) > 1 else "a recording"
-    return f"; {several} of programs that died hold {sum(sizes) / 1e6:.1f} MB: run `silo recover`"
+    return f"; {several} of programs that died hold {size_text(sum(sizes))}: run `silo recover`"
 
 
 def _encoded(schema: SegmentSchema, elements_json: bytes) -> bytes:

@@ -27,6 +27,7 @@ import msgspec
 import yaml
 
 from silo.core.elements import NO_EXTRAS, Conditions, Derived, ElementInfo, FileType, SignalLimits, TriggerOptions
+from silo.core.quantities.writing import many
 from silo.settings.options import OPTION, shorten
 from silo.settings.typed import read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
@@ -207,7 +208,7 @@ def extras_text(extras: Conditions) -> str:
     counts = [
         (len(extras.derived), "derived signal"), (len(extras.limits), "limit"), (len(extras.triggers), "trigger")
     ]  # fmt: skip
-    told = [f"{count} {noun}{'s' if count != 1 else ''}" for count, noun in counts if count]
+    told = [f"{many(count, noun)}" for count, noun in counts if count]
     return ", ".join(told) or "no derived signals, limits, triggers any more"
 
 

@@ -17,7 +17,7 @@ import msgspec
 
 from silo.core.arguments import shown, truth, whole_hint, whole_number
 from silo.core.elements import Action, BufferType, ElementOptions, Problem, buffer_size_for
-from silo.core.quantities import AMOUNT, COUNTS, SECONDS, tell_bare_m
+from silo.core.quantities.reading import AMOUNT, COUNTS, SECONDS, tell_bare_m
 from silo.errors import ElementError
 from silo.settings.options import OPTION, OPTIONS, RANGES, ElementOption, OptionValue, refusal, shorten
 

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable
 
+from silo.core.quantities.writing import many
+
 Span = tuple[int, int]
 _MOST_SHOWN = 5
 
@@ -51,4 +53,4 @@ def spans_text(spans: Iterable[Span]) -> str:
     shown = [str(first) if first == last else f"{first}-{last}" for first, last in found[:_MOST_SHOWN]]
     more = ", ..." if len(found) > _MOST_SHOWN else ""
     count = sum(last + 1 - first for first, last in found)
-    return f"{count} tick{'s' if count != 1 else ''} ({', '.join(shown)}{more})"
+    return f"{many(count, 'tick')} ({', '.join(shown)}{more})"

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from rich.text import Text
 
 from silo.core.elements import FieldChange
-from silo.core.quantities import duration
+from silo.core.quantities.writing import duration, many
 from silo.errors import RefusedError
 from silo.rpc.refusals import RefusedWhy
 from silo.state.requests import Unsaved
@@ -165,7 +165,7 @@ async def apply(context: Context) -> None:
 
 async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> str | None:
     elements = len({change.name for change in changes})
-    title = f"Apply {text.plural(len(changes), 'edit')} to {text.plural(elements, 'element')}?"
+    title = f"Apply {many(len(changes), 'edit')} to {many(elements, 'element')}?"
     keep, discard = Choice("keep", "Keep them pending"), Choice("discard", "Discard all edits")
     body = Text()
     if context.session.running:
@@ -212,7 +212,7 @@ async def _carry_out(context: Context, *, around: bool, unsaved: Unsaved) -> boo
         await session.start(unsaved)
     context.table_changed()
     context.status_changed()
-    context.say(f"applied to {text.plural(changed, 'element')}" + (", logging again" if around else ""))
+    context.say(f"applied to {many(changed, 'element')}" + (", logging again" if around else ""))
     return True
 
 
@@ -229,7 +229,7 @@ async def _settle_conflicts(context: Context) -> bool:
         Choice("back", "Decide later (look at each: x takes theirs)"), Choice("theirs", "Take theirs", "t"),
         Choice("mine", "Keep yours", "y"),
     ]  # fmt: skip
-    answer = await context.app.push_screen_wait(Question(f"{text.plural(len(conflicts), 'conflict')}", body, choices))
+    answer = await context.app.push_screen_wait(Question(f"{many(len(conflicts), 'conflict')}", body, choices))
     if answer not in {"theirs", "mine"}:
         return False
     table.resolve(list(range(len(table))), keep_mine=answer == "mine")
@@ -270,7 +270,7 @@ async def load_script(context: Context, path: str = "") -> None:
         return
     fields, elements = session.table.pending_count
     if fields:
-        edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
+        edits = f"{many(fields, 'pending edit')} in {many(elements, 'row')}"
         body = f"{edits} stay pending on top of the script."
         if not await _confirmed(context, "Load over pending edits?", body, "Load"):
             return
@@ -295,7 +295,7 @@ async def load_script(context: Context, path: str = "") -> None:
     context.table_changed()
     context.status_changed()
     unknown = f"; {len(loaded.unknown)} names of it are not in the table" if loaded.unknown else ""
-    context.say(f"loaded {name}: {text.plural(loaded.changed, 'element')} changed{_extras_words(extras)}{unknown}")
+    context.say(f"loaded {name}: {many(loaded.changed, 'element')} changed{_extras_words(extras)}{unknown}")
     if loaded.warnings:
         context.app.notify("\n".join(loaded.warnings[:6]), severity="warning", timeout=6, markup=False)
 
@@ -319,7 +319,7 @@ async def save_script(context: Context, path: str | None = None) -> None:
         fields, _ = session.table.pending_count
         body = f"On the robot, in the folder of {session.status.script or 'its script'}."
         if fields:
-            body += f" {text.plural(fields, 'pending edit')} will not be in it: apply them first."
+            body += f" {many(fields, 'pending edit')} will not be in it: apply them first."
         current = text.file_name(session.status.script)
         path = await context.app.push_screen_wait(Prompt("Save the table as a script", body, current, "name.yaml"))
     if path is None:
@@ -343,7 +343,7 @@ async def may_leave(context: Context) -> bool:
     fields, elements = context.session.table.pending_count if context.has_session else (0, 0)
     if not fields:
         return True
-    edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
+    edits = f"{many(fields, 'pending edit')} in {many(elements, 'row')}"
     if not await _confirmed(context, f"Leave {context.session.name}?", f"{edits} of it would be lost.", "Leave"):
         return False
     forget_edits(context)
@@ -354,7 +354,7 @@ async def leave(context: Context) -> None:
     """End the app; asks only when edits are pending."""
     fields, elements = context.session.table.pending_count if context.has_session else (0, 0)
     if fields:
-        edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
+        edits = f"{many(fields, 'pending edit')} in {many(elements, 'row')}"
         body = f"{edits} would be lost. The logger goes on either way."
         if not await _confirmed(context, "Quit without applying?", body, "Quit"):
             return
@@ -389,7 +389,7 @@ async def take_up_edits(context: Context) -> None:
     body.append_text(diff_text(changes, session.table.prefix))
     choices = [Choice("take", "Take them up again, pending", "t"), Choice("later", "Ask again next time"),
                Choice("drop", "Drop them", "d")]  # fmt: skip
-    question = Question(f"Not applied: {text.plural(len(edits), 'edit')} of {session.name}", body, choices)
+    question = Question(f"Not applied: {many(len(edits), 'edit')} of {session.name}", body, choices)
     answer = await context.app.push_screen_wait(question)
     if answer not in {"take", "drop"}:
         return
@@ -398,7 +398,7 @@ async def take_up_edits(context: Context) -> None:
     if answer == "take":
         taken = session.table.take_up(edits)
         context.table_changed()
-        context.say(f"{text.plural(taken, 'edit')} pending again; u takes them back")
+        context.say(f"{many(taken, 'edit')} pending again; u takes them back")
     context.keep_edits()
 
 

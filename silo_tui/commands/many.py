@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
+from silo.core.quantities.writing import many
 from silo_tui.context import Context, Later
-from silo_tui.model import fleet, text
+from silo_tui.model import fleet
 from silo_tui.screens.dialogs import Choice, Prompt, Question
 from silo_tui.screens.loggers import LoggersScreen
 from silo_tui.sessions.finder import ClientFinder, FoundLogger
@@ -69,10 +70,10 @@ class Many:
         stopped = [one for one in able if not one.member.running]
         choices = []
         if running:
-            count = text.plural(len(running), "logger")
+            count = many(len(running), "logger")
             choices += [Choice("stop", f"Stop {count}", "y"), Choice("stop save", f"Stop and save {count}", "s")]
         if stopped:
-            count, unsaved = text.plural(len(stopped), "logger"), any(map(fleet.is_unsaved, stopped))
+            count, unsaved = many(len(stopped), "logger"), any(map(fleet.is_unsaved, stopped))
             key = "y" if not running else "t"
             if unsaved:
                 choices += [Choice("save", f"Save what isn't, and start {count}", "v" if running else "s"),
@@ -80,7 +81,7 @@ class Many:
             else:
                 choices.append(Choice("refuse", f"Start {count}", key))
         verb = "Stop" if not stopped else "Start" if not running else "Start or stop"
-        answer = await self._put(f"{verb} {text.plural(len(able), 'logger')}?", body, choices)
+        answer = await self._put(f"{verb} {many(len(able), 'logger')}?", body, choices)
         if answer in ("stop", "stop save"):
             return "stop", running, stopping() if answer == "stop" else stopping_and_saving()
         return ("start", stopped, starting(answer)) if answer else None
@@ -90,7 +91,7 @@ class Many:
     ) -> "tuple[str, Sequence[fleet.LoggerLine], Job] | None":
         from silo.client.bulk import restarting
 
-        count = text.plural(len(able), "logger")
+        count = many(len(able), "logger")
         choices = [Choice("save", f"Save, and restart {count}", "s"),
                    Choice("discard", f"Drop what isn't saved: restart {count}", "d")]  # fmt: skip
         if not any(map(fleet.is_unsaved, able)):
@@ -106,7 +107,7 @@ class Many:
 
         choices = [Choice("silo", "Save as .silo, each in its own folder", "y"),
                    Choice("all", "Save as .silo, CSV and bag", "a")]  # fmt: skip
-        answer = await self._put(f"Save {text.plural(len(able), 'logger')}?", body, choices)
+        answer = await self._put(f"Save {many(len(able), 'logger')}?", body, choices)
         types = [FileType.SILO] if answer == "silo" else [FileType.SILO, FileType.CSV, FileType.BAG]
         return ("save", able, saving(types)) if answer else None
 
@@ -115,7 +116,7 @@ class Many:
     ) -> "tuple[str, Sequence[fleet.LoggerLine], Job] | None":
         from silo.client.bulk import loading
 
-        title = f"Load a script into {text.plural(len(able), 'logger')}"
+        title = f"Load a script into {many(len(able), 'logger')}"
         words = f"{body.plain}The script of that name in each one's own folder; those that run refuse."
         name = await self._context.app.push_screen_wait(Prompt(title, words, "", "walk.yaml"))
         if not name:

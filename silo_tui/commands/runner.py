@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from silo.core.quantities.writing import many
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
 from silo.rpc.refusals import RefusedWhy
@@ -15,7 +16,7 @@ from silo_tui.commands import flows
 from silo_tui.context import NOT_EDITED, Context, Later, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout, read, write
-from silo_tui.model import command_line, text
+from silo_tui.model import command_line
 from silo_tui.model.paths import typed_file
 from silo_tui.model.people import people_words
 from silo_tui.screens import recorder
@@ -149,7 +150,7 @@ class CommandRunner:
             return
         context.table_changed()
         context.say(
-            f"{text.plural(changed, 'field')} changed; u takes {'it' if changed == 1 else 'them'} back"
+            f"{many(changed, 'field')} changed; u takes {'it' if changed == 1 else 'them'} back"
             if changed
             else "nothing to change"
         )
@@ -249,7 +250,7 @@ class CommandRunner:
         layout = views.capture(self._context)
         if layout is None:
             raise RefusedError("no logger is open: there is nothing to keep")
-        plots = f" with {text.plural(len(layout.plots), 'plot')}" if layout.plots else ""
+        plots = f" with {many(len(layout.plots), 'plot')}" if layout.plots else ""
         if name.startswith(ROBOT):
             self._context.run_flow(keep_on_robot(self._context, name.removeprefix(ROBOT), layout))
             return

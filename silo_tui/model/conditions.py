@@ -7,6 +7,7 @@ from silo.conditions.requests import TriggerTried
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.core.elements import ElementInfo, FileType, TriggerOptions
 from silo.core.names import Names
+from silo.core.quantities.writing import clock_text, many, size_text
 from silo.expressions.parsing import ExpressionError, names_in, parse
 from silo_tui.model import text
 
@@ -85,7 +86,7 @@ def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = Non
     now = time.time_ns() if now_ns is None else now_ns
     room = _signal_width(width)
     if one.is_over and one.since_ns:
-        since = text.duration((now - one.since_ns) / 1e9)
+        since = clock_text((now - one.since_ns) / 1e9)
     elif one.count and one.last_ns >= one.since_ns > 0:
         since = f"was {text.span(max(float(f'{(one.last_ns - one.since_ns) / 1e9:.2g}'), 1e-3))}"
     else:
@@ -109,7 +110,7 @@ def alarms_words(found: Sequence[LimitStatus]) -> str:
     missed = sum(one.alarm and not one.is_over for one in found)
     blind = sum(one.word is LimitWord.BLIND for one in found)
     parts = [f"{now} now"] + ([f"{missed} over but not seen"] if missed else [])
-    return f"{', '.join(parts)} │ {text.plural(len(found), 'limit')}{f', {blind} blind' if blind else ''}"
+    return f"{', '.join(parts)} │ {many(len(found), 'limit')}{f', {blind} blind' if blind else ''}"
 
 
 def head_words(triggers: Sequence[TriggerStatus], limits: Sequence[LimitStatus]) -> tuple[str, bool, str]:
@@ -180,7 +181,7 @@ def tried_lines(tried: TriggerTried, width: int, keep: int) -> list[str]:
     cells = ["·"] * room
     for time_ns in tried.time_ns:
         cells[min(int((time_ns - tried.begin_ns) / max(tried.end_ns - tried.begin_ns, 1) * room), room - 1)] = "│"
-    size = f"each capture about {text.size(tried.capture_bytes)}"
+    size = f"each capture about {size_text(tried.capture_bytes)}"
     if keep:
-        size += f"; disk keeps {keep} of them, {text.size(keep * tried.capture_bytes)}"
+        size += f"; disk keeps {keep} of them, {size_text(keep * tried.capture_bytes)}"
     return [first, left + "".join(cells) + right, size]

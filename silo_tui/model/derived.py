@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 from silo.core.elements import Conditions, Derived, ElementInfo, join_name
+from silo.core.quantities.writing import many
 from silo.errors import ElementError
 from silo.expressions.derived_signals import derived_infos
 from silo.judging.definitions import with_derived
-from silo_tui.model import text
 from silo_tui.model.table import TableState
 
 
@@ -42,7 +42,7 @@ def words_of(one: Derived, table: TableState) -> list[str]:
 
 
 def _kind(info: ElementInfo) -> str:
-    values = "one number" if not info.shape else text.plural(len(info.entries), "number")
+    values = "one number" if not info.shape else many(len(info.entries), "number")
     unit = "no unit" if info.unit == "-" else f"in {info.unit}"
     every = "every tick" if info.options.divider == 1 else f"every {info.options.divider}th tick"
     off = "" if info.options.enabled else info.description.rpartition(" (")[2].rstrip(")")

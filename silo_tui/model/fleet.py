@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from silo.core.elements import State
+from silo.core.quantities.writing import clock_text, many, size_text
 from silo.core.stalls import idle_words
-from silo.fleet.member import NO_TICK, Member, Stands, segments, size
+from silo.fleet.member import NO_TICK, Member, Stands, segments
 from silo_tui.model import text
 from silo_tui.model.conditions import ago
 from silo_tui.model.lists import Order
@@ -83,12 +84,12 @@ def row(one: LoggerLine, names: int, width: int, now_s: float, now_ns: int) -> s
     was = f"was {STATES.get(told.state.value, ' ')[:1]}" if member.lost else ""
     share = member.disk_share
     disk = f"{100 * share:.0f}%" if share is not None else ""
-    disk += f" {size(told.disk_free_bytes)}" if share is not None and width >= WIDE else ""
+    disk += f" {size_text(told.disk_free_bytes)}" if share is not None and width >= WIDE else ""
     sign = f"{member.sign}{f' {told.alarms}' if told.alarms and member.sign == told.alarm else ''}"
     ran = told.state is State.RUNNING and not member.stalled and told.measured_hz
     rate = f"{told.measured_hz:.1f}" if ran else member.rate if member.running else ""
     tail = _tail(
-        text.duration(run_s) if run_s is not None else was,
+        clock_text(run_s) if run_s is not None else was,
         rate,
         text.count(told.lost), disk, sign, "now" if member.here else ago(member.unseen_s(now_s)), width,
     )  # fmt: skip
@@ -110,7 +111,7 @@ def total(lines: Sequence[LoggerLine]) -> str:
     """Return how many there are, and in which states."""
     words = [one.member.word for one in lines if one.member.word != "..."]
     counts = [f"{words.count(word)} {word}" for word in dict.fromkeys(sorted(words))]
-    return f"{text.plural(len(lines), 'logger')}{': ' * bool(counts)}{', '.join(counts)}"
+    return f"{many(len(lines), 'logger')}{': ' * bool(counts)}{', '.join(counts)}"
 
 
 def down(lines: Sequence[LoggerLine], now_s: float, now_ns: int) -> list[str]:
@@ -128,7 +129,7 @@ def details(one: LoggerLine) -> str:
         if member.lost:
             parts.append(f"silent since {text.clock(time.time_ns() - int(1e9 * member.unseen_s(time.monotonic())))}")
         if told.disk_bytes:
-            parts.append(f"{size(told.disk_free_bytes)} of {size(told.disk_bytes)} free")
+            parts.append(f"{size_text(told.disk_free_bytes)} of {size_text(told.disk_bytes)} free")
         if told.denied:
             parts.append(f"{text.count(told.denied)} denied within the last hour: its events tell who")
         if told.reason and told.state is not State.RUNNING:
@@ -141,7 +142,7 @@ def details(one: LoggerLine) -> str:
 def asked_line(one: LoggerLine, now_ns: int) -> str:
     """Return a logger as a question about many names it."""
     told, run_s = one.member.summary, one.member.run_s(now_ns)
-    state = f"{one.member.word}{f' {text.duration(run_s)}' if run_s is not None else ''}"
+    state = f"{one.member.word}{f' {clock_text(run_s)}' if run_s is not None else ''}"
     ticks = f", {text.plural_count(told.ticks, 'tick')} not saved" if told and told.ticks and not told.saved else ""
     alone = "" if one.can_be_asked else ": left alone"
     return f"{one.address}   {state}{ticks}{alone}"

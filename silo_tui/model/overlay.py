@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from silo.core.arrays.columns import ColumnPiece
-from silo_tui.model import text
+from silo.core.quantities.writing import clock_text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.recorded import RecordingSource
 
@@ -41,7 +41,7 @@ class Overlay:
     def extent(self) -> str:
         """From when to when it has data, since its start."""
         begin, end = ((at - self.began_ns) / SECOND_NS for at in (self.source.begin_ns, self.source.end_ns))
-        return f"{text.duration(begin)} to {text.duration(end)} after its start"
+        return f"{clock_text(begin)} to {clock_text(end)} after its start"
 
 
 def overlay_of(name: str, source: RecordingSource) -> Overlay:

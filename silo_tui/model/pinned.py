@@ -27,7 +27,7 @@ from silo.core.arrays.columns import (
     grid_of,
 )
 from silo.core.elements import ElementInfo, LoggedEvent
-from silo.core.quantities import duration
+from silo.core.quantities.writing import duration
 from silo.errors import SiloError
 from silo_tui.model.plots import SECOND_NS, Plotted
 from silo_tui.model.source import PlotSource, Samples

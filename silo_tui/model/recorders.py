@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from silo.core.elements import RecorderState
 from silo.core.names import matching
+from silo.core.quantities.writing import clock_text, size_text
 from silo.recorder.requests import RecorderInfo
 from silo_tui.model import text
 
@@ -53,7 +54,7 @@ def row(
     if one.state.over:
         rate, budget = one.text or "ended", ""
     else:
-        rate = f"{text.size(pace.bytes_s)}/s" if pace is not None and known else "…"
+        rate = f"{size_text(pace.bytes_s)}/s" if pace is not None and known else "…"
         budget = budget_text(one)
     cells = (
         WORDS[one.state], name, str(len(matching(names, one.patterns))), _since(since_s),
@@ -65,7 +66,7 @@ def row(
 def budget_text(one: RecorderInfo) -> str:
     """Return a bar and `21 of 50 GB`; without a budget the size alone."""
     if not one.keep_bytes:
-        return f"{'':{BAR}} {text.size(one.size_bytes)}"
+        return f"{'':{BAR}} {size_text(one.size_bytes)}"
     return f"{text.bar(min(1.0, one.size_bytes / one.keep_bytes), BAR):{BAR}} {_of(one.size_bytes, one.keep_bytes)}"
 
 
@@ -81,7 +82,7 @@ def _of(part: int, whole: int) -> str:
 def _since(seconds: float) -> str:
     """Return for how long it records, in eight cells: `2:31:07`, `61 d 9 h`."""
     if seconds < 86_400:
-        return text.duration(max(0.0, seconds))
+        return clock_text(max(0.0, seconds))
     return f"{seconds // 86_400:.0f} d {seconds % 86_400 // 3600:.0f} h"
 
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from datetime import datetime
 
 from silo.core.elements import FileType
+from silo.core.quantities.writing import size_text
 from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
 from silo_tui.model import lists, text
 from silo_tui.model.lists import Order
@@ -96,7 +97,7 @@ def row(one: SavedRecording, own: str, width: int, now_s: float | None = None) -
     cells = (
         short_stem(one, own, name_width), text.clean(why), " ".join(file.type.name.lower() for file in one.files),
         begun_text(begun_ns(one), time.time() if now_s is None else now_s), span,
-        "part" if one.unfinished else text.size(one.size_bytes), marks_text(one),
+        "part" if one.unfinished else size_text(one.size_bytes), marks_text(one),
     )  # fmt: skip
     return _line(cells, width)
 
@@ -121,7 +122,7 @@ def summary(found: Recordings, shown: int, words: str) -> str:
     here, count = len(found.recordings), text.count(found.count)
     parts = [f"{count} saved" if here >= found.count else f"the newest {here} of {count} saved"]
     if found.disk_bytes:
-        parts.append(f"disk {1 - found.free_bytes / found.disk_bytes:.0%} of {text.size(found.disk_bytes)}")
+        parts.append(f"disk {1 - found.free_bytes / found.disk_bytes:.0%} of {size_text(found.disk_bytes)}")
     if words:
         parts.append(f"/{words}: {shown} of {text.count(here)}")
     return " │ ".join(parts)

@@ -8,7 +8,7 @@ import numpy as np
 
 from silo.core.arrays.values import newest_values
 from silo.core.elements import ElementInfo, Sought
-from silo.core.quantities import duration
+from silo.core.quantities.writing import duration
 from silo.expressions.search import Finder, FoundMoments, Looking
 from silo.expressions.span import HELD_PERIODS, NAN, Between, between
 from silo_tui.model.live import Reading

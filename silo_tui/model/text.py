@@ -120,17 +120,6 @@ def brief(value: float) -> str:
     return f"{value + 0.0:.{2 if size < 10 else 1 if size < 100 else 0}f}"
 
 
-def duration(seconds: float) -> str:
-    """Return `00:12`, `1:02:03`, `2 d 03:04`."""
-    whole = max(0, int(seconds))
-    days, rest = divmod(whole, 86400)
-    hours, rest = divmod(rest, 3600)
-    minutes, secs = divmod(rest, 60)
-    if days:
-        return f"{days} d {hours:02}:{minutes:02}"
-    return f"{hours}:{minutes:02}:{secs:02}" if hours else f"{minutes:02}:{secs:02}"
-
-
 def span(seconds: float) -> str:
     """Return a time span in its natural unit: `50 us`, `2 ms`, `10 s`, `5 min`."""
     for limit, unit, scale in ((1e-3, "us", 1e6), (1.0, "ms", 1e3), (120.0, "s", 1.0), (7200.0, "min", 1 / 60)):
@@ -144,23 +133,9 @@ def clock(time_ns: int) -> str:
     return f"{datetime.fromtimestamp(time_ns / 1e9):%H:%M:%S}" if time_ns > 0 else "-"
 
 
-def size(size_bytes: float) -> str:
-    """Return `812 B`, `1.2 MB`."""
-    for unit in ("B", "kB", "MB", "GB"):
-        if size_bytes < 1000:
-            return f"{size_bytes:.0f} B" if unit == "B" else f"{size_bytes:.1f} {unit}"
-        size_bytes /= 1000
-    return f"{size_bytes:.1f} TB"
-
-
 def count(value: int) -> str:
     """Return a count with thin groups: `12 345`."""
     return f"{value:,}".replace(",", " ")
-
-
-def plural(value: int, noun: str) -> str:
-    """Return `1 edit`, `3 edits`."""
-    return f"{value} {noun}" if value == 1 else f"{value} {noun}s"
 
 
 def plural_count(value: int, noun: str) -> str:

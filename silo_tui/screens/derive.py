@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 from textual.widgets import Input
 
 from silo.core.elements import Derived
+from silo.core.quantities.writing import many
 from silo.errors import ElementError, RefusedError
 from silo.expressions.tokens import ExpressionError
 from silo_tui.context import Context
-from silo_tui.model import derived, text
+from silo_tui.model import derived
 from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.form import Form
 from silo_tui.sessions.live import Session
@@ -117,7 +118,7 @@ async def forget(context: Context, session: Session, rows: Sequence[int]) -> Non
     names = [session.table.names[row] for row in rows]
     shown = [session.short_name(name).lstrip("/") for name in names]
     one = len(names) == 1
-    what = shown[0] if one else text.plural(len(names), "derived signal")
+    what = shown[0] if one else many(len(names), "derived signal")
     lines = [f"{name} {session.table.elements[row].description}" for name, row in zip(shown, rows, strict=True)]
     lines += ["Its signals stay as they are." if one else "Their signals stay as they are."]
     choices = [Choice("no", f"Keep {'it' if one else 'them'}"), Choice("yes", "Forget", "y")]

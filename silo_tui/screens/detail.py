@@ -26,7 +26,7 @@ from silo.analysis.compute.spectra import (
     spectrum_of,
 )
 from silo.core.arrays.values import as_floats
-from silo.core.quantities import duration
+from silo.core.quantities.writing import duration
 from silo.errors import SiloError
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later

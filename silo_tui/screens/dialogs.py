@@ -12,9 +12,8 @@ from textual.containers import Vertical, VerticalScroll
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
-from silo.core.quantities import duration
+from silo.core.quantities.writing import duration, size_text
 from silo_tui.modal import Choices, Dialog
-from silo_tui.model import text
 from silo_tui.model.changes import Change, Cost, groups_of
 from silo_tui.model.table import PendingChange
 
@@ -234,13 +233,13 @@ def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0) -> T
     lines = Text()
     lines.append(f"{'':<10}{'now':>16}{'after':>16}\n", style="dim")
     held = [_held(each) for each in (now, after)]
-    memory = [text.size(each.memory_bytes) for each in (now, after)]
-    room = f"of {text.size(room_bytes)} available" if room_bytes else ""
+    memory = [size_text(each.memory_bytes) for each in (now, after)]
+    room = f"of {size_text(room_bytes)} available" if room_bytes else ""
     over = bool(room_bytes) and after.memory_bytes > room_bytes
     _cost(lines, "memory", memory, after.memory_bytes > now.memory_bytes, room, over=over)
-    disk = [text.size(each.disk_bytes_s) + "/s" for each in (now, after)]
+    disk = [size_text(each.disk_bytes_s) + "/s" for each in (now, after)]
     _cost(lines, "to a file", disk, after.disk_bytes_s > now.disk_bytes_s)
-    topics = [text.size(each.topic_bytes_s) + "/s" for each in (now, after)]
+    topics = [size_text(each.topic_bytes_s) + "/s" for each in (now, after)]
     _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
     _cost(
         lines,

@@ -7,9 +7,10 @@ from collections.abc import Callable
 import msgspec
 
 from silo.core.elements import TriggerOptions
+from silo.core.quantities.writing import many
 from silo.settings.typed import examples
 from silo_tui.actions import BY_ID
-from silo_tui.model import derived, text
+from silo_tui.model import derived
 from silo_tui.model.fields import Field, next_value, parse_change, phrase_for
 from silo_tui.model.orders import STEADY
 from silo_tui.screens.derive import derive, forget
@@ -53,9 +54,7 @@ class Editing(ElementsScreen):
         elif self._targets_known():
             count = len(self.session.rows.targets())
             choices = [Choice(str(int(field)), field.label, key) for field, key in FIELD_KEYS.items()]
-            self.app.push_screen(
-                Question(f"Edit what of {text.plural(count, 'element')}?", "", choices), self._edit_chosen
-            )
+            self.app.push_screen(Question(f"Edit what of {many(count, 'element')}?", "", choices), self._edit_chosen)
 
     @property
     def _derived_row(self) -> int | None:
@@ -132,7 +131,7 @@ class Editing(ElementsScreen):
             return
         names = [self.session.short_name(rows.table.names[row]) for row in rows.targets() if row not in set(rows.shown)]
         body = "Hidden by the filter:\n" + "\n".join(names[:8]) + (f"\nand {hidden - 8} more" if hidden > 8 else "")
-        title = f"{hidden} of the {text.plural(count, 'marked element')} are hidden. Change all {count}?"
+        title = f"{hidden} of the {many(count, 'marked element')} are hidden. Change all {count}?"
         choices = [Choice("no", "No"), Choice("all", f"All {count}", "y")]
         if count > hidden:
             choices.append(
@@ -172,14 +171,14 @@ class Editing(ElementsScreen):
             if answer is not None:
                 self._set(field, int(answer))
 
-        title = f"{field.label} of {text.plural(count, 'element')}"
+        title = f"{field.label} of {many(count, 'element')}"
         self.app.push_screen(Question(title, f"now {phrase_for(field, value)}", choices, str(value)), answered)
 
     def _open_editor(self, value: str, *, select: bool) -> None:
         field, count = self.table.field, len(self.session.rows.targets())
         self.query_one(CellEditor).open(field, self.table.cell_region(), value, select=select)
         hidden = "" if field in self.table.field_spans() else " (its column is not shown: C)"
-        self.info.ask(f"{field.label} of {text.plural(count, 'element')}{hidden}: {examples(field.option)}")
+        self.info.ask(f"{field.label} of {many(count, 'element')}{hidden}: {examples(field.option)}")
         self.query_one(KeyBar).show_instead(EDITOR_KEYS)
 
     def command_toggle(self) -> None:
@@ -230,9 +229,7 @@ class Editing(ElementsScreen):
 
     def _discard(self) -> None:
         count = self.session.table.discard(self.session.rows.targets())
-        self._edited(
-            f"{text.plural(count, 'edit')} discarded; u brings them back" if count else "nothing is pending here"
-        )
+        self._edited(f"{many(count, 'edit')} discarded; u brings them back" if count else "nothing is pending here")
 
     def _take_cell(self, value: str) -> bool:
         """Edit as typed; False, with the reason, when that can't be."""

@@ -14,11 +14,11 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from silo.core.elements import LoggedEvent
+from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.files.atomic import atomic_file
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later
-from silo_tui.model import text
 from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches, words
 from silo_tui.model.lists import arranged
 from silo_tui.model.paths import typed_file
@@ -125,7 +125,7 @@ class EventsScreen(FilteredScreen):
     def _tell(self) -> None:
         if not self.is_there:
             return
-        count = text.plural(len(self._all), "event")
+        count = many(len(self._all), "event")
         parts = [f"{count}, {'follows' if self._following else 'g follows'}" if self._all else "nothing happened yet"]
         if self._order is not ORDERS[0] or self._turned:
             parts.append(f"by {self._order.name}{', turned round' if self._turned else ''}")
@@ -195,7 +195,7 @@ class EventsScreen(FilteredScreen):
         if not self._shown:
             self.say("nothing to write: no event is shown")
             return
-        body = f"{text.plural(len(self._shown), 'event')} as {'filtered' if self._asked else 'shown'}, to a CSV file."
+        body = f"{many(len(self._shown), 'event')} as {'filtered' if self._asked else 'shown'}, to a CSV file."
         self.app.push_screen(Prompt("Write the events to a file on this machine", body, "events.csv"), self._write)
 
     def _write(self, given: str | None) -> None:
@@ -209,7 +209,7 @@ class EventsScreen(FilteredScreen):
         except (SiloError, OSError) as error:
             self.context.fail(str(error))
         else:
-            self.context.say(f"{text.plural(len(shown), 'event')} written: {path.absolute()}")
+            self.context.say(f"{many(len(shown), 'event')} written: {path.absolute()}")
 
     def command_filter_events(self) -> None:
         self.begin_filter()

@@ -1,6 +1,6 @@
 """Opening the large plot of a monitor."""
 
-from silo_tui.model import text
+from silo.core.quantities.writing import many
 from silo_tui.screens.file_monitor import FileMonitorScreen
 from silo_tui.screens.monitor import MonitorScreen
 
@@ -14,7 +14,7 @@ def open_large(monitor: MonitorScreen) -> None:
         return
     on_file = isinstance(monitor, FileMonitorScreen)
     if not monitor.stack.for_detail()[0]:
-        texts = f"{text.plural(len(monitor.stack.plots), 'text')}: nothing to draw"
+        texts = f"{many(len(monitor.stack.plots), 'text')}: nothing to draw"
         monitor.say(texts if on_file else "nothing that is on to plot")
     elif isinstance(monitor, FileMonitorScreen):
         monitor.app.push_screen(FileDetailScreen(monitor))

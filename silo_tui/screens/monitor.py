@@ -16,6 +16,7 @@ from textual.message import Message
 from textual.timer import Timer
 
 from silo.core.elements import TriggerOptions
+from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.rpc.frames import Frame
 from silo_tui.actions import bindings_for
@@ -297,7 +298,7 @@ class MonitorScreen(Pausing):
         if missing := "" if ended else self.stack.missing():
             words.append(missing)
         if self._waiting and not self._said:
-            words.append(f"{text.plural(len(self._waiting), 'element')} off")
+            words.append(f"{many(len(self._waiting), 'element')} off")
         if self._said:
             words.append(self._said)
         return words

@@ -6,10 +6,10 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, TypeAlias
 
 from silo.core.elements import SavedFile
+from silo.core.quantities.writing import size_text
 from silo.errors import SiloError
 from silo.recordings.requests import RecordingFile
 from silo_tui.context import Context
-from silo_tui.model import text
 from silo_tui.model.overlay import overlay_of
 from silo_tui.model.paths import typed_path
 from silo_tui.model.recordings import begun_ns, best_file
@@ -42,7 +42,7 @@ async def open_recording(
     if plotted is not None and (names := plotted(opened)):
         await _show_plots(context, opened, names)
     if path.parent == cache_folder(session.status.host, session.name):
-        context.say(f"fetched, {text.size(file.size_bytes)}: {path}")
+        context.say(f"fetched, {size_text(file.size_bytes)}: {path}")
 
 
 async def open_path(context: Context, path: str) -> None:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from textual.widgets import Input
 
 from silo.core.names import matching
-from silo.core.quantities import duration, read_keep, read_split
+from silo.core.quantities.reading import read_keep, read_split
+from silo.core.quantities.writing import duration, many, size_text
 from silo.errors import SiloError
 from silo.recorder.requests import RecorderInfo
 from silo_tui.context import Context
@@ -91,7 +92,7 @@ class RecordDialog(Form[Wish]):
         bytes_s = cost_of(
             [session.table.elements[row] for row in rows], values, session.status.frequency_hz
         ).disk_bytes_s
-        first = f"{text.plural(len(rows), 'signal')}{off}: {text.size(bytes_s)}/s before compression"
+        first = f"{many(len(rows), 'signal')}{off}: {size_text(bytes_s)}/s before compression"
         room = read_keep(wish.keep)
         if not bytes_s:
             return first
@@ -146,9 +147,9 @@ async def end(context: Context, session: Session) -> None:
 
 def _words(one: RecorderInfo) -> str:
     """Return how a recording stands, in the line that ends it."""
-    parts = text.plural(one.parts + bool(one.part), "part")
+    parts = many(one.parts + bool(one.part), "part")
     verb = "Take off the list" if one.state.over else "Stop"
-    return f"{verb} {one.name}: {parts}, {text.size(one.size_bytes)}, lost {text.count(one.lost)}"
+    return f"{verb} {one.name}: {parts}, {size_text(one.size_bytes)}, lost {text.count(one.lost)}"
 
 
 async def _look(session: Session) -> None:

@@ -13,12 +13,13 @@ from textual.binding import Binding
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
+from silo.core.quantities.writing import many, size_text
 from silo.errors import SiloError
 from silo.recordings.requests import Recordings, SavedRecording
 from silo.rpc.frames import Frame
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later, SiloScreen
-from silo_tui.model import recorders, text
+from silo_tui.model import recorders
 from silo_tui.model import recordings as rows
 from silo_tui.model.lists import Marks
 from silo_tui.model.paths import typed_path
@@ -381,8 +382,8 @@ class RecordingsScreen(SiloScreen):
             self.say(self._none("nothing to fetch here"))
             return
         local = [path for one in targets if (path := here(self.found.folder, rows.best_file(one))) is not None]
-        size = text.size(sum(one.size_bytes for one in targets))
-        what = targets[0].stem if len(targets) == 1 else text.plural(len(targets), "recording")
+        size = size_text(sum(one.size_bytes for one in targets))
+        what = targets[0].stem if len(targets) == 1 else many(len(targets), "recording")
         body = f"{what}, {size}. To which folder of this machine?"
         if local:
             body += f"\nIt lies on this machine already: {local[0]}"
@@ -441,10 +442,10 @@ class RecordingsScreen(SiloScreen):
                 why = "is a part of an endless recording, whose budget (keep) deletes the oldest"
             self.say(f"{foreign[0].stem} {why}: delete it on the robot; it is kept")
         else:
-            size = text.size(sum(one.size_bytes for one in targets))
-            what = targets[0].stem if len(targets) == 1 else text.plural(len(targets), "recording")
+            size = size_text(sum(one.size_bytes for one in targets))
+            what = targets[0].stem if len(targets) == 1 else many(len(targets), "recording")
             where = f"{self.session.status.host}:{self.found.folder}" if self.found is not None else ""
-            names = [f"{file.name}  {text.size(file.size_bytes)}" for one in targets for file in one.files]
+            names = [f"{file.name}  {size_text(file.size_bytes)}" for one in targets for file in one.files]
             more = [f"and {len(names) - 8} more"] if len(names) > 8 else []
             body = "\n".join([f"From {where}, for good:", *names[:8], *more])
             choices = [

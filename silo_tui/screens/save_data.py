@@ -10,12 +10,12 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Button, Input, ProgressBar, Static
 
 from silo.core.elements import FileType, SavedFile
+from silo.core.quantities.writing import size_text
 from silo.errors import SiloError
 from silo.files.formats import SAVED, SAVED_NAMES
 from silo.rpc.published import Event, EventKind
 from silo_tui.context import Context, Later
 from silo_tui.modal import Dialog
-from silo_tui.model import text
 from silo_tui.widgets.check_line import CheckLine
 
 FOLLOW_S = 0.05
@@ -154,7 +154,7 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
     def _tell(self, event: Event | None) -> None:
         """Say on the screen below how a save ended whose dialog was left."""
         if event is not None and event.kind is EventKind.SAVED:
-            self.context.say(f"saved: {', '.join(f'{one.path} ({text.size(one.size_bytes)})' for one in event.files)}")
+            self.context.say(f"saved: {', '.join(f'{one.path} ({size_text(one.size_bytes)})' for one in event.files)}")
         elif event is not None and event.kind is EventKind.SAVE_FAILED:
             self.context.fail(f"not saved: {event.text}")
         else:
@@ -175,7 +175,7 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
             if self._go_on:
                 self.dismiss(self._files)
                 return
-            self._result("\n".join(f"{file.path}\n  {text.size(file.size_bytes)}" for file in event.files))
+            self._result("\n".join(f"{file.path}\n  {size_text(file.size_bytes)}" for file in event.files))
             for done in [*self.query(CheckLine), self.query_one("#save-name"), bar]:
                 done.display = False  # three formats and where they are don't fit 80x24 together
             self.query_one("#save-go", Button).label = "Close"

@@ -9,6 +9,7 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from silo.core.elements import FieldChange
+from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.scripts.requests import ScriptDiff, Scripts
 from silo.settings.conditions_diff import NONE
@@ -92,7 +93,7 @@ def script_diff_text(diff: ScriptDiff) -> Text:
         lines.append("It would change nothing.\n")
     elif diff.changes:
         elements = len({change.name for change in diff.changes})
-        lines.append(f"It would change {text.plural(elements, 'element')}:\n")
+        lines.append(f"It would change {many(elements, 'element')}:\n")
     lines.append_text(groups_text(diff.changes))
     if diff.extras:
         lines.append("\n" * bool(diff.changes) + "Beside elements it would change:\n")

@@ -11,10 +11,10 @@ from textual.widgets import OptionList
 
 from silo.conditions.standing import TriggerStatus, TriggerWord
 from silo.core.elements import SavedFile, TriggerOptions
+from silo.core.quantities.writing import many
 from silo.files.formats import kind_of
 from silo_tui.actions import bindings_for
 from silo_tui.context import Later
-from silo_tui.model import text
 from silo_tui.model.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row
 from silo_tui.model.lists import Order
 from silo_tui.model.names import fitting_names
@@ -117,7 +117,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     async def _remove(self, targets: Sequence[TriggerStatus]) -> None:
         """Ask, and forget them."""
         names, one = [each.options.name for each in targets], len(targets) == 1
-        kept = f"{text.plural(sum(each.fires for each in targets), 'fire')} in this run"
+        kept = f"{many(sum(each.fires for each in targets), 'fire')} in this run"
         lines = [f"{each.options.name}: {each.options.when}" for each in targets]
         lines += [f"{kept}; {'its' if one else 'their'} captures stay where they are."]
         lines += [f"t switches {'it' if one else 'them'} off and keeps {'it' if one else 'them'}."]

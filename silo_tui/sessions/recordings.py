@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from silo.core.elements import FileType
+from silo.core.quantities.writing import size_text
 from silo.recordings.requests import RecordingFile
-from silo_tui.model import text
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -51,7 +51,7 @@ class Fetching:
             return f"fetching {self.name}"
         elapsed_s = max(0.001, time.monotonic() - self.began_s)
         rate = (self.done - max(0, self.first)) / elapsed_s
-        return f"fetching {self.name}  {self.done / self.total:.0%}  {text.size(rate)}/s"
+        return f"fetching {self.name}  {self.done / self.total:.0%}  {size_text(rate)}/s"
 
 
 def here(folder: str | os.PathLike[str], file: RecordingFile) -> Path | None:

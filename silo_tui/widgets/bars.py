@@ -9,6 +9,7 @@ from textual.app import RenderResult
 from textual.widget import Widget
 
 from silo.core.elements import State
+from silo.core.quantities.writing import clock_text, many
 from silo.core.stalls import idle_words, is_stalled
 from silo.rpc.quantities import SLOW_SHARE
 from silo_tui.actions import BY_ID, Command, commands_for, footer_for, with_keys
@@ -106,7 +107,7 @@ class StatusBar(Guarded, Widget):
         else:
             name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "error"}[status.state]
             add(0, STATE_SIGNS[status.state], f"bold {color(variables, name)}")
-            add(6, f" {text.duration(session.run_seconds)}" if status.started_ns else "")
+            add(6, f" {clock_text(session.run_seconds)}" if status.started_ns else "")
         if self.mode:
             parts.append((MODE_RANK, _mode_words(self.mode)))
         if session.connected:
@@ -283,10 +284,10 @@ class InfoLine(Guarded, Widget):
         fields, elements = session.table.pending_count
         if fields:
             way = " (stop to apply)" if session.running else " (a to apply)"
-            parts.append(f"{fields} pending in {text.plural(elements, 'row')}{way}")
+            parts.append(f"{fields} pending in {many(elements, 'row')}{way}")
         conflicts = int(session.table.conflicts.sum())
         if conflicts:
-            parts.append(f"! {text.plural(conflicts, 'conflict')}")
+            parts.append(f"! {many(conflicts, 'conflict')}")
         if found:
             parts.append(found)
             parts += [f"? {problem}" for problem in rows.filter.problems[:1]]
@@ -299,7 +300,7 @@ class InfoLine(Guarded, Widget):
         if not parts and len(rows.tree.lines):
             branches = len(rows.tree.branches)
             parts.append(
-                f"{len(rows.shown)} in {text.plural(branches, 'name space')}"
+                f"{len(rows.shown)} in {many(branches, 'name space')}"
                 if branches
                 else f"{rows.place} of {len(rows.shown)}"
             )

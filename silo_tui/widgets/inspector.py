@@ -14,6 +14,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from silo.core.elements import ElementInfo
+from silo.core.quantities.writing import many
 from silo.rpc.published import NOT_LIVE_TEXTS
 from silo_tui.model import braille, text
 from silo_tui.model.columns import ColumnStore, hold_piece
@@ -204,7 +205,7 @@ class Inspector(Guarded, Widget):
             if reading.lost:
                 pane.append(f"{'lost':<12} {text.count(reading.lost)}\n", style=self._error)
             if reading.failed:
-                pane.append(f"{'not read':<12} at {text.plural(reading.failed, 'tick')}\n", style=self._error)
+                pane.append(f"{'not read':<12} at {many(reading.failed, 'tick')}\n", style=self._error)
 
     def _values(self, pane: Lines, element: ElementInfo, row: int, reading: Reading | None) -> None:
         pane.append("\n")

@@ -6,6 +6,7 @@ from textual.app import RenderResult
 
 from silo.core.arrays.columns import coarser
 from silo.core.elements import ElementInfo
+from silo.core.quantities.writing import many, size_text
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnPiece, ColumnStore
 from silo_tui.model.live import Reading, component_text, offset_text
@@ -96,7 +97,7 @@ class RecordedInspector(Inspector):
             ("buffer", report.buffer), ("lost", text.count(report.lost)),
         ]  # fmt: skip
         if report.failures.count:
-            facts.append(("not read", f"at {text.plural(report.failures.count, 'tick')}"))
+            facts.append(("not read", f"at {many(report.failures.count, 'tick')}"))
         for label, words in facts:
             style = self._error if label == "not read" or (label == "lost" and report.lost) else ""
             pane.append(f"{label:<9} ", style=self._quiet)
@@ -126,9 +127,9 @@ class FileBar(StatusBar):
         report = self._file.report
         wide = self.size.width >= 100
         facts = f"  {text.span(report.duration_s)}  {text.count(report.ticks)} ticks"
-        facts += f"  {text.plural(len(report.elements), 'element')}" if wide else ""
+        facts += f"  {many(len(report.elements), 'element')}" if wide else ""
         facts += f"  {report.rate_hz:.4g} Hz" if report.rate_hz else ""
-        facts += f"  {text.size(report.size_bytes)}" if wide and report.size_bytes else ""
+        facts += f"  {size_text(report.size_bytes)}" if wide and report.size_bytes else ""
         lost = f"  lost {text.count(report.lost)}"
         room = max(8, self.content_size.width - len(facts) - len(lost) - (10 if wide else 5))
         line = Text(no_wrap=True, overflow="ellipsis")

@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 
 from silo.cli.main import run
 from silo.core.elements import RecorderState
-from silo.core.quantities import read_keep, read_split
+from silo.core.quantities.reading import read_keep, read_split
 from silo.errors import ElementError, SaveError
 from silo.files.atomic import write_all
 from silo.files.bag_reader import read_bag

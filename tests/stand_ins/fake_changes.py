@@ -17,7 +17,7 @@ from silo.core.elements import (
     State,
     Status,
 )
-from silo.core.quantities import read_keep, read_split
+from silo.core.quantities.reading import read_keep, read_split
 from silo.errors import ScriptError
 from silo.recorder.requests import RecorderInfo, RecorderStarted
 from silo.recordings.fetching import Fetch

@@ -159,13 +159,13 @@ async def test_the_memory_of_an_edit_stands_beside_what_there_is_of_it(fake, ope
     async with opened(fake) as screen:
         await screen.type(":set size=5000")
         await screen.press("enter", "a")
-        await screen.shows("of 50.0 MB available")
+        await screen.shows("of 50 MB available")
         assert "!!" not in screen.text
         await screen.press("escape")
         await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen)
         await screen.type(":set size=50M")
         await screen.press("enter", "a")
-        await screen.shows("!! of 50.0 MB available")
+        await screen.shows("!! of 50 MB available")
 
 
 async def test_a_script_that_differs_in_a_trigger_alone_is_shown_and_loaded(fake, opened):

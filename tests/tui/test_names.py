@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silo.core.quantities.writing import size_text
 from silo_tui.model import text
 from silo_tui.model.names import cells, first_levels, fitting_names, without_prefix
 
@@ -75,7 +76,7 @@ def test_words_have_the_names_of_signals_as_tables_give_them():
 
 
 def test_sizes_go_on_behind_gigabytes():
-    assert [text.size(size) for size in (812, 1.2e6, 2.5e9, 2.5e12)] == ["812 B", "1.2 MB", "2.5 GB", "2.5 TB"]
+    assert [size_text(size) for size in (812, 1.2e6, 2.5e9, 2.5e12)] == ["812 B", "1.2 MB", "2.5 GB", "2.5 TB"]
 
 
 def test_seconds_go_on_to_two_minutes():

@@ -102,7 +102,7 @@ class TestScreens:
             await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen)
             assert fake.recorder_infos == [WALK, FULL]
             await screen.press("t")
-            await screen.shows("Stop walk: 21 parts, 21.0 GB, lost 0")
+            await screen.shows("Stop walk: 21 parts, 21 GB, lost 0")
             await screen.press("1")
             await screen.shows("recording 'walk' ended")
             assert fake.recorder_infos == [FULL]

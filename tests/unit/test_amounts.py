@@ -2,8 +2,8 @@
 
 import pytest
 
-from silo.core import quantities
-from silo.core.quantities import duration, read_keep, read_seconds, read_split
+from silo.core.quantities.reading import read_keep, read_seconds, read_split
+from silo.core.quantities.writing import duration
 from silo.errors import ElementError
 from silo.journal.holdings import Holdings
 from silo.judging.definitions import seconds
@@ -12,7 +12,7 @@ from silo.settings.typed import read_settings
 
 @pytest.fixture(autouse=True)
 def _nothing_was_told(monkeypatch):
-    monkeypatch.setattr(quantities, "_told", set())
+    monkeypatch.setattr("silo.core.quantities.reading._told", set())
 
 
 DOORS = {

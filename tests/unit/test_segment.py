@@ -54,9 +54,7 @@ def small_memory(tmp_path, monkeypatch):
 def test_without_room_start_says_how_much_is_missing_and_what_to_do(new_logger, small_memory):
     logger = new_logger()
     logger.array("x", 1000, buffer_size=10_000)
-    with pytest.raises(
-        SegmentError, match=r"no room for 8\d\.\d MB of buffers, [34]\.\d MB are free.*storage=\"file\""
-    ):
+    with pytest.raises(SegmentError, match=r"no room for 8[\d.]+ MB of buffers, [\d.]+ MB are free.*storage=\"file\""):
         logger.start()
 
 
@@ -150,7 +148,7 @@ def test_a_growing_buffer_that_finds_no_room_counts_what_it_can_not_keep(new_log
 def test_buffers_larger_than_the_memory_are_refused_before_the_kernel_kills_the_program(new_logger):
     logger = new_logger()
     logger.array("x", 1000, buffer_size=2_000_000_000)
-    with pytest.raises(SegmentError, match=r"no memory for 16\d+\.\d MB of buffers, \d+\.\d MB are available"):
+    with pytest.raises(SegmentError, match=r"no memory for 1[\d.]+ TB of buffers, [\d.]+ [MG]B are available"):
         logger.start()
 
 

@@ -283,7 +283,7 @@ def test_a_limit_on_the_size_of_files_is_named(new_logger):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, before[1]))
     try:
-        with pytest.raises(SegmentError, match=r"may make files of 0\.1 MB only \(RLIMIT_FSIZE, `ulimit -f`\)"):
+        with pytest.raises(SegmentError, match=r"may make files of 1[\d.]+ kB only \(RLIMIT_FSIZE, `ulimit -f`\)"):
             logger.start()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

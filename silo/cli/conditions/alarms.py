@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FAILED
-from silo.cli.common import connect, json_option, logger_argument, show_duration, show_json, show_rows
+from silo.cli.common import connect, json_option, logger_argument, show_json, show_rows
+from silo.core.quantities.writing import clock_text
 
 if TYPE_CHECKING:
     from silo.conditions.requests import Alarms
@@ -85,7 +86,7 @@ def _row(one: "LimitStatus") -> tuple[str, ...]:
     return (
         one.word.value, one.name, _number(one.value), _number(one.limit),
         f"{one.worst_word.value} {_number(one.worst)}" if one.worst is not None else "",
-        show_duration(time.time() - one.since_ns / 1e9) if one.since_ns else "", str(count) if count else "",
+        clock_text(time.time() - one.since_ns / 1e9) if one.since_ns else "", str(count) if count else "",
         "NEW" if one.alarm else one.seen_by,
     )  # fmt: skip
 

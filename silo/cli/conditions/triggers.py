@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from silo.cli.common import file_types, show_duration
+from silo.cli.common import file_types
 from silo.cli.verbs import Listing, LoggerFirst, verb
+from silo.core.quantities.writing import clock_text, many
 from silo.files.formats import SAVED_NAMES
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def add(client: "Client", name: str, when: str, **given: Any) -> str:
 
 def _row(one: "TriggerStatus") -> tuple[str, ...]:
     state = one.state.value.upper() + (f" {one.holdoff_s:.0f} s" if one.holdoff_s else "")
-    last = f"{show_duration(time.time() - one.last_ns / 1e9)} ago" if one.last_ns else "never"
+    last = f"{clock_text(time.time() - one.last_ns / 1e9)} ago" if one.last_ns else "never"
     options = one.options
     return state, options.name, options.when, f"{options.pre_s:g} s", f"{options.post_s:g} s", str(one.fires), last
 
@@ -164,7 +165,7 @@ def tried_text(tried: "TriggerTried") -> str:
     """Return what trying a trigger found, in a line."""
     if tried.why:
         return f"blind: {tried.why}"
-    times = f"{tried.fires} time{'s' if tried.fires != 1 else ''}"
+    times = f"{many(tried.fires, 'time')}"
     held_s = (tried.end_ns - tried.begin_ns) / 1e9
     blind = f"; blind at {tried.blind} of {tried.judged} ticks" if tried.blind else ""
     return f"would have fired {times} in the last {held_s:.3g} s (all that is held){blind}"

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.verbs import verb
-from silo.core.quantities import duration, read_seconds
+from silo.core.quantities.reading import read_seconds
+from silo.core.quantities.writing import duration
 from silo.net.access.senders import name_of
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from silo.cli.common import configuration, many, show_duration, show_json
+from silo.cli.common import configuration, show_json
 from silo.core.printing import printable
+from silo.core.quantities.writing import clock_text, many, size_text
 
 if TYPE_CHECKING:
     from silo.fleet.fleet import Fleet, FleetNow
@@ -109,21 +110,20 @@ def screen_lines(found: "FleetNow", chosen: "Sequence[Member]", room: int, now_s
 
 def _cells(one: "Member", name: str, now_s: float, now_ns: int) -> tuple[str, ...]:
     from silo.core.stalls import idle_words
-    from silo.fleet.member import size
 
     told, run_s, unseen_s = one.summary, one.run_s(now_ns), one.unseen_s(now_s)
     if told is None:
-        seen = show_duration(unseen_s) if not one.here else "now"
+        seen = clock_text(unseen_s) if not one.here else "now"
         return (name, one.word, *["-"] * 4, one.sign, seen, one.problem.split("\n")[0])
-    seen = "now" if one.here else f"{show_duration(unseen_s)} ago"
+    seen = "now" if one.here else f"{clock_text(unseen_s)} ago"
     alarms = f" {told.alarms}" if one.sign and one.sign == told.alarm else ""
     idle = [idle_words(one.idle_s(now_s))] if one.stalled else []
     idle += [f"DENIED {told.denied}"] if told.denied else []
     what = " ".join([*idle, *one.people]) if one.here and not one.dead else _after(one)
     return (
-        name, one.word, show_duration(run_s) if run_s is not None else "-",
+        name, one.word, clock_text(run_s) if run_s is not None else "-",
         one.rate, str(told.lost),
-        size(told.disk_free_bytes) if told.disk_bytes else "-", f"{one.sign}{alarms}", seen, what,
+        size_text(told.disk_free_bytes) if told.disk_bytes else "-", f"{one.sign}{alarms}", seen, what,
     )  # fmt: skip
 
 
@@ -200,7 +200,6 @@ def changed(found: "FleetNow", chosen: "Sequence[Member]", known: "dict[str, Kno
 def sentence(one: "Member") -> str:
     """Return all that is known of a logger in a line."""
     from silo.core.stalls import idle_words
-    from silo.fleet.member import size
 
     told = one.summary
     if told is None:
@@ -209,7 +208,7 @@ def sentence(one: "Member") -> str:
     parts = [word if not one.lost else f"silent, was {told.state.value}"]
     parts += [f"{one.rate} Hz"] if one.running and not one.stalled else []
     parts += [f"lost {told.lost}"]
-    parts += [f"{size(told.disk_free_bytes)} free"] if told.disk_bytes else []
+    parts += [f"{size_text(told.disk_free_bytes)} free"] if told.disk_bytes else []
     parts += [f"{told.alarm} {told.alarms}"] if told.alarms else []
     parts += [f"REC {told.recorders}"] if told.recorders else []
     parts += [f"DENIED {told.denied}"] if told.denied else []

@@ -14,13 +14,12 @@ from silo.cli.common import (
     connect,
     json_option,
     logged_for,
-    many,
     show_json,
     show_rows,
     split_logger,
     type_of,
 )
-from silo.core.quantities import duration
+from silo.core.quantities.writing import duration, many, size_text
 from silo.core.stalls import idle_words, is_stalled
 from silo.errors import ConnectionLostError
 from silo.files.formats import is_bag_folder, means_log
@@ -110,7 +109,7 @@ def _show_status(status: "Status") -> None:
         *([("derived", f"{many(status.derived, 'signal')}: `silo derive ls`")] if status.derived else []),
         *_endless(status),
         ("time limit", limit),
-        ("memory", f"{status.segment_bytes / 1e6:.1f} MB"),
+        ("memory", size_text(status.segment_bytes)),
         *_held_runs(status),
         ("folder", status.folder),
         ("script", status.script),
@@ -181,7 +180,7 @@ def _held_runs(status: "Status") -> list[tuple[str, str]]:
     """A line of the memory of runs that are over, and are still read by recorders or triggers."""
     if not status.held_bytes_most:
         return []
-    held = f"{many(status.held_runs, 'earlier run')}, {status.held_bytes / 1e6:.1f} MB"
+    held = f"{many(status.held_runs, 'earlier run')}, {size_text(status.held_bytes)}"
     return [("held", f"{held}, of at most {status.held_runs_most} runs, {status.held_bytes_most / 1e6:.0f} MB")]
 
 

@@ -10,7 +10,6 @@ from silo.cli.common import (
     file_types,
     json_option,
     logger_argument,
-    many,
     naming_ways_out,
     progress,
     say_saved,
@@ -19,6 +18,7 @@ from silo.cli.common import (
     unsaved,
     unsaved_options,
 )
+from silo.core.quantities.writing import many, size_text
 
 if TYPE_CHECKING:
     from silo.core.elements import Status
@@ -127,4 +127,4 @@ def save(logger: str | None, types: tuple[str, ...], name: str, timeout: float, 
         show_json(files)
         return
     for file in files:
-        click.echo(f"{file.path}  {file.size_bytes / 1e6:.1f} MB")
+        click.echo(f"{file.path}  {size_text(file.size_bytes)}")

@@ -12,13 +12,12 @@ from silo.cli.common import (
     configuration,
     json_option,
     logged_for,
-    many,
-    show_duration,
     show_json,
     show_rows,
     tell_unreachable,
 )
 from silo.core.printing import printable
+from silo.core.quantities.writing import clock_text, many, size_text
 from silo.errors import ConnectionLostError
 from silo.net.remotes import LOCAL
 
@@ -148,10 +147,9 @@ def _show_table(answers: "list[Member]") -> None:
 
 def _free(answers: "list[Member]") -> list[str]:
     """How much room is left where each saves."""
-    from silo.fleet.member import size
 
     known = [answer.status for answer in answers]
-    return [size(one.disk_free_bytes) if one is not None and one.disk_bytes else "" for one in known]
+    return [size_text(one.disk_free_bytes) if one is not None and one.disk_bytes else "" for one in known]
 
 
 def _alarms(answers: "list[Member]") -> list[str]:
@@ -257,7 +255,7 @@ def _ls_row(one: "Member") -> tuple[str, ...]:
 
     found, status = one.found, one.status
     if status is None:
-        down = show_duration(time.time() - found.since) if one.down else "-"
+        down = clock_text(time.time() - found.since) if one.down else "-"
         who = found.label if found.pid else found.name
         return (who, found.host or "-", one.word, down, *["-"] * 4, str(found.pid or "-"), found.user or "-")
     return (

@@ -15,11 +15,11 @@ from silo.cli.common import (
     connect,
     discovered,
     json_option,
-    many,
     show_json,
 )
 from silo.cli.edits import show_changes
 from silo.cli.verbs import Target, Words, target, verb
+from silo.core.quantities.writing import many
 
 if TYPE_CHECKING:
     from silo.client.client import Client

@@ -12,7 +12,6 @@ from silo.cli.common import (
     complete_words,
     connect,
     json_option,
-    many,
     patiently,
     show_json,
     split_logger,
@@ -21,6 +20,7 @@ from silo.cli.common import (
 from silo.cli.edits import of_entries, select
 from silo.core.elements import State
 from silo.core.printing import printable
+from silo.core.quantities.writing import many
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.rpc.published import NOT_LIVE_TEXTS
 

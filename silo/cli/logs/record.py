@@ -9,12 +9,11 @@ from silo.cli.common import (
     complete_words,
     connect,
     json_option,
-    many,
-    show_duration,
     show_json,
     show_rows,
     split_logger,
 )
+from silo.core.quantities.writing import clock_text, many, size_text
 
 if TYPE_CHECKING:
     from silo.recorder.requests import RecorderInfo
@@ -97,9 +96,9 @@ def _row(info: "RecorderInfo") -> tuple[str, ...]:
     return (
         info.name,
         info.state.value,
-        show_duration((time.time_ns() - info.since_ns) / 1e9),
+        clock_text((time.time_ns() - info.since_ns) / 1e9),
         str(info.parts + bool(info.part)),
-        f"{info.size_bytes / 1e6:.1f} MB",
+        size_text(info.size_bytes),
         str(info.samples),
         str(info.lost),
         info.folder,

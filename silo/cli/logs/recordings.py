@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.common import TypedPath, complete_logger, connect, many, progress, show_rows
+from silo.cli.common import TypedPath, complete_logger, connect, progress, show_rows
 from silo.cli.verbs import verb
+from silo.core.quantities.writing import many, size_text
 from silo.errors import RefusedError, SiloError
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def fetch(logger: str, names: tuple[str, ...], folder: Path, force: bool, patien
         for name in _meant(client, names):
             with progress(name) as tell:
                 path = client.fetch(name, folder, tell, replace=force, patience_s=patience)
-            click.echo(f"{path}  {_size(path) / 1e6:.1f} MB")
+            click.echo(f"{path}  {size_text(_size(path))}")
 
 
 @files.command()
@@ -144,9 +145,9 @@ def _row(one: "SavedRecording") -> tuple[str, ...]:
     begun = one.begun_ns or min(file.changed_ns for file in one.files)
     when = f"{datetime.fromtimestamp(begun / 1e9):%Y-%m-%d %H:%M:%S}"
     if one.unfinished:
-        return one.stem, "part", when, "-", f"{one.size_bytes / 1e6:.1f} MB", "being written, or its writer died"
+        return one.stem, "part", when, "-", size_text(one.size_bytes), "being written, or its writer died"
     why = "not looked into yet" if one.unread else one.why or "-"
-    return one.stem, types, when, f"{one.span_s:.1f} s" if one.span_s else "-", f"{one.size_bytes / 1e6:.1f} MB", why
+    return one.stem, types, when, f"{one.span_s:.1f} s" if one.span_s else "-", size_text(one.size_bytes), why
 
 
 def _size(path: Path) -> int:

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import TypedPath, file_types, json_option, many, show_json, types_option
+from silo.cli.common import TypedPath, file_types, json_option, show_json, types_option
 from silo.core.elements import FileType
+from silo.core.quantities.writing import many, size_text
 from silo.errors import SaveError, SegmentError, SiloError
 
 if TYPE_CHECKING:
@@ -158,7 +159,7 @@ def _show_parts(folders: Sequence[Path], as_json: bool) -> None:
             from silo.recovery.parts import left_parts
 
             for path in left_parts(folder):
-                text = f"{path}  {path.stat().st_size / 1e6:.1f} MB of a recording, left open by a kill"
+                text = f"{path}  {size_text(path.stat().st_size)} of a recording, left open by a kill"
                 click.echo(text, err=as_json)
 
 
@@ -299,7 +300,7 @@ def _recover(
         if not as_json:
             click.echo(f"{path}: {recovered.text}")
             for file in recovered.files:
-                click.echo(f"  {file.path}  {file.size_bytes / 1e6:.1f} MB")
+                click.echo(f"  {file.path}  {size_text(file.size_bytes)}")
     if as_json:
         show_json(files)
     elif not paths and not quiet:

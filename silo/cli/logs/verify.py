@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.common import TypedPath, json_option, show_json, show_rows
+from silo.core.quantities.writing import many
 
 if TYPE_CHECKING:
     from silo.verify.folder import RunCovered, Verified
@@ -51,7 +52,7 @@ def _show(found: "Verified") -> None:
         click.echo(f"{one.kind}: {one.text}")
     for one in found.not_kept:
         click.echo(f"{one.kind}: {one.text}")
-    runs = f"{len(found.runs)} run{'s' if len(found.runs) != 1 else ''}"
+    runs = f"{many(len(found.runs), 'run')}"
     told = f", {len(found.told)} told before" if found.told else ""
     parts = (
         f"all is there that was to be kept, of {len(found.not_kept)} not all ticks were" if found.not_kept else "whole"

@@ -12,6 +12,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from silo.core.elements import NO_EXTRAS, Action, FileType, TriggerOptions
+from silo.core.quantities.writing import many, size_text
 from silo.logger.logger import Logger
 from silo.programs.demo.robot import SimulatedRobot
 from silo.programs.demo.signals import LoggedSignal, divider_at, signals
@@ -177,14 +178,9 @@ def farewell(log: Logger, types: Sequence[FileType], say: Callable[[str], None],
         return
     if types:
         saved = log.save(types)
-        say(f"logger '{name}' ended; {count(log.ticks)} saved:")
+        say(f"logger '{name}' ended; {many(log.ticks, 'tick')} saved:")
         for file in saved:
-            say(f"  {file.path} ({file.size_bytes / 1e6:.1f} MB)")
+            say(f"  {file.path} ({size_text(file.size_bytes)})")
         return
     note = "" if not log.has_unsaved else f" and not saved (use --save, or `silo save {name}` before it ends)"
-    say(f"logger '{name}' ended; {count(log.ticks)} logged{note}")
-
-
-def count(ticks: int) -> str:
-    """Return `1 tick`, `400 ticks`."""
-    return f"{ticks} tick{'' if ticks == 1 else 's'}"
+    say(f"logger '{name}' ended; {many(log.ticks, 'tick')} logged{note}")

@@ -1,4 +1,4 @@
-"""Amounts as people write them: `1GB`, `500 MB`, `10min`, `2h`, `10k`; and times as they are told.
+"""Amounts as people write them: `1GB`, `500 MB`, `10min`, `2h`, `10k`.
 
 One grammar for every door: a number, and a unit of time, of size or of count. A bare `m` is minutes to some, millions
 or megabytes to others: where it was taken it is told, where it never was both meanings are.
@@ -42,15 +42,6 @@ def read_split(given: object) -> tuple[int, float]:
         f"split must be a size from 1MB or a time from 1s to 31d, got {shown(given)}; write split='1GB' or '10min'; "
         "nothing is recorded"
     )
-
-
-def duration(seconds: float) -> str:
-    """Return a time to three digits as people say it: `0.19 s`, `9.99 s`, `17.7 min`, `3.5 h`, `2.1 days`."""
-    for limit, unit, scale in ((120.0, "s", 1.0), (7200.0, "min", 60.0), (172_800.0, "h", 3600.0)):
-        if seconds < limit:
-            return f"{seconds / scale:.3g} {unit}"
-    days = seconds / 86_400
-    return f"{days:.3g} days" if days < 1000 else f"{days:.0f} days"
 
 
 def read_seconds(argument: str, given: str) -> float:

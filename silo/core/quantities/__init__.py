@@ -1,0 +1,1 @@
+"""Amounts of samples, seconds and bytes: one way to read them, one to write them."""

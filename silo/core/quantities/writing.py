@@ -1,0 +1,33 @@
+"""Sizes, times and counts as they are told, one way everywhere."""
+
+
+def duration(seconds: float) -> str:
+    """Return a time to three digits as people say it: `0.19 s`, `9.99 s`, `17.7 min`, `3.5 h`, `2.1 days`."""
+    for limit, unit, scale in ((120.0, "s", 1.0), (7200.0, "min", 60.0), (172_800.0, "h", 3600.0)):
+        if seconds < limit:
+            return f"{seconds / scale:.3g} {unit}"
+    days = seconds / 86_400
+    return f"{days:.3g} days" if days < 1000 else f"{days:.0f} days"
+
+
+def clock_text(seconds: float) -> str:
+    """Return how long something takes or took, for columns and heads: `00:12`, `1:02:03`, `2 d 03:04`."""
+    whole = max(0, int(seconds))
+    days, hours, minutes, rest = whole // 86400, whole // 3600 % 24, whole // 60 % 60, whole % 60
+    if days:
+        return f"{days} d {hours:02}:{minutes:02}"
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes:02}:{rest:02}"
+
+
+def size_text(size_bytes: float) -> str:
+    """Return a size, of a file, of memory, to three digits: `812 B`, `1.2 MB`, `40 GB`."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if abs(size_bytes) < 999.5:
+            return f"{size_bytes:.3g} {unit}"
+        size_bytes /= 1000
+    return f"{size_bytes:.3g} TB"
+
+
+def many(count: int, noun: str) -> str:
+    """Return `1 element`, `3 elements`."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
