@@ -58,7 +58,7 @@ class Slow:
             return
         if math.isnan(value):
             return
-        raw = int(rule.level(value))
+        raw = (value > rule.yellow_high) + (value > rule.red_high) - (value < rule.yellow_low) - (value < rule.red_low)
         if self.open is not None and self.open["worst"] * raw <= 0:
             self.open = None
         if raw:
@@ -96,15 +96,8 @@ class Slow:
             self.alarm = max(self.alarm, to, key=abs)
 
 
-@settings(max_examples=examples(400))
-@given(
-    st.lists(st.sampled_from([0.0, 5.0, 9.0, 11.0, 19.0, 25.0, 30.0, -9.0, -15.0, -21.0, math.nan]), max_size=40),
-    st.integers(1, 3), st.sampled_from([0.0, 3.0]), st.sampled_from([0, 2 * MS]), st.booleans(), st.data(),
-)  # fmt: skip
-def test_any_cut_gives_what_a_judge_sample_by_sample_gives(values, persistence, hysteresis, stale_ns, limited, data):
-    rule = LimitRule(-20, -10, 10, 20, persistence, hysteresis, stale_ns)
-    context = data.draw(st.lists(st.sampled_from([1, 1, 0, -1]), min_size=40, max_size=40)) if limited else None
-    cuts = data.draw(st.lists(st.integers(0, len(values)), max_size=5).map(sorted))
+def judged_alike(rule, values, context, cuts):
+    """Hold the judge of blocks against the one of samples."""
     slow = Slow(rule)
     for tick, value in enumerate(values):
         slow.row(tick, value, None if context is None else context[tick])
@@ -116,6 +109,38 @@ def test_any_cut_gives_what_a_judge_sample_by_sample_gives(values, persistence, 
         (v["worst"], v["first"], v["peak"], v["peak_tick"], v["samples"]) for v in slow.violations
     ]
     assert state.is_open == (slow.open is not None)
+
+
+@settings(max_examples=examples(400))
+@given(
+    st.lists(st.sampled_from([0.0, 5.0, 9.0, 11.0, 19.0, 25.0, 30.0, -9.0, -15.0, -21.0, math.nan]), max_size=40),
+    st.integers(1, 3), st.sampled_from([0.0, 3.0]), st.sampled_from([0, 2 * MS]), st.booleans(), st.data(),
+)  # fmt: skip
+def test_any_cut_gives_what_a_judge_sample_by_sample_gives(values, persistence, hysteresis, stale_ns, limited, data):
+    context = data.draw(st.lists(st.sampled_from([1, 1, 0, -1]), min_size=40, max_size=40)) if limited else None
+    cuts = data.draw(st.lists(st.integers(0, len(values)), max_size=5).map(sorted))
+    judged_alike(LimitRule(-20, -10, 10, 20, persistence, hysteresis, stale_ns), values, context, cuts)
+
+
+@settings(max_examples=examples(600))
+@given(
+    st.lists(st.integers(-4, 4), max_size=40), st.sampled_from([(-3, -2, 2, 3), (-2, -2, 1, 1), (0, 1, 2, 4)]),
+    st.integers(1, 3), st.sampled_from([0, 1]), st.sampled_from([0, MS, 2 * MS]), st.booleans(), st.data(),
+)  # fmt: skip
+def test_whole_numbers_that_lie_at_bounds_are_judged_as_sample_by_sample(
+    values, bounds, persistence, hysteresis, stale_ns, limited, data
+):
+    hysteresis = min(hysteresis, (bounds[2] - bounds[1]) / 2)
+    context = data.draw(st.lists(st.sampled_from([1, 1, 0, -1]), min_size=40, max_size=40)) if limited else None
+    cuts = data.draw(st.lists(st.integers(0, len(values)), max_size=5).map(sorted))
+    judged_alike(LimitRule(*bounds, persistence, hysteresis, stale_ns), values, context, cuts)
+
+
+@given(st.lists(st.integers(-4, 4), min_size=1), st.sampled_from([(-3, -2, 2, 3), (-2, -2, 1, 1), (0, 1, 2, 4)]))
+def test_samples_at_a_bound_alone_stir_nothing_and_are_no_violation(values, bounds):
+    within = [min(max(value, bounds[1]), bounds[2]) for value in values]
+    limit, found = fed(LimitRule(*bounds), within)
+    assert (found, limit.states[0].level, limit.states[0].count) == ([], Level.GREEN, 0)
 
 
 @pytest.mark.parametrize("values", [[25, 15] * 5, [15, 25] * 5, [-25, -15] * 5])

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.core.elements import Sought
-from silo.expressions.search import Finder, Looking, places
+from silo.expressions.search import LONG_GAP, Finder, Looking, places
 
 PERIOD = 10
 floats = st.lists(st.sampled_from([0.0, 1.0, 2.5, -3.0, 7.0, math.nan, math.inf, -math.inf]), max_size=40)
@@ -47,6 +47,56 @@ def test_blocks_of_any_size_find_what_the_whole_finds(samples, looking, cuts, st
     assert (found.total, found.before) == (len(wanted), 0)
     if len(samples):
         assert (found.begin_ns, found.end_ns) == (times[0], times[-1])
+
+
+def sought_one_by_one(looking, values):
+    """The moments of whole numbers by the words of the guide, sample after sample."""
+    low, high = looking.bounds
+    says = {
+        Sought.HIGHEST: lambda value: value == max(values),
+        Sought.LOWEST: lambda value: value == min(values),
+        Sought.OUTSIDE: lambda value: (low is not None and value < low) or (high is not None and value > high),
+    }
+    if looking.what in says:
+        here = [says[looking.what](value) for value in values]
+        return [at for at, one in enumerate(here) if one and not (at and here[at - 1])]
+    steps = list(enumerate(pairwise(values), 1))
+    if looking.what is Sought.CHANGE:
+        return [at for at, (before, after) in steps if before != after]
+    if looking.what is Sought.EDGE:
+        return [at for at, (before, after) in steps if 2 * abs(after - before) > max(values) - min(values)]
+    rises = [at for at, (before, after) in steps if before < looking.level <= after]
+    falls = [at for at, (before, after) in steps if after < looking.level <= before]
+    return sorted([*(rises if looking.direction >= 0 else []), *(falls if looking.direction <= 0 else [])])
+
+
+@settings(deadline=None, max_examples=600)
+@given(st.lists(st.integers(-4, 4), min_size=1, max_size=40), st.sampled_from(["i1", "i8", "f4", "f8"]),
+       st.builds(Looking, st.sampled_from([one for one in Sought if one not in (Sought.HOLE, Sought.NOT_FINITE)]),
+                 st.integers(-4, 4), st.sampled_from([-1, 0, 1]),
+                 st.tuples(st.none() | st.integers(-4, 4), st.none() | st.integers(-4, 4)), st.just(PERIOD)),
+       st.lists(st.integers(0, 40), max_size=6))  # fmt: skip
+def test_whole_numbers_that_lie_at_levels_and_bounds_are_found_as_one_by_one(samples, kind, looking, cuts):
+    values, times = np.array(samples, kind), np.arange(len(samples), dtype=np.int64)
+    assert finder_of(looking, times, values, cuts).time_ns.tolist() == sought_one_by_one(looking, samples)
+
+
+@pytest.mark.parametrize("kind", ["i1", "u2", "i8", "f4", "f8"])
+def test_a_step_of_half_of_what_a_signal_spans_is_no_edge_and_a_larger_one_is(kind):
+    times = np.arange(6, dtype=np.int64)
+    assert places(Looking(Sought.EDGE), times[:3], np.array([0, 2, 4], kind)).tolist() == []
+    assert places(Looking(Sought.EDGE), times, np.array([0, 2, 4, 1, 3, 0], kind)).tolist() == [3, 5]
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.lists(st.integers(1, 6).map(lambda halves: halves * PERIOD // 2), max_size=40),
+       st.lists(st.integers(0, 40), max_size=6))  # fmt: skip
+def test_a_hole_is_more_than_so_many_periods_and_not_exactly_so_many(steps, cuts):
+    times = np.cumsum(np.array([0, *steps], np.int64))
+    wanted = [int(times[at]) for at, step in enumerate(steps) if step > LONG_GAP * PERIOD]
+    assert (
+        finder_of(Looking(Sought.HOLE, period_ns=PERIOD), times, np.zeros(len(times)), cuts).time_ns.tolist() == wanted
+    )
 
 
 @settings(deadline=None, max_examples=200)
