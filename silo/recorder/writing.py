@@ -220,7 +220,7 @@ class Writing:
         if self._part is not None:
             self._part.sync_if_due()
             self._count()
-            if self._is_long(self._part, drained):
+            if is_long(self._order, self._part, time.monotonic(), up_to_date=drained.complete):
                 self._finish_part()
 
     def _write_rows(self, rows: Rows) -> None:
@@ -341,16 +341,6 @@ class Writing:
         number = self._next.get(EVENTS_RING, 1)
         return LoggedEvent("lost", text, time.time_ns(), 0, schema.started_ns, schema.logger, schema.run, number)
 
-    def _is_long(self, part: OpenPart, drained: Drained) -> bool:
-        order = self._order
-        limits = [order.split_bytes, order.keep_bytes // 2]
-        most_bytes = min((limit for limit in limits if limit), default=0)
-        if most_bytes and part.size_bytes >= most_bytes * (1 if drained.complete else 1.5):
-            return True
-        if part.index_bytes >= MOST_INDEX_BYTES:
-            return True
-        return bool(order.split_s) and time.monotonic() - part.begun_s >= order.split_s and drained.complete
-
     def _finish_part(self) -> None:
         part, self._part = self._part, None
         if part is None:
@@ -425,3 +415,13 @@ def _stretches(rows: Rows) -> Iterator[tuple[Rows, bool]]:
 
 class _NoRoomLeftError(SiloError):
     """The disk is as full as it may become."""
+
+
+def is_long(order: RecordOrder, part: OpenPart, now_s: float, *, up_to_date: bool) -> bool:
+    """Whether a part ends here. What is not up to date goes on, to half as much again: another one costs time."""
+    most_bytes = min((limit for limit in (order.split_bytes, order.keep_bytes // 2) if limit), default=0)
+    if most_bytes and part.size_bytes >= most_bytes * (1 if up_to_date else 1.5):
+        return True
+    if part.index_bytes >= MOST_INDEX_BYTES:
+        return True
+    return bool(order.split_s) and now_s - part.begun_s >= order.split_s and up_to_date

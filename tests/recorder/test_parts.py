@@ -6,6 +6,7 @@ import struct
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from silo.files.bags.writer import write_bag
 from silo.files.manifest import Ledger
 from silo.files.parts.scan import part_records, rows_after, scan_part
 from silo.recorder.orders import RecordOrder
-from silo.recorder.writing import QUEUE_BYTES, RecorderDisk, left_free
+from silo.recorder.writing import MOST_INDEX_BYTES, QUEUE_BYTES, RecorderDisk, is_long, left_free
 from silo.recovery.parts import close_part, close_parts, finished_part, left_parts, left_rows
 
 
@@ -440,3 +441,34 @@ def one_element(recording, name: str) -> list[int]:
     element = next(element for element in recording.elements if element.name == name)
     ticks = recording.offset - len(recording.time_ns) + element.stamp_indices
     return [int(tick) for tick in ticks if not any(low <= tick <= high for low, high in element.failures.spans)]
+
+
+# --------------------------------------------------------------------------------------------------- where parts end
+
+
+@pytest.mark.parametrize(("limits", "up_to_date", "longest"), [
+    ({"split_bytes": 1000}, True, 1000), ({"split_bytes": 1000}, False, 1500), ({"keep_bytes": 1000}, True, 500),
+    ({"keep_bytes": 1000}, False, 750), ({"split_bytes": 400, "keep_bytes": 1000}, True, 400), ({}, False, None),
+])  # fmt: skip
+def test_a_part_ends_at_its_size_and_half_as_much_again_where_the_disk_is_behind(limits, up_to_date, longest) -> None:
+    def ends(size_bytes: int) -> bool:
+        part = SimpleNamespace(size_bytes=size_bytes, index_bytes=0, begun_s=0.0)
+        return is_long(RecordOrder("bot", "/logs", **limits), part, 1e9, up_to_date=up_to_date)
+
+    if longest is None:
+        assert not ends(2**60)
+    else:
+        assert [ends(size_bytes) for size_bytes in (0, longest - 1, longest, 2**60)] == [False, False, True, True]
+
+
+@pytest.mark.parametrize(("up_to_date", "ends"), [(True, [False, True]), (False, [False, False])])
+def test_a_part_of_a_time_ends_once_all_of_it_is_written(up_to_date, ends) -> None:
+    part = SimpleNamespace(size_bytes=1, index_bytes=0, begun_s=100.0)
+    order = RecordOrder("bot", "/logs", split_s=60.0)
+    assert [is_long(order, part, now_s, up_to_date=up_to_date) for now_s in (159.9, 160.0)] == ends
+
+
+def test_a_part_whose_index_is_large_ends_whatever_is_behind() -> None:
+    sizes = (MOST_INDEX_BYTES - 1, MOST_INDEX_BYTES)
+    parts = [SimpleNamespace(size_bytes=1, index_bytes=size, begun_s=0.0) for size in sizes]
+    assert [is_long(RecordOrder("bot", "/logs"), part, 0.0, up_to_date=False) for part in parts] == [False, True]

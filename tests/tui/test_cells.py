@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.cells import cell_len, set_cell_size
 
-from silo_tui.terminal.cells import UNKNOWN, Grid, difference
+from silo_tui.terminal.cells import TAIL, UNKNOWN, Grid, difference
 from silo_tui.terminal.parser import Follower
 from silo_tui.terminal.styles import DEFAULT, Styles
 from tests.tui.emulator import Emulator
@@ -115,6 +115,20 @@ def test_the_picture_after_differences_is_that_of_full_repaints(draw, erases):
             line.send(draw.randint(1, 60), draw.randrange(HEIGHT))
     line.send()
     assert line.terminal.seen() == repainted.seen()
+
+
+@pytest.mark.parametrize("column", [WIDTH - 2, WIDTH - 1, WIDTH, WIDTH + 3])
+@pytest.mark.parametrize("words", ["漢", "a漢", "漢字", "ab漢c", "漢e\u0301"])
+@pytest.mark.parametrize("before", ["", "漢" * (WIDTH // 2), "a" + "漢" * (WIDTH // 2)])
+def test_a_wide_character_has_no_half_at_the_end_of_a_line(column, words, before):
+    grid = Grid(WIDTH, 1)
+    grid.put(0, 0, before[: (WIDTH - 1 if before[:1] == "a" else WIDTH) // 2 + (before[:1] == "a")], DEFAULT)
+    grid.put(0, column, words, DEFAULT)
+    chars = grid.chars[0]
+    assert len(chars) == len(grid.styles[0]) == WIDTH
+    for place, char in enumerate(chars):
+        followed = chars[place + 1] if place + 1 < WIDTH else " "
+        assert (cell_len(char) == 2) == (followed == TAIL), (place, char, followed)
 
 
 @given(SEEDS)

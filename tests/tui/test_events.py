@@ -96,6 +96,23 @@ async def test_the_events_screen_shows_newest_first_and_follows(running, opened)
         await screen.shows("4 events, follows")
 
 
+@pytest.mark.parametrize("lost", [1, 2, 5])
+async def test_lines_whose_news_got_lost_are_asked_for_with_the_next_one(running, opened, monkeypatch, lost):
+    async with opened(running) as screen:
+        await screen.press("E")
+        await screen.shows("3 events, follows")
+        with monkeypatch.context() as thin:
+            thin.setattr(running, "publish", lambda *_, **__: None)
+            for number in range(lost):
+                running.happen("marker", f"unheard {number}", running.now_ns)
+        running.happen("marker", "heard", running.now_ns)
+        await screen.shows('M "heard"')
+        await screen.shows(f"{4 + lost} events, follows")
+        assert all(f'M "unheard {number}"' in screen.text for number in range(lost))
+        numbers = [event.number for event in screen.app.context.session.happened]
+        assert numbers == list(range(1, 5 + lost))
+
+
 async def test_signals_have_one_name_in_events_messages_and_plots(running, opened):
     running.happen("limit", "/log/legs/LF/HAA/torque H 12 Nm at tick 3, limit 10", running.now_ns)
     async with opened(running) as screen:

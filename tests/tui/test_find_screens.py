@@ -1,5 +1,7 @@
 """Find moments, two cursors, plots that share an axis: driven by keys, on a file and on a logger."""
 
+import asyncio
+
 import numpy as np
 import pytest
 
@@ -171,6 +173,26 @@ async def test_full_stop_goes_by_samples_and_the_window_follows(monitor):
     async with monitor("LF/torque") as (screen, shown):
         await screen.press("home", "full_stop", "full_stop", "comma")
         await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the second sample")
+
+
+async def test_two_steps_of_which_neither_waits_for_the_other_are_two_samples(monitor, monkeypatch):
+    async with monitor("LF/torque") as (screen, shown):
+        await screen.press("home", "full_stop")
+        await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the second sample")
+        samples, asked = shown.source.samples, []
+
+        async def slow_samples(name, start_ns, end_ns):
+            asked.append(start_ns)
+            for _ in range(20):
+                await asyncio.sleep(0)
+            return await samples(name, start_ns, end_ns)
+
+        monkeypatch.setattr(shown.source, "samples", slow_samples)
+        shown.command_next_sample()
+        shown.command_next_sample()
+        shown.command_next_sample()
+        await screen.until(lambda: shown.file.time_ns == START_NS + 4 * STEP_NS, "three samples on")
+        assert len(asked) == len(set(asked)) == 3
 
 
 async def test_the_detail_plot_goes_from_time_to_histogram(monitor):

@@ -159,6 +159,17 @@ def test_a_link_that_is_good_for_five_seconds_gets_one_step_back_at_a_time():
     assert thinness.step == worst - 1
 
 
+@pytest.mark.parametrize(("late_of_ten", "down"), [(10, 2), (9, 1), (6, 1)])
+def test_values_thin_out_two_steps_at_once_only_where_nothing_comes_in_time(late_of_ten, down):
+    thinness = Thinness()
+    steps = []
+    for tick in range(400):
+        before = thinness.step
+        thinness.note(late=tick % 10 >= 10 - late_of_ten, now_s=tick / 5)
+        steps += [thinness.step - before] if thinness.step > before else []
+    assert set(steps[:3]) == {down}
+
+
 def test_one_late_frame_changes_nothing():
     thinness = Thinness()
     for tick in range(100):

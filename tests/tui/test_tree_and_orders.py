@@ -183,6 +183,15 @@ def test_a_list_order_turns_round_by_its_letter_again(rows, order):
     assert list(rows.shown) == before[::-1]
 
 
+def test_a_tree_has_no_other_way_round_and_its_arrow_stays(rows):
+    rows.order_by("tree")
+    before, arrow = words(rows), rows.arrow
+    rows.order_by("tree")
+    assert (words(rows), rows.arrow, rows.turned) == (before, arrow, False)
+    rows.order_by("name")
+    assert not rows.turned
+
+
 def test_the_place_of_the_cursor_counts_elements_not_unfolded_entries(rows):
     rows.order_by("added")
     vector = next(row for row, element in enumerate(rows.table.elements) if len(element.entries) == 3)

@@ -1,0 +1,68 @@
+"""Two who ask at once: what one of them fetches or pins is neither fetched nor pinned by the other."""
+
+import asyncio
+from types import SimpleNamespace
+
+import numpy as np
+
+from silo.core.arrays.columns import ColumnStore
+from silo_tui.model.held import HeldSource
+from silo_tui.model.pinned import SLICES, PinnedSource
+
+SECOND = 10**9
+PLOTS = [SimpleNamespace(name="/log/x", element=SimpleNamespace(name="/log/x"))]
+LIVE = SimpleNamespace(period_ns=lambda name: SECOND // 100, element=lambda name: None, happened=())
+NOTHING_SHOWN = ColumnStore((), 1, 1)
+
+
+async def others_go_on():
+    """Let everything else that can run do so, as a link does."""
+    for _ in range(5):
+        await asyncio.sleep(0)
+
+
+class YieldingPin:
+    """A pin, and the buffers that it is from, which go on with others before they answer."""
+
+    run, refused, text, reachable = "run1", "", "", True
+
+    def __init__(self, begin_ns, end_ns, asked):
+        self.begin_ns, self.end_ns, self.oldest_ns, self.asked = begin_ns, end_ns, begin_ns, asked
+
+    async def samples(self, names, start_ns, end_ns):
+        self.asked.append(start_ns)
+        await others_go_on()
+        return {name: (np.array([start_ns]), np.array([1.0])) for name in names}
+
+    async def pin(self, names, start_ns, end_ns):
+        self.asked.append(start_ns)
+        await others_go_on()
+        pin = YieldingPin(start_ns, end_ns, [])
+        pin.oldest_ns = SECOND
+        return pin
+
+    def close(self):
+        """Let go of it."""
+
+
+async def test_a_slice_that_two_look_at_is_fetched_once():
+    asked = []
+    source = PinnedSource(LIVE, PLOTS, SECOND, 2 * SECOND, NOTHING_SHOWN)
+    source.opened(YieldingPin(SECOND, 2 * SECOND, asked), SECOND, 2 * SECOND)
+    looks = [source.samples("/log/x", SECOND, 2 * SECOND) for _ in range(3)]
+    answers = await asyncio.gather(*looks, source.fetch_rest())
+    assert len(asked) == len(set(asked)) == SLICES
+    assert [len(time_ns) for time_ns, _ in answers[:3]] == [SLICES] * 3
+    assert source.complete
+
+
+async def test_a_moment_that_two_go_to_is_pinned_once():
+    asked = []
+    buffers = YieldingPin(SECOND, 100 * SECOND, asked)
+    source = HeldSource(LIVE, PLOTS, (90 * SECOND, 100 * SECOND), 100 * SECOND, NOTHING_SHOWN, buffers)
+    await source.open()
+    assert asked == [90 * SECOND]
+    await asyncio.gather(*(source.cover(40 * SECOND, 50 * SECOND) for _ in range(3)))
+    assert asked == [90 * SECOND, 40 * SECOND]
+    stretches = [(piece.begin_ns, piece.end_ns) for piece in source.pieces]
+    assert stretches == [(40 * SECOND, 50 * SECOND), (90 * SECOND, 100 * SECOND)]
