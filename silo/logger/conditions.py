@@ -11,17 +11,47 @@ import msgspec
 
 from silo.core.arguments import line, shown, text, whole
 from silo.core.calls import told_class
-from silo.core.elements import Conditions, Derived, Edit, FileType, SignalLimits, TriggerOptions, join_name
+from silo.core.elements import (
+    NO_EXTRAS,
+    Conditions,
+    Derived,
+    Edit,
+    ElementInfo,
+    FileType,
+    LoggerOptions,
+    SignalLimits,
+    TriggerOptions,
+    join_name,
+)
 from silo.errors import ElementError, SaveError
 from silo.logger.calls.options import file_types
-from silo.logger.configuration import Configuration
+from silo.logger.life_cycle import LifeCycle
+from silo.logger.registrations import Registrations
 
 log = logging.getLogger("silo")
 
 
 @told_class("log")
-class LoggerConditions(Configuration):
+class LoggerConditions:
     """Derived signals, limits and triggers of a logger."""
+
+    def __init__(self, options: LoggerOptions, table: Registrations, life: LifeCycle) -> None:
+        """Begin without any, of a logger with these options, this table and this life cycle."""
+        self._options, self._table, self._life = options, table, life
+        self.extras = NO_EXTRAS
+
+    def take(self, extras: Conditions) -> None:
+        """Have others, which fit the table."""
+        if extras.derived != self.extras.derived:
+            self._table.revision += 1  # clients show them as rows of the table
+        self.extras = extras
+
+    def with_limits(self, info: ElementInfo, bounds: Sequence[float | None]) -> Conditions:
+        """Return them with limits of an element that is about to be added. Raises ElementError."""
+        from silo.judging.definitions import bounds_given, with_limits
+
+        one = SignalLimits(info.name, bounds_given(info.name, bounds))
+        return with_limits(self.extras, one, [*self._table.all_infos, info], self._options.prefix)
 
     def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
         """Have a signal computed from others wherever rows are read: `log.derive("power", "joints/tau * joints/qd")`.
@@ -45,7 +75,7 @@ class LoggerConditions(Configuration):
         name = text("the signal's name", name, 'log.derive("power", "joints/tau * joints/qd")')
         expression = text("expression", expression, 'log.derive("power", "joints/tau * joints/qd")')
         group, unit = text("group", group, 'group="joints"'), line("unit", unit, 'unit="W"')
-        prefix = self.options.prefix
+        prefix = self._options.prefix
         if not name.strip("/"):
             raise ElementError("a derived signal needs a name; nothing was changed")
         if not name.isprintable():
@@ -53,10 +83,10 @@ class LoggerConditions(Configuration):
         whole_name = join_name("", "", name)
         if group or not whole_name.startswith(f"{prefix.rstrip('/')}/"):
             whole_name = join_name(prefix, group, name)
-        with self._lock:
-            self._check_open()
-            one = Derived(whole_name, expression, self._unit(whole_name, unit) if unit.strip() else "")
-            self._take_derived(with_derived(self._extras, one, self._all_infos, prefix))
+        with self._life.lock:
+            self._life.check_open()
+            one = Derived(whole_name, expression, self._table.unit(whole_name, unit) if unit.strip() else "")
+            self._take_derived(with_derived(self.extras, one, self._table.all_infos, prefix))
 
     def remove_derived(self, name: str) -> None:
         """Forget a derived signal, also while the logger runs.
@@ -71,14 +101,14 @@ class LoggerConditions(Configuration):
         from silo.judging.definitions import without_derived
 
         name = text("the signal's name", name, 'log.remove_derived("power")')
-        with self._lock:
-            self._check_open()
-            self._take_derived(without_derived(self._extras, name, self._all_infos, self.options.prefix))
+        with self._life.lock:
+            self._life.check_open()
+            self._take_derived(without_derived(self.extras, name, self._table.all_infos, self._options.prefix))
 
     def _take_derived(self, extras: Conditions) -> None:
-        if extras.derived != self._extras.derived:
-            self._take_extras(extras)
-            self._tell()
+        if extras.derived != self.extras.derived:
+            self.take(extras)
+            self._life.tell()
 
     def limit(
         self,
@@ -140,10 +170,10 @@ class LoggerConditions(Configuration):
                 f"limits must be silo.core.elements.SignalLimits, got {shown(one)}; write "
                 'log.limit("joints/tau", (-40, -30, 30, 40)); nothing was changed'
             )
-        with self._lock:
-            self._check_open()
-            self._extras = with_limits(self._extras, one, self._all_infos, self.options.prefix)
-            self._tell()
+        with self._life.lock:
+            self._life.check_open()
+            self.extras = with_limits(self.extras, one, self._table.all_infos, self._options.prefix)
+            self._life.tell()
 
     def remove_limits(self, name: str) -> None:
         """Forget the limits of a signal, also while the logger runs.
@@ -155,14 +185,14 @@ class LoggerConditions(Configuration):
             ElementError: no limits were given to it; nothing was changed.
             StateError: the logger is closed.
         """
-        with self._lock:
-            self._check_open()
-            kept = tuple(one for one in self._extras.limits if one.name != name)
-            if len(kept) == len(self._extras.limits):
+        with self._life.lock:
+            self._life.check_open()
+            kept = tuple(one for one in self.extras.limits if one.name != name)
+            if len(kept) == len(self.extras.limits):
                 names = ", ".join(one.name for one in kept[:5]) or "no signal"
                 raise ElementError(f"'{name}' has no limits, {names} has; nothing was changed")
-            self._extras = msgspec.structs.replace(self._extras, limits=kept)
-            self._tell()
+            self.extras = msgspec.structs.replace(self.extras, limits=kept)
+            self._life.tell()
 
     def trigger(
         self,
@@ -255,14 +285,14 @@ class LoggerConditions(Configuration):
             check_name(one.name)
         except SaveError as error:
             raise ElementError(f"the trigger's name stands in names of files: {error}; nothing was changed") from None
-        with self._lock:
-            self._check_open()
-            infos = self._all_infos
-            check_held(one, infos, self.options.frequency_hz)
-            self._extras = with_trigger(self._extras, one, infos, self.options.prefix)
-            if self._running:
+        with self._life.lock:
+            self._life.check_open()
+            infos = self._table.all_infos
+            check_held(one, infos, self._options.frequency_hz)
+            self.extras = with_trigger(self.extras, one, infos, self._options.prefix)
+            if self._life.running:
                 self._warn_of_off(one)  # else at the start: until then elements may be switched on
-            self._tell()
+            self._life.tell()
 
     def remove_trigger(self, name: str) -> None:
         """Forget a trigger, also while the logger runs; a capture that is under way goes on.
@@ -274,15 +304,15 @@ class LoggerConditions(Configuration):
             ElementError: there is none of that name; nothing was changed.
             StateError: the logger is closed.
         """
-        with self._lock:
-            self._check_open()
-            kept = tuple(one for one in self._extras.triggers if one.name != name)
-            if len(kept) == len(self._extras.triggers):
+        with self._life.lock:
+            self._life.check_open()
+            kept = tuple(one for one in self.extras.triggers if one.name != name)
+            if len(kept) == len(self.extras.triggers):
                 names = ", ".join(one.name for one in kept)
                 there = f"there are {names}" if names else "there is none"
                 raise ElementError(f"no trigger is called '{name}', {there}; nothing was changed")
-            self._extras = msgspec.structs.replace(self._extras, triggers=kept)
-            self._tell()
+            self.extras = msgspec.structs.replace(self.extras, triggers=kept)
+            self._life.tell()
 
     def apply_extras(self, extras: Conditions, edits: Sequence[Edit] = ()) -> None:
         """Take derived signals, limits and triggers of a script in the place of all that there are.
@@ -299,38 +329,38 @@ class LoggerConditions(Configuration):
         """
         from silo.settings.script_conditions import checked_extras
 
-        with self._lock:
-            self._check_stopped("load a script")
+        with self._life.lock:
+            self._life.check_stopped("load a script")
             options = {edit.name: edit.options for edit in edits}
             planned = [
                 msgspec.structs.replace(info, options=options.get(info.name, info.options))
                 for info in self._table.infos
             ]
-            self._take_extras(checked_extras(extras, planned, self.options.prefix, self.options.frequency_hz))
-            self._tell()
+            self.take(checked_extras(extras, planned, self._options.prefix, self._options.frequency_hz))
+            self._life.tell()
 
-    def _warn_of_triggers(self, *, served: bool) -> None:
+    def warn_at_start(self, *, served: bool) -> None:
         """Tell at a start which triggers and limits can't do what they were set for."""
-        if self._extras.limits and not served:
-            judged = ", ".join(one.name for one in self._extras.limits)
+        if self.extras.limits and not served:
+            judged = ", ".join(one.name for one in self.extras.limits)
             log.warning("%s: limits are judged by the helper process, and there is none: call serve()", judged)
-        if not self._extras.triggers:
+        if not self.extras.triggers:
             return
         from silo.judging.definitions import check_held
 
-        names = ", ".join(one.name for one in self._extras.triggers)
+        names = ", ".join(one.name for one in self.extras.triggers)
         if not served:
             log.warning("%s: triggers are judged by the helper process, and there is none: call serve()", names)
-        for one in self._extras.triggers:
+        for one in self.extras.triggers:
             self._warn_of_off(one)
             try:
-                check_held(one, self._table.infos, self.options.frequency_hz)
+                check_held(one, self._table.infos, self._options.frequency_hz)
             except ElementError as error:  # each is told
                 log.warning("trigger '%s' will capture less than it should: %s", one.name, error)
 
     def _warn_of_off(self, one: TriggerOptions) -> None:
         from silo.judging.switched_off import off_problem
 
-        problem = off_problem(one, self._table.infos, self.options.prefix, self._extras.derived)
+        problem = off_problem(one, self._table.infos, self._options.prefix, self.extras.derived)
         if problem:
             log.warning("trigger '%s' %s", one.name, problem)

@@ -169,6 +169,12 @@ class CurrentRun:
         self._let_go(self.run, held=held)
         return held
 
+    def forget(self) -> None:
+        """Have no run, in a forked child: those of its parent stay as they are."""
+        if self.run is not None:
+            self.run.forget()
+        vars(self).update(vars(CurrentRun()))
+
     @property
     def ticks(self) -> int:
         """Ticks logged since the last start."""

@@ -1,6 +1,6 @@
 """One element of a logger, as a program looks at it: options, newest value, samples held."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn, SupportsIndex, overload
 
@@ -9,6 +9,7 @@ import numpy as np
 from silo.core.calls import no_attribute
 from silo.core.elements import ElementInfo, ElementOptions, SavedFile
 from silo.core.names import Names
+from silo.core.printing import MOST_ROWS, html_table
 from silo.errors import ArgumentError, UnknownNameError
 from silo.logger.new_values import sample_values
 from silo.segment.reader import SegmentReader
@@ -151,3 +152,16 @@ def look_at(info: ElementInfo, reader: SegmentReader | None) -> LoggedElement:
     if rows is None or not len(rows):
         return LoggedElement(info, held=end - begin, lost=lost)
     return LoggedElement(info, sample_values(schema, rows)[-1], int(rows.time_ns[-1]), end - begin, lost)
+
+
+def as_html(title: str, names: Sequence[str], element: Callable[[str], LoggedElement]) -> str:
+    """The first elements as a table, for notebooks."""
+    rows = [
+        (one.name, one.unit, "on" if one.options.enabled else "off", one.options.divider,
+         one.options.action.name.lower(), f"{one.options.buffer_type.name.lower()} {one.options.buffer_size}",
+         one.held, newest_text(one))
+        for one in (element(name) for name in names[: MOST_ROWS + 1])
+    ]  # fmt: skip
+    heads = ("element", "unit", "log", "divider", "action", "buffer", "held", "newest")
+    more = f"{len(names)} elements in all" if len(names) > MOST_ROWS else ""
+    return html_table(title, heads, rows[:MOST_ROWS], more)

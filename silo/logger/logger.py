@@ -1,20 +1,29 @@
 """The logger: registers variables, runs, saves. What a control program imports.
 
-`collect()` runs the closure that `start()` generated and nothing else. Everything that changes the table or the state
-takes one lock, which `collect()` never touches.
+It is made of parts, each usable by itself: the table and its script, conditions, the present run, the life cycle that
+they share. `collect()` runs the closure that `start()` generated and nothing else; everything that changes the table
+or the state takes one lock, which `collect()` never touches.
 """
 
 import functools
 import logging
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from silo.core.arguments import whole, word
 from silo.core.calls import told_class
-from silo.core.elements import DEFAULT_MAX_TIME_S, BufferType, ControlMode, GroupRole, Storage, Threads
+from silo.core.elements import (
+    DEFAULT_MAX_TIME_S,
+    Conditions,
+    ControlMode,
+    GroupRole,
+    State,
+    Storage,
+    Threads,
+)
 from silo.errors import SiloError, StateError
 from silo.logger.calls.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord
 from silo.logger.calls.options import (
@@ -22,11 +31,25 @@ from silo.logger.calls.options import (
     serving_config,
     serving_group,
     warn_if_not_durable,
+    warn_of_end,
 )
+from silo.logger.calls.other_names import (
+    HidesOtherNames,
+    listed,
+    no_attribute_of,
+    not_deleted,
+    not_set,
+    with_other_names,
+)
+from silo.logger.conditions import LoggerConditions
 from silo.logger.current_run import CurrentRun
+from silo.logger.elements import Elements, LoggedElement, as_html
 from silo.logger.helper.consumers import is_wanted
-from silo.logger.logged import Logged
-from silo.logger.new_values import NewValuesReader
+from silo.logger.life_cycle import LifeCycle
+from silo.logger.parts import of
+from silo.logger.registrations import Registrations
+from silo.logger.run_data import RunData
+from silo.logger.scripted_table import ScriptedTable
 from silo.logger.unclosed import (
     drop_journals,
     end_namesakes,
@@ -39,7 +62,9 @@ from silo.logger.unclosed import (
     watch,
 )
 from silo.loop.clocks import nanosecond_clock
+from silo.loop.plan import Element
 from silo.loop.run import Run
+from silo.loop.sources import reads
 from silo.recovery.runs import look_back
 from silo.segment.marks import NO_WORDS, Mark, no_mark
 from silo.segment.reasons import STOP_TEXTS, StopReason
@@ -51,8 +76,9 @@ if TYPE_CHECKING:
 log = logging.getLogger("silo")
 
 
+@with_other_names
 @told_class("log", make="silo.Logger", leave=("collect", "mark"))
-class Logger(Logged):
+class Logger(metaclass=HidesOtherNames):
     """Logs variables of a control program, by reference, once per control tick.
 
     Args:
@@ -109,12 +135,85 @@ class Logger(Logged):
         )
         self._clock = nanosecond_clock(clock)
         end_namesakes(options.name)
-        super().__init__(options)
+        self.options = options
+        self._life = LifeCycle(options.name)
+        self._table = Registrations(options.prefix)
+        self._conditions = LoggerConditions(options, self._table, self._life)
+        self._scripted = ScriptedTable(options, self._table, self._conditions, self._life, type(self))
+        self._present = CurrentRun()
+        self._data = RunData(options, self._table, self._conditions, self._life, self._present)
         self._collect: Callable[[], None] | None = None
         self._ignored = 0
         self._mark: Mark = no_mark
         self._freeing = False  # it was closed, and what it has is let go of
         watch(self)  # its data outlives a process that ends without close()
+
+    # ------------------------------------------------------------------------------- what its parts do
+
+    add = of("_scripted", ScriptedTable.add)
+    array = of("_scripted", ScriptedTable.array)
+    update = of("_scripted", ScriptedTable.update)
+    set = of("_scripted", ScriptedTable.set)
+    enable = of("_scripted", ScriptedTable.enable)
+    disable = of("_scripted", ScriptedTable.disable)
+    remove = of("_scripted", ScriptedTable.remove)
+    apply = of("_scripted", ScriptedTable.apply)
+    problems = of("_scripted", ScriptedTable.problems)
+    load_script = of("_scripted", ScriptedTable.load_script)
+    save_script = of("_scripted", ScriptedTable.save_script)
+
+    derive = of("_conditions", LoggerConditions.derive)
+    remove_derived = of("_conditions", LoggerConditions.remove_derived)
+    limit = of("_conditions", LoggerConditions.limit)
+    set_limits = of("_conditions", LoggerConditions.set_limits)
+    remove_limits = of("_conditions", LoggerConditions.remove_limits)
+    trigger = of("_conditions", LoggerConditions.trigger)
+    set_trigger = of("_conditions", LoggerConditions.set_trigger)
+    remove_trigger = of("_conditions", LoggerConditions.remove_trigger)
+    apply_extras = of("_conditions", LoggerConditions.apply_extras)
+
+    look_for_unheld = of("_data", RunData.look_for_unheld)
+    snapshot = of("_data", RunData.snapshot)
+    element = of("_data", RunData.element)
+    read_new_values = of("_data", RunData.read_new_values)
+    save = of("_data", RunData.save)
+    record = of("_data", RunData.record)
+    stop_recording = of("_data", RunData.stop_recording)
+    note_saved = of("_data", RunData.note_saved)
+
+    @property
+    def name(self) -> str:
+        """The logger's name."""
+        return self.options.name
+
+    @property
+    def elements(self) -> Elements:
+        """The element table, in the order of registration; a row is found by its number or its name."""
+        return Elements(self._table.infos, self._table.prefix)
+
+    @property
+    def revision(self) -> int:
+        """Grows with every change of the table."""
+        return self._table.revision
+
+    @property
+    def extras(self) -> Conditions:
+        """Derived signals, limits and triggers, in the order in which they were given."""
+        return self._conditions.extras
+
+    def __len__(self) -> int:
+        """How many elements the table has."""
+        return len(self._table.elements)
+
+    def __bool__(self) -> bool:
+        return True  # also without elements
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the elements."""
+        return iter([info.name for info in self._table.infos])
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and self._table.has(name)
 
     # ------------------------------------------------------------------------------------------------ the loop
 
@@ -135,13 +234,13 @@ class Logger(Logged):
             log.warning("%s: %s", self.options.name, self._why_ignored())
 
     def _why_ignored(self) -> str:
-        if self._closed:
+        if self._life.closed:
             return "collect() logs nothing any more, the logger is closed: make a new one"
         if not self._present.number:
             return "collect() logs nothing before the first start: call start()"
-        if not self._reason:
+        if not self._life.reason:
             return "collect() logs nothing while start() prepares a new run"
-        return f"collect() logs nothing while it stands still ({self._reason}): start() begins a new run"
+        return f"collect() logs nothing while it stands still ({self._life.reason}): start() begins a new run"
 
     @property
     def ignored(self) -> int:
@@ -191,18 +290,18 @@ class Logger(Logged):
             SegmentError: there is no room for the buffers.
             SaveError: what had to be saved could not be: the last run is then kept as it was.
         """
-        with self._lock:
-            self._check_open()
-            self._check_stopped("start")
-            if not self._updated:
+        with self._life.lock:
+            self._life.check_open()
+            self._life.check_stopped("start")
+            if not self._scripted.is_updated:
                 self.update()
             self.look_for_unheld()  # a run that stopped by itself may be saved now
             self._present.settle(unsaved, self.options, self.extras)
-            self._adopt_late()
-            self._warn_of_triggers(served=self._serving is not None)
-            warn_if_not_durable(self.options, served=self._serving is not None)
+            self._scripted.adopt_late()
+            self._conditions.warn_at_start(served=self._life.serving is not None)
+            warn_if_not_durable(self.options, served=self._life.serving is not None)
             if self._present.number == 0:
-                look_back(self.options, served=self._serving is not None and self._serving.is_up)
+                look_back(self.options, served=self._life.helper_is_up)
             self._present.number += 1
             stopped = functools.partial(self._stop_by_itself, self._present.number)
             make = functools.partial(
@@ -215,46 +314,29 @@ class Logger(Logged):
                 self.extras,
                 self._present.run,
                 number=self._present.runs + 1,
-                served=self._serving is not None,
+                served=self._life.serving is not None,
             )
             run = self._present.replace(make, self.options, self.extras, self._let_go, self._hand_over, self._is_wanted)
-            self._new_values = NewValuesReader()
-            self._reason = ""
-            self._ignored, self._said_late = 0, False
-            self._running = True
-            self._warn_of_end()
+            self._life.reason = ""
+            self._ignored = 0
+            self._life.running = True
+            warn_of_end(self.options, self._table.infos)
             self._set_mark(run.mark)
             self._set_collect(run.collect)
-            self._tell()
-
-    def _warn_of_end(self) -> None:
-        """Say when a run ends by itself that would go on, were all its buffers looping and `max_time` not there."""
-        infos = [info for info in self._table.infos if info.options.enabled]
-        kinds = {info.options.buffer_type for info in infos}
-        limit_s = self.options.max_time_s
-        if limit_s != DEFAULT_MAX_TIME_S or BufferType.LOOPING not in kinds or len(kinds) == 1:
-            return
-        ending = [info.name for info in infos if info.options.buffer_type is not BufferType.LOOPING]
-        log.warning(
-            "%s: logging stops by itself after %g s (max_time), as not all buffers are looping (%s): for a run without "
-            "end give max_time=0, or make them looping",
-            self.options.name,
-            limit_s,
-            ", ".join(ending[:3]) + (", ..." if len(ending) > 3 else ""),
-        )
+            self._life.tell()
 
     def _hand_over(self) -> None:
-        if self._serving is not None:
-            self._serving.hand_over()  # before its first tick: whatever happens next, the helper process knows it
+        if self._life.serving is not None:
+            self._life.serving.hand_over()  # before its first tick: whatever happens next, the helper process knows it
 
     def _is_wanted(self, run: Run) -> bool:
-        return is_wanted(run, self._serving, self.extras)
+        return is_wanted(run, self._life.serving, self.extras)
 
     def _let_go(self, held_alone: bool) -> None:
         if not held_alone:
             self._set_mark(no_mark)  # it holds the last run's memory
-        if self._serving is not None:
-            self._serving.let_go(held_alone=held_alone)
+        if self._life.serving is not None:
+            self._life.serving.let_go(held_alone=held_alone)
 
     @property
     def saved_before_start(self) -> str:
@@ -263,14 +345,14 @@ class Logger(Logged):
 
     def stop(self) -> None:
         """End logging; the data stays and can be saved. Stopping a stopped logger succeeds."""
-        with self._lock:
-            if self._running and self._present.run is not None:
-                self._running = False
+        with self._life.lock:
+            if self._life.running and self._present.run is not None:
+                self._life.running = False
                 self._set_collect(None)
                 self.look_for_unheld()
                 self._present.run.end(StopReason.ASKED)
-                self._reason = STOP_TEXTS[StopReason.ASKED]
-                self._tell()
+                self._life.reason = STOP_TEXTS[StopReason.ASKED]
+                self._life.tell()
 
     def restart(self, *, unsaved: UnsavedWord = "clear") -> None:
         """Stop and start: the buffers are cleared. After an error the logger is stopped.
@@ -283,8 +365,8 @@ class Logger(Logged):
             SegmentError: as `start`.
             SaveError: as `start`.
         """
-        with self._lock:
-            self._check_open()
+        with self._life.lock:
+            self._life.check_open()
             if unsaved != "save":  # a save waits until the loop stands still
                 self._present.settle(unsaved, self.options, self.extras)
             self.stop()
@@ -295,11 +377,77 @@ class Logger(Logged):
         if run_number != self._present.number:
             return  # a tick that was under way while another thread restarted
         self._set_collect(None)
-        self._running = False
-        self._reason = STOP_TEXTS[reason]
+        self._life.running = False
+        self._life.reason = STOP_TEXTS[reason]
         if self._present.run is not None:
             self._present.run.end(reason)
-        self._tell()
+        self._life.tell()
+
+    # ----------------------------------------------------------------------------------------------- the state
+
+    @property
+    def state(self) -> State:
+        """Running or stopped, as clients see it."""
+        return self._life.state
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it was closed, for good."""
+        return self._life.closed
+
+    @property
+    def is_running(self) -> bool:
+        """Whether `collect()` logs."""
+        return self._life.running
+
+    @property
+    def ticks(self) -> int:
+        """Ticks logged since the last start."""
+        return self._present.ticks
+
+    @property
+    def lost(self) -> int:
+        """Samples that could not be kept since the last start (memory limit, full folder), all elements together."""
+        return self._present.lost
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the logger stopped, empty while it runs or before the first start."""
+        return self._life.reason
+
+    @property
+    def source_failures(self) -> dict[str, int]:
+        """At how many ticks each element could not be read since start; only attributes and functions that failed."""
+        return self._present.failures
+
+    @property
+    def segment_path(self) -> str:
+        """The file of the current or last run, empty before the first start."""
+        return self._present.path
+
+    @property
+    def present_run(self) -> Run | None:
+        """The current or last run; for the serving thread."""
+        return self._present.run
+
+    @property
+    def lock(self) -> "threading.RLock":
+        """The lock of table and state, for the serving thread; `collect()` never takes it."""
+        return self._life.lock
+
+    def __getitem__(self, name: str) -> LoggedElement:
+        return self.element(name)
+
+    def __setitem__(self, name: str, value: object) -> NoReturn:
+        not_set(name)
+
+    def __delitem__(self, name: str) -> NoReturn:
+        not_deleted(name)
+
+    @property
+    def has_unsaved(self) -> bool:
+        """Whether ticks were logged that stand in no file."""
+        return self._present.has_unsaved
 
     # ------------------------------------------------------------------------------------------- serving, ending
 
@@ -339,16 +487,16 @@ class Logger(Logged):
         group, config = serving_group(group), serving_config(config)
         role, mode = word("group_role", group_role, GroupRole), word("control", control, ControlMode)
         port = None if foxglove is None else whole("foxglove (a port)", foxglove, 0, 65535)
-        with self._lock:
-            self._check_open()
-            if self._serving is not None and self._serving.alive:
+        with self._life.lock:
+            self._life.check_open()
+            if self._life.serving is not None and self._life.serving.alive:
                 raise StateError(f"logger '{self.options.name}' is served already")
-            if not self._updated:
+            if not self._scripted.is_updated:
                 self.update()
-            self._serving = Serving(
+            self._life.serving = Serving(
                 self, group=group, config=config, foxglove=port, group_role=role.value, control=mode.value
             )
-            return self._serving
+            return self._life.serving
 
     def close(self, *, discard: bool = False) -> None:
         """Stop, end the helper process and free the buffers. What was not saved is gone, which is said; closing twice
@@ -357,22 +505,22 @@ class Logger(Logged):
         Args:
             discard: what was not saved is to go: nothing is said of it.
         """
-        with self._lock:
-            if self._closed:
+        with self._life.lock:
+            if self._life.closed:
                 if self._freeing:
                     self._free()  # it was interrupted
                 return
             self.stop()
             self.look_for_unheld()
-            self._freeing = self._closed = True  # in this order: an interrupt may come between
+            self._freeing = self._life.closed = True  # in this order: an interrupt may come between
             dropped = 0 if discard else self._present.unsaved_ticks
         if dropped:
             say_dropped(self.options.name, dropped)
         self._free()
 
     def _free(self) -> None:
-        if self._serving is not None:
-            self._serving.close()
+        if self._life.serving is not None:
+            self._life.serving.close()
         self._set_mark(no_mark)
         self._drop()
         drop_journals(self.options)
@@ -395,7 +543,7 @@ class Logger(Logged):
 
         `log.close()` before the end drops it.
         """
-        if kind is not None or self._closed or not self.has_unsaved or not self._saved_at_end():
+        if kind is not None or self._life.closed or not self.has_unsaved or not self._saved_at_end():
             self.abandon()
 
     def _saved_at_end(self) -> bool:
@@ -416,18 +564,18 @@ class Logger(Logged):
         A served logger leaves that to its helper process. Where saving fails, `silo recover` can do it later.
         """
         run = self._present.run
-        if self._closed or not self.has_unsaved or run is None:
+        if self._life.closed or not self.has_unsaved or run is None:
             self.close()
             return
         self.stop()
         self.look_for_unheld()
-        self._closed = True
-        if self._serving is not None:
-            if self._serving.is_up:
-                self._serving.abandon(self.segment_path, self.ticks)
+        self._life.closed = True
+        if self._life.serving is not None:
+            if self._life.serving.is_up:
+                self._life.serving.abandon(self.segment_path, self.ticks)
             else:
-                self._serving.close()
-            if self._serving.left == (self.segment_path, self.ticks):
+                self._life.serving.close()
+            if self._life.serving.left == (self.segment_path, self.ticks):
                 return  # the helper process saves them and deletes the segment
         self._set_mark(no_mark)
         if save_at_end(run, self.options, self.extras):
@@ -436,29 +584,51 @@ class Logger(Logged):
 
     def __del__(self) -> None:
         """A logger that the program forgot: its thread and memory end, unsaved data is kept for `silo recover`."""
-        if getattr(self, "_closed", True):
+        if "_freeing" not in vars(self) or self._life.closed:
             return
         run = self._present.run
-        if run is not None and self.has_unsaved and (self._serving is None or not self._serving.is_up):
+        if run is not None and self.has_unsaved and (self._life.serving is None or not self._life.serving.is_up):
             self.stop()
-            self._closed = True
+            self._life.closed = True
             say_where_it_is(run, self.options)  # the collector may run in any thread: no place to write files
         else:
             self.abandon()
 
-    def _tell(self) -> None:
-        """Let the helper process know of a new state or table. Never waits."""
-        if self._serving is not None:
-            self._serving.state_changed()
-
     def after_fork_in_child(self) -> None:
         """A forked child must not write into its parent's buffers, nor delete them."""
-        self._lock = threading.RLock()  # the parent may hold it
-        if self._present.run is not None:
-            self._present.run.forget()
-        self._set_collect(forked_collect(self.options.name) if self._running else None)
+        self._set_collect(forked_collect(self.options.name) if self._life.running else None)
         self._set_mark(no_mark)
-        self._running = False
-        self._closed = True
-        self._serving = None
-        self._present = CurrentRun()
+        self._life.forget()
+        self._present.forget()
+
+    def __setattr__(self, name: str, value: object) -> None:
+        # an array may be kept here, `log.q = log.array("q")`; what isn't logged may not look as if it were
+        element = None if name.startswith("_") else self._named(name)
+        if (
+            element is not None
+            and element.parts
+            and not any(reads(part.source, (self, value)) for part in element.parts)
+        ):
+            no_attribute_of(element.info.name, name)
+        super().__setattr__(name, value)
+
+    def _named(self, name: str) -> Element | None:
+        """The element whose name ends so."""
+        table = vars(self).get("_table")
+        return table.named(name) if table is not None else None
+
+    def __dir__(self) -> list[str]:
+        return listed(super().__dir__(), type(self))
+
+    def __repr__(self) -> str:
+        return f"<Logger {self._about()}>"
+
+    def _repr_html_(self) -> str:
+        return as_html(f"Logger {self._about()}", list(self), self.element)
+
+    def _about(self) -> str:
+        state = "closed" if self._life.closed else self.state.value
+        reason = f" ({self._life.reason})" if self._life.reason and not self._life.running else ""
+        held = f", {self.ticks} ticks{', not saved' if self.has_unsaved else ''}" if self._present.number else ""
+        pending = f", {len(self._table.pending)} added since" if self._table.pending else ""
+        return f"{self.name}: {len(self)} elements{pending}, {self.options.frequency_hz:g} Hz, {state}{reason}{held}"

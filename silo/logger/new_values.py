@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from silo.core.calls import no_attribute
 from silo.errors import ArgumentError, StateError
+from silo.loop.run import Run
 from silo.segment.layout import ElementSchema
 from silo.segment.picking import Packer, shaped
-from silo.segment.reader import SegmentReader
 from silo.segment.retention import kept_rows
 from silo.segment.rows import Rows
 
@@ -55,15 +55,18 @@ class NewValues:
 
 
 class NewValuesReader:
-    """Remembers, for one run, up to where each element was read."""
+    """Remembers up to where each element of a run was read."""
 
     def __init__(self) -> None:
+        self._run = ""
         self._next: dict[str, int] = {}
         self._elements: dict[str, ElementSchema] = {}
 
-    def read(self, reader: SegmentReader, name: str) -> NewValues:
+    def read(self, run: Run, name: str) -> NewValues:
         """Raise StateError for an element that isn't logged in this run."""
-        if not self._elements:
+        reader = run.reader
+        if run.id != self._run:
+            self._run, self._next = run.id, {}
             self._elements = {element.info.name: element for element in reader.schema.elements}
         if name not in self._elements:
             raise StateError(f"element '{name}' is not logged in this run: enable it and start again")

@@ -352,7 +352,7 @@ def durable(runtime, tmp_path):
 
 
 def test_what_was_logged_before_serving_ended_is_all_durable_until_it_is_saved_or_closed(durable, tmp_path):
-    durable._serving.close()
+    durable._life.serving.close()
     (journal,) = journals(tmp_path)
     (element,) = JournalReader(journal).snapshot().elements
     assert element.entries[0].values.tolist() == list(range(50))
@@ -361,7 +361,7 @@ def test_what_was_logged_before_serving_ended_is_all_durable_until_it_is_saved_o
 
 
 def test_a_program_that_saves_at_its_end_by_itself_leaves_no_journal(durable, tmp_path):
-    durable._serving.close()
+    durable._life.serving.close()
     durable.abandon()
     assert journals(tmp_path) == []
     (path,) = tmp_path.glob("*.silo")

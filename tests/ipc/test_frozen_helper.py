@@ -41,7 +41,7 @@ def frozen(pid):
 
 @pytest.mark.slow
 def test_a_save_is_done_by_the_program_itself_and_only_once(served, tmp_path, caplog):
-    with frozen(served._serving.helper_pid):
+    with frozen(served._life.serving.helper_pid):
         saved = served.save()
         assert len(silo.open_log(saved.path)["q"]) == 5
     assert "shows no sign of life" in caplog.text
@@ -51,7 +51,7 @@ def test_a_save_is_done_by_the_program_itself_and_only_once(served, tmp_path, ca
 
 @pytest.mark.slow
 def test_recording_is_refused_and_not_begun_later(served, tmp_path):
-    with frozen(served._serving.helper_pid), pytest.raises(SaveError, match="shows no sign of life: it is frozen"):
+    with frozen(served._life.serving.helper_pid), pytest.raises(SaveError, match="shows no sign of life: it is frozen"):
         served.record(name="walk")
     served.save()  # behind it
     assert not (tmp_path / "recordings").exists()
@@ -60,7 +60,7 @@ def test_recording_is_refused_and_not_begun_later(served, tmp_path):
 @pytest.mark.slow
 def test_a_recording_is_not_stopped_later(served):
     served.record(name="walk")
-    with frozen(served._serving.helper_pid), pytest.raises(SaveError, match="shows no sign of life: it is frozen"):
+    with frozen(served._life.serving.helper_pid), pytest.raises(SaveError, match="shows no sign of life: it is frozen"):
         served.stop_recording()
     assert "walk" in served.stop_recording("walk")
 
@@ -68,9 +68,9 @@ def test_a_recording_is_not_stopped_later(served):
 @pytest.mark.slow
 def test_a_helper_process_that_works_is_waited_for(served, monkeypatch):
     monkeypatch.setattr(patience, "FROZEN_ROUNDS", 1)
-    beats = served._serving._beats
+    beats = served._life.serving._beats
     assert served.save().size_bytes > 0
-    wait_until(lambda: served._serving._beats > beats)
+    wait_until(lambda: served._life.serving._beats > beats)
 
 
 def test_patience_ends_without_any_sign_of_life():

@@ -55,9 +55,9 @@ def test_the_status_and_info_name_it_while_the_loop_turns(stale, caplog, capsys)
 def test_one_event_tells_it_though_another_helper_process_comes(stale, tmp_path):
     tick = seen(stale)["/log/q"]
     wait_until(lambda: [one for one in read_events(tmp_path, "arm") if one.kind == EventKind.UNHELD])
-    first = stale._serving.helper_pid
+    first = stale._life.serving.helper_pid
     os.kill(first, signal.SIGKILL)
-    wait_until(lambda: stale._serving.is_up and stale._serving.helper_pid != first)
+    wait_until(lambda: stale._life.serving.is_up and stale._life.serving.helper_pid != first)
     collect(stale, 5)
     stale.mark("after it")
     events = wait_until(

@@ -104,8 +104,8 @@ DAMAGES = {
         "silo.cli.loggers.watch -> silo_tui.app",
     ),
     "the helper within the robot program": (
-        insert("silo/logger/calls/table.py", "import silo.helper.saver"),
-        "silo.logger.calls.table -> silo.helper.saver",
+        insert("silo/logger/registrations.py", "import silo.helper.saver"),
+        "silo.logger.registrations -> silo.helper.saver",
     ),
     "upstairs": (insert("silo/net/keys.py", "import silo.settings.script"), "silo.net.keys -> silo.settings.script"),
     "a circle of siblings": (

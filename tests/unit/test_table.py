@@ -14,7 +14,7 @@ from silo.core.elements import (
     Entry,
 )
 from silo.errors import ElementError
-from silo.logger.calls.table import Registrations
+from silo.logger.registrations import Registrations
 from silo.loop.plan import Element
 from silo.settings.options import checked, option_problems
 

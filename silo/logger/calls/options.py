@@ -19,10 +19,12 @@ import numpy as np
 
 from silo.core.arguments import line, path, real, shown, switch, text, whole, word
 from silo.core.elements import (
+    DEFAULT_MAX_TIME_S,
     DEFAULT_OPTIONS,
     Action,
     BufferType,
     Edit,
+    ElementInfo,
     ElementOptions,
     FileType,
     LoggerOptions,
@@ -285,3 +287,20 @@ def warn_if_not_durable(options: LoggerOptions, *, served: bool) -> None:
             "a power cut loses what was not saved; call serve() before start()",
             options.name,
         )
+
+
+def warn_of_end(options: LoggerOptions, table: Iterable[ElementInfo]) -> None:
+    """Say when a run ends by itself that would go on, were all its buffers looping and `max_time` not there."""
+    infos = [info for info in table if info.options.enabled]
+    kinds = {info.options.buffer_type for info in infos}
+    limit_s = options.max_time_s
+    if limit_s != DEFAULT_MAX_TIME_S or BufferType.LOOPING not in kinds or len(kinds) == 1:
+        return
+    ending = [info.name for info in infos if info.options.buffer_type is not BufferType.LOOPING]
+    log.warning(
+        "%s: logging stops by itself after %g s (max_time), as not all buffers are looping (%s): for a run without "
+        "end give max_time=0, or make them looping",
+        options.name,
+        limit_s,
+        ", ".join(ending[:3]) + (", ..." if len(ending) > 3 else ""),
+    )

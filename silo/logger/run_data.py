@@ -1,4 +1,4 @@
-"""What a logger has logged: how far it is, its samples, saving them and recording them without end."""
+"""What the present run of a logger holds: looked at, saved, recorded."""
 
 import contextlib
 import dataclasses
@@ -6,87 +6,41 @@ import logging
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
 
 from silo.core.arguments import path, text, texts
 from silo.core.calls import told_class
-from silo.core.elements import FileType, LoggerOptions, SavedFile, State
-from silo.core.printing import MOST_ROWS, html_table
+from silo.core.elements import FileType, LoggerOptions, SavedFile
 from silo.core.recording import Recording
-from silo.errors import SaveError, SegmentError, StateError
+from silo.errors import SegmentError, StateError
 from silo.logger.calls.keywords import FileTypes
 from silo.logger.calls.options import file_types
-from silo.logger.calls.other_names import listed, not_deleted, not_set, with_other_names
 from silo.logger.conditions import LoggerConditions
 from silo.logger.current_run import CurrentRun
-from silo.logger.elements import LoggedElement, SavedFiles, look_at, newest_text
+from silo.logger.elements import LoggedElement, SavedFiles, look_at
+from silo.logger.life_cycle import LifeCycle
 from silo.logger.new_values import NewValues, NewValuesReader
+from silo.logger.registrations import Registrations
 from silo.loop.run import Run
-
-if TYPE_CHECKING:
-    from silo.logger.helper.serving import Serving
 
 log = logging.getLogger("silo")
 
 
-@with_other_names
 @told_class("log")
-class Logged(LoggerConditions):
-    """The state and the data of the current or last run."""
+class RunData:
+    """The samples of a logger's present or last run."""
 
-    def __init__(self, options: LoggerOptions) -> None:
-        super().__init__(options)
-        self._present = CurrentRun()
-        self._reason = ""
+    def __init__(
+        self,
+        options: LoggerOptions,
+        table: Registrations,
+        conditions: LoggerConditions,
+        life: LifeCycle,
+        present: CurrentRun,
+    ) -> None:
+        """Look at the run that `present` has, by the names of the table."""
+        self._options, self._table, self._conditions = options, table, conditions
+        self._life, self._present = life, present
         self._new_values = NewValuesReader()
-        self._serving: Serving | None = None
-
-    # ----------------------------------------------------------------------------------------------- the state
-
-    @property
-    def state(self) -> State:
-        """Running or stopped, as clients see it."""
-        return State.RUNNING if self._running else State.STOPPED
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether it was closed, for good."""
-        return self._closed
-
-    @property
-    def is_running(self) -> bool:
-        """Whether `collect()` logs."""
-        return self._running
-
-    @property
-    def ticks(self) -> int:
-        """Ticks logged since the last start."""
-        return self._present.ticks
-
-    @property
-    def lost(self) -> int:
-        """Samples that could not be kept since the last start (memory limit, full folder), all elements together."""
-        return self._present.lost
-
-    @property
-    def stop_reason(self) -> str:
-        """Why the logger stopped, empty while it runs or before the first start."""
-        return self._reason
-
-    @property
-    def source_failures(self) -> dict[str, int]:
-        """At how many ticks each element could not be read since start; only attributes and functions that failed."""
-        return self._present.failures
-
-    @property
-    def segment_path(self) -> str:
-        """The file of the current or last run, empty before the first start."""
-        return self._present.path
-
-    @property
-    def present_run(self) -> Run | None:
-        """The current or last run; for the serving thread."""
-        return self._present.run
 
     def look_for_unheld(self, run: Run | None = None, found: Sequence[int] | None = None) -> None:
         """Tell of arrays that nobody but silo holds any more.
@@ -97,25 +51,23 @@ class Logged(LoggerConditions):
             run: the one that was looked at, while its loop turned; the present one if not given.
             found: what was seen of it.
         """
-        with self._lock:
+        with self._life.lock:
             present = self._present.run
             with contextlib.suppress(SegmentError):  # whoever cut it short is told of by what is done next
-                if present is not None and not self._closed and run in (None, present):
-                    present.look(found, last=not self._running)
-
-    # ---------------------------------------------------------------------------------------------------- data
+                if present is not None and not self._life.closed and run in (None, present):
+                    present.look(found, last=not self._life.running)
 
     def snapshot(self) -> Recording:
         """Return what the buffers hold now, cut at one tick; collection goes on. Raises StateError before the first
         start.
         """
-        with self._lock:
-            self._check_open()
+        with self._life.lock:
+            self._life.check_open()
             if self._present.run is None:
                 raise StateError("nothing was logged yet: call start() and collect() first")
             self.look_for_unheld()
             # derived signals and limits as they are, not as they were at the start
-            return dataclasses.replace(self._present.run.reader.snapshot(), extras=self._extras)
+            return dataclasses.replace(self._present.run.reader.snapshot(), extras=self._conditions.extras)
 
     def element(self, name: str) -> LoggedElement:
         """Return one element: its options, the newest value, how many samples its buffer holds. Also `log[name]`.
@@ -127,43 +79,10 @@ class Logged(LoggerConditions):
             ElementError: there is no such element.
         """
         text("the element's name", name, 'log["joints/q"]')
-        with self._lock:
+        with self._life.lock:
             info = self._table.elements[self._table.place(name)].info
-            run = None if self._closed else self._present.run
+            run = None if self._life.closed else self._present.run
             return look_at(info, run.reader if run is not None else None)
-
-    def __getitem__(self, name: str) -> LoggedElement:
-        return self.element(name)
-
-    def __setitem__(self, name: str, value: object) -> NoReturn:
-        not_set(name)
-
-    def __delitem__(self, name: str) -> NoReturn:
-        not_deleted(name)
-
-    def __dir__(self) -> list[str]:
-        return listed(super().__dir__(), type(self))
-
-    def __repr__(self) -> str:
-        return f"<Logger {self._about()}>"
-
-    def _about(self) -> str:
-        state = "closed" if self._closed else self.state.value
-        reason = f" ({self._reason})" if self._reason and not self._running else ""
-        held = f", {self.ticks} ticks{', not saved' if self.has_unsaved else ''}" if self._present.number else ""
-        pending = f", {len(self._table.pending)} added since" if self._table.pending else ""
-        return f"{self.name}: {len(self)} elements{pending}, {self.options.frequency_hz:g} Hz, {state}{reason}{held}"
-
-    def _repr_html_(self) -> str:
-        rows = [
-            (one.name, one.unit, "on" if one.options.enabled else "off", one.options.divider,
-             one.options.action.name.lower(), f"{one.options.buffer_type.name.lower()} {one.options.buffer_size}",
-             one.held, newest_text(one))
-            for one in (self.element(name) for name in list(self)[: MOST_ROWS + 1])
-        ]  # fmt: skip
-        heads = ("element", "unit", "log", "divider", "action", "buffer", "held", "newest")
-        more = f"{len(self)} elements in all" if len(self) > MOST_ROWS else ""
-        return html_table(f"Logger {self._about()}", heads, rows[:MOST_ROWS], more)
 
     def read_new_values(self, name: str) -> NewValues:
         """Return all samples of an element since the last such call, oldest first.
@@ -180,12 +99,12 @@ class Logged(LoggerConditions):
             ElementError: there is no such element.
         """
         text("the element's name", name, 'log.read_new_values("joints/q")')
-        with self._lock:
-            self._check_open()
+        with self._life.lock:
+            self._life.check_open()
             info = self._table.elements[self._table.place(name)].info
             if self._present.run is None:
                 raise StateError("nothing was logged yet: call start() and collect() first")
-            return self._new_values.read(self._present.run.reader, info.name)
+            return self._new_values.read(self._present.run, info.name)
 
     # ---------------------------------------------------------------------------------------- saving, recording
 
@@ -213,14 +132,14 @@ class Logged(LoggerConditions):
         """
         chosen = file_types(types)
         name = text("name", name or "", 'log.save(name="first_walk")')
-        where = path("folder", folder) if folder else Path(self.options.folder)
-        self._check_open()
+        where = path("folder", folder) if folder else Path(self._options.folder)
+        self._life.check_open()
         run = self._present.run
         if run is None:
             raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
         ticks = run.segment.ticks
         if not ticks:
-            log.warning("%s: nothing was collected since start(), the file holds no samples", self.options.name)
+            log.warning("%s: nothing was collected since start(), the file holds no samples", self._options.name)
         self.look_for_unheld()
         saved = self._saved_by_helper(chosen, name, str(where.resolve()) if folder else "")
         if saved is None:
@@ -229,26 +148,26 @@ class Logged(LoggerConditions):
             saved = write_run(
                 self.snapshot(),
                 where,
-                self.options.name,
+                self._options.name,
                 chosen,
                 name or None,
                 why="saved by the robot program",
-                events=LogOfRun(self.options.folder, run.id),
+                events=LogOfRun(self._options.folder, run.id),
             )
-        with self._lock:
+        with self._life.lock:
             self._present.mark_saved(run, ticks)
         return SavedFiles(saved)
 
     def _saved_by_helper(self, types: list[FileType], name: str, folder: str) -> list[SavedFile] | None:
         """The files that the helper process wrote; None where there is none, or one that is frozen."""
-        if self._serving is None or not self._serving.is_up:
+        if self._life.serving is None or not self._life.serving.is_up:
             return None
         from silo.logger.helper.serving import HelperFrozenError
 
         try:
-            return self._serving.save(types, name, folder)
+            return self._life.serving.save(types, name, folder)
         except HelperFrozenError as error:
-            log.warning("%s: %s; saving in this process", self.options.name, error)
+            log.warning("%s: %s; saving in this process", self._options.name, error)
             return None
 
     def record(
@@ -294,9 +213,9 @@ class Logged(LoggerConditions):
             keep_bytes=read_keep(keep),
             client="the robot program",
         )
-        started = self._served("record").record(request)
+        started = self._life.served("record").record(request)
         if started.text:
-            log.warning("%s: %s", self.options.name, started.text)
+            log.warning("%s: %s", self._options.name, started.text)
         return started.name
 
     def stop_recording(self, name: str = "") -> str:
@@ -314,15 +233,7 @@ class Logged(LoggerConditions):
             SaveError: there is none, or none of that name, or several without a name; nothing was stopped. Or the
                 helper process is just being started anew.
         """
-        return self._served("stop_recording").stop_recording(text("name", name, 'log.stop_recording("walk")'))
-
-    def _served(self, call: str) -> "Serving":
-        self._check_open()
-        if self._serving is None or not self._serving.alive:
-            raise StateError(f"{call}() needs a helper process, which records: call serve() first; nothing was changed")
-        if not self._serving.is_up:
-            raise SaveError("the helper process is being started anew: try again in a moment; nothing was changed")
-        return self._serving
+        return self._life.served("stop_recording").stop_recording(text("name", name, 'log.stop_recording("walk")'))
 
     def note_saved(self, run_id: str, ticks: int) -> None:
         """Take in that the helper process saved the first `ticks` of a run for one of its clients.
@@ -331,12 +242,7 @@ class Logged(LoggerConditions):
             run_id: the run that was saved.
             ticks: how many of its ticks stand in a file.
         """
-        with self._lock:
+        with self._life.lock:
             run = self._present.run
             if run is not None and run.id == run_id:
                 self._present.mark_saved(run, ticks)
-
-    @property
-    def has_unsaved(self) -> bool:
-        """Whether ticks were logged that stand in no file."""
-        return self._present.has_unsaved

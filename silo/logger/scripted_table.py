@@ -1,13 +1,12 @@
 """What a logger is told to log: the registered variables, their options, and the script that sets them.
 
-The part of `Logger` that knows nothing of runs, segments and helper processes. Changes take one lock, which
-`collect()` never touches, and are refused while the logger runs.
+The part of `Logger` that knows nothing of runs, segments and helper processes. Changes take the lock of its life cycle
+and are refused while the logger runs.
 """
 
 import logging
 import os
-import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsIndex
 
@@ -19,26 +18,23 @@ from silo.core.arguments import path as file_path
 from silo.core.calls import told_class, unknown_argument
 from silo.core.elements import (
     DEFAULT_OPTIONS,
-    NO_EXTRAS,
     Conditions,
     Edit,
     ElementInfo,
     LoggerOptions,
     Problem,
-    SignalLimits,
     join_name,
 )
 from silo.core.kinds import STRUCT, struct_text
-from silo.core.units import doubt
-from silo.errors import ArgumentError, ElementError, ScriptError, StateError
+from silo.errors import ArgumentError, ElementError, ScriptError
 from silo.logger.calls.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
 from silo.logger.calls.options import array_layout, edits_given, element_name, new_options, string_room
-from silo.logger.calls.other_names import HidesOtherNames, no_attribute_of, tell_of_element
-from silo.logger.calls.table import Registrations
-from silo.logger.elements import Elements
+from silo.logger.calls.other_names import tell_of_element
+from silo.logger.conditions import LoggerConditions
+from silo.logger.life_cycle import LifeCycle
+from silo.logger.registrations import Registrations
 from silo.loop.arena import Arena
 from silo.loop.plan import Element
-from silo.loop.sources import reads
 from silo.loop.types import describe, kind_of, label_map
 from silo.segment.retention import large_text
 from silo.settings.options import refusal
@@ -54,70 +50,46 @@ DEFAULT_SCRIPT = "logger.yaml"  # that nobody asked for by name
 
 
 @told_class("log")
-class Configuration(metaclass=HidesOtherNames):
-    """The element table of a logger and all that changes it."""
+class ScriptedTable:
+    """The element table of a logger, and the script that sets it."""
 
-    def __init__(self, options: LoggerOptions) -> None:
-        self.options = options
-        self._lock = threading.RLock()
-        self._table = Registrations(options.prefix)
+    def __init__(
+        self,
+        options: LoggerOptions,
+        table: Registrations,
+        conditions: LoggerConditions,
+        life: LifeCycle,
+        owner: type | None = None,
+    ) -> None:
+        """Begin with what the table has.
+
+        Args:
+            options: of the logger.
+            table: what is registered.
+            conditions: what is judged of it; scripts set that too.
+            life: of the logger: while it runs nothing is changed.
+            owner: a class that is to tell what is meant by `log.q`.
+        """
+        self._options, self._table, self._conditions, self._life, self._owner = options, table, conditions, life, owner
         self._arena = Arena()
-        self._extras = NO_EXTRAS
-        self._running = False
-        self._updated = False
+        self.is_updated = False
         self._reads_script = True
         self._said_late = False
-        self._closed = False
-        self._doubted: set[str] = set()  # units of which was told
 
-    def __setattr__(self, name: str, value: object) -> None:
-        # an array may be kept here, `log.q = log.array("q")`; what isn't logged may not look as if it were
-        element = None if name.startswith("_") else self._named(name)
-        if (
-            element is not None
-            and element.parts
-            and not any(reads(part.source, (self, value)) for part in element.parts)
-        ):
-            no_attribute_of(element.info.name, name)
-        super().__setattr__(name, value)
-
-    def _named(self, name: str) -> Element | None:
-        """The element whose name ends so."""
-        table = vars(self).get("_table")
-        return table.named(name) if table is not None else None
-
-    def _check_open(self) -> None:
-        if self._closed:
-            raise StateError(f"logger '{self.options.name}' is closed; make a new one")
-
-    def _check_stopped(self, what: str) -> None:
-        self._check_open()
-        if self._running:
-            raise StateError(
-                f"can't {what} while logger '{self.options.name}' runs: stop() it first; nothing was changed"
-            )
-
-    def _adopt_late(self) -> None:
+    def adopt_late(self) -> None:
         """Make what was added after the last `update()` part of the table, as the script wants it; others stay."""
+        self._said_late = False
         late = [element.info for element in self._table.pending]
         if not late:
             return
         options = [info.options for info in late]
-        if self._reads_script and Path(self.options.script).exists():
+        if self._reads_script and Path(self._options.script).exists():
             from silo.settings.script import apply_script, read_script
 
-            script = read_script(Path(self.options.script))
-            options = list(apply_script(script, late, self.options.frequency_hz).options)
+            script = read_script(Path(self._options.script))
+            options = list(apply_script(script, late, self._options.frequency_hz).options)
         self._table.adopt()
         self._table.change({self._table.place(info.name): new for info, new in zip(late, options, strict=True)})
-
-    def _tell(self) -> None:
-        """Called after each change, for who has somebody to tell. Never waits."""
-
-    @property
-    def lock(self) -> "threading.RLock":
-        """The lock of table and state, for the serving thread; `collect()` never takes it."""
-        return self._lock
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
         """Return why edits can't be applied, one per field; empty when they can.
@@ -126,35 +98,6 @@ class Configuration(metaclass=HidesOtherNames):
             edits: what would be changed.
         """
         return self._table.problems(edits_given(edits))
-
-    @property
-    def elements(self) -> Elements:
-        """The element table, in the order of registration; a row is found by its number or its name."""
-        return Elements(self._table.infos, self._table.prefix)
-
-    @property
-    def name(self) -> str:
-        """The logger's name."""
-        return self.options.name
-
-    def __len__(self) -> int:
-        """How many elements the table has."""
-        return len(self._table.elements)
-
-    def __bool__(self) -> bool:
-        return True  # also without elements
-
-    def __iter__(self) -> Iterator[str]:
-        """The names of the elements."""
-        return iter([info.name for info in self._table.infos])
-
-    def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and self._table.has(name)
-
-    @property
-    def revision(self) -> int:
-        """Grows with every change of the table."""
-        return self._table.revision
 
     # --------------------------------------------------------------------------------------------- registering
 
@@ -205,14 +148,21 @@ class Configuration(metaclass=HidesOtherNames):
             SourceError: it can't be logged; the message says what to write instead.
             ElementError: a name is taken, a value is out of range; nothing was added.
         """
-        self._check_open()
+        self._life.check_open()
         name = element_name(source, name, attr)
         group, unit = text("group", group, 'group="joints"'), line("unit", "-" if unit is None else unit, 'unit="Nm"')
         kind, description = text("kind", kind, 'kind="pose"'), text("description", description, 'description="..."')
         room = string_room(string_bytes)
-        full = join_name(self.options.prefix, group, name)
+        full = join_name(self._options.prefix, group, name)
         options = new_options(
-            full, self.options.frequency_hz, self.options.max_time_s, enabled, divider, action, buffer_type, buffer_size
+            full,
+            self._options.frequency_hz,
+            self._options.max_time_s,
+            enabled,
+            divider,
+            action,
+            buffer_type,
+            buffer_size,
         )
         parts = describe(source, full, attr=attr, kind=kind, labels=label_map(labels), string_bytes=room)
         entries = parts[0].entries() if len(parts) == 1 else tuple(one for part in parts for one in part.entries())
@@ -224,7 +174,7 @@ class Configuration(metaclass=HidesOtherNames):
         single = len(parts) == 1
         info = ElementInfo(
             name=full,
-            unit=self._unit(full, unit),
+            unit=self._table.unit(full, unit),
             kind=kind_of(first.dtype, first.shape, kind) if single else STRUCT.name,
             shape=first.shape if single else (),
             entries=entries,
@@ -232,46 +182,31 @@ class Configuration(metaclass=HidesOtherNames):
             description=description,
             dtype=struct_text(first.dtype) if single else "",
         )
-        with self._lock:
-            extras = self._extras if limits is None else self._limited(info, limits)
+        with self._life.lock:
+            extras = None if limits is None else self._conditions.with_limits(info, limits)
             self._table.add(Element(info, tuple(parts)))
-            self._extras = extras
+            if extras is not None:
+                self._conditions.take(extras)
         if isinstance(divider, str):
             self._tell_rate(full, read_options({"divider": divider}, full), options.divider)
-        if len(self._table.elements) + len(self._table.pending) <= MOST_TOLD_NAMES:
-            tell_of_element(type(self), full.rpartition("/")[2])
+        if self._owner is not None and len(self._table.elements) + len(self._table.pending) <= MOST_TOLD_NAMES:
+            tell_of_element(self._owner, full.rpartition("/")[2])
         if any(letter.isspace() for letter in full):
             log.warning(
                 "element '%s': its name holds a blank: silo reads its files, the readers of signal_logger read none "
                 "that has it; write '%s'", full, "_".join(full.split()),
             )  # fmt: skip
-        if self._running and not self._said_late:
+        if self._life.running and not self._said_late:
             self._said_late = True
             log.warning(
                 "%s was added while the logger runs: it is logged from the next start on, as all that is added now",
                 full,
             )
 
-    def _unit(self, name: str, given: str) -> str:
-        """The unit of a new element or derived signal; each that silo doesn't know is told once."""
-        unit = given.strip() or "-"
-        wrong = doubt(unit)
-        if wrong and unit not in self._doubted:
-            self._doubted.add(unit)
-            log.warning("element '%s': %s; it is taken as given, and the next release will refuse it", name, wrong)
-        return unit
-
     def _tell_rate(self, name: str, asked: ElementSettings, divider: int) -> None:
         """Tell what became of a rate that no divider gives."""
-        if words := rate_words(asked, divider, self.options.frequency_hz):
+        if words := rate_words(asked, divider, self._options.frequency_hz):
             log.warning("element '%s': %s", name, words)
-
-    def _limited(self, info: ElementInfo, bounds: Sequence[float | None]) -> Conditions:
-        """The extras with limits of a new element. Raises ElementError."""
-        from silo.judging.definitions import bounds_given, with_limits
-
-        one = SignalLimits(info.name, bounds_given(info.name, bounds))
-        return with_limits(self._extras, one, [*self._all_infos, info], self.options.prefix)
 
     def array(
         self,
@@ -297,7 +232,7 @@ class Configuration(metaclass=HidesOtherNames):
             ArgumentError: an option that `add` doesn't have.
             ElementError: as `add`.
         """
-        self._check_open()
+        self._life.check_open()
         text("the element's name", name, 'log.array("q", 12)')
         wrong = next((key for key in options if key not in ElementKeywords.__annotations__), "")
         if wrong:
@@ -319,29 +254,18 @@ class Configuration(metaclass=HidesOtherNames):
             ScriptError: the script has problems, one per line; nothing is changed then.
         """
         read_script = switch("read_script", read_script)
-        with self._lock:
-            self._check_stopped("update the table")
+        with self._life.lock:
+            self._life.check_stopped("update the table")
             self._table.adopt()
-            if read_script and Path(self.options.script).exists():
+            if read_script and Path(self._options.script).exists():
                 self.load_script()
-            elif read_script and not self._updated and Path(self.options.script).name != DEFAULT_SCRIPT:
+            elif read_script and not self.is_updated and Path(self._options.script).name != DEFAULT_SCRIPT:
                 log.warning(
                     "%s: there is no script %s, all elements are logged as the program says (log.save_script() writes "
-                    "one, W in silo-tui too)", self.options.name, self.options.script,
+                    "one, W in silo-tui too)", self._options.name, self._options.script,
                 )  # fmt: skip
-            self._updated, self._reads_script = True, read_script
-            self._tell()
-
-    # ------------------------------------------------------------------------------------ derived signals, limits
-
-    @property
-    def extras(self) -> Conditions:
-        """Derived signals and limits, in the order in which they were given."""
-        return self._extras
-
-    @property
-    def _all_infos(self) -> list[ElementInfo]:
-        return [*self._table.infos, *(element.info for element in self._table.pending)]
+            self.is_updated, self._reads_script = True, read_script
+            self._life.tell()
 
     # ------------------------------------------------------------------------------------------------- options
 
@@ -362,22 +286,22 @@ class Configuration(metaclass=HidesOtherNames):
             ElementError: an unknown name, a value out of range; nothing was changed.
         """
         text("the element's or namespace's name", name, 'log.set("joints", divider=5), one call for each')
-        with self._lock:
-            self._check_stopped("change elements")
+        with self._life.lock:
+            self._life.check_stopped("change elements")
             places = self._table.select(name)
             rows = [(info.name, info.options) for info in (self._table.elements[place].info for place in places)]
             settings = read_options(options, rows[0][0] if rows else "")
-            made = apply_settings(settings, rows, self.options.frequency_hz)
+            made = apply_settings(settings, rows, self._options.frequency_hz)
             changed = self._table.change(dict(zip(places, made, strict=True)))
             if made:
                 self._tell_rate(rows[0][0], settings, made[0].divider)
             self._warn_of_size(changed)
-            self._tell()
+            self._life.tell()
             return changed
 
     def _warn_of_size(self, changed: int) -> None:
         if changed and (large := large_text(self._table.infos)):
-            log.warning("%s: %s", self.options.name, large)
+            log.warning("%s: %s", self._options.name, large)
 
     def remove(self, name: str) -> int:
         """Forget an element or a whole namespace.
@@ -395,12 +319,12 @@ class Configuration(metaclass=HidesOtherNames):
             ElementError: an unknown name; nothing was removed.
         """
         text("the element's or namespace's name", name, 'log.remove("joints/q")')
-        with self._lock:
-            self._check_stopped("remove elements")
+        with self._life.lock:
+            self._life.check_stopped("remove elements")
             if not name.strip(" /"):
                 raise ElementError("remove what? log.remove('/') would be everything: name an element or a namespace")
             gone = self._table.remove(name)
-            self._tell()
+            self._life.tell()
             return gone
 
     def enable(self, name: str = "/") -> int:
@@ -445,14 +369,14 @@ class Configuration(metaclass=HidesOtherNames):
             ElementError: an edit can't be applied, with a line for each reason; nothing was changed.
         """
         edits = edits_given(edits)
-        with self._lock:
-            self._check_stopped("change elements")
+        with self._life.lock:
+            self._life.check_stopped("change elements")
             problems = self._table.problems(edits)
             if problems:
                 raise ElementError(refusal(problems))
             changed = self._table.apply(edits)
             self._warn_of_size(changed)
-            self._tell()
+            self._life.tell()
             return changed
 
     def load_script(self, path: str | os.PathLike[str] | None = None) -> list[str]:
@@ -471,11 +395,11 @@ class Configuration(metaclass=HidesOtherNames):
         from silo.settings.script import apply_script, read_script
 
         file = self._script_path(path)
-        with self._lock:
-            self._check_stopped("load a script")
+        with self._life.lock:
+            self._life.check_stopped("load a script")
             script = read_script(file)
-            plan = apply_script(script, self._table.infos, self.options.frequency_hz)
-            extras = self._extras
+            plan = apply_script(script, self._table.infos, self._options.frequency_hz)
+            extras = self._conditions.extras
             if script.extras is not None:
                 planned = [
                     msgspec.structs.replace(info, options=options)
@@ -483,8 +407,8 @@ class Configuration(metaclass=HidesOtherNames):
                 ]
                 extras = self._extras_of(script.extras_beside(extras), planned, file)
             self._table.set_all(plan.options)
-            self._take_extras(extras)
-            self._tell()
+            self._conditions.take(extras)
+            self._life.tell()
         for warning in script.warnings:
             log.warning("%s", warning)
         for words in plan.rates:
@@ -493,16 +417,11 @@ class Configuration(metaclass=HidesOtherNames):
             log.warning("%s: %s", file, unknown)
         return [unknown.name for unknown in plan.unknown]
 
-    def _take_extras(self, extras: Conditions) -> None:
-        if extras.derived != self._extras.derived:
-            self._table.revision += 1  # clients show them as rows of the table
-        self._extras = extras
-
     def _extras_of(self, given: Conditions, infos: Sequence[ElementInfo], file: Path) -> Conditions:
         from silo.settings.script_conditions import checked_extras
 
         try:
-            return checked_extras(given, infos, self.options.prefix, self.options.frequency_hz)
+            return checked_extras(given, infos, self._options.prefix, self._options.frequency_hz)
         except ElementError as error:
             raise ScriptError(f"{file}: {error}; nothing was changed") from error
 
@@ -522,12 +441,12 @@ class Configuration(metaclass=HidesOtherNames):
         """
         from silo.settings.script import kept_text, write_script
 
-        self._check_open()
+        self._life.check_open()
         target = self._script_path(path)
-        kept = write_script(target, self.elements, self._extras)
+        kept = write_script(target, self._table.infos, self._conditions.extras)
         if kept:
             log.warning("%s: script saved%s", target, kept_text(kept))
         return target
 
     def _script_path(self, given: str | os.PathLike[str] | None) -> Path:
-        return Path(self.options.script) if given is None else file_path("path", given)
+        return Path(self._options.script) if given is None else file_path("path", given)

@@ -7,6 +7,7 @@ import msgspec
 
 from silo.core.elements import Edit, ElementInfo, ElementOptions, Problem
 from silo.core.names import Names, is_glob
+from silo.core.units import doubt
 from silo.errors import ElementError
 from silo.loop.plan import Element
 from silo.settings.options import checked, edit_problems
@@ -25,6 +26,7 @@ class Registrations:
         self._known = Names((), prefix)
         self._names: set[str] = set()
         self._entry_names: set[str] = set()
+        self._doubted: set[str] = set()  # units of which was told
 
     def add(self, element: Element) -> None:
         """Keep a new element for the next `adopt`. Raises ElementError if the name is taken."""
@@ -79,6 +81,20 @@ class Registrations:
     def infos(self) -> list[ElementInfo]:
         """The rows of the table."""
         return [element.info for element in self.elements]
+
+    @property
+    def all_infos(self) -> list[ElementInfo]:
+        """The rows of the table, and of what waits for `adopt`."""
+        return [element.info for element in (*self.elements, *self.pending)]
+
+    def unit(self, name: str, given: str) -> str:
+        """Return the unit of a new element or derived signal; each that silo doesn't know is told once."""
+        unit = given.strip() or "-"
+        wrong = doubt(unit)
+        if wrong and unit not in self._doubted:
+            self._doubted.add(unit)
+            log.warning("element '%s': %s; it is taken as given, and the next release will refuse it", name, wrong)
+        return unit
 
     def has(self, name: str) -> bool:
         """Whether an element has this name, by the rule of `silo.core.names`."""
