@@ -89,6 +89,11 @@ class Format(msgspec.Struct, frozen=True):
         """The format in a list of endings."""
         return f"{self.ending} (a folder; {', '.join(self.endings[1:])}, too)" if self.folder else self.ending
 
+    @property
+    def for_logs(self) -> bool:
+        """Whether loggers and recorders write it; all else is what logs are converted to."""
+        return self.saved_as is not None or bool(self.mark)
+
     def load_writer(self) -> "Writer":
         """The function that writes a recording with its derived signals: `write(recording, path, progress)`."""
         function = _function(self.writer)
@@ -107,8 +112,8 @@ class Format(msgspec.Struct, frozen=True):
                 from silo.expressions.derived_samples import with_derived
 
                 recording = with_derived(recording)
-            # what is read again is told of its clock then
-            function(recording if self.reader else _clock_told(recording), path, progress=progress)
+            # of logs it is told when they are read again; in tables stands all that other tools may want to know
+            function(recording if self.for_logs else _clock_told(recording), path, progress=progress)
 
         return write
 
@@ -164,6 +169,8 @@ FORMATS = (
         endings=(".parquet",),
         about="Apache Parquet: pandas, polars, DuckDB",
         writer="silo.files.tables.parquet:write_parquet",
+        reader="silo.files.tables.parquet:read_parquet",
+        keeps=Keeps.ALL & ~Keeps.BITS,
         extra="convert",
     ),
     Format(
@@ -171,6 +178,8 @@ FORMATS = (
         endings=(".mat",),
         about="MATLAB, Octave",
         writer="silo.files.tables.arrays:write_mat",
+        reader="silo.files.tables.arrays:read_mat",
+        keeps=Keeps.ALL & ~Keeps.BITS,
         own_times=True,
         extra="convert",
     ),
@@ -179,6 +188,8 @@ FORMATS = (
         endings=(".npz",),
         about="NumPy arrays",
         writer="silo.files.tables.arrays:write_npz",
+        reader="silo.files.tables.arrays:read_npz",
+        keeps=Keeps.ALL,
         own_times=True,
     ),
     Format(
@@ -186,6 +197,8 @@ FORMATS = (
         endings=(".h5", ".hdf5"),
         about="HDF5",
         writer="silo.files.tables.arrays:write_hdf5",
+        reader="silo.files.tables.arrays:read_hdf5",
+        keeps=Keeps.ALL,
         own_times=True,
         extra="convert",
     ),
@@ -196,7 +209,8 @@ SAVED = {kind: one for kind in FileType for one in FORMATS if one.saved_as is ki
 SAVED_NAMES = tuple(one.name for one in SAVED.values())
 # of everything that can be opened, in the order of preference
 OPEN_PART_ENDING = ".mcap.part"  # of a recording, while it is written or after a kill: it can be read
-LOG_ENDINGS = tuple(ending for one in FORMATS if one.reader for ending in one.endings)
+# what loggers and recorders write: what else lies among logs may be a table of anybody, and is opened by its name
+LOG_ENDINGS = tuple(ending for one in FORMATS if one.for_logs for ending in one.endings)
 
 
 def file_type(name: str) -> FileType | None:

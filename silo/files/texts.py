@@ -3,7 +3,7 @@
 Python texts may hold lone surrogates (`os.fsdecode` makes them of bytes that are no UTF-8), which no file format takes.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike
 from silo.files.silo.format import plain_text, plain_texts
@@ -36,3 +36,21 @@ def _entry(entry: RecordedEntry) -> RecordedEntry:
     if labels:
         about = alike(type(about), about, labels={number: plain_text(label) for number, label in labels.items()})
     return entry if (name, about) == (entry.name, entry.entry) else RecordedEntry(name, about, entry.values)
+
+
+def unique_names(clean: Callable[[str], str], same: Callable[[str], str] = str) -> Callable[[str], str]:
+    """What gives each name that it is called with one that nobody had before: cleaned, with a number where needed.
+
+    same: what two names have in common that may not stand beside each other (`str.lower`).
+    """
+    taken: set[str] = set()
+
+    def choose(name: str) -> str:
+        base = candidate = clean(name)
+        number = 2
+        while same(candidate) in taken:
+            candidate, number = f"{base}_{number}", number + 1
+        taken.add(same(candidate))
+        return candidate
+
+    return choose

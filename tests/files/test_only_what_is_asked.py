@@ -16,7 +16,7 @@ from silo.files.formats import writer_for
 
 TICKS = 200
 SIGNALS = 12
-FORMATS = [".silo", ".mcap", ".rosbag2", ".csv"]
+FORMATS = [".silo", ".mcap", ".rosbag2", ".csv", ".parquet", ".mat", ".npz", ".h5"]
 
 
 def recording():

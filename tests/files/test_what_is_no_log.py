@@ -42,7 +42,20 @@ def test_files_of_others_are_called_by_their_names(name, start, words, tmp_path)
         silo.open_log(tmp_path / name)
 
 
-@pytest.mark.parametrize("name", ["x.parquet", "x.mat", "x.h5", "x.npz", "x.ulg", "x.txt"])
+@pytest.mark.parametrize("name", ["x.parquet", "x.mat", "x.h5", "x.npz"])
+def test_a_table_that_is_none_is_called_by_its_name(name, tmp_path):
+    (tmp_path / name).write_bytes(bytes(100))
+    with pytest.raises(FileFormatError, match=f"{name}' (can't be read|was not written by silo)"):
+        silo.open_log(tmp_path / name)
+
+
+def test_a_table_of_others_says_that_silo_did_not_write_it(tmp_path):
+    np.savez(tmp_path / "x.npz", a=np.arange(3))
+    with pytest.raises(FileFormatError, match="was not written by silo"):
+        silo.open_log(tmp_path / "x.npz")
+
+
+@pytest.mark.parametrize("name", ["x.ulg", "x.txt"])
 def test_info_of_a_file_that_silo_does_not_read_speaks_of_the_file(name, tmp_path):
     (tmp_path / name).write_bytes(bytes(100))
     error = CliRunner().invoke(info, [str(tmp_path / name)]).exception

@@ -162,7 +162,9 @@ def test_a_format_keeps_what_its_row_promises(one, log):
         assert list(after) == list(before)
         same = same_bits if Keeps.BITS in one.keeps else same_values
         for name, (element, entry) in before.items():
-            assert same(entry.values, after[name][1].values), name
+            # Parquet and MATLAB have no long doubles
+            narrow = entry.values.dtype == np.longdouble and one.name in ("parquet", "matlab")
+            assert same(entry.values.astype("<f8") if narrow else entry.values, after[name][1].values), name
             assert after[name][0].stamp_indices.tolist() == element.stamp_indices.tolist()
             for promise, facts in PROMISES.items():
                 if promise in one.keeps:

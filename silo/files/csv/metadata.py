@@ -71,8 +71,13 @@ def sidecar_of(path: str | Path) -> Path:
 
 def pack(recording: Recording, elements: Sequence[RecordedElement]) -> bytes:
     """The sidecar of a table of these elements."""
+    return msgspec.json.format(msgspec.json.encode(table_facts(recording, elements)), indent=1) + b"\n"
+
+
+def table_facts(recording: Recording, elements: Sequence[RecordedElement]) -> CsvFacts:
+    """What a table of these elements can't say."""
     time_ns = recording.time_ns
-    facts = CsvFacts(
+    return CsvFacts(
         version=VERSION,
         log=form.log_facts(recording),
         elements=tuple(map(_element_facts, elements)),
@@ -82,7 +87,6 @@ def pack(recording: Recording, elements: Sequence[RecordedElement]) -> bytes:
         time_looping=recording.time_looping,
         events=tuple(map(form.plain_texts, recording.events)),
     )
-    return msgspec.json.format(msgspec.json.encode(facts), indent=1) + b"\n"
 
 
 def unpack(data: bytes) -> CsvFacts:

@@ -6,7 +6,8 @@ An element's samples stand together with their time stamps, so that nobody has t
 import io
 import re
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ from silo.errors import SaveError
 from silo.files.extras import need, whole_file
 from silo.files.silo.format import FilledEntry
 from silo.files.silo.missing import filled, in_doubles, is_masked
-from silo.files.texts import presentable
+from silo.files.tables.facts import NAME, Place, packed, restored, told_of
+from silo.files.texts import presentable, unique_names
 
 # MATLAB cuts longer names
 _MATLAB_NAME = 63
@@ -34,19 +36,35 @@ def write_npz(recording: Recording, path: Path, progress: Progress | None = None
     says which, and a number that no sample is stands there. Raises `SaveError`.
     """
     recording = presentable(recording)
-    unique = _unique(lambda name: name.lstrip("/").replace("\0", "_") or "unnamed")
+    # file systems and MATLAB don't tell upper from lower case
+    unique = unique_names(lambda name: name.lstrip("/").replace("\0", "_") or "unnamed", str.lower)
     total = max(1, len(recording.elements))
     with whole_file(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         _add(archive, unique("time_ns"), recording.time_ns)
         _add(archive, unique("silo.json"), np.array(_facts(recording)))
-        for done, element in enumerate(recording.elements, start=1):
-            for entry, written in zip(element.entries, filled(element).entries, strict=True):
-                _add(archive, unique(entry.name), written.values)
+        places: list[Place] = []
+        own: dict[int, str] = {}
+        elements = [filled(element) for element in recording.elements]
+        for done, (element, written) in enumerate(zip(recording.elements, elements, strict=True)):
+            for entry, values in zip(element.entries, written.entries, strict=True):
+                places.append((unique(entry.name), -1))
+                _add(archive, places[-1][0], values.values)
                 if is_masked(entry.values):
                     _add(archive, unique(f"{entry.name}.missing"), np.ma.getmaskarray(entry.values))
-            if element.count != len(recording.time_ns):
-                _add(archive, unique(f"{element.name}.time_ns"), _times(recording, element))
-            _tell(progress, done / total)
+            if element.count != len(recording.time_ns) or element.own_ns is not None:
+                name = unique(f"{element.name}.time_ns")
+                _add(archive, name, _times(recording, element))
+                own |= {} if element.own_ns is None else {done: name}
+            _tell(progress, (done + 1) / total)
+        _add(archive, unique(NAME), np.array(packed(recording, elements, places, own)))
+
+
+def read_npz(path: Path) -> Recording:
+    """Open a file that `write_npz` wrote; an array is read when it is asked for."""
+    with told_of(path):
+        arrays = np.load(path, allow_pickle=False)
+        text = str(arrays[NAME]) if NAME in arrays else None
+        return restored(path, text, lambda: arrays["time_ns"], lambda place, *_: arrays[place[0]])
 
 
 def _add(archive: zipfile.ZipFile, name: str, values: NDArray[Any]) -> None:
@@ -69,7 +87,7 @@ def write_mat(recording: Recording, path: Path, progress: Progress | None = None
     """
     recording = presentable(recording)
     matlab = need("scipy.io", "convert", ".mat files")
-    unique = _unique(lambda name: (re.sub("[^A-Za-z0-9]+", "_", name).strip("_") or "unnamed")[: _MATLAB_NAME - 6])
+    unique = unique_names(_variable, str.lower)
     start = int(recording.time_ns[0]) if len(recording.time_ns) else 0
     about = {
         "logger": recording.logger,
@@ -85,14 +103,48 @@ def write_mat(recording: Recording, path: Path, progress: Progress | None = None
         about["events"] = np.array([f"{event.kind}: {event.text}" for event in recording.events], dtype=object)
     total = max(1, len(recording.elements))
     with whole_file(path) as file:
-        matlab.savemat(file, {unique("silo"): about}, do_compression=True, long_field_names=True, oned_as="column")
-        for done, element in enumerate(recording.elements, start=1):
+        unique("silo")
+        names = [unique(element.name) for element in recording.elements]
+        names = [f"x{name}" if name[0].isdigit() or name[0] == "_" else name for name in names]
+        elements = [in_doubles(element) for element in recording.elements]
+        places = [(name if data is None else f"{name}.{data}", at if data is None else -1)
+                  for name, element in zip(names, elements, strict=True)
+                  for at, data in enumerate(_matlab_fields(element))]  # fmt: skip
+        own = {place: name for place, name in enumerate(names) if recording.elements[place].own_ns is not None}
+        about["log"] = packed(recording, elements, places, own)
+        matlab.savemat(file, {"silo": about}, do_compression=True, long_field_names=True, oned_as="column")
+        for done, (name, element) in enumerate(zip(names, recording.elements, strict=True), start=1):
             struct = _matlab_struct(recording, element, start)
-            name = unique(element.name)
-            if name[0].isdigit() or name[0] == "_":
-                name = f"x{name}"
             matlab.savemat(file, {name: struct}, do_compression=True, long_field_names=True, oned_as="column")
             _tell(progress, done / total)
+
+
+def read_mat(path: Path) -> Recording:
+    """Open a file that `write_mat` wrote; a variable is read when a signal of it is asked for."""
+    matlab = need("scipy.io", "convert", ".mat files")
+
+    @lru_cache(maxsize=8)
+    def struct(name: str) -> Any:
+        return matlab.loadmat(path, variable_names=[name], appendmat=False)[name][0, 0]
+
+    def values(place: Place, *_: object) -> NDArray[Any]:
+        name, dot, field = place[0].partition(".")
+        data: Any = struct(name)["data"]
+        if place[1] >= 0:
+            return np.asarray(data[:, place[1]])
+        if not dot:  # stamps of its own
+            start = int(about["time_ns"].ravel()[0])
+            return np.asarray(np.rint(struct(name)["time"].ravel() * 1e9).astype(np.int64) + start)
+        data = data[field][0, 0] if data.dtype.names else data
+        if data.dtype.kind == "O":
+            return np.array([str(cell[0]) if cell.size else "" for cell in data.ravel()])
+        return np.asarray(data if data.shape[-1] > 1 else data.ravel())
+
+    with told_of(path):
+        known = [name for name, *_ in matlab.whosmat(path, appendmat=False)]
+        about: Any = struct("silo") if "silo" in known else np.empty(0)
+        text = str(about["log"].ravel()[0]) if "log" in (about.dtype.names or ()) else None
+        return restored(path, text, lambda: about["time_ns"], values)
 
 
 def _matlab_struct(recording: Recording, element: RecordedElement, start: int) -> dict[str, Any]:
@@ -102,15 +154,14 @@ def _matlab_struct(recording: Recording, element: RecordedElement, start: int) -
     size = sum(column.nbytes for column in columns)
     if size > _MATLAB_BYTES:
         raise SaveError(f"{element.name}: {size} bytes are more than the 2 GB that a .mat file can hold; write .h5")
+    names = _matlab_fields(element)
     data: Any
-    if len({column.dtype for column in columns}) == 1 and columns[0].dtype.kind not in "OSU":
+    if None in names:
         data = np.column_stack(columns)
     elif len(columns) == 1:
         data = columns[0]
     else:
-        fields = _unique(lambda suffix: re.sub("[^A-Za-z0-9]+", "_", suffix).strip("_") or "value")
-        names = [fields(entry.entry.suffix) for entry in element.entries]
-        data = {name if name[0].isalpha() else f"x{name}": column for name, column in zip(names, columns, strict=True)}
+        data = dict(zip(names, columns, strict=True))
     struct = {
         "name": element.name,
         "unit": element.unit,
@@ -136,6 +187,21 @@ def _matlab_struct(recording: Recording, element: RecordedElement, start: int) -
     return struct
 
 
+def _matlab_fields(element: RecordedElement) -> list[str | None]:
+    """The field of `data` that each entry is, None for a column of it."""
+    columns = [_matlab_values(entry.values[:0]) for entry in in_doubles(element).entries]
+    if len({column.dtype for column in columns}) == 1 and columns[0].dtype.kind not in "OSU" and columns[0].ndim == 1:
+        return [None] * len(columns)
+    fields = unique_names(lambda suffix: re.sub("[^A-Za-z0-9]+", "_", suffix).strip("_") or "value", str.lower)
+    names = [fields(entry.entry.suffix) for entry in element.entries]
+    return [name if name[0].isalpha() else f"x{name}" for name in names]
+
+
+def _variable(name: str) -> str:
+    """What MATLAB may call it; it cuts longer names."""
+    return (re.sub("[^A-Za-z0-9]+", "_", name).strip("_") or "unnamed")[: _MATLAB_NAME - 6]
+
+
 def _fills(entries: Sequence[RecordedEntry]) -> list[int]:
     """The numbers that stand where values are missing, of each entry that has one."""
     told = [entry.missing.fill for entry in entries if isinstance(entry, FilledEntry)]
@@ -153,6 +219,8 @@ def _matlab_values(values: NDArray[Any]) -> NDArray[Any]:
         return values.astype(np.int64)
     if dtype.kind == "S":
         return np.array([text.decode("utf-8", "replace") for text in values.tolist()], dtype=object)
+    if dtype.kind == "U":  # as cells, too: a matrix of letters is padded with blanks
+        return np.array(values.tolist(), dtype=object)
     if dtype.kind == "V":
         return np.ascontiguousarray(values).view(np.uint8).reshape(len(values), dtype.itemsize)
     return np.asarray(values)
@@ -187,16 +255,36 @@ def _fill_store(h5py: Any, store: Any, recording: Recording, progress: Progress 
     if recording.events:
         # a data set: an attribute holds at most 64 kB
         store.create_dataset(_free(store, "events"), data=msgspec.json.encode(recording.events).decode())
+    about = store.create_dataset(NAME, shape=(), dtype=h5py.string_dtype())
+    places: list[Place] = []
+    own: dict[int, str] = {}
+    elements = [filled(element) for element in recording.elements]
     shared = {(0, 1, len(recording.time_ns), id(None)): store.create_dataset("time_ns", data=recording.time_ns)}
-    for done, element in enumerate(recording.elements, start=1):
+    for done, element in enumerate(elements, start=1):
         group = _group(store, element.name)
         when = (element.first, element.divider, element.count, id(element.own_ns))
         if when not in shared:
             shared[when] = group.create_dataset(_free(group, "time_ns"), data=_times(recording, element))
         else:
             group[_free(group, "time_ns")] = shared[when]
-        _fill_group(h5py, group, element)
+        own |= {} if element.own_ns is None else {done - 1: shared[when].name}
+        places += _fill_group(h5py, group, element)
         _tell(progress, done / total)
+    about[()] = packed(recording, elements, places, own)
+
+
+def read_hdf5(path: Path) -> Recording:
+    """Open a file that `write_hdf5` wrote; a data set is read when a signal of it is asked for."""
+    h5py = need("h5py", "convert", "HDF5 files")
+
+    def column(place: Place, *_: object) -> NDArray[Any]:
+        values: NDArray[Any] = store[place[0]][()]
+        return values if place[1] < 0 else values.reshape(len(values), -1)[:, place[1]]
+
+    with told_of(path):
+        store = h5py.File(path, "r")
+        text = store[NAME][()] if NAME in store else None
+        return restored(path, text, lambda: store["time_ns"][()], column)
 
 
 def _group(store: Any, name: str) -> Any:
@@ -219,7 +307,7 @@ def _child(group: Any, part: str, fresh: bool) -> Any:
     return group.create_group(candidate)
 
 
-def _fill_group(h5py: Any, group: Any, element: RecordedElement) -> None:
+def _fill_group(h5py: Any, group: Any, element: RecordedElement) -> list[Place]:
     group.attrs["name"] = element.name.replace("\0", "_")
     group.attrs["unit"] = element.unit.replace("\0", "_")
     group.attrs["kind"] = element.kind
@@ -236,17 +324,22 @@ def _fill_group(h5py: Any, group: Any, element: RecordedElement) -> None:
     labels = element.entries[0].entry.labels if element.entries else None
     if labels:
         group.attrs["labels"] = msgspec.json.encode(labels).decode()
-    written = filled(element).entries
+    written = element.entries
     columns = [_hdf5_values(entry.values) for entry in written]
     if columns and len({column.dtype for column in columns}) == 1:
         values = columns[0] if len(columns) == 1 else np.column_stack(columns)
         if len(columns) > 1 and np.prod(element.shape) == len(columns):
             values = values.reshape(element.count, *element.shape)
-        _tell_fill(group.create_dataset(_free(group, "values"), data=values), written)
-        return
+        dataset = group.create_dataset(_free(group, "values"), data=values)
+        _tell_fill(dataset, written)
+        return [(dataset.name, at) for at in range(len(columns))]
+    places = []
     for entry, column in zip(written, columns, strict=True):
         name = entry.entry.suffix.strip("_").replace("/", "_").replace("\0", "_") or "values"
-        _tell_fill(group.create_dataset(_free(group, name), data=column), [entry])
+        dataset = group.create_dataset(_free(group, name), data=column)
+        _tell_fill(dataset, [entry])
+        places.append((dataset.name, -1))
+    return places
 
 
 def _tell_fill(dataset: Any, entries: Sequence[RecordedEntry]) -> None:
@@ -307,21 +400,6 @@ def _facts(recording: Recording) -> str:
             "warnings": list(recording.warnings),
         }
     ).decode()
-
-
-def _unique(clean: Callable[[str], str]) -> Callable[[str], str]:
-    taken: set[str] = set()
-
-    def choose(name: str) -> str:
-        base = candidate = clean(name)
-        number = 2
-        # MATLAB and some file systems don't tell upper from lower case
-        while candidate.lower() in taken:
-            candidate, number = f"{base}_{number}", number + 1
-        taken.add(candidate.lower())
-        return candidate
-
-    return choose
 
 
 def _tell(progress: Progress | None, fraction: float) -> None:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording
 from silo.files.bags.ros_types import is_text
 from silo.files.extras import need, whole_file
-from silo.files.texts import presentable
+from silo.files.tables.facts import NAME, Place, packed, restored, told_of
+from silo.files.texts import presentable, unique_names
 
 # cells of a row group: 64 MB of doubles
 _GROUP_CELLS = 8_000_000
@@ -36,7 +37,8 @@ def write_parquet(recording: Recording, path: Path, progress: Progress | None = 
     parquet = need("pyarrow.parquet", "convert", "Parquet files")
     columns = list(_columns(recording))
     events = _events_by_tick(recording)
-    names = _unique(["time_ns", "time", *(name for name, _, _ in columns), *(["events"] if events else [])])
+    wanted = ["time_ns", "time", *(name for name, _, _ in columns), *(["events"] if events else [])]
+    names = list(map(unique_names(str), wanted))
     time_type = arrow.timestamp("ns", tz="UTC")
     fields = [arrow.field(names[0], arrow.int64(), nullable=False), arrow.field(names[1], time_type, nullable=False)]
     for name, (_, element, values) in zip(names[2:], columns, strict=False):
@@ -44,7 +46,13 @@ def write_parquet(recording: Recording, path: Path, progress: Progress | None = 
     signals = fields[2:]
     if events:
         fields.append(arrow.field(names[-1], arrow.string(), metadata={"kind": "events"}))
-    schema = arrow.schema(fields, metadata=_about_log(recording))
+    taken = iter(names[2:])
+    places: list[Place] = []
+    for entry in (entry for element in recording.elements for entry in element.entries):
+        parts = [next(taken) for _ in _real(entry)]
+        places.append((parts[0], len(parts) - 2))  # -1 of one that is alone, 0 of one that the next belongs to
+    facts = {NAME: packed(recording, recording.elements, places)}
+    schema = arrow.schema(fields, metadata=_about_log(recording) | facts)
 
     total = len(recording.time_ns)
     rows = max(1, min(_MAX_ROWS, _GROUP_CELLS // len(fields)))
@@ -62,6 +70,46 @@ def write_parquet(recording: Recording, path: Path, progress: Progress | None = 
             writer.write_table(arrow.Table.from_arrays(arrays, schema=schema))
             if progress is not None:
                 progress(stop / total)
+
+
+def read_parquet(path: Path) -> Recording:
+    """Open a file that `write_parquet` wrote; a column is read when it is asked for."""
+    arrow = need("pyarrow", "convert", "Parquet files")
+    parquet = need("pyarrow.parquet", "convert", "Parquet files")
+
+    def column(place: Place, element: RecordedElement, count: int) -> NDArray[Any]:
+        values = _samples(arrow, file, place[0], element, count)
+        if place[1] < 0:
+            return values
+        names = file.schema_arrow.names
+        return values + 1j * _samples(arrow, file, names[names.index(place[0]) + 1], element, count)
+
+    with told_of(path):
+        file = parquet.ParquetFile(path)
+        text = (file.schema_arrow.metadata or {}).get(NAME.encode())
+        return restored(path, text, lambda: file.read(columns=["time_ns"]).column(0).to_numpy(), column)
+
+
+def _samples(arrow: Any, file: Any, name: str, element: RecordedElement, count: int) -> NDArray[Any]:
+    """The cells of a column that are samples of an element; those that are null are missing."""
+    rows = arrow.array(element.first + np.arange(count) * element.divider)
+    cells = file.read(columns=[name]).column(name).take(rows).combine_chunks()
+    if arrow.types.is_timestamp(cells.type) or arrow.types.is_duration(cells.type):
+        cells = cells.cast(arrow.int64())
+    if not cells.null_count:
+        return np.asarray(cells.to_numpy(zero_copy_only=False))
+    missing = cells.is_null().to_numpy(zero_copy_only=False)
+    zero = (
+        b""
+        if arrow.types.is_binary(cells.type)
+        else b"\0" * cells.type.byte_width
+        if (arrow.types.is_fixed_size_binary(cells.type))
+        else False
+        if arrow.types.is_boolean(cells.type)
+        else 0
+    )
+    there = cells.fill_null(zero).to_numpy(zero_copy_only=False)
+    return np.ma.masked_array(there, missing)
 
 
 def _columns(recording: Recording) -> Iterator[tuple[str, RecordedElement, NDArray[Any]]]:
@@ -153,14 +201,3 @@ def _events_by_tick(recording: Recording) -> dict[int, str]:
             line = f"{event.kind}: {event.text}"
             told[place] = f"{told[place]}\n{line}" if place in told else line
     return told
-
-
-def _unique(names: list[str]) -> list[str]:
-    taken: set[str] = set()
-    for index, name in enumerate(names):
-        candidate, number = name, 2
-        while candidate in taken:
-            candidate, number = f"{name}_{number}", number + 1
-        taken.add(candidate)
-        names[index] = candidate
-    return names
