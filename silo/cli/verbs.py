@@ -76,7 +76,9 @@ def target(usage: str = "", words: Words = BY_COUNT) -> Callable[[_Command], _Co
     """Return the argument `[LOGGER] USAGE`, which comes as a `Target`."""
     required = bool(usage) and not usage.startswith("[")
 
-    def read(ctx: click.Context, _param: click.Parameter, given: str | tuple[str, ...] | None) -> Target:
+    def read(ctx: click.Context, _param: click.Parameter, given: Any) -> Any:
+        if ctx.resilient_parsing:  # words that are being completed go to who completes them, as they are
+            return given
         return words.split(ctx, given, usage) if isinstance(given, tuple) else Target(given, [])
 
     if not usage:
