@@ -28,6 +28,7 @@ from silo.history.search_requests import FindMoments, MeasureSpan
 from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
 from silo.net.found import LoggerAddress
+from silo.net.keys import ClientId
 from silo.recorder.requests import RecorderRequests
 from silo.recordings.requests import RecordingRequests
 from silo.requests import AnyReply
@@ -80,6 +81,7 @@ class Client(
         self._timeout_s = timeout_s
         self.read_only = read_only
         self._name = client_name()
+        self._surveyed = ClientId.drawn()  # what its statistics are called after, whatever becomes of the link
         self._saves = Saves()
         self._connection = Connection(found, timeout_s, self._name, self._renew)
         self._leases = Renewals(self._connection, lambda: self._name)
@@ -607,6 +609,8 @@ class Client(
             derived=derived,
             some=texts("some", some, "['/log/joints/q']"),
             some_quantities=texts("some_quantities", some_quantities, "['mean', 'std']"),
+            id=self._surveyed.id,
+            proof=self._surveyed.proof,
         )
         return self._call(request)
 

@@ -67,7 +67,8 @@ class GetSurvey(SlowAsk[Survey], frozen=True):
     beside them, of the same samples: what stands in one row of a table is of one moment.
 
     Statistics are over every sample since this client asked first, or since its last `reset`; they end when it hasn't
-    asked for a minute.
+    asked for a minute. `id` tells them from those of others, and `proof` shows that it is this client's; an older
+    client says neither: its are those of its name.
     """
 
     quantities: list[str]
@@ -76,3 +77,5 @@ class GetSurvey(SlowAsk[Survey], frozen=True):
     derived: bool = False
     some: list[str] = []
     some_quantities: list[str] = []
+    id: str = ""
+    proof: str = ""

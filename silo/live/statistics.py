@@ -20,6 +20,7 @@ from silo.core.elements import BufferType, State
 from silo.errors import SegmentError
 from silo.live.newest import NewestValues
 from silo.live.requests import GetSurvey, Survey
+from silo.net.keys import may_use
 from silo.rpc.leases import Leases
 from silo.rpc.quantities import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
@@ -378,7 +379,7 @@ class Surveyor:
         self._wake = threading.Event()
         self._tally: Tally | None = None
         self._run = RunFollower(replica, derived=True)
-        self._askers: Leases[str, _Asker] = Leases(MAX_CLIENTS)
+        self._askers: Leases[tuple[str, str], _Asker] = Leases(MAX_CLIENTS)
         self._thread: threading.Thread | None = None
         self._stopped = False
 
@@ -391,15 +392,20 @@ class Surveyor:
         asked = max(len(request.names), len(request.some))
         if asked > MAX_NAMES:
             raise RequestRefusedError(RefusedWhy.INVALID, f"no survey: at most {MAX_NAMES} names, got {asked}")
+        if not may_use(request.id, request.proof):
+            text = f"no survey: '{request.id[:50]}' is another client's; nothing was changed"
+            raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
+        # an id, or, of an older client, its name, which everybody sees: neither can be said as the other
+        owner = (request.id, "") if request.id else ("", request.client)
         with self._lock:
             self._begin()
-            asker = self._askers.renew(request.client, LEASE_S)
-            if asker is None and self._askers.full(request.client, request.client):
+            asker = self._askers.renew(owner, LEASE_S)
+            if asker is None and self._askers.full(owner, request.id or request.client):
                 text = f"no survey: {MAX_CLIENTS} clients have statistics; close one first"
                 raise RequestRefusedError(RefusedWhy.FAILED, text)
             if self._tally is not None and (asker is None or request.reset):
                 asker = _Asker(self._tally.sums())
-                self._askers.set(request.client, asker, LEASE_S, request.client)
+                self._askers.set(owner, asker, LEASE_S, request.id or request.client)
             if asker is not None:
                 failed, asker.failed = asker.failed, ""
                 if failed:

@@ -5,7 +5,7 @@ import pytest
 import silo
 from silo.errors import RefusedError
 from silo.history.requests import CloseStream, OpenStream
-from silo.live.requests import CloseView, OpenView
+from silo.live.requests import CloseView, GetSurvey, OpenView
 from silo.net.keys import ClientId, may_use
 from silo.state.requests import Hello
 from tests.waiting import wait_until
@@ -51,3 +51,31 @@ def test_nobody_else_says_who_a_client_is(bench, client) -> None:
         other._call(Hello(id=mine.id, client="mallory@nowhere silo 1"))
         assert "mallory@nowhere silo 1" not in [one.who for one in client.status().clients]
     assert before[0] in client.status().clients
+
+
+@pytest.mark.slow
+def test_nobody_else_asks_for_statistics_in_the_place_of_a_client_or_begins_them_anew(bench, client) -> None:
+    bench.logger.start()
+    bench.ticks(5)
+    since_ns = wait_until(lambda: client.survey(["max"]).since_ns)
+    bench.ticks(5)
+    mine, name = client._surveyed, client._name
+    with silo.connect("bot") as other:
+        theirs = other._surveyed
+        for proof in ("", theirs.proof, mine.id):
+            with pytest.raises(RefusedError, match=r"no survey: 'z.*' is another client's; nothing was changed"):
+                other._call(GetSurvey(quantities=["max"], reset=True, id=mine.id, proof=proof))
+        assert other.survey(["max"], reset=True).since_ns > since_ns
+        assert other._call(GetSurvey(quantities=["max"], reset=True, client=name)).since_ns > since_ns
+    assert client.survey(["max"]).since_ns == since_ns
+
+
+@pytest.mark.slow
+def test_statistics_of_an_older_client_are_those_of_its_name(bench, client) -> None:
+    bench.logger.start()
+    bench.ticks(5)
+    asked = GetSurvey(quantities=["max"])
+    since_ns = wait_until(lambda: client._call(asked).since_ns)
+    bench.ticks(5)
+    assert client.survey(["max"]).since_ns > since_ns
+    assert client._call(asked).since_ns == since_ns
