@@ -18,7 +18,7 @@ from silo.core.elements import BufferType
 from silo.core.recording import Recording
 from silo.errors import SegmentError
 from silo.files.formats import read_recording
-from silo.helper.recovery import recover
+from silo.helper.left_logs import recover
 from silo.journal import writer as journal_writer
 from silo.journal.disk import Disk
 from silo.journal.format import Head

@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from silo.client.connection import Connection
-from silo.client.leases import ControlLease, Renewals
+from silo.client.renewals import ControlLease, Renewals
 from silo.client.saves import Saves
 from silo.conditions.requests import ConditionRequests
-from silo.control.requests import GiveControl, ReleaseControl, TakeControl
+from silo.control.requests import LONGEST_LEASE_S, ControlRequests, TakeControl
 from silo.core.arguments import path, real, shown, switch, text, texts, whole
 from silo.core.calls import told_class
-from silo.core.elements import SavedFile, Sought
+from silo.core.elements import SavedFile
 from silo.core.printing import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SiloError
 from silo.fleet.discovery import discover
 from silo.fleet.exchange import NoAnswerError, client_name
+from silo.history.found_moments import SearchRequests
 from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream, by_of
-from silo.history.search_requests import FindMoments, MeasureSpan
 from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
 from silo.net.found import LoggerAddress
@@ -45,20 +45,18 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from silo.core.arrays.columns import HistoryColumns
-    from silo.expressions.search import FoundMoments
-    from silo.expressions.span import Between
     from silo.history.arrays import Pin, SampleArrays, Stream
     from silo.live.topic import Topic
     from silo.live.view import View
 
 LEASE_S = 15.0  # of control that is renewed: seven renewals, or 15 s of a link that is away
-LONGEST_LEASE_S = 24 * 3600.0
 LONGEST_S = 1e6  # that anybody waits
 
 
 @told_class("client", make="Client")
 class Client(
-    StateRequests, TableRequests, EventRequests, ScriptRequests, RecordingRequests, RecorderRequests, ConditionRequests
+    StateRequests, TableRequests, EventRequests, ScriptRequests, ControlRequests, ConditionRequests, SearchRequests,
+    RecordingRequests, RecorderRequests,
 ):  # fmt: skip
     """A connection to one logger. A context manager."""
 
@@ -294,7 +292,7 @@ class Client(
             RefusedError: somebody else has it.
         """
         self._let_go()
-        return self._call(ReleaseControl()).text
+        return self._release_control()
 
     def hand_over(self, to: str) -> str:
         """Give control to another operator who is connected.
@@ -309,7 +307,7 @@ class Client(
             RefusedError: nobody of that name is connected, or somebody else has control.
         """
         text("to", to, 'client.hand_over("anna")')
-        words = self._call(GiveControl(to=to)).text
+        words = self._give_control(to)
         self._let_go()
         return words
 
@@ -645,82 +643,3 @@ class Client(
         self._connection.attach(pin)
         self._leases.add(pin)
         return pin
-
-    def find(
-        self,
-        names: Sequence[str],
-        what: Sought | str,
-        level: float = 0.0,
-        direction: int = 0,
-        bounds: Sequence[tuple[float | None, float | None]] = (),
-        start_ns: int = -(2**62),
-        end_ns: int = 2**62,
-        around_ns: int = 0,
-        most: int = 100,
-        pins: "Sequence[Pin]" = (),
-        run: str = "",
-    ) -> "dict[str, FoundMoments]":
-        """Look for something in every sample that buffers and pins hold; the helper process looks, nothing is fetched.
-
-        Args:
-            names: 1 to 64 entries.
-            what: `"highest"`, `"lowest"`, `"crossing"`, `"edge"`, `"change"`, `"not finite"`, `"outside"`, `"hole"`.
-            level: what is crossed.
-            direction: 1 for a rising crossing, -1 for a falling one, 0 for either.
-            bounds: of each name the smallest and the largest value that isn't outside, None for none.
-            start_ns: the first time stamp.
-            end_ns: the last time stamp.
-            around_ns: the moments next to this one are in the answer.
-            most: how many of each name; all names together have at most 10 000.
-            pins: what is looked through beside the buffers, where it has what these have no more.
-            run: the run that it is about, as pins name it; the newest where it is empty.
-
-        Returns:
-            By name: `total` moments, of which `before` come before those that are here as `time_ns` and `values`, both
-            of shape `(n,)`; `begin_ns` and `end_ns` say what was looked through, `why` why nothing was.
-
-        Raises:
-            RefusedError: a name or `what` is unknown, a number out of range, or a pin is no more.
-            ElementError: the names are no list of texts; nothing was asked.
-        """
-        from silo.history.found_moments import found_of
-
-        try:
-            sought = Sought(what)
-        except ValueError:
-            words = ", ".join(f"'{one.value}'" for one in Sought)
-            raise RefusedError(f"one can look for {words}, got {what!r}; nothing was asked") from None
-        request = FindMoments(
-            names=texts("names", names, "['/log/joints/q_0']"), what=sought, level=level, direction=direction,
-            bounds=list(bounds), start_ns=start_ns, end_ns=end_ns, around_ns=around_ns, most=most,
-            pins=[pin.id for pin in pins], run=run,
-        )  # fmt: skip
-        return found_of(self._call(request))
-
-    def measure(
-        self, names: Sequence[str], a_ns: int, b_ns: int, pins: "Sequence[Pin]" = (), run: str = ""
-    ) -> "dict[str, Between]":
-        """Measure signals between two moments in every sample that is held; the helper process adds up.
-
-        Args:
-            names: 1 to 64 entries.
-            a_ns: a time stamp.
-            b_ns: another one, later or earlier.
-            pins: what is added up beside the buffers, where it has what these have no more.
-            run: the run that it is about, as pins name it; the newest where it is empty.
-
-        Returns:
-            By name: what held at A and at B, difference and slope per second, mean, standard deviation, root mean
-            square, smallest and largest of the finite samples between, both ends included, and how many there are.
-
-        Raises:
-            RefusedError: a name is unknown, a number out of range, or a pin is no more.
-            ElementError: the names are no list of texts; nothing was asked.
-        """
-        from silo.history.found_moments import between_of
-
-        request = MeasureSpan(
-            names=texts("names", names, "['/log/joints/q_0']"), a_ns=a_ns, b_ns=b_ns, pins=[pin.id for pin in pins],
-            run=run,
-        )  # fmt: skip
-        return between_of(self._call(request), a_ns, b_ns)

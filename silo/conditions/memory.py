@@ -77,7 +77,7 @@ class JudgeMemory:
             return
         # pids come again, and count anew in each container; of an older silo there is no other word
         if state.program.logger_id != self._id if state.program.logger_id else state.pid != self._pid:
-            return  # of a program that is gone, and its helper process with it: `silo.conditions.recovery`
+            return  # of a program that is gone, and its helper process with it: `silo.conditions.left_captures`
         self._left[state.run], self._own[state.run] = state, path
         self._tell_new(state.untold, state.run, state.until - 1)
 

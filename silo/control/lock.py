@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from silo.control.requests import GiveControl, TakeControl
+from silo.control.requests import LONGEST_LEASE_S, TakeControl
 from silo.core.elements import Control
 from silo.core.quantities.writing import duration
 from silo.net.access.senders import name_of
@@ -21,7 +21,6 @@ from silo.state.events import EventNotifier, plain
 from silo.state.replica import Replica
 
 CONTROL = "control"
-LONGEST_LEASE_S = 24 * 3600.0
 GIVEN_S = 60.0  # in which whom it is given to must renew it
 
 
@@ -103,20 +102,20 @@ class ControlLock:
         self._tell("control released", sender.words)
         return f"control of {self._logger} is released"
 
-    def give(self, request: GiveControl, sender: Sender) -> str:
+    def give(self, to: str, sender: Sender) -> str:
         """Hand control over to a user who is connected and was let in."""
         with self._leases:
             before = self.control
             known = {one.identity: one for one in self._replica.clients if one.identity}
             names = {name_of(identity): identity for identity in known}
-            identity = request.to if request.to in known else names.get(request.to, "")
+            identity = to if to in known else names.get(to, "")
             if before is not None and before.identity != sender.identity:
                 text = f"{before.who} has control of {self._logger}, so it isn't yours to give; nothing was changed"
                 raise RequestRefusedError(RefusedWhy.CONTROL, text)
             if not identity:
                 others = ", ".join(sorted(names)) or "nobody"
                 text = (
-                    f"no operator '{plain(request.to)}' is connected to {self._logger} (there: {others}): who is to "
+                    f"no operator '{plain(to)}' is connected to {self._logger} (there: {others}): who is to "
                     "have control opens silo-tui first; nothing was changed"
                 )
                 raise RequestRefusedError(RefusedWhy.NOT_FOUND, text)

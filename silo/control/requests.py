@@ -2,7 +2,9 @@
 
 from typing import ClassVar
 
-from silo.rpc.declaring import Do, Done
+from silo.rpc.declaring import Caller, Do, Done, change
+
+LONGEST_LEASE_S = 24 * 3600.0
 
 
 class TakeControl(Do[Done], frozen=True):
@@ -19,17 +21,13 @@ class TakeControl(Do[Done], frozen=True):
     force: bool = False
 
 
-class ReleaseControl(Do[Done], frozen=True):
-    """Give control up."""
+class ControlRequests(Caller):
+    """Giving control up, and away."""
 
-    timeout_s: ClassVar[float] = 4.0
-    needs_control: ClassVar[bool] = False
+    @change(control=False, timeout_s=4.0)
+    def _release_control(self) -> str:
+        """Give control up."""
 
-
-class GiveControl(Do[Done], frozen=True):
-    """Hand control over to a user who is connected, by name."""
-
-    timeout_s: ClassVar[float] = 4.0
-    needs_control: ClassVar[bool] = False
-
-    to: str
+    @change(control=False, timeout_s=4.0)
+    def _give_control(self, to: str) -> str:
+        """Hand control over to a user who is connected, by name."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from silo.control import requests
 from silo.control.lock import ControlLock
-from silo.control.requests import GiveControl, ReleaseControl, TakeControl
+from silo.control.requests import TakeControl
 from silo.rpc.serving import Server, Turn
 
 
@@ -17,8 +17,8 @@ class ControlServer(Server, does=[requests]):
     def take_control(self, turn: Turn, request: TakeControl) -> str:
         return self.control_lock.take(request, turn.sender)
 
-    def release_control(self, turn: Turn, request: ReleaseControl) -> str:
+    def release_control(self, turn: Turn) -> str:
         return self.control_lock.release(turn.sender)
 
-    def give_control(self, turn: Turn, request: GiveControl) -> str:
-        return self.control_lock.give(request, turn.sender)
+    def give_control(self, turn: Turn, to: str) -> str:
+        return self.control_lock.give(to, turn.sender)

@@ -23,8 +23,6 @@ from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked
 from silo.rpc.versions import PROTOCOL, robot_problem
 from silo.state.requests import HelloReply
 
-_encoder = msgspec.msgpack.Encoder()
-
 
 class _Peer(msgspec.Struct):
     """What a hello of every protocol says, whatever else is in it."""
@@ -57,7 +55,7 @@ def encoded(request: Request[Any], until_s: float = 0.0) -> bytes:
 
     Raises RequestRefusedError for one that is larger than a helper process reads.
     """
-    payload = _encoder.encode(msgspec.structs.replace(request, protocol=PROTOCOL, until_s=until_s))
+    payload = msgspec.msgpack.encode(msgspec.structs.replace(request, protocol=PROTOCOL, until_s=until_s))
     if len(payload) > request.max_bytes:
         text = (
             f"{type(request).__name__} takes {len(payload)} bytes, a helper process reads at most "

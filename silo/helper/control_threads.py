@@ -34,7 +34,6 @@ MAX_WAITING = 64
 MOST_REFUSED_BYTES = 64 * 1024  # of a change that is refused: larger ones are told without what they were
 
 log = logging.getLogger("silo.helper")
-_encoder = msgspec.msgpack.Encoder()
 
 
 class RequestThreads:
@@ -225,7 +224,7 @@ def _raise(error: RequestRefusedError) -> NoReturn:
 
 
 def _encoded(reply: Answer) -> bytes:
-    return reply if isinstance(reply, bytes) else _encoder.encode(reply)
+    return reply if isinstance(reply, bytes) else msgspec.msgpack.encode(reply)
 
 
 def _until_s(request: Request[Any]) -> float:

@@ -29,7 +29,7 @@ from silo.core.quantities.writing import many
 from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError
 from silo.helper.control_threads import RequestThreads
-from silo.helper.crash import after_crash
+from silo.helper.dead_robot import after_crash, stays_s
 from silo.helper.journaling import Journaling
 from silo.helper.marks import MarkReader
 from silo.helper.orphans import OrphanRecovery
@@ -61,8 +61,6 @@ READY = 0  # number of the LinkReply that says that clients can come, or why the
 TERM_GRACE_S = 5.0
 SAVE_GRACE_S = 10.0
 CAPTURES_GRACE_S = 8.0  # the program that closes its logger kills this process after 15 s
-DEAD_WITHOUT_CLIENTS_S = 10.0
-DEAD_WITH_CLIENTS_S = 600.0
 DEAD_POLL_S = 0.2
 MOST_CHANGE_LETTERS = 500
 WATCH_PERIOD_S = 1.0  # how often is looked whether the files are still there
@@ -198,7 +196,7 @@ class Helper:
                 saver.finish()
                 journaling.stop()
                 news = after_crash(replica, events)
-                self._linger(publisher, held, DEAD_WITHOUT_CLIENTS_S if news else 0.0)
+                self._linger(publisher, held, news=news)
                 return
             deleted = ended is _Ended.FILES_DELETED
             self._exit_code = FILES_DELETED if deleted else 0
@@ -298,12 +296,11 @@ class Helper:
 
     # ------------------------------------------------------------------------------------------- after its end
 
-    def _linger(self, publisher: Publisher, held: HeldRuns, without_clients_s: float) -> None:
+    def _linger(self, publisher: Publisher, held: HeldRuns, *, news: bool) -> None:
         """Go on answering while somebody is there to read what happened, or may come for it."""
         ended_s = time.monotonic()
         while not self._term_s:
-            since_s = time.monotonic() - ended_s
-            if since_s > (DEAD_WITH_CLIENTS_S if publisher.clients else without_clients_s):
+            if time.monotonic() - ended_s > stays_s(news=news, clients=bool(publisher.clients)):
                 return
             if select.select([self._wake], [], [], DEAD_POLL_S)[0]:
                 os.eventfd_read(self._wake)

@@ -11,7 +11,7 @@ import threading
 from silo.core.elements import SavedFile
 from silo.errors import SiloError, StateError
 from silo.files.saving import describe
-from silo.helper.recovery import recover, settle_left
+from silo.helper.left_logs import recover, settle_left
 from silo.recovery.left import LeftRun
 from silo.recovery.runs import left_of, sweep
 from silo.rpc.published import EventKind

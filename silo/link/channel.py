@@ -14,7 +14,6 @@ from silo.link.messages import LinkMessage
 ASKED_EVERY_S = 1.0
 MAX_BYTES = 256 * 2**20  # a table of a million elements; more is not a message of ours
 _LENGTH = struct.Struct("<I")
-_encoder = msgspec.msgpack.Encoder()
 _decoder = msgspec.msgpack.Decoder(LinkMessage)
 
 
@@ -34,7 +33,7 @@ class LinkChannel:
         `give_up` is asked once a second of such waiting: if it says so, the link is ended and TimeoutError raised, as
         half a message can't be taken back.
         """
-        body = _encoder.encode(message)
+        body = msgspec.msgpack.encode(message)
         data = memoryview(_LENGTH.pack(len(body)) + body)
         if give_up is None:
             self._socket.sendall(data)

@@ -21,8 +21,6 @@ from silo.state.replica import LoggerSnapshot, Replica
 MIN_PERIOD_S, MAX_PERIOD_S = 0.01, 10.0
 MAX_FRAME_BYTES = 2**20  # the rest follows at once
 
-_encoder = msgspec.msgpack.Encoder()
-
 
 class ServedStream(Feed[OpenStream]):
     """A stream that is open."""
@@ -89,7 +87,7 @@ class ServedStream(Feed[OpenStream]):
                 more = more or len(rows) == most
         if not found:
             return None, False
-        return _encoder.encode(StreamFrame(self.opened.generation, reader.schema.run, found)), more
+        return msgspec.msgpack.encode(StreamFrame(self.opened.generation, reader.schema.run, found)), more
 
 
 class Streams(Feeds[OpenStream, ServedStream]):

@@ -24,8 +24,6 @@ AGAIN_S = 10.0
 DISK_PERIOD_S = 5.0
 STEADY_SHARE = 0.01  # a rate that differs by less, and a disk by less of its size, is nothing new
 
-_encoder = msgspec.msgpack.Encoder()
-
 
 class SummaryFeed:
     """Publishes what the status says in short. Used by the publisher thread alone, but for `die` and `close`."""
@@ -57,7 +55,7 @@ class SummaryFeed:
             news = told is None or not before or differs(told, found)
             if news or now_s - self._told_s >= AGAIN_S:
                 self._told, self._told_s = found, now_s
-                self._publisher.put(_encoder.encode(found))
+                self._publisher.put(msgspec.msgpack.encode(found))
 
     @property
     def _state(self) -> State:
@@ -77,7 +75,7 @@ class SummaryFeed:
         with self._lock:
             self._closed = True
             if matching(self._publisher):
-                self._publisher.put(_encoder.encode(msgspec.structs.replace(self.now(), closed=True)))
+                self._publisher.put(msgspec.msgpack.encode(msgspec.structs.replace(self.now(), closed=True)))
 
 
 def differs(told: Summary, found: Summary) -> bool:

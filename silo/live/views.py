@@ -33,8 +33,6 @@ MAX_FRAME_BYTES = 8 * 2**20  # rows read per ring and refresh
 HEARTBEAT_S = 1.0  # a view in which nothing moves is sent this often
 BACKLOG_S = 1.0  # what a new plot begins with, so that its columns join those of the history
 
-_encoder = msgspec.msgpack.Encoder()
-
 
 def _problem(request: OpenView) -> str:
     if not VIEW_ID.fullmatch(request.view):
@@ -156,7 +154,7 @@ class ServedView(Feed[OpenView]):
         lost = self._newest.lost() if self._newest else np.zeros(elements, np.int64)
         self._since_ns = 0
         grid = self._columns()
-        frame = _encoder.encode(
+        frame = msgspec.msgpack.encode(
             ViewFrame(
                 number=self._number,
                 generation=layout.generation,

@@ -23,7 +23,6 @@ MAX_BY = 120
 _QUIET = (EventKind.SAVING, EventKind.MARKER)  # not on the console of the robot program
 
 log = logging.getLogger("silo.helper")
-_encoder = msgspec.msgpack.Encoder()
 
 
 def plain(text: str, limit: int = MAX_BY) -> str:
@@ -95,7 +94,7 @@ class EventNotifier:
                 event.number,
                 event.run,
             )
-            self._publisher.put(_encoder.encode(told))
+            self._publisher.put(msgspec.msgpack.encode(told))
         return event
 
     def is_started(self) -> bool:
@@ -124,4 +123,4 @@ class EventNotifier:
                 logged=logged.number,
                 run=mark.run,
             )
-            self._publisher.put(_encoder.encode(told))
+            self._publisher.put(msgspec.msgpack.encode(told))

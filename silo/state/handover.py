@@ -14,8 +14,6 @@ from silo.errors import ConnectionLostError
 
 MAX_OFFER_BYTES = 16_384
 
-_encoder = msgspec.msgpack.Encoder()
-
 
 class RunOffer(msgspec.Struct, frozen=True):
     """A run that is about to begin, or, to a new helper process, that goes on: its id and its segment's path.
@@ -42,7 +40,7 @@ def handover_pair() -> tuple[socket.socket, socket.socket]:
 def offer_run(sock: socket.socket, offer: RunOffer, descriptor: int) -> bool:
     """Hand over a run; False where the helper process is gone or takes nothing in. Never waits."""
     try:
-        socket.send_fds(sock, [_encoder.encode(offer)], [descriptor])
+        socket.send_fds(sock, [msgspec.msgpack.encode(offer)], [descriptor])
     except OSError:
         return False
     return True

@@ -32,8 +32,6 @@ from silo.state.robot_state import RobotState
 MOST_CLIENTS = 20
 FAILED_NAMES = 10  # of the status, which goes with every event
 
-_encoder = msgspec.msgpack.Encoder()
-
 
 @dataclass(frozen=True)
 class LoggerSnapshot:
@@ -162,7 +160,7 @@ class Replica:
             table=table,
             places=_places(table),
             entries=sum(len(info.entries) for info in table.elements if info.options.enabled),
-            table_reply=_encoder.encode(TableReply(table)),
+            table_reply=msgspec.msgpack.encode(TableReply(table)),
             generation=self._generation,
         )
 

@@ -158,7 +158,7 @@ def test_dead_logger_is_not_hidden_by_another_that_ran_beside_it(robots, until) 
 
 
 def test_program_killed_together_with_its_helper_is_recovered_by_hand(robot, tmp_path, until) -> None:
-    from silo.helper.recovery import recover
+    from silo.helper.left_logs import recover
     from silo.recovery.segments import find_stale
 
     with Client.connect("bot") as client:
@@ -175,7 +175,7 @@ def test_program_killed_together_with_its_helper_is_recovered_by_hand(robot, tmp
 
 def test_segment_of_a_living_program_is_not_stale(robot, runtime) -> None:
     from silo.errors import StateError
-    from silo.helper.recovery import recover
+    from silo.helper.left_logs import recover
     from silo.recovery.segments import find_stale
 
     assert find_stale() == []

@@ -22,7 +22,7 @@ from silo.client.client import Client
 from silo.core.runtime import open_unfinished, sweep_unfinished, unopened
 from silo.errors import SegmentError
 from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
-from silo.helper.recovery import recover
+from silo.helper.left_logs import recover
 from silo.net.session import owner_is_gone, sweep
 from silo.recovery.segments import find_stale, sweep_segments
 from silo.rpc.published import EventKind

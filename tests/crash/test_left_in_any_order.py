@@ -23,8 +23,7 @@ from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from silo.cli.codes import EXIT_FAILED
 from silo.cli.main import run
-from silo.conditions import recovery as conditions_recovery
-from silo.conditions import state_file
+from silo.conditions import left_captures, state_file
 from silo.conditions.state_file import begun_state, state_path, store_state
 from silo.core.elements import LoggedEvent, LoggerOptions
 from silo.core.runtime import boot_id, lock_as_writer, pid_namespace
@@ -326,11 +325,11 @@ def test_a_run_whose_captures_can_not_be_written_now_is_held_until_they_can(left
         left.leave_a_run_that_is_held(50, "another boot", watched=True, state="unseen")
     else:
         left.leave_a_segment(50, "another boot", watched=True, saved=False, journal=False)
-        left.patch.setattr(conditions_recovery, "_was_served", lambda _: True)
+        left.patch.setattr(left_captures, "_was_served", lambda _: True)
         for path in left.runtime.glob("*.judge"):
             path.unlink()
     with pytest.MonkeyPatch.context() as full:
-        full.setattr(conditions_recovery, "write_capture", no_room)
+        full.setattr(left_captures, "write_capture", no_room)
         if memory_full:  # in which the runtime folder is, too
             full.setattr(state_file, "write_private", no_room)
         with contextlib.suppress(AssertionError):  # it tells of what can't be written

@@ -18,7 +18,7 @@ import silo
 from silo.core.elements import Action, BufferType
 from silo.core.runtime import boot_id
 from silo.errors import SaveError, SegmentError
-from silo.helper.recovery import recover
+from silo.helper.left_logs import recover
 from silo.journal.holdings import segment_holdings
 from silo.recovery.segments import find_stale
 from silo.segment.damage import damage

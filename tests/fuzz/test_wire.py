@@ -20,7 +20,7 @@ import pytest
 import silo
 from silo.conditions.monitor import Judge
 from silo.control.lock import ControlLock
-from silo.control.requests import GiveControl, ReleaseControl, TakeControl
+from silo.control.requests import TakeControl
 from silo.core.elements import (
     Derived,
     Edit,
@@ -74,6 +74,7 @@ from silo.requests import (
     GetStatus,
     GetTable,
     GetTriggers,
+    GiveControl,
     KeepView,
     ListKeptViews,
     ListRecorders,
@@ -82,6 +83,7 @@ from silo.requests import (
     LoadScript,
     ReadKeptView,
     ReadScript,
+    ReleaseControl,
     RemoveDerived,
     RemoveLimits,
     RemoveTrigger,
@@ -293,11 +295,11 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     made.end()
 
 
-def problem_of(bench: Bench, payload: bytes, key: str, at_the_door: list[bytes] | None = None) -> str:
+def problem_of(bench: Bench, payload: bytes, key: str, undecoded: list[bytes] | None = None) -> str:
     """What is wrong with the answer to some bytes; empty for one in words."""
     request = answered(lambda: decode_ask(payload) if key == "ask" else decode_do(payload))
-    if isinstance(request, Refused) and at_the_door is not None:
-        at_the_door.append(payload)
+    if isinstance(request, Refused) and undecoded is not None:
+        undecoded.append(payload)
     found = request if isinstance(request, Refused) else answered(lambda: bench.servers.reply(request))
     reply = decode_reply(found if isinstance(found, bytes) else msgspec.msgpack.encode(found), "the helper process")
     if isinstance(reply, Refused):
@@ -309,13 +311,13 @@ def problem_of(bench: Bench, payload: bytes, key: str, at_the_door: list[bytes] 
 @pytest.mark.timeout(0)
 def test_every_damaged_request_gets_an_answer_in_words(bench, raised) -> None:
     failed: list[str] = []
-    at_the_door: list[bytes] = []
+    undecoded: list[bytes] = []
     for number in range(COUNT):
         rng = random.Random(f"request {number}")
         request = rng.choice(GOOD)
         payload = mutated(encoded(request), rng)
         try:
-            problem = problem_of(bench, payload, rng.choice([request.key] * 9 + ["ask", "do"]), at_the_door)
+            problem = problem_of(bench, payload, rng.choice([request.key] * 9 + ["ask", "do"]), undecoded)
         except Exception as error:  # noqa: BLE001 - what must not come out
             problem = f"{type(error).__name__}: {error}"
         if problem:
@@ -324,7 +326,7 @@ def test_every_damaged_request_gets_an_answer_in_words(bench, raised) -> None:
     assert failed[:20] == []
     assert raised[:3] == []
     assert bench.alive()
-    assert 0.1 * COUNT < len(at_the_door) < 0.95 * COUNT  # those test nothing behind the decoder
+    assert 0.1 * COUNT < len(undecoded) < 0.95 * COUNT  # those test nothing behind the decoder
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from silo.core.elements import FileType, TriggerOptions
 from silo.core.runtime import list_segments
 from silo.errors import SaveError
 from silo.files.event_log import read_events
-from silo.helper.recovery import recover
+from silo.helper.left_logs import recover
 from silo.rpc.published import EventKind
 from tests.waiting import freeze, wait_until
 

@@ -11,13 +11,12 @@ import zenoh
 from silo.control import lanes
 from silo.control.authentication import Authentication
 from silo.control.denials import Denials
-from silo.control.requests import ReleaseControl
 from silo.fleet.exchange import decode_reply, encoded
 from silo.helper.control_threads import RequestThreads
 from silo.net.keys import LOCAL_SENDER, Root
 from silo.net.session import close, open_client, open_server
 from silo.recorder.requests import StopRecorder
-from silo.requests import AddMark, AnyReply, DeleteRecording, KeepView, Start
+from silo.requests import AddMark, AnyReply, DeleteRecording, KeepView, ReleaseControl, Start
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, GoesOn, Lane, Request, spoken
 from silo.rpc.refusals import Refused, RefusedWhy

@@ -73,10 +73,10 @@ def test_a_name_that_nobody_checked_can_not_call_itself_proven_nor_move_a_cursor
         assert PROVEN not in short_words(sender.words)
 
 
-# ------------------------------------------------------------------------------------------------------- the door
+# ------------------------------------------------------------------------------------------------------- authentication
 
 
-def test_a_request_that_means_several_robots_is_refused_at_the_door() -> None:
+def test_a_request_that_means_several_robots_is_refused() -> None:
     authentication = Authentication(ROOT, Admission(True, True))
     for key in ("silo/**", "silo/*/*/do/anna", f"{ROOT}/do/*", f"{ROOT}/d$*/anna", f"{ROOT}/do", f"{ROOT}/do/"):
         refused = answered(lambda key=key: authentication.sender(key, b"", "anna@desk silo 1"))

@@ -10,7 +10,7 @@ import pytest
 
 import silo
 from silo.conditions.captures.files import write_capture
-from silo.conditions.recovery import recover_captures
+from silo.conditions.left_captures import recover_captures
 from silo.conditions.segment_judge import SegmentJudge
 from silo.conditions.state_file import KeptCapture, state_path, store_state
 from silo.errors import SaveError

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from silo.core.elements import BufferType
 from silo.errors import SegmentError
 from silo.files.formats import read_recording
-from silo.helper.recovery import recover
+from silo.helper.left_logs import recover
 from silo.journal.disk import Disk
 from silo.journal.format import Head
 from silo.journal.holdings import recording_holdings, segment_holdings

@@ -135,7 +135,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 @pytest.mark.slow
 def test_a_mark_survives_a_kill_right_after_it(tmp_path):
     from silo.files.formats import read_recording
-    from silo.helper.recovery import recover
+    from silo.helper.left_logs import recover
 
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM, str(tmp_path)], stdout=subprocess.PIPE, text=True, check=False

@@ -10,7 +10,7 @@ import pytest
 from silo.conditions import state_file
 from silo.control.lanes import Lane
 from silo.core import runtime
-from silo.helper import helper
+from silo.helper import dead_robot
 from silo.net import session
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -84,5 +84,5 @@ def test_the_page_of_the_runtime_folder_has_each_ending() -> None:
 
 
 def test_the_page_says_how_long_the_helper_of_a_dead_program_stays() -> None:
-    assert f"**{helper.DEAD_WITHOUT_CLIENTS_S:.0f} s**" in FOLDER
-    assert f"**{helper.DEAD_WITH_CLIENTS_S:.0f} s**" in FOLDER
+    assert f"**{dead_robot.WITHOUT_CLIENTS_S:.0f} s**" in FOLDER
+    assert f"**{dead_robot.WITH_CLIENTS_S:.0f} s**" in FOLDER

@@ -4,7 +4,7 @@ from collections import deque
 
 import msgspec
 
-from silo.client.leases import ControlLease, Renewals
+from silo.client.renewals import ControlLease, Renewals
 from silo.control.authentication import Sender
 from silo.control.lock import CONTROL, ControlLock
 from silo.control.requests import TakeControl

@@ -104,7 +104,7 @@ def _settle(left: "list[RecorderHandover]", paths: Sequence[Path], single: Seque
 
     if not left and not any(path.suffix in (HELD_SUFFIX, JUDGE_SUFFIX) for path in runtime_dir().iterdir()):
         return False
-    from silo.helper.recovery import settle_left
+    from silo.helper.left_logs import settle_left
 
     told: list[str] = []
     named = [path.resolve() for path in paths if path not in single]
@@ -276,7 +276,7 @@ def _recover(
 
     `named` are those that the user wrote; all others were found, so that one that is gone now was there a moment ago.
     """
-    from silo.helper.recovery import recover as recover_segment
+    from silo.helper.left_logs import recover as recover_segment
     from silo.recovery.left import SavedMeanwhileError
 
     files, failed = [], 0

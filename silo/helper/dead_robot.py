@@ -1,4 +1,7 @@
-"""What the helper does when the robot process is gone without a goodbye: it saves what was committed, and says so."""
+"""What the helper does when the robot process is gone without a goodbye: it saves what was committed, says so, stays.
+
+How long it outlives it is decided here: `stays_s`.
+"""
 
 import logging
 import time
@@ -17,7 +20,15 @@ from silo.state.replica import Replica
 
 ENDING_S = 5.0  # how long a process may take from closing its files to its end
 
+WITHOUT_CLIENTS_S = 10.0
+WITH_CLIENTS_S = 600.0
+
 log = logging.getLogger("silo.helper")
+
+
+def stays_s(*, news: bool, clients: bool) -> float:
+    """Return how long it is there to be asked: for who reads what happened, or may come for `news` of it."""
+    return WITH_CLIENTS_S if clients else WITHOUT_CLIENTS_S if news else 0.0
 
 
 def after_crash(replica: Replica, events: EventNotifier) -> bool:

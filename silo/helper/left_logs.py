@@ -25,7 +25,7 @@ from silo.segment.reader import SegmentReader
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need
-    from silo.conditions.recovery import RecoveredCaptures
+    from silo.conditions.left_captures import RecoveredCaptures
 
 Tell = Callable[[EventKind, str, list[SavedFile]], object]
 Save = Callable[[RunReader, str, Conditions | None], tuple[list[SavedFile], Holdings]]
@@ -91,7 +91,7 @@ def _captures(reader: SegmentReader, folder: str) -> "RecoveredCaptures | None":
     schema = reader.schema
     if not (schema.extras.triggers or schema.extras.limits or judge_path(schema.logger, schema.run).exists()):
         return None
-    from silo.conditions.recovery import recover_captures
+    from silo.conditions.left_captures import recover_captures
 
     return recover_captures(reader, folder)
 
@@ -115,7 +115,7 @@ def settle_left(
     with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
         # nearly always there is none
         if any(name.endswith((JUDGE_SUFFIX, HELD_SUFFIX)) for name in os.listdir(runtime_dir())):  # noqa: PTH208
-            from silo.conditions.recovery import recover_left
+            from silo.conditions.left_captures import recover_left
 
             recover_left(tell, wanted, home)
     release_left()
@@ -140,7 +140,7 @@ def _is_unjudged(reader: SegmentReader) -> bool:
     """Whether a run has something to judge, and no helper process ever saw it."""
     if not (reader.schema.extras.triggers or reader.schema.extras.limits):
         return False
-    from silo.conditions.recovery import unseen
+    from silo.conditions.left_captures import unseen
 
     try:
         return unseen(reader) is not None
