@@ -142,8 +142,8 @@ def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: Rec
     for buffer in [*whole, *step.whole]:
         capture = buffer.capture
         # also by the helper process that died, where another folder is asked for now
-        if any(_is_written(one, buffer.run, buffer.trigger, capture.number) for one in
-               (listed, CaptureList(schema.folder, schema.logger))):  # fmt: skip
+        lists = listed, CaptureList(schema.folder, schema.logger)
+        if any(one.has_files(buffer.run, buffer.trigger, capture.number) for one in lists):
             continue
         try:
             done = write_capture(buffer, folder, listed, read_events(schema.folder, schema.logger, schema.run))
@@ -200,13 +200,6 @@ def _let_go(path: Path, state: JudgeState, logger: str, folder: str, tell: Tell)
     path.unlink(missing_ok=True)
     if lost:
         tell(EventKind.RECOVERED, f"logger '{logger}': {'; '.join(one.text for one in lost)}", [])
-
-
-def _is_written(listed: CaptureList, run: str, trigger: str, number: int) -> bool:
-    with contextlib.suppress(OSError):
-        entry = listed.find(run, trigger, number)
-        return entry is not None and bool(entry.files)
-    return False
 
 
 def _log(folder: str, logger: str, run: str, news: list[Untold]) -> None:

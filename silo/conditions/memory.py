@@ -28,7 +28,7 @@ from silo.core.runtime import list_held, list_segments
 from silo.errors import SegmentError
 from silo.files.manifest import CaptureList
 from silo.rpc.published import EventKind
-from silo.segment.reader import SegmentReader
+from silo.segment.held_runs import readers
 from silo.state.events import EventNotifier
 
 KEEP_S = 1.0  # how often a state is stored in which only rows are new
@@ -200,23 +200,20 @@ def runs_there(logger: str, folder: str = "") -> set[str]:
     """Return the runs of a logger that are in memory still, or in its folder."""
     found = set()
     with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
-        for path in [*list_segments(Path(folder) if folder else None), *list_held()]:
-            if path.name.lstrip(".").startswith(f"{logger}."):
-                with contextlib.suppress(SegmentError), contextlib.closing(SegmentReader(path)) as reader:
-                    found.add(reader.schema.run)
+        for reader in readers([*list_segments(Path(folder) if folder else None), *list_held()], logger):
+            found.add(reader.schema.run)
+            reader.close()
     return found
 
 
 def lost_news(state: JudgeState, folder: str, logger: str, why: str) -> list[Untold]:
     """What is to be told of a run that nobody can judge any more: lost captures, and from when on it is blind."""
     listed = CaptureList(folder, logger)
-    news = []
-    for kept in state.captures:
-        entry = None
-        with contextlib.suppress(OSError):
-            entry = listed.find(state.run, kept.options.name, kept.capture.number)
-        if entry is None or not entry.files:
-            news.append(Untold(EventKind.BLIND.value, lost_text(kept, why)))
+    news = [
+        Untold(EventKind.BLIND.value, lost_text(kept, why))
+        for kept in state.captures
+        if not listed.has_files(state.run, kept.options.name, kept.capture.number)
+    ]
     if not state.closed:
         text = f"triggers and limits are blind for run {state.run} from tick {state.until} on: {why}"
         news.append(Untold(EventKind.BLIND.value, text))

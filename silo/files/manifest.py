@@ -93,10 +93,12 @@ class CaptureList:
         """Whether it is the list of this logger in this folder."""
         return self._path == captures_path(folder, logger)
 
-    def find(self, run: str, trigger: str, number: int) -> CaptureEntry | None:
-        """Return what is known of a capture. Raises OSError."""
-        with self._locked() as descriptor:
-            return self._read(descriptor).get((run, trigger, number))
+    def has_files(self, run: str, trigger: str, number: int) -> bool:
+        """Whether a capture was written; False too where that can't be read."""
+        with contextlib.suppress(OSError), self._locked() as descriptor:
+            entry = self._read(descriptor).get((run, trigger, number))
+            return entry is not None and bool(entry.files)
+        return False
 
     def numbers(self, run: str) -> dict[str, int]:
         """Return the highest number of each trigger's captures in a run. Raises OSError."""

@@ -20,7 +20,7 @@ from silo.files.event_log import append_events, newest_number, read_events
 from silo.recorder.process import RecorderHandover, RecorderProcess, store, stored
 from silo.recovery.left import claimed_file
 from silo.rpc.published import EventKind
-from silo.segment.held_runs import Program, held_runs, is_live, number_of
+from silo.segment.held_runs import Program, held_runs, is_live, number_of, readers
 from silo.segment.reader import SegmentReader
 
 DIED = "the program ended without close(), and its helper process with it; recorded from what they left"
@@ -50,11 +50,10 @@ def _is_forgotten(path: Path) -> bool:
     start, _, pid = path.name.removesuffix(RECORDERS_SUFFIX).rpartition(".")
     if not pid.isdecimal():
         return True  # a damaged one
-    for segment in list_segments():
-        if segment.name.lstrip(".").startswith(f"{start}.{pid}."):
-            with contextlib.suppress(SegmentError), contextlib.closing(SegmentReader(segment)) as reader:
-                if reader.alive():
-                    return False  # perhaps of a process of another container, which has no start here
+    for reader in readers(list_segments(), f"{start}.{pid}"):
+        with contextlib.closing(reader):
+            if reader.alive():
+                return False  # perhaps of a process of another container, which has no start here
     return not process_start(int(pid))
 
 
@@ -109,14 +108,10 @@ def log_start(reader: SegmentReader) -> None:
 
 def _runs_of(program: Program, closing: contextlib.ExitStack) -> list[SegmentReader]:
     """What there is of a logger, oldest first: runs that are held, and the last one."""
-    found = held_runs(program.logger, program.logger_id)
-    for path in list_segments():
-        with contextlib.suppress(SegmentError):
-            reader = SegmentReader(path)
-            if reader.schema.logger_id == program.logger_id:
-                found.append(reader)
-            else:
-                reader.close()
+    found = [
+        *held_runs(program.logger, program.logger_id),
+        *readers(list_segments(), program.logger, program.logger_id),
+    ]
     for reader in found:
         closing.callback(reader.close)
     return sorted(found, key=lambda reader: number_of(reader.path))

@@ -10,7 +10,7 @@ finds a hole, and writes it down as any other.
 
 import contextlib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -125,19 +125,22 @@ def number_of(path: Path) -> int:
     return int(number) if number.isdecimal() else 0
 
 
+def readers(paths: Iterable[Path], logger: str = "", logger_id: str = "") -> Iterator[SegmentReader]:
+    """Yield readers of runs, to be closed: of one logger, or all. Damaged ones, and what is gone by now, are not."""
+    for path in paths:
+        if not logger or path.name.lstrip(".").startswith(f"{logger}."):
+            with contextlib.suppress(SegmentError):
+                reader = SegmentReader(path)
+                if logger_id in ("", reader.schema.logger_id):
+                    yield reader
+                else:
+                    reader.close()
+
+
 def held_runs(logger: str = "", logger_id: str = "") -> list[SegmentReader]:
-    """Return readers of runs that are held, oldest first, to be closed: of one logger, or all. Damaged ones are not."""
-    found = []
-    for path in sorted(list_held(), key=lambda path: (path.name.rsplit(".", 2)[0], number_of(path))):
-        if logger and not path.name.lstrip(".").startswith(f"{logger}."):
-            continue
-        with contextlib.suppress(SegmentError):
-            reader = SegmentReader(path)
-            if logger_id in ("", reader.schema.logger_id):
-                found.append(reader)
-            else:
-                reader.close()
-    return found
+    """Return readers of runs that are held, oldest first, to be closed: of one logger, or all."""
+    paths = sorted(list_held(), key=lambda path: (path.name.rsplit(".", 2)[0], number_of(path)))
+    return list(readers(paths, logger, logger_id))
 
 
 def is_live(program: Program) -> bool:
@@ -148,14 +151,11 @@ def is_live(program: Program) -> bool:
     if program.boot_id != boot_id():
         return False
     runs = 0
-    for path in [*list_segments(), *list_held()]:
-        if not path.name.lstrip(".").startswith(f"{program.logger}."):
-            continue
-        with contextlib.suppress(SegmentError), contextlib.closing(SegmentReader(path)) as reader:
-            if reader.schema.logger_id == program.logger_id:
-                runs += 1
-                if path.suffix == SEGMENT_SUFFIX and reader.alive():
-                    return True
+    for reader in readers([*list_segments(), *list_held()], program.logger, program.logger_id):
+        with contextlib.closing(reader):
+            runs += 1
+            if reader.path.suffix == SEGMENT_SUFFIX and reader.alive():
+                return True
     if runs:
         return False
     if program.pid_namespace != pid_namespace():
