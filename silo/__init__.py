@@ -61,10 +61,10 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         stop_recording as stop_recording,
         update as update,
     )
-    from silo.logger.elements import LoggedElement as LoggedElement
     from silo.logger.logger import Logger as Logger
-    from silo.logger.new_values import NewValues as NewValues
-    from silo.logger.helper.serving import Serving as Serving
+    from silo.logger.results import LoggedElement as LoggedElement
+    from silo.logger.results import NewValues as NewValues
+    from silo.logger.serving.serving import Serving as Serving
     from silo.logger.null import NullLogger as NullLogger
     from silo.core.elements import (
         Action as Action,
@@ -96,10 +96,9 @@ _HOMES = {
     "silo.analysis.opening": "open_log open_logs",
     "silo.analysis.compare": "Comparison compare",
     "silo.client.connect": "Client connect topic",
-    "silo.logger.elements": "LoggedElement",
     "silo.logger.logger": "Logger",
-    "silo.logger.new_values": "NewValues",
-    "silo.logger.helper.serving": "Serving",
+    "silo.logger.results": "LoggedElement NewValues",
+    "silo.logger.serving.serving": "Serving",
     "silo.core.elements": (
         "Action BufferType Edit ElementInfo ElementOptions FileType LoggerOptions SavedFile Storage Threads"
     ),

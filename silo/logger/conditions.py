@@ -24,7 +24,7 @@ from silo.core.elements import (
     join_name,
 )
 from silo.errors import ElementError, SaveError
-from silo.logger.calls.options import file_types
+from silo.logger.arguments.options import file_types
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 

@@ -10,9 +10,9 @@ from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
 from silo.core.calls import told
-from silo.logger.helper.serving import Serving
 from silo.logger.logger import Logger
 from silo.logger.null import NullLogger
+from silo.logger.serving.serving import Serving
 from silo.segment.marks import NO_WORDS
 
 log = logging.getLogger("silo")

@@ -7,7 +7,7 @@ from silo.core.elements import State
 from silo.errors import SaveError, StateError
 
 if TYPE_CHECKING:
-    from silo.logger.helper.serving import Serving
+    from silo.logger.serving.serving import Serving
 
 
 class LifeCycle:

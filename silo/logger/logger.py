@@ -25,15 +25,15 @@ from silo.core.elements import (
     Threads,
 )
 from silo.errors import SiloError, StateError
-from silo.logger.calls.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord
-from silo.logger.calls.options import (
+from silo.logger.arguments.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord
+from silo.logger.arguments.options import (
     logger_options,
     serving_config,
     serving_group,
     warn_if_not_durable,
     warn_of_end,
 )
-from silo.logger.calls.other_names import (
+from silo.logger.arguments.other_names import (
     HidesOtherNames,
     listed,
     no_attribute_of,
@@ -43,13 +43,13 @@ from silo.logger.calls.other_names import (
 )
 from silo.logger.conditions import LoggerConditions
 from silo.logger.current_run import CurrentRun
-from silo.logger.elements import Elements, LoggedElement, as_html
-from silo.logger.helper.consumers import is_wanted
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.parts import of
 from silo.logger.registrations import Registrations
+from silo.logger.results import Elements, LoggedElement, as_html
 from silo.logger.run_data import RunData
 from silo.logger.scripted_table import ScriptedTable
+from silo.logger.serving.consumers import is_wanted
 from silo.logger.unclosed import (
     drop_journals,
     end_namesakes,
@@ -71,7 +71,7 @@ from silo.segment.reasons import STOP_TEXTS, StopReason
 from silo.state.robot import UnsavedWord
 
 if TYPE_CHECKING:
-    from silo.logger.helper.serving import Serving
+    from silo.logger.serving.serving import Serving
 
 log = logging.getLogger("silo")
 
@@ -482,7 +482,7 @@ class Logger(metaclass=HidesOtherNames):
             ConnectionLostError: the helper process didn't start; it says why.
             SiloError: the port of Foxglove is taken, or `websockets` is missing.
         """
-        from silo.logger.helper.serving import Serving
+        from silo.logger.serving.serving import Serving
 
         group, config = serving_group(group), serving_config(config)
         role, mode = word("group_role", group_role, GroupRole), word("control", control, ControlMode)

@@ -21,11 +21,10 @@ from silo.core.elements import DEFAULT_OPTIONS, NO_EXTRAS, ElementInfo, Entry, L
 from silo.core.kinds import index_suffixes, kind_by_shape
 from silo.core.recording import Recording
 from silo.errors import ArgumentError, ElementError
-from silo.logger.calls.options import array_layout
-from silo.logger.calls.other_names import HidesOtherNames, listed, not_deleted, not_set, with_other_names
-from silo.logger.elements import Elements, LoggedElement, SavedFiles
+from silo.logger.arguments.options import array_layout
+from silo.logger.arguments.other_names import HidesOtherNames, listed, not_deleted, not_set, with_other_names
 from silo.logger.logger import Logger
-from silo.logger.new_values import NewValues
+from silo.logger.results import Elements, LoggedElement, NewValues, SavedFiles
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -12,14 +12,13 @@ from silo.core.calls import told_class
 from silo.core.elements import FileType, LoggerOptions, SavedFile
 from silo.core.recording import Recording
 from silo.errors import SegmentError, StateError
-from silo.logger.calls.keywords import FileTypes
-from silo.logger.calls.options import file_types
+from silo.logger.arguments.keywords import FileTypes
+from silo.logger.arguments.options import file_types
 from silo.logger.conditions import LoggerConditions
 from silo.logger.current_run import CurrentRun
-from silo.logger.elements import LoggedElement, SavedFiles, look_at
 from silo.logger.life_cycle import LifeCycle
-from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.registrations import Registrations
+from silo.logger.results import LoggedElement, NewValues, NewValuesReader, SavedFiles, look_at
 from silo.loop.run import Run
 
 log = logging.getLogger("silo")
@@ -162,7 +161,7 @@ class RunData:
         """The files that the helper process wrote; None where there is none, or one that is frozen."""
         if self._life.serving is None or not self._life.serving.is_up:
             return None
-        from silo.logger.helper.serving import HelperFrozenError
+        from silo.logger.serving.serving import HelperFrozenError
 
         try:
             return self._life.serving.save(types, name, folder)

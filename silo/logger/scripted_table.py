@@ -27,9 +27,9 @@ from silo.core.elements import (
 )
 from silo.core.kinds import STRUCT, struct_text
 from silo.errors import ArgumentError, ElementError, ScriptError
-from silo.logger.calls.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
-from silo.logger.calls.options import array_layout, edits_given, element_name, new_options, string_room
-from silo.logger.calls.other_names import tell_of_element
+from silo.logger.arguments.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
+from silo.logger.arguments.options import array_layout, edits_given, element_name, new_options, string_room
+from silo.logger.arguments.other_names import tell_of_element
 from silo.logger.conditions import LoggerConditions
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations

@@ -264,7 +264,7 @@ def test_a_save_without_helper_works_when_the_files_are_deleted(served, runtime_
 
 
 def test_a_helper_process_is_started_again_however_often_it_dies(served, until, monkeypatch):
-    monkeypatch.setattr("silo.logger.helper.serving.RESPAWN_DELAYS_S", (0.0,))
+    monkeypatch.setattr("silo.logger.serving.serving.RESPAWN_DELAYS_S", (0.0,))
     log = served()
     log.array("x")
     serving = log.serve()
@@ -367,7 +367,7 @@ def test_a_new_run_is_known_before_the_files_of_the_last_one_go(served, monkeypa
         there.append(last.exists())
         return offer_run(channel, offer, descriptor)
 
-    monkeypatch.setattr("silo.logger.helper.serving.offer_run", offering)
+    monkeypatch.setattr("silo.logger.serving.serving.offer_run", offering)
     log.restart()
     assert there == [True]
     assert not last.exists()

@@ -55,7 +55,7 @@ from silo.link.channel import LinkChannel
 from silo.link.messages import LinkReply, LinkRequest
 from silo.live.publisher import Publisher
 from silo.live.requests import CloseView, GetSurvey, OpenView, ViewOpened
-from silo.logger.helper.answers import answer, robot_state
+from silo.logger.serving.answers import answer, robot_state
 from silo.net.keys import Root
 from silo.net.session import close, open_server
 from silo.recorder.requests import StartRecorder, StopRecorder

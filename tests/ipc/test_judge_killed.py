@@ -19,8 +19,8 @@ from silo.conditions.state_file import read_state, state_path, store_state
 from silo.core.runtime import boot_id, list_held, pid_namespace, process_start
 from silo.errors import ConnectionLostError, LogWarning
 from silo.files.event_log import read_events
-from silo.logger.helper import serving
-from silo.logger.helper.process import HelperProcess
+from silo.logger.serving import serving
+from silo.logger.serving.process import HelperProcess
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import Program
 from tests.waiting import answered, freeze, wait_until

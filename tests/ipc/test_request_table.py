@@ -16,7 +16,7 @@ from silo.conditions.robot import ConditionRobot
 from silo.core.elements import Problem, TriggerOptions
 from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, SaveError, StateError, UnsavedError
 from silo.helper import servers
-from silo.logger.helper import answers
+from silo.logger.serving import answers
 from silo.net.access import rights
 from silo.rpc.declaring import (
     Ask,

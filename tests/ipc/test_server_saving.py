@@ -10,7 +10,7 @@ import silo
 from silo.core.elements import FileType
 from silo.errors import SaveError
 from silo.helper.saver import Saver
-from silo.logger.helper.answers import robot_state
+from silo.logger.serving.answers import robot_state
 from silo.recordings import writing
 from silo.recordings.requests import Save
 from silo.recordings.writing import WriteOrder, WriteReport, write_log

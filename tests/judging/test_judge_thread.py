@@ -7,7 +7,7 @@ import pytest
 import silo
 from silo.conditions.monitor import Judge
 from silo.core.elements import LoggedEvent
-from silo.logger.helper.answers import robot_state
+from silo.logger.serving.answers import robot_state
 from silo.rpc.published import EventKind
 from silo.state.event_log import EventLog
 from silo.state.handover import RunOffer

@@ -41,7 +41,7 @@ NOT_LOADED = {
         "textual",
         "plotext",
         "silo.files",
-        "silo.logger.helper.serving",
+        "silo.logger.serving.serving",
         "silo_tui",
         "yaml",
     ],

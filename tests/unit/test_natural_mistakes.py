@@ -14,7 +14,7 @@ import silo
 from silo.history.arrays import Pin, Stream
 from silo.live.topic import Topic
 from silo.live.view import View
-from silo.logger.calls.other_names import OTHER_NAMES
+from silo.logger.arguments.other_names import OTHER_NAMES
 
 MISTAKES = {
     # a logger's methods by other names

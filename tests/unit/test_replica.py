@@ -3,7 +3,7 @@
 import os
 import threading
 
-from silo.logger.helper.answers import robot_state
+from silo.logger.serving.answers import robot_state
 from silo.state.replica import Replica
 
 

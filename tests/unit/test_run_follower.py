@@ -5,7 +5,7 @@ import pytest
 
 import silo
 from silo.errors import SegmentError
-from silo.logger.helper.answers import robot_state
+from silo.logger.serving.answers import robot_state
 from silo.state.replica import Replica
 from silo.state.run_follower import RunFollower
 

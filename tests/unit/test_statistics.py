@@ -6,7 +6,7 @@ import pytest
 import silo
 from silo.live.requests import GetSurvey, Survey
 from silo.live.statistics import Sums, Surveyor, Tally
-from silo.logger.helper.answers import robot_state
+from silo.logger.serving.answers import robot_state
 from silo.rpc.quantities import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.rpc.refusals import Refused, answered
 from silo.segment.reader import SegmentReader

@@ -10,7 +10,7 @@ import pytest
 
 from silo.core.elements import Storage, Threads
 from silo.files.formats import SAVED_NAMES
-from silo.logger.calls.keywords import (
+from silo.logger.arguments.keywords import (
     ActionWord,
     BufferWord,
     ElementKeywords,

@@ -1,6 +1,6 @@
 """What a logger tells its helper process, and who does what clients ask of it through that.
 
-Called by the thread of `silo.logger.helper.serving`, never by the loop.
+Called by the thread of `silo.logger.serving.serving`, never by the loop.
 """
 
 import os

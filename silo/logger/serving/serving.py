@@ -23,13 +23,13 @@ from silo.core.calls import told_class
 from silo.core.elements import FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
-from silo.logger.helper.answers import Served, answer, robot_state
-from silo.logger.helper.consumers import has_conditions, has_left
-from silo.logger.helper.down import DownMark
-from silo.logger.helper.identity import drawn_id
-from silo.logger.helper.patience import FROZEN_ROUNDS, ROUND_S, Patience
-from silo.logger.helper.process import HelperProcess
-from silo.logger.helper.viewers import FoxgloveProcess
+from silo.logger.serving.answers import Served, answer, robot_state
+from silo.logger.serving.consumers import has_conditions, has_left
+from silo.logger.serving.down import DownMark
+from silo.logger.serving.identity import drawn_id
+from silo.logger.serving.patience import FROZEN_ROUNDS, ROUND_S, Patience
+from silo.logger.serving.process import HelperProcess
+from silo.logger.serving.viewers import FoxgloveProcess
 from silo.recorder.requests import RecorderStarted, StartRecorder, StopRecorder
 from silo.recordings.requests import Save, SaveStarted
 from silo.requests import AnyReply
