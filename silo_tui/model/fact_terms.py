@@ -9,21 +9,18 @@ from collections.abc import Callable
 import numpy as np
 
 from silo.core.arrays.columns import Floats
+from silo.core.quantities.reading import seconds_of
 from silo_tui.model.table import Mask, TableState
 from silo_tui.model.terms import COMPARE, Term, Test, read_number
-
-_TIME = re.compile(r"(-?[\d.]+(?:e-?\d+)?)\s*(ns|us|ms|s|min|h|)", re.IGNORECASE)
-_SECONDS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "": 1.0, "min": 60.0, "h": 3600.0}
 
 Amount = Callable[[str], "float | None"]
 
 
 def _seconds(text: str) -> float | None:
-    match = _TIME.fullmatch(text)
     try:
-        return float(match[1]) * _SECONDS[match[2].lower()] if match else None
+        return float(text)
     except ValueError:
-        return None
+        return seconds_of(text)
 
 
 def _share(text: str) -> float | None:

@@ -10,6 +10,7 @@ import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
+from silo.cli.group import cli
 from silo.cli.logs.files import convert_command, diff_command, plot_command, print_file_info, stats_command
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
@@ -49,7 +50,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def run(command, *arguments):
-    return CliRunner().invoke(command, list(arguments))
+    return CliRunner().invoke(cli, [command.name, *arguments])  # errors become the shell's in the group
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
