@@ -126,6 +126,7 @@ def _set(
 
     status, table = client.status(), client.table()
     _refuse_derived(table, patterns)
+    _refuse_entries(table, patterns, status.logger)
     places = select([element.name for element in table.elements], patterns, status.prefix)
     chosen = [table.elements[place] for place in places]
     options = apply_settings(settings, [(element.name, element.options) for element in chosen], status.frequency_hz)
@@ -183,6 +184,17 @@ def _refuse_derived(table: "Table", patterns: Sequence[str]) -> None:
             raise ElementError(
                 f"'{found[0]}' is derived from others, and has no divider, buffer or action of its own: set those, or "
                 f"give it another expression (`silo derive {found[0]} 'EXPRESSION'`); nothing was changed"
+            )
+
+
+def _refuse_entries(table: "Table", patterns: Sequence[str], logger: str) -> None:
+    """Raises ElementError for a pattern that means entries of elements, which have no settings of their own."""
+    for pattern in patterns:
+        elements, told = of_entries(table.elements, [pattern])
+        if told:
+            raise ElementError(
+                f"'{pattern}' is an entry of '{elements[0]}', which has one divider, action and buffer for all its "
+                f"entries: `silo set {logger} {elements[0]} ...` sets the element; nothing was changed"
             )
 
 

@@ -12,7 +12,7 @@ from silo.core.elements import FieldChange
 from silo.core.quantities.writing import duration, many
 from silo.errors import RefusedError
 from silo.rpc.refusals import RefusedWhy
-from silo.state.requests import Unsaved
+from silo.state.requests import EditsApplied, Unsaved
 from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.model.changes import cost_of
@@ -195,7 +195,7 @@ async def _carry_out(context: Context, *, around: bool, unsaved: Unsaved) -> boo
     try:
         if around and session.running:
             await session.stop()
-        changed = await session.apply()
+        applied = await session.apply()
     except RefusedError as refused:
         context.table_changed()
         if around:
@@ -212,8 +212,15 @@ async def _carry_out(context: Context, *, around: bool, unsaved: Unsaved) -> boo
         await session.start(unsaved)
     context.table_changed()
     context.status_changed()
-    context.say(f"applied to {many(changed, 'element')}" + (", logging again" if around else ""))
+    context.say(f"applied to {many(applied.changed, 'element')}" + (", logging again" if around else ""))
+    _warn(context, applied)
     return True
+
+
+def _warn(context: Context, applied: EditsApplied) -> None:
+    """Tell of what works and is likely not meant, as the shell does: buffers of gigabytes."""
+    if applied.warnings:
+        context.app.notify("\n".join(applied.warnings[:6]), severity="warning", timeout=6, markup=False)
 
 
 async def _settle_conflicts(context: Context) -> bool:
@@ -296,8 +303,7 @@ async def load_script(context: Context, path: str = "") -> None:
     context.status_changed()
     unknown = f"; {len(loaded.unknown)} names of it are not in the table" if loaded.unknown else ""
     context.say(f"loaded {name}: {many(loaded.changed, 'element')} changed{_extras_words(extras)}{unknown}")
-    if loaded.warnings:
-        context.app.notify("\n".join(loaded.warnings[:6]), severity="warning", timeout=6, markup=False)
+    _warn(context, loaded)
 
 
 def _extras_words(extras: Sequence[FieldChange]) -> str:

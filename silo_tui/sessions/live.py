@@ -19,7 +19,7 @@ from silo.rpc.frames import Frame
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.settings.typed import ElementSettings, apply_settings
-from silo.state.requests import Unsaved
+from silo.state.requests import EditsApplied, Unsaved
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import Facts
 from silo_tui.model.fields import options_of, rows_of
@@ -228,8 +228,8 @@ class Session:
                 found.setdefault(elements.get(one.name, one.name), one.word.value)
         return found
 
-    async def apply(self) -> int:
-        """Apply the pending edits as one transaction and return how many elements changed.
+    async def apply(self) -> EditsApplied:
+        """Apply the pending edits as one transaction and return how many elements changed, and what is to be told.
 
         RefusedError says why not; when somebody else changed the table meanwhile it was read again and the edits are
         rebased, so that the caller can show the conflicts or try again.
@@ -244,7 +244,7 @@ class Session:
         await self.reload()
         self.table.forget_history()
         self._link.watch_again()
-        return applied.changed
+        return applied
 
     async def start(self, unsaved: Unsaved = Unsaved.REFUSE) -> None:
         """Start the logger; what was read belongs to the run before."""

@@ -174,6 +174,18 @@ def test_set_shows_each_field_that_changes(log: silo.Logger, command: Run) -> No
     ]
 
 
+@pytest.mark.parametrize("entry", ["joints/tau_y", "tau_y", "/log/joints/tau_y", "joints/tau/y"])
+def test_an_entry_of_an_element_has_no_settings_of_its_own_and_it_is_said_which_element_has(
+    log: silo.Logger, command: Run, entry: str
+) -> None:
+    before = log.elements
+    shown = command("set", "arm", "joints/q", entry, "divider=3")
+    assert shown.code != 0
+    assert f"'{entry}' is an entry of '/log/joints/tau'" in shown.err
+    assert "`silo set arm /log/joints/tau ...` sets the element; nothing was changed" in shown.err
+    assert log.elements == before
+
+
 def test_a_dry_run_changes_nothing(log: silo.Logger, command: Run) -> None:
     before = log.elements
     assert "would change 4 elements" in command("set", "*", "divider=9", "--dry-run").out

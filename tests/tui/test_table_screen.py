@@ -155,6 +155,18 @@ async def test_apply_shows_the_difference_and_sends_one_transaction(fake, opened
         assert screen.session.table.pending_count == (0, 0)
 
 
+async def test_buffers_of_gigabytes_are_told_of_when_they_are_applied_as_in_the_shell(fake, opened, monkeypatch):
+    large = "these buffers take 9.6 GB [and a start of them some seconds]"
+    apply = fake.apply
+    monkeypatch.setattr(fake, "apply", lambda *edits: msgspec.structs.replace(apply(*edits), warnings=[large]))
+    async with opened(fake) as screen:
+        await screen.press("d", "5", "enter", "a")
+        await screen.shows("1 → 5")
+        await screen.press("enter")
+        await screen.shows("applied to 1 element")
+        assert [one.message for one in screen.app._notifications] == [large]
+
+
 async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen(fake, opened):
     fake.run()
     async with opened(fake) as screen:
