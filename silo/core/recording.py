@@ -262,7 +262,9 @@ def _shared(kind: Hashable, source: Hashable) -> tuple[str, ...]:
 
 def fields_of(kind: Any) -> tuple[str, ...]:
     """The names of the fields of a struct or dataclass."""
-    fields: tuple[str, ...] = getattr(kind, "__struct_fields__", None) or tuple(kind.__dataclass_fields__)
+    fields: tuple[str, ...] = getattr(kind, "__struct_fields__", None) or tuple(
+        getattr(kind, "__dataclass_fields__", ())
+    )
     return fields
 
 

@@ -6,11 +6,13 @@ left out, and a warning of the recording says what; only a file without a usable
 
 import mmap
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +23,7 @@ from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
 from silo.files.silo import format as form
 from silo.files.silo.header import Header, parse_header
-from silo.files.silo.values import file_entry, file_recording, time_stamps, types_of
+from silo.files.silo.values import file_element, file_entry, file_recording, time_stamps, types_of
 from silo.files.silo.whole import read_whole
 
 _NAMED = 5
@@ -35,8 +37,6 @@ class _Column(NamedTuple):
     offset: int
     whole: int
     skip: int = 0
-    dashes: dict[int, int] | None = None  # of texts that end in some
-    missing: form.Missing | None = None
 
 
 @dataclass(frozen=True)
@@ -75,16 +75,11 @@ def read_silo(path: str | os.PathLike[str]) -> Recording:
     facts = header.facts or form.LogFacts(logger=Path(path).stem, prefix=time.prefix)
     return file_recording(
         time.load,
-        logger=facts.logger,
+        facts,
         offset=time.announced if header.offset is None else header.offset,
         elements=elements,
-        prefix=facts.prefix,
-        frequency_hz=facts.frequency_hz,
-        started_ns=facts.started_ns,
         time_looping=time.looping,
         warnings=(*facts.warnings, *header.warnings),
-        why=facts.why,
-        extras=facts.extras,
         events=tuple(header.events),
     )
 
@@ -180,23 +175,21 @@ def _is_time(row: form.TableRow) -> bool:
 def _elements(data: memoryview, header: Header, columns: list[_Column], time: _Time) -> tuple[RecordedElement, ...]:
     named = [(facts, facts_names(facts)) for facts in header.elements if facts.entries]
     pending = {names[0]: (facts, names) for facts, names in reversed(named)}
-    elements: list[RecordedElement] = []
+    found: list[tuple[form.ElementFacts, Sequence[_Column]]] = []
     rest: list[_Column] = []
     position = time.columns
     while position < len(columns):
         facts, names = pending.get(columns[position].row.name, (None, []))
         members = columns[position : position + len(names)]
         if facts and names == [member.row.name for member in members]:
-            if rest:
-                elements += _by_suffix(data, header, rest, time)
-                rest = []
-            elements += _by_facts(data, header, facts, members, time)
+            found += [*_by_suffix(rest), (facts, members)]
+            rest = []
             position += len(members)
         else:
             rest.append(columns[position])
             position += 1
-    elements += _by_suffix(data, header, rest, time)
-    return tuple(elements)
+    found += _by_suffix(rest)
+    return tuple(made for facts, members in found for made in _assemble(data, header, facts, members, time))
 
 
 def facts_names(facts: form.ElementFacts) -> list[str]:
@@ -204,121 +197,55 @@ def facts_names(facts: form.ElementFacts) -> list[str]:
     return [form.table_name(facts.name + entry.suffix if entry.name is None else entry.name) for entry in facts.entries]
 
 
-def _by_facts(
-    data: memoryview, header: Header, facts: form.ElementFacts, columns: Sequence[_Column], time: _Time
-) -> list[RecordedElement]:
-    entries = [
-        (
-            column._replace(dashes=entry.dashes, missing=entry.missing),
-            Entry(entry.suffix, entry.dtype, entry.labels),
-            entry.name or facts.name + entry.suffix,
-        )
-        for column, entry in zip(columns, facts.entries, strict=True)
-    ]
-    row = columns[0].row
-    element = RecordedElement(
-        name=facts.name,
-        unit=facts.unit,
-        kind=facts.kind,
-        shape=facts.shape,
-        divider=row.divider,
-        buffer_type=facts.buffer_type,
-        first=0,
-        entries=(),
-        description=facts.description,
-        lost=facts.lost,
-        dtype=facts.dtype,
-        failures=facts.failures,
-    )
-    return _assemble(data, header, element, entries, time, facts.first)
-
-
-def _by_suffix(data: memoryview, header: Header, columns: Sequence[_Column], time: _Time) -> list[RecordedElement]:
-    """Elements of a file that says nothing about them."""
+def _by_suffix(columns: Sequence[_Column]) -> Iterator[tuple[form.ElementFacts, Sequence[_Column]]]:
+    """The facts of elements of which the file says nothing."""
     rows = [column.row for column in columns]
     likeness = [(row.divider, row.looping, row.count, row.type_name) for row in rows]
-    elements: list[RecordedElement] = []
     for group in regroup([row.name for row in rows], likeness):
         members = columns[group.start : group.start + len(group.suffixes)]
-        buffer_type = BufferType.LOOPING if members[0].row.looping else BufferType.FIXED
-        entries = [
-            (column, Entry(suffix, form.dtype_of(column.row).str), column.row.name)
+        entries = tuple(
+            form.EntryFacts(suffix, form.dtype_of(column.row).str, name=column.row.name)
             for column, suffix in zip(members, group.suffixes, strict=True)
-        ]
-        divider = members[0].row.divider
-        element = RecordedElement(group.name, "-", group.kind, group.shape, divider, buffer_type, 0, ())
-        elements += _assemble(data, header, element, entries, time, None)
-    return elements
+        )
+        buffer_type = BufferType.LOOPING if members[0].row.looping else BufferType.FIXED
+        yield form.ElementFacts(group.name, entries, "-", group.kind, group.shape, buffer_type), members
+
+
+def _alone(facts: form.ElementFacts, entry: form.EntryFacts, first: int | None) -> form.ElementFacts:
+    """An entry as an element of its own."""
+    name = entry.name or facts.name + entry.suffix
+    scalar = msgspec.structs.replace(entry, suffix="", name=name)
+    return msgspec.structs.replace(
+        facts, name=name, kind=SCALAR.name, shape=(), dtype="", first=first, entries=(scalar,)
+    )
 
 
 def _assemble(
-    data: memoryview,
-    header: Header,
-    element: RecordedElement,
-    entries: Sequence[tuple[_Column, Entry, str]],
-    time: _Time,
-    first: int | None,
+    data: memoryview, header: Header, facts: form.ElementFacts, columns: Sequence[_Column], time: _Time
 ) -> list[RecordedElement]:
     """The element with its entries; if the file ends within it, what is there of each entry as a scalar element."""
-    row = entries[0][0].row
-    if any((c.row.divider, c.row.looping, c.row.count) != (row.divider, row.looping, row.count) for c, _, _ in entries):
+    row, first = columns[0].row, facts.first
+    if len({(c.row.divider, c.row.looping, c.row.count) for c in columns}) > 1:
         # only in damaged files: lines of one element that disagree about their ticks
-        return [
-            scalar
-            for column, entry, name in entries
-            for scalar in _assemble(
-                data,
-                header,
-                replace(element, name=name, kind=SCALAR.name, shape=(), dtype="", divider=column.row.divider),
-                [(column, Entry("", entry.dtype, entry.labels), name)],
-                time,
-                None,
-            )
-        ]
+        pairs = zip(columns, facts.entries, strict=True)
+        return [one for c, entry in pairs for one in _assemble(data, header, _alone(facts, entry, None), [c], time)]
     if first is None:
         offset = time.announced if header.offset is None else header.offset
         first = form.first_stamp(row.looping, time.announced, row.count, row.divider, offset)
-    kept = entries
-    if any(c.whole and (first < 0 or first + (c.whole - 1) * c.row.divider >= time.count) for c, _, _ in entries):
+    kept = columns
+    if any(c.whole and (first < 0 or first + (c.whole - 1) * row.divider >= time.count) for c in columns):
         # samples without a time stamp: only in damaged files
         skip = max(0, -(first // row.divider))
-        kept = [(_fitted(column, skip, first, time.count), entry, name) for column, entry, name in entries]
-        header.warnings.append(f"'{element.name}' has samples without a time stamp; they are left out")
+        kept = [_fitted(column, skip, first, time.count) for column in columns]
+        header.warnings.append(f"'{facts.name}' has samples without a time stamp; they are left out")
         first += skip * row.divider
-    if len({column.whole for column, _, _ in kept}) == 1:
-        if not kept[0][0].whole:
-            return []
-        made = tuple(_entry(data, header, *one) for one in kept)
-        # a third of the time of dataclasses.replace, once per element of the file
-        e = element
-        return [
-            RecordedElement(
-                e.name,
-                e.unit,
-                e.kind,
-                e.shape,
-                e.divider,
-                e.buffer_type,
-                first,
-                made,
-                e.description,
-                e.lost,
-                e.dtype,
-                e.failures,
-            )
-        ]
+    groups = [(facts, kept)]
+    if len({column.whole for column in kept}) > 1:
+        groups = [(_alone(facts, entry, first), [c]) for c, entry in zip(kept, facts.entries, strict=True)]
     return [
-        replace(
-            element,
-            name=name,
-            kind=SCALAR.name,
-            shape=(),
-            dtype="",
-            first=first,
-            entries=(_entry(data, header, column, Entry("", entry.dtype, entry.labels), name),),
-        )
-        for column, entry, name in kept
-        if column.whole
+        file_element(one, row.divider, first, list(map(partial(_entry, data, header, one), some, one.entries)))
+        for one, some in groups
+        if some[0].whole
     ]
 
 
@@ -330,13 +257,14 @@ def _fitted(column: _Column, skip: int, first: int, stamps: int) -> _Column:
     return column._replace(skip=skip, whole=max(0, stop - skip))
 
 
-def _entry(data: memoryview, header: Header, column: _Column, entry: Entry, name: str) -> RecordedEntry:
-    stored, logged, shown = types_of(column.row.type_name, column.row.item_bytes, entry.dtype)
+def _entry(
+    data: memoryview, header: Header, element: form.ElementFacts, column: _Column, facts: form.EntryFacts
+) -> RecordedEntry:
+    name = facts.name or element.name + facts.suffix
+    stored, logged, shown = types_of(column.row.type_name, column.row.item_bytes, facts.dtype)
     if logged is None:
-        header.warnings.append(f"'{name}' was logged as '{entry.dtype}' but is stored as {column.row.type_name}")
+        header.warnings.append(f"'{name}' was logged as '{facts.dtype}' but is stored as {column.row.type_name}")
         logged = stored
     start = column.offset + column.skip * stored.itemsize
-    made = entry if shown == entry.dtype else Entry(entry.suffix, shown, entry.labels)
-    dashes = column.dashes if stored.kind == "S" else None
     place = (data, start, column.whole, stored, logged)
-    return file_entry(name, made, *place, dashes, column.skip, column.missing)
+    return file_entry(name, Entry(facts.suffix, shown, facts.labels), facts, *place, column.skip)

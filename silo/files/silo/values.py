@@ -3,7 +3,7 @@
 Both readers of the header make these: the quick one for files that are whole, the careful one for all others.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache, partial
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.wide import from_wire
 from silo.core.elements import Entry
-from silo.core.recording import RecordedEntry, Recording, lazy_entry
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike, fields_of, lazy_entry
 from silo.files.silo import format as form
 
 Type = np.dtype[Any]
@@ -28,23 +28,36 @@ class FileRecording(Recording):
         return load()
 
 
+def file_element(
+    facts: form.ElementFacts, divider: int, first: int, entries: Sequence[RecordedEntry]
+) -> RecordedElement:
+    """An element of these facts."""
+    made = RecordedElement.__new__(RecordedElement)
+    fields = {name: getattr(facts, name) for name in _FACTS}
+    fields |= {"divider": divider, "first": first, "entries": tuple(entries), "own_ns": None}
+    # a frozen dataclass sets each of its twelve fields by a call of its own, in three times the time
+    object.__setattr__(made, "__dict__", fields)
+    return made
+
+
+_FACTS = tuple(
+    name for name in fields_of(form.ElementFacts) if name in fields_of(RecordedElement) and name != "entries"
+)
+
+
 def file_entry(
     name: str,
     entry: Entry,
+    facts: form.EntryFacts,
     data: memoryview,
     offset: int,
     count: int,
     stored: Type,
     logged: Type,
-    dashes: Mapping[int, int] | None = None,
     skipped: int = 0,
-    missing: form.Missing | None = None,
 ) -> RecordedEntry:
-    """An entry of so many values that begin at this byte of the file, `skipped` behind the first of its column.
-
-    dashes: at the end of which texts, counted from the first of the column, so many dashes are no padding.
-    missing: how the column tells which of its values are missing, and what it was.
-    """
+    """An entry of so many values that begin at this byte of the file, `skipped` behind the first of its column."""
+    missing, dashes = facts.missing, facts.dashes if stored.kind == "S" else None
     at = {place - skipped: number for place, number in (dashes or {}).items() if 0 <= place - skipped < count}
     load = partial(_loaded, data, offset, count, stored, logged, at, missing)
     if missing is not None:
@@ -69,9 +82,9 @@ def _loaded(
     return values if missing is None else missing.masked(values)
 
 
-def file_recording(load_time: Callable[[], NDArray[np.int64]], **facts: Any) -> Recording:
-    """A recording of these facts; `load_time` gives the time stamps."""
-    made = FileRecording(time_ns=np.empty(0, np.int64), **facts)
+def file_recording(load_time: Callable[[], NDArray[np.int64]], about: object = None, **facts: Any) -> Recording:
+    """A recording of these facts, and of those of `about` that have the same names; `load_time` gives the stamps."""
+    made: FileRecording = alike(FileRecording, about, time_ns=np.empty(0, np.int64), **facts)
     made.__dict__.pop("time_ns")
     made.__dict__["load_time"] = load_time
     return made

@@ -18,7 +18,7 @@ from silo.core.elements import Entry, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError
 from silo.files.silo import format as form
-from silo.files.silo.values import Type, file_entry, file_recording, time_stamps, types_of
+from silo.files.silo.values import Type, file_element, file_entry, file_recording, time_stamps, types_of
 
 # larger ones are fresh memory, whose page faults take longer than the copy
 _PIECE = 1 << 16
@@ -93,24 +93,9 @@ class FileElements(Sequence[RecordedElement]):
     def _make(self, place: int) -> RecordedElement:
         facts, row = self._facts[place], self._starts[place]
         kind = self._table.kinds[row]
-        element = RecordedElement.__new__(RecordedElement)
-        fields = {
-            "name": facts.name,
-            "unit": facts.unit,
-            "kind": facts.kind,
-            "shape": facts.shape,
-            "divider": kind.divider,
-            "buffer_type": facts.buffer_type,
-            "first": kind.first if facts.first is None else facts.first,
-            "entries": tuple([self._entry(row + number, entry) for number, entry in enumerate(facts.entries)]),
-            "description": facts.description,
-            "lost": facts.lost,
-            "dtype": facts.dtype,
-            "failures": facts.failures,
-        }
-        # a frozen dataclass sets each of its twelve fields by a call of its own, in three times the time
-        object.__setattr__(element, "__dict__", fields)
-        return element
+        first = kind.first if facts.first is None else facts.first
+        entries = [self._entry(row + number, entry) for number, entry in enumerate(facts.entries)]
+        return file_element(facts, kind.divider, first, entries)
 
     def _entry(self, row: int, facts: form.EntryFacts) -> RecordedEntry:
         table = self._table
@@ -119,9 +104,7 @@ class FileElements(Sequence[RecordedElement]):
         if facts.labels is not None:
             entry = Entry(facts.suffix, entry.dtype, facts.labels)
         name = table.names[row] if facts.name is None else facts.name
-        dashes = facts.dashes if stored.kind == "S" else None
-        place = (self._data, table.offsets[row], kind.samples, stored, logged)
-        return file_entry(name, entry, *place, dashes, missing=facts.missing)
+        return file_entry(name, entry, facts, self._data, table.offsets[row], kind.samples, stored, logged)
 
 
 @lru_cache(maxsize=1024)
@@ -161,16 +144,10 @@ def read_whole(data: memoryview) -> Recording | None:
     seconds, nanoseconds = table.offsets[:2]
     return file_recording(
         time_stamps(data, seconds, nanoseconds, table.kinds[0].samples),
-        logger=facts.logger,
+        facts,
         offset=offset,
         elements=FileElements(data, table, elements) if elements else (),
-        prefix=facts.prefix,
-        frequency_hz=facts.frequency_hz,
-        started_ns=facts.started_ns,
         time_looping=table.kinds[0].looping,
-        warnings=facts.warnings,
-        why=facts.why,
-        extras=facts.extras,
         events=events,
     )
 
