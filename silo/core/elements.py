@@ -6,7 +6,7 @@ neither NumPy nor Zenoh, so that commands like `silo ls` start fast.
 
 import enum
 import math
-from typing import Annotated
+from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 
@@ -65,6 +65,9 @@ class FileType(_Named):
     SILO = 0
     CSV = 1
     BAG = 2
+
+
+FileTypeWord: TypeAlias = Literal["silo", "csv", "bag"]
 
 
 class Storage(str, enum.Enum):

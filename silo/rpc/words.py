@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from difflib import get_close_matches
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 from silo.core.arguments import shown
-from silo.core.elements import FileType, State, Status, Table
+from silo.core.elements import FileType, FileTypeWord, State, Status, Table
 from silo.core.names import Names
 from silo.errors import ConnectionLostError, ElementError
 
-FileTypeWord: TypeAlias = Literal["silo", "csv", "bag"]
 FileTypes: TypeAlias = Sequence[FileType | FileTypeWord] | FileType | FileTypeWord
 
 

@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from silo.core.elements import Storage, Threads
+from silo.core.elements import FileTypeWord, Storage, Threads
 from silo.files.formats import SAVED_NAMES
 from silo.logger.arguments.keywords import (
     ActionWord,
     BufferWord,
     ElementKeywords,
-    FileTypeWord,
     OptionKeywords,
     StorageWord,
     SwitchWord,

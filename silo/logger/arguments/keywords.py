@@ -10,12 +10,11 @@ from typing import Literal, SupportsIndex, TypeAlias, TypedDict, Union
 
 import numpy as np
 
-from silo.core.elements import Action, BufferType, FileType, Storage, Threads
+from silo.core.elements import Action, BufferType, FileType, FileTypeWord, Storage, Threads
 
 ActionWord: TypeAlias = Literal["save", "publish", "both", "save_and_publish"]
 BufferWord: TypeAlias = Literal["looping", "fixed", "growing"]
 SwitchWord: TypeAlias = Literal["on", "off"]
-FileTypeWord: TypeAlias = Literal["silo", "csv", "bag"]
 StorageWord: TypeAlias = Literal["memory", "disk", "file"]
 ThreadsWord: TypeAlias = Literal["single", "serialized"]
 GroupRoleWord: TypeAlias = Literal["viewer", "operator"]
