@@ -317,7 +317,7 @@ def test_a_failed_start_leaves_no_file_behind(new_logger, runtime_folder, monkey
         "silo.segment.writer.os.posix_fallocate",
         lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")),
     )
-    with pytest.raises(SegmentError, match=r"no room for .* MB of buffers.*No space left on device"):
+    with pytest.raises(SegmentError, match=r"no room for .* [kM]B of buffers.*No space left on device"):
         logger.start()
     assert list(runtime_folder.iterdir()) == []
     assert not logger.is_running
