@@ -194,6 +194,36 @@ class Edited(RuleBasedStateMachine):
 TestEdited = Edited.TestCase
 
 
+def in_conflict():
+    """An edit of a divider that somebody else changed meanwhile."""
+    state = fresh()
+    state.edit([1], Field.DIVIDER, 5)
+    theirs = [ElementOptions(divider=7 if row == 1 else 1) for row in range(COUNT)]
+    state.load(table(state.revision + 1, *theirs))
+    assert np.argwhere(state.conflicts).tolist() == [[Field.DIVIDER, 1]]
+    return state
+
+
+def test_undo_of_keep_mine_brings_the_conflict_back_and_redo_settles_it():
+    state = in_conflict()
+    told = state.changes()
+    state.resolve([1], keep_mine=True)
+    assert not state.conflicts.any()
+    state.undo()
+    assert state.conflicts.any()
+    assert state.changes() == told
+    state.redo()
+    assert not state.conflicts.any()
+
+
+def test_a_second_edit_of_a_field_in_conflict_is_in_conflict_still():
+    state = in_conflict()
+    state.edit([1], Field.DIVIDER, 9)
+    assert np.argwhere(state.conflicts).tolist() == [[Field.DIVIDER, 1]]
+    (change,) = state.changes()
+    assert (change.old, change.theirs, change.new) == ("1", "7", "9")
+
+
 def test_a_bulk_edit_is_one_undo_step():
     state = fresh()
     state.edit([0, 1, 2], Field.DIVIDER, 5)
