@@ -5,6 +5,7 @@ as large as the screen that asked for it.
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -12,12 +13,12 @@ import numpy as np
 import zenoh
 
 from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, bins_of
+from silo.core.elements import BufferType
 from silo.live.feeds import Feed, Feeds, Round
-from silo.live.liveness import Liveness
 from silo.live.newest import NewestValues
 from silo.live.requests import OpenView, ViewOpened
 from silo.net.keys import VIEW_ID, Root
-from silo.rpc.published import ViewFrame
+from silo.rpc.published import NotLive, ViewFrame
 from silo.rpc.refusals import RefusedWhy
 from silo.segment.layout import ElementSchema, EntrySchema
 from silo.segment.picking import RowPicker
@@ -262,3 +263,36 @@ class Views(Feeds[OpenView, ServedView]):
 
     def _made(self, request: OpenView, publisher: zenoh.Publisher) -> ServedView:
         return ServedView(request, publisher, time.monotonic())
+
+
+class Liveness:
+    """Which elements of one view can't be shown live, and why: their ring ends, or forgets samples too early.
+
+    What is published has a ring that carries every sample; what is only saved is watched in its own buffer.
+    """
+
+    def __init__(self, reader: SegmentReader, elements: Sequence[ElementSchema | None], period_s: float) -> None:
+        """`period_s` is how often the rows are read."""
+        self._reader = reader
+        self._always: dict[int, NotLive] = {}
+        self._ending: dict[int, list[int]] = {}
+        for place, element in enumerate(elements):
+            if element is None:
+                self._always[place] = NotLive.ABSENT
+                continue
+            ring = reader.schema.rings[element.watch_ring]
+            if ring.buffer_type is not BufferType.LOOPING:
+                self._ending.setdefault(ring.ring, []).append(place)
+            elif ring.capacity * ring.divider < period_s * reader.schema.frequency_hz:
+                self._always[place] = NotLive.SHORT
+
+    def missing(self) -> dict[int, NotLive]:
+        """Return why elements aren't live now, by their places; those that are have none."""
+        found = dict(self._always)
+        ticks = self._reader.ticks if self._ending else 0
+        for number, places in self._ending.items():
+            ring = self._reader.schema.rings[number]
+            if self._reader.head(number) < -(-ticks // ring.divider):
+                why = NotLive.FULL if ring.buffer_type is BufferType.FIXED else NotLive.LIMIT
+                found.update(dict.fromkeys(places, why))
+        return found
