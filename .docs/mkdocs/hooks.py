@@ -11,9 +11,10 @@ from pathlib import Path
 
 import click
 
-from silo import requests as messages
+import silo.requests  # noqa: F401  # knows all of them
 from silo.cli.group import COMMANDS, cli
 from silo.files.formats import FORMATS, Keeps
+from silo.rpc.declaring import Ask, Do, leaves, reply_type
 from silo_tui.actions import COMMANDS as ACTIONS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -68,12 +69,12 @@ def requests() -> str:
     """Every request: its key, fields and reply."""
 
     def rows() -> Iterator[tuple[str, ...]]:
-        for base, key in ((messages.Ask, "ask"), (messages.Do, "do")):
-            for kind in messages.leaves(base):
+        for base, key in ((Ask, "ask"), (Do, "do")):
+            for kind in leaves(base):
                 own = [name for name in kind.__struct_fields__ if name not in ("client", "protocol")]
                 fields = ", ".join(f"`{name}`" for name in own)
                 first = (inspect.getdoc(kind) or "").split("\n\n")[0]
-                yield f"`{kind.__name__}`", key, fields or "-", f"`{messages.reply_type(kind).__name__}`", first
+                yield f"`{kind.__name__}`", key, fields or "-", f"`{reply_type(kind).__name__}`", first
 
     return _table(("request", "key", "fields", "reply", "what it does"), rows())
 
