@@ -117,6 +117,9 @@ _LIVE_PLOTS = _MONITOR + _DETAIL
 _FILE_PLOTS = _FILE_MONITOR + _FILE_DETAIL
 _HAPPENED = _EVENTS + _FILE_EVENTS
 _ASIDE = _CONDITIONS + _RECORDINGS + _EVENTS
+_MARKED = _CONDITIONS + _RECORDINGS + _LOGGERS
+_ORDERED = _MARKED + _HAPPENED
+_LISTS = _ORDERED + _SETTINGS
 FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL + _FILE_EVENTS
 
 
@@ -218,8 +221,10 @@ COMMANDS: tuple[Command, ...] = (
             "next change", "Plots", _PLOTS),
     Command("previous_found", "left_square_bracket", "Found before", "the one before; else the lowest, or the change "
             "before", "Plots", _PLOTS),
-    Command("next_event", "right_curly_bracket", "Next event", "next hole, trigger, marker", "Plots", _PLOTS),
-    Command("previous_event", "left_curly_bracket", "Event before", "the event before", "Plots", _PLOTS),
+    Command("next_event", "right_curly_bracket", "Next event", "next hole, trigger, marker", "Plots",
+            _PLOTS + _HAPPENED),
+    Command("previous_event", "left_curly_bracket", "Event before", "the event before", "Plots",
+            _PLOTS + _HAPPENED),
     Command("earlier", "pageup,ctrl+u", "Earlier", "half a window back, live too", "Plots", _PLOTS, 7,
             shown_key="PgUp"),
     Command("later", "pagedown,ctrl+d", "Later", "half a window on", "Plots", _PLOTS, 8, shown_key="PgDn"),
@@ -241,6 +246,20 @@ COMMANDS: tuple[Command, ...] = (
             asks=True, retries=True),
     # --------------------------------------------------------------------------------------------------- files
     Command("plot", "m,enter", "Plot", "plot what is marked, or the element under the cursor", "Look", _FILE, 3),
+    # --------------------------------------------------------------------------------------------------- lists
+    Command("list_down", "j,down", "Down", "next line", "Lists", _LISTS, hidden=True),
+    Command("list_up", "k,up", "Up", "line above", "Lists", _LISTS, hidden=True),
+    Command("list_top", "g,home", "Top", "first line; of events the newest, and what comes", "Lists", _LISTS),
+    Command("list_bottom", "G,end", "Bottom", "last line", "Lists", _LISTS),
+    Command("list_page_down", "ctrl+d,pagedown", "Page down", "a page down", "Lists", _LISTS),
+    Command("list_page_up", "ctrl+u,pageup", "Page up", "a page up", "Lists", _LISTS),
+    Command("list_filter", "slash", "Filter", "only lines with these words; events: -E no edits, M marks alone",
+            "Lists", _LISTS, 8),
+    Command("list_order", "o", "Order", "choose an order; its letter again turns it round", "Lists", _ORDERED, 9),
+    Command("list_mark", "space", "Mark", "mark or unmark, and move on", "Lists", _MARKED, 2),
+    Command("list_mark_all", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Lists", _MARKED),
+    Command("list_range", "V", "Range", "begin a range, move, V again to mark it", "Lists", _MARKED),
+    Command("list_read", "r", "Read again", "ask for the list again", "Lists", _ASIDE, asks=True, retries=True),
     # -------------------------------------------------------------------------------------------------- events
     Command("set_marker", "M", "Marker", "mark the tick on the screen (paused: at cursor A) with some words", "Events",
             _BOTH + _DETAIL + _EVENTS, writes=True, asks=True, typed=Typed(("marker",))),
@@ -248,30 +267,11 @@ COMMANDS: tuple[Command, ...] = (
             _TABLES + _PLOTS + _CONDITIONS + _RECORDINGS,
             typed=Typed(("events",))),
     Command("go_to_event", "enter", "Go there", "the plots stand still where it happened", "Events", _HAPPENED, 1),
-    Command("filter_events", "slash", "Filter", "only lines with these words; -E leaves edits out, M marks alone",
-            "Events", _HAPPENED, 2),
-    Command("next_line", "j,down,left_curly_bracket", "Older", "next line: the event before", "Events", _HAPPENED),
-    Command("previous_line", "k,up,right_curly_bracket", "Newer", "line above: the next event", "Events", _HAPPENED),
-    Command("lines_down", "ctrl+d,pagedown", "Page down", "a page down", "Events", _HAPPENED),
-    Command("lines_up", "ctrl+u,pageup", "Page up", "a page up", "Events", _HAPPENED),
-    Command("order_events", "o", "Order", "by time, kind or who; its letter again turns it round", "Events", _HAPPENED,
-            4),
-    Command("read_events", "r", "Read again", "read what happened again", "Events", _EVENTS, asks=True,
-            retries=True),
     Command("write_events", "w", "Write", "the lines that are shown to a CSV file here", "Events", _HAPPENED, 5),
-    Command("oldest_line", "G,end", "Oldest", "the oldest line", "Events", _HAPPENED),
-    Command("follow_events", "g,home", "Follow", "the newest line, and what comes", "Events", _HAPPENED, 3),
     # ------------------------------------------------------------------------------------------------- loggers
     Command("loggers", "ctrl+l", "Loggers", "all loggers, how each stands; choose another, command many", "Go",
             _BOTH + _DETAIL + _ASIDE, typed=Typed(("loggers", "fleet"))),
-    Command("next_logger", "j,down", "Next", "next logger", "Loggers", _LOGGERS),
-    Command("previous_logger", "k,up", "Previous", "previous logger", "Loggers", _LOGGERS),
-    Command("first_logger", "g,home", "Top", "first logger", "Loggers", _LOGGERS),
-    Command("last_logger", "G,end", "Bottom", "last logger", "Loggers", _LOGGERS),
-    Command("loggers_down", "ctrl+d,pagedown", "Page down", "a page down", "Loggers", _LOGGERS),
-    Command("loggers_up", "ctrl+u,pageup", "Page up", "a page up", "Loggers", _LOGGERS),
     Command("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
-    Command("mark_logger", "space", "Mark", "mark or unmark, and move on", "Loggers", _LOGGERS, 2),
     Command("start_stop_loggers", "S", "Start/Stop", "start or stop it, or all that are marked, after a question that "
             "names them", "Loggers", _LOGGERS, 3, writes=True),
     Command("restart_loggers", "R", "Restart", "stop and start it again, or all that are marked", "Loggers", _LOGGERS,
@@ -280,22 +280,12 @@ COMMANDS: tuple[Command, ...] = (
             _LOGGERS, 4, writes=True),
     Command("load_into_loggers", "L", "Load script", "load a script into it, or into all that are marked", "Loggers",
             _LOGGERS, 5, writes=True),
-    Command("filter_loggers", "slash", "Filter", "show only some loggers", "Loggers", _LOGGERS, 6),
-    Command("order_loggers", "o", "Order", "by how they stand, name, rate, losses, disk", "Loggers", _LOGGERS, 9),
-    Command("mark_loggers", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Loggers", _LOGGERS),
-    Command("range_of_loggers", "V", "Range", "begin a range, move, V again to mark it", "Loggers", _LOGGERS),
     Command("look_again", "r", "Look again", "forget those that are gone; try what could not be reached", "Loggers",
             _LOGGERS, 8),
     Command("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 7),
     # ---------------------------------------------------------------------------------------------- recordings
     Command("recordings", "F", "Recordings", "what was saved on the robot: open, fetch, delete", "Go",
             _BOTH + _DETAIL + _CONDITIONS + _EVENTS, asks=True, typed=Typed(("files",))),
-    Command("next_recording", "j,down", "Down", "next recording", "Recordings", _RECORDINGS, hidden=True),
-    Command("previous_recording", "k,up", "Up", "previous recording", "Recordings", _RECORDINGS, hidden=True),
-    Command("first_recording", "g,home", "Top", "first recording", "Recordings", _RECORDINGS),
-    Command("last_recording", "G,end", "Bottom", "last recording", "Recordings", _RECORDINGS),
-    Command("recordings_down", "ctrl+d,pagedown", "Page down", "a page down", "Recordings", _RECORDINGS),
-    Command("recordings_up", "ctrl+u,pageup", "Page up", "a page up", "Recordings", _RECORDINGS),
     Command("open_recording", "enter", "Open", "look into it here; Esc comes back", "Recordings", _RECORDINGS, 1),
     Command("fetch_recording", "w", "Fetch", "copy it to this machine; goes on where a link was cut", "Recordings",
             _RECORDINGS, 2, asks=True),
@@ -307,37 +297,13 @@ COMMANDS: tuple[Command, ...] = (
             _RECORDINGS, 5, writes=True, asks=True, typed=Typed(("record",))),
     Command("stop_recording", "t", "Stop", "end a recording that runs; its parts stay", "Recordings", _RECORDINGS, 6,
             writes=True, asks=True),
-    Command("mark_recording", "space", "Mark", "mark or unmark, and move on", "Recordings", _RECORDINGS, 9),
-    Command("mark_recordings", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Recordings",
-            _RECORDINGS),
-    Command("range_of_recordings", "V", "Range", "begin a range, move, V again to mark it", "Recordings", _RECORDINGS),
-    Command("filter_recordings", "slash", "Filter", "show only some recordings", "Recordings", _RECORDINGS, 7),
-    Command("order_recordings", "o", "Order", "by begin, name, why, span, size", "Recordings", _RECORDINGS, 8),
-    Command("read_recordings", "r", "Read again", "read the list again", "Recordings", _RECORDINGS, asks=True,
-            retries=True),
     # -------------------------------------------------------------------------------------- triggers and alarms
     Command("triggers", "T", "Triggers", "conditions that save what was logged around them", "Go",
             _TABLE + _MONITOR + _DETAIL + _ALARMS + _RECORDINGS + _EVENTS, typed=Typed(("triggers",))),
     Command("alarms", "A", "Alarms", "what is, or was, beyond its limits", "Go",
             _TABLE + _MONITOR + _DETAIL + _TRIGGERS + _RECORDINGS + _EVENTS, typed=Typed(("alarms",))),
-    Command("condition_down", "j,down", "Next", "next line", "Triggers and alarms", _CONDITIONS, hidden=True),
-    Command("condition_up", "k,up", "Previous", "previous line", "Triggers and alarms", _CONDITIONS, hidden=True),
-    Command("condition_top", "g,home", "First", "first line", "Triggers and alarms", _CONDITIONS),
-    Command("condition_bottom", "G,end", "Last", "last line", "Triggers and alarms", _CONDITIONS),
-    Command("conditions_down", "ctrl+d,pagedown", "Page down", "a page down", "Triggers and alarms", _CONDITIONS),
-    Command("conditions_up", "ctrl+u,pageup", "Page up", "a page up", "Triggers and alarms", _CONDITIONS),
-    Command("filter_conditions", "slash", "Filter", "show only some lines", "Triggers and alarms", _CONDITIONS, 8),
-    Command("order_conditions", "o", "Order", "choose an order; its letter again turns it round",
-            "Triggers and alarms", _CONDITIONS, 9),
-    Command("mark_condition", "space", "Mark", "mark or unmark, and move on", "Triggers and alarms", _CONDITIONS, 9),
-    Command("mark_conditions", "asterisk", "Mark all", "mark all that are shown (again: unmark)",
-            "Triggers and alarms", _CONDITIONS),
-    Command("range_of_conditions", "V", "Range", "begin a range, move, V again to mark it", "Triggers and alarms",
-            _CONDITIONS),
     Command("plot_conditions", "m", "Plots", "plot what the line, or what is marked, is about", "Triggers and alarms",
             _CONDITIONS, 7),
-    Command("read_conditions", "r", "Read again", "ask how they stand", "Triggers and alarms", _CONDITIONS, asks=True,
-            retries=True),
     Command("trigger_toggle", "t", "Arm/Off", "have the trigger watch, or no more", "Triggers", _TRIGGERS, 1,
             writes=True, asks=True),
     Command("trigger_edit", "e", "Edit", "change the trigger", "Triggers", _TRIGGERS, 2, writes=True, asks=True),
@@ -360,19 +326,12 @@ COMMANDS: tuple[Command, ...] = (
     # ------------------------------------------------------------------------------------------------ settings
     Command("settings", "f2", "Settings", "colours, keys, columns, mouse and the like", "Go", ("any",),
             typed=Typed(("settings",))),
-    Command("next_setting", "j,down", "Down", "next line", "Settings", _SETTINGS, hidden=True),
-    Command("previous_setting", "k,up", "Up", "previous line", "Settings", _SETTINGS, hidden=True),
-    Command("first_setting", "g,home", "Top", "first line", "Settings", _SETTINGS),
-    Command("last_setting", "G,end", "Bottom", "last line", "Settings", _SETTINGS),
-    Command("settings_down", "ctrl+d,pagedown", "Page down", "a page down", "Settings", _SETTINGS),
-    Command("settings_up", "ctrl+u,pageup", "Page up", "a page up", "Settings", _SETTINGS),
     Command("change_setting", "e,enter", "Change", "the next word, a number to type, a key to press", "Settings",
             _SETTINGS, 1),
     Command("earlier_word", "h,left", "Choose", "the word before", "Settings", _SETTINGS, 2, shown_key="←→"),
     Command("later_word", "l,right", "Word after", "the word after", "Settings", _SETTINGS),
     Command("default_setting", "x", "Default", "as it is without a file", "Settings", _SETTINGS, 4),
     Command("write_settings", "w", "Write the file", "keep the settings for next time", "Settings", _SETTINGS, 3),
-    Command("find_setting", "slash", "Search", "show only some lines", "Settings", _SETTINGS, 5),
     # ------------------------------------------------------------------------------------------------------ app
     Command("command", "colon", "Command", "type a command, Tab completes it", "Go",
             _TABLE + _MONITOR + _DETAIL + _ASIDE + _LOGGERS + _SETTINGS + FILE_SCOPES, 11),
@@ -407,6 +366,22 @@ COMMANDS: tuple[Command, ...] = (
 # fmt: on
 
 TYPED_ON_FILES = ("goto", "unmark", "theme", "picture")
+# what commands of lists were called while each list had its own, for keys that users gave them; till 0.5
+_ONCE = {
+    "list_filter": "filter_events filter_loggers filter_recordings filter_conditions find_setting",
+    "list_down": "next_line next_logger next_recording condition_down next_setting",
+    "list_up": "previous_line previous_logger previous_recording condition_up previous_setting",
+    "list_page_down": "lines_down loggers_down recordings_down conditions_down settings_down",
+    "list_page_up": "lines_up loggers_up recordings_up conditions_up settings_up",
+    "list_order": "order_events order_loggers order_recordings order_conditions",
+    "list_read": "read_events read_recordings read_conditions",
+    "list_bottom": "oldest_line last_logger last_recording condition_bottom last_setting",
+    "list_top": "follow_events first_logger first_recording condition_top first_setting",
+    "list_mark": "mark_logger mark_recording mark_condition",
+    "list_mark_all": "mark_loggers mark_recordings mark_conditions",
+    "list_range": "range_of_loggers range_of_recordings range_of_conditions",
+}
+RENAMED = {old: new for new, names in _ONCE.items() for old in names.split()}
 NO_KEYS: Mapping[str, str] = MappingProxyType({})
 BY_ID = {command.id: command for command in COMMANDS}
 BY_WORD = {word: command for command in COMMANDS if command.typed is not None for word in command.typed.words}

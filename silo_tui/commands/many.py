@@ -158,6 +158,6 @@ class Many:
         screen = self._context.upper_screen
         if isinstance(screen, LoggersScreen):
             screen.answers = self._answers
-            screen.draw()
+            screen.show()
         if isinstance(screen, LoggersScreen) or not waiting:
             self._context.say(words)

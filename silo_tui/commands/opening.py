@@ -106,7 +106,7 @@ class Opener:
                 meant = [each for each in found.loggers if each.is_meant_by(self._wanted)]
                 starting = self.demo is not None and not self.demo.ended()
                 words = "\n\n".join(filter(None, problems))
-                screen.show(meant or found.loggers, found.advice, words, starting=starting)
+                screen.take(meant or found.loggers, found.advice, words, starting=starting)
             await asyncio.sleep(DEMO_LOOK_S if self.demo is not None and not problem else LOOK_S)
 
     async def _show_list(self) -> None:
@@ -116,7 +116,7 @@ class Opener:
         while self._app.screen is screen:
             found, problem = await self._look()
             if self._app.screen is screen:
-                screen.show(found.loggers, found.advice, problem)
+                screen.take(found.loggers, found.advice, problem)
             await asyncio.sleep(LOOK_S)
 
     async def _open(self, logger: FoundLogger) -> bool:

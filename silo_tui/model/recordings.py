@@ -5,7 +5,6 @@ Plain functions of what a robot told; nothing is asked or drawn here.
 
 import re
 import time
-from collections.abc import Sequence
 from datetime import datetime
 
 from silo.core.elements import FileType
@@ -32,12 +31,6 @@ ORDERS: tuple[Order[SavedRecording], ...] = (
     Order("span", "s", "span, the longest first", lambda one: one.span_s, True),
     Order("size", "z", "size, the largest first", lambda one: one.size_bytes, True),
 )
-BY_NAME = {order.name: order for order in ORDERS}
-
-
-def arranged(found: Sequence[SavedRecording], words: str, order: str, *, turned: bool) -> list[SavedRecording]:
-    """Return what passes a filter, in an order; `turned`: the other way round."""
-    return lists.arranged((one for one in found if passes(one, words)), BY_NAME[order], turned=turned)
 
 
 def passes(one: SavedRecording, words: str) -> bool:
@@ -117,12 +110,10 @@ def _line(cells: tuple[str, ...], width: int) -> str:
     return f"{name:<{name_width}} {why:<{why_width}}{kinds} {begun:<14} {span:>8} {size:>9}  {marks:<5}"
 
 
-def summary(found: Recordings, shown: int, words: str) -> str:
+def summary(found: Recordings) -> str:
     """Return what the message line says when nothing else is there to be said."""
     here, count = len(found.recordings), text.count(found.count)
     parts = [f"{count} saved" if here >= found.count else f"the newest {here} of {count} saved"]
     if found.disk_bytes:
         parts.append(f"disk {1 - found.free_bytes / found.disk_bytes:.0%} of {size_text(found.disk_bytes)}")
-    if words:
-        parts.append(f"/{words}: {shown} of {text.count(here)}")
     return " │ ".join(parts)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rich.text import Text
 from textual.binding import Binding
-from textual.widgets import OptionList
 
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import SignalLimits
@@ -52,11 +51,6 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     def _found(self) -> list[LimitStatus]:
         return [one for one in self.session.limits if one.violated or one.word is LimitWord.BLIND]
 
-    @property
-    def empty(self) -> str:  # type: ignore[override]  # what it says counts
-        watched, blind = len(self.session.limits), sum(one.word is LimitWord.BLIND for one in self.session.limits)
-        return f"Nothing over its limits. {watched} watched, {blind} blind" if watched else "No limits. N gives some"
-
     def key_of(self, one: LimitStatus) -> str:
         return one.name
 
@@ -65,16 +59,18 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return [element] if element is not None else []
 
     def row_of(self, one: LimitStatus, width: int) -> Text:
-        line = Text(limit_row(one, self.session.short_name(one.name), width), no_wrap=True, overflow="ellipsis")
+        line = Text(limit_row(one, self.session.short_name(one.name), width))
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
         if one.is_over or one.word is LimitWord.BLIND:
             line.stylize(f"bold {color(self.app.theme_variables, 'error' if red else 'warning')}", 0, 2)
         return line
 
     def words(self) -> str:
-        one = self.chosen
+        one, watched = self.chosen, len(self.session.limits)
         if one is not None and one.why:
             return f"{one.name} is blind: {one.why}"
+        if not self.all:
+            return f"Nothing over its limits. {watched} watched, 0 blind" if watched else "No limits. N gives some"
         count = len(self._found)
         more = f"the first {MOST_LINES} of {count} │ " if count > MOST_LINES else ""
         return more + alarms_words(self.session.limits)
@@ -82,7 +78,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     # ------------------------------------------------------------------------------------------------- commands
 
     def command_acknowledge(self) -> None:
-        names = [one.name for one in self.targets]
+        names = [one.name for one in self.targets()]
         if names:
             self.context.run_flow(self._told(lambda client: client.acknowledge(names)))
 
@@ -94,7 +90,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         if monitor is not None and one.worst_ns:
             monitor.call_after_refresh(monitor.show_moment_of, one.worst_ns)
 
-    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+    def enter(self) -> None:
         """Go to its worst sample."""
         self.command_alarm_worst()
 

@@ -2,85 +2,112 @@
 """The recordings in the logger's folder on the robot: listed, opened in place, fetched, deleted."""
 
 import asyncio
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 from rich.text import Text
-from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
-from textual.widgets import Input, OptionList, Static
-from textual.widgets.option_list import Option
+from textual.widgets import Static
 
 from silo.core.quantities.writing import many, size_text
 from silo.errors import SiloError
 from silo.recordings.requests import Recordings, SavedRecording
 from silo.rpc.frames import Frame
 from silo_tui.actions import bindings_for
-from silo_tui.context import Later, SiloScreen
+from silo_tui.context import Later
 from silo_tui.model import recorders
 from silo_tui.model import recordings as rows
-from silo_tui.model.lists import Marks
 from silo_tui.model.paths import typed_path
 from silo_tui.screens import recorder
 from silo_tui.screens.dialogs import Choice, Prompt, Question
+from silo_tui.screens.list_screen import ListScreen
 from silo_tui.screens.opened import open_recording, overlay_recording
-from silo_tui.screens.order import OrderDialog
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recordings import Fetching, GivenUpError, here
-from silo_tui.widgets.bars import Banner, KeyBar, StatusBar, color
-from silo_tui.widgets.inputs import Fleeting, Line
+from silo_tui.widgets.bars import Banner, StatusBar, color
 
 FOLLOW_S = 0.25
 FIRST, MOST = 200, 10_000  # how many are asked for
 LOOK_AGAIN_S = 0.3
-FILTER_KEYS = "Enter keeps the filter  Esc clears it"
 
 
-class RecordingsScreen(SiloScreen):
+class RecordingsScreen(ListScreen[SavedRecording]):
     """A list of what is saved; what is being recorded stands above it."""
 
     scope = "recordings"
     aside = True
+    orders = rows.ORDERS
+    filter_hint = "words of name, why and type; -not"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("recordings")
 
     def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session
         self.found: Recordings | None = None
-        self._shown: list[SavedRecording] = []
-        self.marks = Marks()
         self._deleted_here: set[str] = set()
-        self._order, self._turned, self._words = "begun", False, ""
-        self._said = ""
         self._most = FIRST
 
-    def compose(self) -> ComposeResult:
-        """Yield status, banner, what runs, titles, list, message, a line to type in, keys."""
+    def above(self) -> ComposeResult:
+        """Yield status, banner, what runs."""
         self.status_bar, self.banner = StatusBar(self.session, read_only=self.context.read_only), Banner(self.session)
         yield self.status_bar
         yield self.banner
         yield Static("", id="recordings-running", markup=False)
-        yield Static("", id="recordings-head", markup=False)
-        yield OptionList(id="recordings-list", markup=False)
-        yield Static("", id="recordings-empty", markup=False)
-        yield Static("", id="recordings-said", markup=False)
-        yield Line(lambda line: [], "words of name, why and type; -not", "recordings-filter")
-        yield KeyBar(self.scope, read_only=self.context.read_only)
 
-    def on_mount(self) -> None:
+    def begin(self) -> None:
         """Ask at once; follow what is fetched."""
-        self._list.focus()
         self.banner.update()
-        self._show_rows()
         self.read_again()
         self._look()
-        self.set_interval(FOLLOW_S, self._follow)
+        self.set_interval(FOLLOW_S, self._follow_fetches)
 
-    def on_resize(self, event: events.Resize) -> None:
-        """Lay the columns out for another width."""
-        self._show_rows()
+    # ------------------------------------------------------------------------------------------------------- lines
+
+    @property
+    def all(self) -> Sequence[SavedRecording]:
+        return self.found.recordings if self.found is not None else ()
+
+    def key_of(self, one: SavedRecording) -> str:
+        return one.stem
+
+    def row_of(self, one: SavedRecording, width: int) -> Text:
+        words = Text("  " + rows.row(one, self.session.status.logger or self.session.name, max(40, width)))
+        if one.unfinished or one.unread or not self.session.connected:
+            words.stylize("dim")
+        return words
+
+    def passes(self, one: SavedRecording) -> bool:
+        return rows.passes(one, self.asked)
+
+    def follow(self, known: str, place: int | None) -> int | None:
+        found = super().follow(known, place)
+        if known in self._deleted_here:
+            self.marks.settle()
+        return found
+
+    def head(self, width: int) -> str:
+        return rows.head(max(40, width))
+
+    def words(self) -> str:
+        return rows.summary(self.found) if self.found is not None else ""
+
+    def going_on(self) -> Sequence[str]:
+        return [fetching.words for fetching in self.session.fetches.values()]
+
+    def advice(self) -> str:
+        if self.shown:
+            return ""
+        if self.found is None:
+            return f"Asking {self.session.name} …"
+        if self.found.recordings:
+            return f"No recording has {self.asked!r}. Esc clears the filter."
+        return f"Nothing is saved in {self.found.folder} yet. w in the table or the plots saves what is held."
+
+    def may_be(self, one: SavedRecording) -> bool:
+        """Return whether it is finished."""
+        return not one.unfinished
 
     # ---------------------------------------------------------------------------------------------------- data
 
@@ -94,15 +121,14 @@ class RecordingsScreen(SiloScreen):
             try:
                 found = await self.session.recordings(self._most)
             except SiloError as error:
-                self._said = f"the list can't be read: {error}"
-                break
+                self.say(f"the list can't be read: {error}")
+                return
             self.found = found
             self._said = "" if self._said.startswith("asking") else self._said
-            self._show_rows()
+            self.show()
             if not any(one.unread for one in found.recordings):
                 break
             await asyncio.sleep(LOOK_AGAIN_S)  # what there was no time to look into
-        self._tell()
 
     def _look(self) -> None:
         """Ask how endless recordings stand."""
@@ -132,61 +158,9 @@ class RecordingsScreen(SiloScreen):
             found.append(line)
         return found
 
-    def _show_rows(self) -> None:
-        if not self.query("#recordings-list"):
-            return  # the screen is gone
-        lines = self._list
-        found = self.found.recordings if self.found is not None else []
-        kept = self._row.stem if self._row is not None else ""
-        place = lines.highlighted or 0
-        self._shown = rows.arranged(found, self._words, self._order, turned=self._turned)
-        self.marks.keep(one.stem for one in found)
-        width = max(40, self.size.width)
-        self.query_one("#recordings-head", Static).update(rows.head(width))
-        lines.clear_options()
-        lines.add_options(Option(self._line(one, width), id=one.stem) for one in self._shown)
-        if self._shown:
-            stems = [one.stem for one in self._shown]
-            lines.highlighted = self.marks.follow(kept, stems, place)
-            if kept in self._deleted_here:
-                self.marks.settle()
-        empty = self.query_one("#recordings-empty", Static)
-        lines.display, empty.display = bool(self._shown), not self._shown
-        if not self._shown:
-            empty.update(self._emptiness())
-        self._tell()
-
-    def _line(self, one: SavedRecording, width: int) -> Text:
-        mark = " >" if one.stem in self.marks.keys else "  "
-        words = Text(mark + rows.row(one, self.session.status.logger or self.session.name, width), no_wrap=True)
-        if one.unfinished or one.unread or not self.session.connected:
-            words.stylize("dim")
-        return words
-
-    def _emptiness(self) -> str:
-        if self.found is None:
-            return f"Asking {self.session.name} …"
-        if self.found.recordings:
-            return f"No recording has {self._words!r}. Esc clears the filter."
-        return f"Nothing is saved in {self.found.folder} yet. w in the table or the plots saves what is held."
-
-    def _tell(self) -> None:
-        """Fill the message line: what was said last, else what there is."""
-        parts = [fetching.words for fetching in self.session.fetches.values()]
-        found = self.found
-        if self._said:
-            parts.insert(0, self._said)
-        elif found is not None:
-            marked = [f"{len(self.marks.keys)} marked"] if self.marks.keys else []
-            order = [f"by {self._order}"] if self._order != "begun" or self._turned else []
-            count = rows.summary(found, len(self._shown), self._words)
-            parts = [count, *marked, *order, *parts]
-        for line in self.query("#recordings-said").results(Static):  # none of a screen that is gone
-            line.update(" " + " │ ".join(parts))
-
-    def _follow(self) -> None:
+    def _follow_fetches(self) -> None:
         if self.session.fetches:
-            self._tell()
+            self.show_words()
 
     # ------------------------------------------------------------------------------------ what the app tells us
 
@@ -199,7 +173,7 @@ class RecordingsScreen(SiloScreen):
         """Follow a change of state or link."""
         self.status_bar.update()
         self.banner.update()
-        self._show_rows()
+        self.show()
         self._show_running()
 
     def live_changed(self, frame: Frame) -> None:
@@ -212,26 +186,12 @@ class RecordingsScreen(SiloScreen):
         self.banner.update()
         self._look()
 
-    def say(self, words: str) -> None:
-        """Show the result of something."""
-        self._said = words
-        self._tell()
-
     def say_whole(self, words: str) -> bool:
         """Show a long message in as many lines as it takes."""
         self.say(words)
         return True
 
     # -------------------------------------------------------------------------------------------------- moving
-
-    @property
-    def _list(self) -> OptionList:
-        return self.query_one("#recordings-list", OptionList)
-
-    @property
-    def _row(self) -> SavedRecording | None:
-        place = self._list.highlighted
-        return self._shown[place] if place is not None and place < len(self._shown) else None
 
     def _more(self) -> None:
         """Ask for all of them, where only the newest are here."""
@@ -240,119 +200,43 @@ class RecordingsScreen(SiloScreen):
             self.say("asking for the older ones …")
             self.read_again()
 
-    def _move(self, lines: int) -> None:
-        if lines > 0 and (self._list.highlighted or 0) + lines >= len(self._shown):
+    def move(self, place: int) -> None:
+        if place >= len(self.shown):
             self._more()
-        if self._shown:
-            self._list.highlighted = max(0, min((self._list.highlighted or 0) + lines, len(self._shown) - 1))
+        super().move(place)
 
-    def command_next_recording(self) -> None:
-        self._move(1)
+    def command_list_bottom(self) -> None:
+        self._more()
+        super().command_list_bottom()
 
-    def command_previous_recording(self) -> None:
-        self._move(-1)
-
-    def command_first_recording(self) -> None:
-        self._move(-len(self._shown))
-
-    def command_last_recording(self) -> None:
-        self._move(len(self._shown))
-
-    def command_recordings_down(self) -> None:
-        self._move(max(1, self._list.size.height - 1))
-
-    def command_recordings_up(self) -> None:
-        self._move(-max(1, self._list.size.height - 1))
-
-    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+    def enter(self) -> None:
         """Open what is clicked."""
-        event.stop()
         self.command_open_recording()
 
-    # ------------------------------------------------------------------------------------------ filter, order, marks
-
-    def command_mark_recording(self) -> None:
-        if self._row is not None:
-            self.marks.toggle(self._row.stem)
-            self._move(1)
-            self._show_rows()
-
-    def command_mark_recordings(self) -> None:
-        self.marks.toggle_all([one.stem for one in self._shown])
-        self._show_rows()
-
-    def command_range_of_recordings(self) -> None:
-        if self._row is not None:
-            self.say(self.marks.range_to(self._row.stem, [one.stem for one in self._shown]))
-            self._show_rows()
-
-    def command_order_recordings(self) -> None:
-        letters = {order.name: order.letter for order in rows.ORDERS}
-        words = {order.name: order.words for order in rows.ORDERS}
-        backwards = rows.BY_NAME[self._order].backwards != self._turned
-        self.app.push_screen(
-            OrderDialog(list(letters), self._order, "↓" if backwards else "↑", letters, words), self._by
-        )
-
-    def _by(self, order: str | None) -> None:
-        if order is not None:
-            self._turned = not self._turned if order == self._order else False
-            self._order, self._said = order, ""
-            self._show_rows()
-
-    def command_filter_recordings(self) -> None:
-        self.query_one(KeyBar).show_instead(FILTER_KEYS)
-        self.query_one("#recordings-said").display = False
-        self.query_one("#recordings-filter", Line).begin(self._words)
-
-    def on_input_changed(self, event: Input.Changed) -> None:
-        """Filter while it is typed."""
-        if event.input.id == "recordings-filter" and event.input.display:
-            self._filter_by(event.input.value)
-
-    def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
-        """Keep the filter."""
-        self._back_to_list()
-        self._filter_by(event.value)
-
-    def on_fleeting_left(self, event: Fleeting.Left) -> None:
-        """Clear the filter."""
-        self._back_to_list()
-        self._filter_by("")
-
-    def _filter_by(self, words: str) -> None:
-        self._words, self._said = words, ""
+    def filter_by(self, words: str) -> None:
         if words:
             self._more()
-        self._show_rows()
-        self.marks.settle()
-
-    def _back_to_list(self) -> None:
-        self.query_one("#recordings-said").display = True
-        self.query_one(KeyBar).show_instead("")
-        self._list.focus()
+        super().filter_by(words)
 
     # ----------------------------------------------------------------------------------------- opening, fetching
 
-    def command_read_recordings(self) -> None:
-        self._said = ""
+    def command_list_read(self) -> None:
         self.read_again()
 
     def command_open_recording(self) -> None:
-        one = self._row
+        one = self.chosen
         if one is None or self.found is None:
             return
         if one.unfinished:
             self.say(f"{one.stem} is not finished: it is being written, or its writer died; the next start removes it")
             return
-        self._said = ""
         self.run_worker(
             Later(open_recording, self.context, self.session, self.found.folder, rows.best_file(one)),
             group="opening", exclusive=True,
         )  # fmt: skip
 
     def command_overlay_recording(self) -> None:
-        one = self._row
+        one = self.chosen
         if one is None or self.found is None or one.unfinished:
             self.say("nothing to lay over the plots here")
             return
@@ -366,20 +250,9 @@ class RecordingsScreen(SiloScreen):
             group="opening", exclusive=True,
         )  # fmt: skip
 
-    def _targets(self) -> list[SavedRecording]:
-        """Return what a key is about, never what is unfinished."""
-        meant = self.marks.meant([one.stem for one in self._shown], self._row.stem if self._row is not None else "")
-        return [one for one in self._shown if one.stem in meant and not one.unfinished]
-
-    def _none(self, what: str) -> str:
-        """Return why a key is about nothing."""
-        shown = [one.stem for one in self._shown]
-        return self.marks.why_none(shown, self._row.stem if self._row is not None else "") or what
-
     def command_fetch_recording(self) -> None:
-        targets = self._targets()
+        targets = self.targets("nothing to fetch here")
         if not targets or self.found is None:
-            self.say(self._none("nothing to fetch here"))
             return
         local = [path for one in targets if (path := here(self.found.folder, rows.best_file(one))) is not None]
         size = size_text(sum(one.size_bytes for one in targets))
@@ -431,11 +304,11 @@ class RecordingsScreen(SiloScreen):
     # ---------------------------------------------------------------------------------------------------- deleting
 
     def command_delete_recording(self) -> None:
-        targets = self._targets()
+        targets = self.targets("nothing to delete here")
         foreign = [one for one in targets if not one.own]
         if not targets:
-            self.say(self._none("nothing to delete here"))
-        elif foreign:
+            return
+        if foreign:
             whose = f"the logger {foreign[0].logger} wrote it" if foreign[0].logger else "it names no logger"
             why = f"was not saved by this logger ({whose})"
             if foreign[0].files[0].folder:
@@ -469,12 +342,3 @@ class RecordingsScreen(SiloScreen):
         except SiloError as error:
             self.context.fail(str(error))
         self.read_again()
-
-    def command_back(self) -> None:
-        """Leave the filter, then the marks, then the screen."""
-        if self._words:
-            self._filter_by("")
-        elif self.marks.clear():
-            self._show_rows()
-        else:
-            self.context.leave_screen()

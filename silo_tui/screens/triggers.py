@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 from rich.text import Text
 from textual.binding import Binding
-from textual.widgets import OptionList
 
 from silo.conditions.standing import TriggerStatus, TriggerWord
 from silo.core.elements import SavedFile, TriggerOptions
@@ -39,7 +38,6 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     """A line for each trigger."""
 
     scope = "triggers"
-    empty = "No triggers. N makes one; on a plot it takes its level"
     orders = (
         Order("made", "g", "as they were made", lambda one: 0),
         Order("name", "n", "name", lambda one: one.options.name.casefold()),
@@ -50,13 +48,14 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("triggers")
 
     def head(self, width: int) -> str:
-        return times_head(width, self._names(width)[0])
+        return times_head(width, self._room)
 
-    def _names(self, width: int) -> tuple[int, list[str]]:
-        """Return the cells of names, and the names of all in these: different ones stay different."""
-        names = [one.options.name for one in self.session.triggers]
-        room = name_width(names, width)
-        return room, [f"{name:<{room}}" for name in fitting_names(names, room)]
+    def prepare(self, found: Sequence[TriggerStatus], width: int) -> None:
+        """Fit the names of all into the same cells: different ones stay different."""
+        names = [one.options.name for one in found]
+        self._room = name_width(names, width)
+        fitted = fitting_names(names, self._room)
+        self._names = {name: f"{fits:<{self._room}}" for name, fits in zip(names, fitted, strict=True)}
 
     @property
     def all(self) -> Sequence[TriggerStatus]:
@@ -70,9 +69,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def row_of(self, one: TriggerStatus, width: int) -> Text:
         name = "error" if one.state in LOUD else "warning" if one.state in CAUTION else "success"
-        _, fitted = self._names(width)
-        names = {each.options.name: name for each, name in zip(self.session.triggers, fitted, strict=True)}
-        line = Text(trigger_row(one, width, name=names[one.options.name]), no_wrap=True, overflow="ellipsis")
+        line = Text(trigger_row(one, width, name=self._names[one.options.name]))
         quiet = one.state in (TriggerWord.OFF, TriggerWord.WAITING)
         line.stylize("" if quiet else f"bold {color(self.app.theme_variables, name)}", 2, 12)
         return line
@@ -80,7 +77,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     def words(self) -> str:
         one = self.chosen
         if one is None:
-            return ""
+            return "" if self.all else "No triggers. N makes one; on a plot it takes its level"
         name = one.options.name
         if one.state is TriggerWord.BLIND:
             return f"{name} is blind: {one.why}" + ("; switch it on in the table" if one.why.endswith("is off") else "")
@@ -96,13 +93,13 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def command_trigger_toggle(self) -> None:
         """Arm what is off, or switch off; of several, all as the first."""
-        targets = self.targets
+        targets = self.targets()
         if targets:
             armed = targets[0].state in (TriggerWord.OFF, TriggerWord.FIRED)
             self._do(targets, lambda client, name: client.arm_trigger(name, armed=armed))
 
     def command_trigger_force(self) -> None:
-        self._do(self.targets, lambda client, name: client.force_trigger(name))
+        self._do(self.targets(), lambda client, name: client.force_trigger(name))
 
     def _do(self, targets: Sequence[TriggerStatus], job: "Callable[[Client, str], str]") -> None:
         names = [one.options.name for one in targets]
@@ -110,7 +107,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
             self.context.run_flow(self.carry_out(lambda client: "; ".join([job(client, name) for name in names])))
 
     def command_trigger_remove(self) -> None:
-        targets = self.targets
+        targets = self.targets()
         if targets:
             self.context.run_flow(self._remove(targets))
 
@@ -158,7 +155,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
             group="opening", exclusive=True,
         )  # fmt: skip
 
-    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+    def enter(self) -> None:
         """Open what it captured last."""
         self.command_trigger_capture()
 

@@ -11,7 +11,7 @@ import yaml
 
 from silo.net.remotes import config_folder
 from silo.settings.yaml_nodes import compose, describe, explain, is_null, key_name, line_of
-from silo_tui.actions import BY_ID, key_text
+from silo_tui.actions import BY_ID, RENAMED, key_text
 from silo_tui.settings.keys import clashes, label, read_key
 from silo_tui.settings.options import OPTION, OPTIONS, Option, Settings
 
@@ -189,8 +189,15 @@ def _keys(node: yaml.Node, problems: list[SettingsProblem]) -> dict[str, str]:
     for name, value in pairs(node):
         command = key_name(name)
         try:
-            _once(command, keys)
-            keys[_known(command)] = ",".join(dict.fromkeys(_read_keys(command, value)))
+            if now := RENAMED.get(command):
+                reason = f"{command} is {now} now, one for all lists: taken as that; write {now}"
+                problems.append(SettingsProblem(line_of(name), reason))
+                read = [*keys.get(now, "").split(","), *_read_keys(command, value)]
+                command, read = now, list(filter(None, read))
+            else:
+                _once(command, keys)
+                read = list(_read_keys(command, value))
+            keys[_known(command)] = ",".join(dict.fromkeys(read))
             lines[command] = line_of(name)
         except _MistakeError as mistake:
             problems.append(SettingsProblem(line_of(name), f"{mistake}{LEFT_OUT}"))

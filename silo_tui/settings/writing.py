@@ -10,6 +10,7 @@ import yaml
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file
 from silo.settings.yaml_nodes import key_name
+from silo_tui.actions import RENAMED
 from silo_tui.settings import reading
 from silo_tui.settings.keys import typed_keys
 from silo_tui.settings.options import Settings, changed, typed
@@ -45,6 +46,8 @@ def rewritten(text: str, old: Settings, new: Settings) -> str:
         made = _with_value(made, name, typed(value))
     for command in sorted({*before.keys, *wanted.keys}):
         if wanted.keys.get(command) != before.keys.get(command):
+            for once in (old for old, now in RENAMED.items() if now == command):
+                made = _with_key(made, once, "")
             made = _with_key(made, command, wanted.keys.get(command, ""))
     if reading.read(made)[0] != wanted:
         raise SaveError(f"{reading.NAME} can't take the changes as it is: look at its lines; nothing was changed")

@@ -1,9 +1,10 @@
-"""A list of many lines of which each changes often: only lines that read differently are painted.
+"""A list of many lines of which each changes often: only lines that are seen are made, and painted if they changed.
 
-Measured with 100 lines at 160x50, all of them new each second: Textual's option list takes three times as long.
+Measured with 100 lines at 160x50, all of them new each second: Textual's option list takes three times as long; of
+4,000 events, made anew for each one that came, 0.2 s.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -24,51 +25,65 @@ class Lines(Guarded, ScrollView, can_focus=True):
     COMPONENT_CLASSES: ClassVar[set[str]] = {"lines--line", "lines--cursor"}
 
     @dataclass
-    class Moved(Message):
+    class CursorMoved(Message):
         """The cursor is on another line."""
 
         place: int
 
     @dataclass
-    class Picked(Message):
-        """A line was chosen, by Enter or a second click."""
+    class LinePicked(Message):
+        """A line was chosen by the mouse."""
 
         place: int
 
     def __init__(self, id: str) -> None:  # noqa: A002  # as Textual calls it
         super().__init__(id=id)
-        self._lines: list[Text] = []
+        self.count = 0
         self.highlighted: int | None = None
+        self._line: Callable[[int], Text] = lambda place: Text()
+        self._painted: dict[int, Text] = {}
 
-    def show(self, lines: Sequence[Text], highlighted: int | None) -> None:
-        """Show these lines, the cursor on one of them; paint what reads differently."""
-        old, before = self._lines, self.highlighted
-        self._lines, self.highlighted = list(lines), highlighted
-        if len(old) != len(self._lines):
-            self.virtual_size = Size(0, len(self._lines))
+    def show(self, count: int, line: Callable[[int], Text], highlighted: int | None) -> None:
+        """Show so many lines, made by `line` where they are seen, the cursor on one of them.
+
+        The cursor stays on its row of the screen, wherever in the list its line stands now.
+        """
+        before, self.highlighted, self._line = self.highlighted, highlighted, line
+        if count != self.count:
+            self.count, self._painted = count, {}
+            self.virtual_size = Size(0, count)
             self.refresh()
-            return
-        top, rows = self.scroll_offset.y, self.size.height
-        for place in range(top, min(top + rows, len(self._lines))):
+        if before is not None and highlighted is not None and highlighted != before and self.size.height:
+            top = max(0, min(self.scroll_offset.y + highlighted - before, count - self.size.height))
+            self.scroll_to(y=top, animate=False, force=True, immediate=True)
+        top, painted = self.scroll_offset.y, self._painted
+        self._painted = {}
+        for place in range(top, min(top + self.size.height, count)):
+            old, new = painted.get(place), line(place)
+            self._painted[place] = new
             moved = before != highlighted and place in (before, highlighted)
-            if moved or old[place] != self._lines[place] or old[place].spans != self._lines[place].spans:
+            if old is None or moved or old != new or old.spans != new.spans:
                 self.refresh_lines(place - top, 1)
 
     def render_line(self, y: int) -> Strip:
         """Return a line of the screen."""
-        place, width = y + self.scroll_offset.y, self.size.width
+        place, width = y + self.scroll_offset.y, self.scrollable_content_region.width
         cursor = place == self.highlighted
         style = self.get_component_rich_style("lines--cursor" if cursor else "lines--line")
-        if place >= len(self._lines):
+        if place >= self.count:
             return Strip.blank(width, style)
-        segments = Segment.apply_style(self._lines[place].render(self.app.console, end=""), style)
+        if place not in self._painted:
+            self._painted[place] = self._line(place)
+        line = self._painted[place].copy()
+        line.truncate(width, overflow="ellipsis")
+        segments = Segment.apply_style(line.render(self.app.console, end=""), style)
         return Strip(segments).crop_extend(0, width, style)
 
     def move(self, place: int) -> None:
         """Put the cursor on a line, the nearest that there is."""
-        if not self._lines:
+        if not self.count:
             return
-        before, self.highlighted = self.highlighted, max(0, min(place, len(self._lines) - 1))
+        before, self.highlighted = self.highlighted, max(0, min(place, self.count - 1))
         if self.highlighted == before:
             return
         top = self.scroll_offset.y
@@ -77,26 +92,22 @@ class Lines(Guarded, ScrollView, can_focus=True):
                 self.refresh_lines(each - top, 1)
         region = Region(0, self.highlighted, 1, 1)
         self.scroll_to_region(region, animate=False, force=True, immediate=True)
-        self.post_message(self.Moved(self.highlighted))
+        self.post_message(self.CursorMoved(self.highlighted))
 
     def step(self, lines: int) -> None:
         """Move the cursor by so many lines."""
         self.move((self.highlighted or 0) + lines)
 
-    def page(self, pages: int) -> None:
-        """Move the cursor by so many pages."""
-        self.step(pages * max(1, self.size.height - 1))
-
-    def pick(self) -> None:
-        """Choose the line under the cursor."""
-        if self.highlighted is not None:
-            self.post_message(self.Picked(self.highlighted))
+    @property
+    def page_rows(self) -> int:
+        """How many lines a page is."""
+        return max(1, self.size.height - 1)
 
     def on_click(self, event: events.Click) -> None:
         """Move the cursor to a line; choose the one it is on."""
         place = int(event.y) + self.scroll_offset.y
-        if place < len(self._lines):
+        if place < self.count:
             if place == self.highlighted:
-                self.pick()
+                self.post_message(self.LinePicked(place))
             else:
                 self.move(place)

@@ -247,7 +247,7 @@ class TestLists:
         async with opened(fake) as screen:
             await screen.press("T")
             await screen.shows("ARMED")
-            shown = lambda: [key for key, _ in screen.app.screen._drawn]  # noqa: E731
+            shown = lambda: screen.app.screen.shown_keys  # noqa: E731
             await screen.press("o", "n")
             assert shown() == ["fall", "low", "spin"]
             await screen.press("o", "n")

@@ -73,7 +73,7 @@ async def test_the_list_of_loggers_moves_looks_again_and_takes_commands(new_fake
     fakes = [new_fake(name=name) for name in ("arm", "base", "legs")]
     async with opened(*fakes, ready=False) as screen:
         await screen.shows("legs")
-        lines = screen.app.screen.query_one("#loggers-list")
+        lines = screen.app.screen.query_one("#list-lines")
         for key, at in (("G", 2), ("g", 0), ("end", 2), ("home", 0)):
             await screen.press(key)
             assert lines.highlighted == at, key

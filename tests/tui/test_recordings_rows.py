@@ -3,6 +3,7 @@
 from silo.core.elements import FileType
 from silo.recordings.requests import RecordingFile, SavedRecording
 from silo_tui.model import recordings as rows
+from silo_tui.model.lists import arranged
 
 BEGIN = 1_790_000_000 * 10**9
 
@@ -44,5 +45,5 @@ def test_a_span_has_three_digits():
 
 
 def test_of_two_that_began_at_once_the_later_name_comes_first():
-    found = rows.arranged([one("a_1"), one("a_2")], "", "begun", turned=False)
+    found = arranged([one("a_1"), one("a_2")], rows.ORDERS[0], turned=False)
     assert [each.stem for each in found] == ["a_2", "a_1"]

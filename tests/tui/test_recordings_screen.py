@@ -118,9 +118,9 @@ async def test_an_order_is_chosen_by_its_letter_and_turned_by_it(opened, fake, l
     async with opened(fake) as screen:
         await at_recordings(screen)
         await screen.press("o", "s")
-        assert [one.span_s for one in screen.app.screen._shown] == [25.0, 6.0, 3.0]
+        assert [one.span_s for one in screen.app.screen.shown] == [25.0, 6.0, 3.0]
         await screen.press("o", "s")
-        assert [one.span_s for one in screen.app.screen._shown] == [3.0, 6.0, 25.0]
+        assert [one.span_s for one in screen.app.screen.shown] == [3.0, 6.0, 25.0]
 
 
 async def test_what_is_saved_meanwhile_comes_into_the_list(opened, fake, logs):
@@ -149,7 +149,7 @@ async def test_enter_opens_the_file_and_escape_comes_back_to_the_same_row(opened
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
         await screen.press("escape")
         await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
-        assert screen.app.screen._row.stem.endswith("00006")
+        assert screen.app.screen.chosen.stem.endswith("00006")
         await screen.press("escape")
         await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
 
@@ -410,7 +410,7 @@ async def test_end_and_home_are_the_same_in_the_events_of_a_file_and_of_a_logger
         await screen.press("E")
         await screen.shows("follows")
         await screen.press("end")
-        assert screen.app.screen._list.highlighted == (0 if on_file else 2)
+        assert screen.app.screen.lines.highlighted == (0 if on_file else 2)
         await screen.shows("g follows")
         await screen.press("home")
         await screen.shows("s, follows" if not on_file else "1 event, follows")
@@ -444,7 +444,7 @@ async def test_events_are_ordered_by_time_kind_or_who(opened, fake):
         await screen.shows("by cid")
         for keys, found in (("k", "ann cid bob"), ("w", "ann bob cid"), ("t", "cid ann bob"), ("t", "bob ann cid")):
             await screen.press("o", keys)
-            assert [event.who for event in screen.app.screen._shown if event.who in "ann bob cid"] == found.split()
+            assert [event.who for event in screen.app.screen.shown if event.who in "ann bob cid"] == found.split()
 
 
 # --------------------------------------------------------------------------------------------- fetching, deleting
@@ -477,7 +477,7 @@ async def test_a_fetch_shows_how_far_it_is_and_the_keys_go_on(opened, fake, logs
         await screen.press("w", "enter")
         await screen.shows("62%")
         await screen.press("j")
-        assert screen.app.screen._row.stem.endswith("00006")
+        assert screen.app.screen.chosen.stem.endswith("00006")
         go_on.set()
         await screen.until(lambda: not screen.session.fetches, "its end")
 

@@ -267,3 +267,21 @@ def test_a_list_that_holds_itself_is_told_of_and_can_be_written_over():
     found, problems = read(text)
     assert problems
     assert "theme: dark" in rewritten(text, found, replace(found, theme="dark"))
+
+
+OLD_NAMES = "keys:\n  next_logger: f\n  next_recording: [n, f]\n  mark_loggers: y\n"
+
+
+def test_keys_of_one_list_are_taken_as_those_of_all_lists_and_told():
+    found, problems = read(OLD_NAMES)
+    assert found.keys == {"list_down": "f,n", "list_mark_all": "y"}
+    assert [problem.line for problem in problems] == [2, 3, 4]
+    assert str(problems[0]).endswith("next_logger is list_down now, one for all lists: taken as that; write list_down")
+
+
+def test_a_key_of_lists_that_is_changed_takes_the_place_of_its_names_of_before():
+    found, _ = read(OLD_NAMES)
+    made = rewritten(OLD_NAMES, found, replace(found, keys={**found.keys, "list_down": "ctrl+f"}))
+    assert made == "keys:\n  list_down: ctrl+f\n  mark_loggers: y\n"
+    given_back = {name: keys for name, keys in found.keys.items() if name != "list_mark_all"}
+    assert "mark_loggers" not in rewritten(OLD_NAMES, found, replace(found, keys=given_back))
