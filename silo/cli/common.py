@@ -30,7 +30,7 @@ _Made = TypeVar("_Made")
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
 
 
-class Progress(Protocol):
+class ShowsProgress(Protocol):
     """What shows how much is done."""
 
     def __call__(self, done: float, total: float = 1.0) -> None:
@@ -397,7 +397,7 @@ def show(value: object, as_json: bool, text: Callable[[], str]) -> None:
 
 
 @contextmanager
-def progress(label: str) -> "Iterator[Progress | None]":
+def progress(label: str) -> "Iterator[ShowsProgress | None]":
     """Give what shows how much is done, as a share or of a total: a bar on a terminal, None elsewhere."""
     if not sys.stderr.isatty():
         yield None

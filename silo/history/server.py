@@ -28,7 +28,7 @@ from silo.rpc.serving import Server
 from silo.state.replica import Replica
 
 
-class Streams(Protocol):
+class OpenStreams(Protocol):
     """All open streams."""
 
     def open(self, request: OpenStream, /) -> StreamOpened:
@@ -44,7 +44,7 @@ class HistoryServer(Server, does=[requests, search_requests]):
 
     replica: Replica
     pins: Pins
-    streams: Streams
+    streams: OpenStreams
 
     def open_stream(self, request: OpenStream) -> StreamOpened:
         return self.streams.open(request)

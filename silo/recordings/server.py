@@ -14,7 +14,7 @@ from silo.state.events import EventNotifier
 from silo.state.replica import Replica
 
 
-class Saver(Protocol):
+class SavesData(Protocol):
     """What saves the data in the helper process."""
 
     def save(self, request: Save, /) -> SaveStarted:
@@ -26,7 +26,7 @@ class RecordingServer(Server, does=[requests]):
     """Begins to save, and reads and deletes what was."""
 
     folder: RecordingFolder
-    saver: Saver
+    saver: SavesData
     replica: Replica
     events: EventNotifier
 

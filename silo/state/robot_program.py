@@ -15,7 +15,7 @@ from silo.state.replica import Replica
 REPLY_TIMEOUT_S = 5.0
 
 
-class Link(Protocol):
+class ReachesRobot(Protocol):
     """How the robot program is reached."""
 
     def ask(self, request: Request[Any], timeout_s: float, /) -> Reply:
@@ -27,7 +27,7 @@ class RobotProgram:
     """Asks the robot program, where it lives and may do it. What it does for them is raised where it refuses."""
 
     replica: Replica
-    link: Link
+    link: ReachesRobot
 
     def ask(self, request: Request[Any], turn: Turn) -> Reply:
         """Return what it answers; while its client listens it is waited for.

@@ -24,18 +24,18 @@ RATE_S = 2.5  # least time between two looks that make a rate: a recorder writes
 
 
 @dataclass(frozen=True)
-class Pace:
+class WritingPace:
     """How much a recorder had written when it was looked at, and how fast that was going; NaN is not known yet."""
 
     at_s: float
     written_bytes: int
     bytes_s: float = float("nan")
 
-    def next(self, at_s: float, written_bytes: int) -> "Pace":
+    def next(self, at_s: float, written_bytes: int) -> "WritingPace":
         """Return the pace after another look; of one that comes too soon, the same."""
         if at_s - self.at_s < RATE_S:
             return self
-        return Pace(at_s, written_bytes, max(0.0, (written_bytes - self.written_bytes) / (at_s - self.at_s)))
+        return WritingPace(at_s, written_bytes, max(0.0, (written_bytes - self.written_bytes) / (at_s - self.at_s)))
 
 
 def head(width: int) -> str:
@@ -44,7 +44,12 @@ def head(width: int) -> str:
 
 
 def row(
-    one: RecorderInfo, names: Sequence[str], pace: Pace | None, folder: str, width: int, now_ns: int | None = None
+    one: RecorderInfo,
+    names: Sequence[str],
+    pace: WritingPace | None,
+    folder: str,
+    width: int,
+    now_ns: int | None = None,
 ) -> str:
     """Return a recorder as a line of so many cells; `names` are those of all elements, `folder` the logger's own."""
     place = one.folder.removeprefix(folder.rstrip("/") + "/")

@@ -321,7 +321,7 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
             width, before = self.plot.plot_size[0], self.plot.cursor
             self._put_cursor(width // 2 if before is None else max(0, min(width - 1, before + cells)))
 
-    def on_detail_plot_pointed(self, event: DetailPlot.Pointed) -> None:
+    def on_detail_plot_cell_pointed(self, event: DetailPlot.CellPointed) -> None:
         """Put the cursor where the spectrum was clicked."""
         if self.mode == "spectrum":
             self._put_cursor(event.cell)

@@ -31,7 +31,7 @@ TYPING_KEYS = "Enter takes it  Tab completes  Esc leaves it as it was"
 
 
 @dataclass(frozen=True)
-class Row:
+class SettingRow:
     """One line: an option, a command whose keys can be changed, or (with neither) words alone."""
 
     id: str
@@ -40,15 +40,15 @@ class Row:
     words: str = ""
 
 
-def all_rows(problems: Sequence[str], width: int) -> list[Row]:
+def all_rows(problems: Sequence[str], width: int) -> list[SettingRow]:
     """Return the lines: what is wrong with the file, whole, options, then the keys of every command."""
     told = [part for problem in problems for part in wrap(f"! {problem}", max(20, width - 2), subsequent_indent="  ")]
-    rows = [Row(f"problem {place}", words=part) for place, part in enumerate(told)]
-    rows += [Row(option.name, option=option) for option in OPTIONS]
-    return rows + [Row(f"key {each.id}", command=each.id) for each in COMMANDS if each.keys]
+    rows = [SettingRow(f"problem {place}", words=part) for place, part in enumerate(told)]
+    rows += [SettingRow(option.name, option=option) for option in OPTIONS]
+    return rows + [SettingRow(f"key {each.id}", command=each.id) for each in COMMANDS if each.keys]
 
 
-def row_text(row: Row, settings: Settings, saved: Settings, *, width: int) -> Text:
+def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int) -> Text:
     """Return a line; `*` in front: not written yet."""
     if row.option is not None:
         option = row.option
@@ -86,7 +86,7 @@ def _values(line: Text, option: Option, value: Any, width: int) -> Text:
     return line
 
 
-class SettingsScreen(ListScreen[Row]):
+class SettingsScreen(ListScreen[SettingRow]):
     """A list of lines; `take` makes everything follow other settings."""
 
     scope = "settings"
@@ -111,14 +111,14 @@ class SettingsScreen(ListScreen[Row]):
         self.show()
 
     @property
-    def all(self) -> Sequence[Row]:
+    def all(self) -> Sequence[SettingRow]:
         problems = [str(problem) for problem in self.context.settings_problems]
         return all_rows(problems, self.size.width)
 
-    def key_of(self, one: Row) -> str:
+    def key_of(self, one: SettingRow) -> str:
         return one.id
 
-    def row_of(self, one: Row, width: int) -> Text:
+    def row_of(self, one: SettingRow, width: int) -> Text:
         return row_text(one, self.context.settings, self.context.saved_settings, width=width)
 
     def follow(self, known: str, place: int | None) -> int | None:

@@ -27,7 +27,7 @@ from silo_tui.model.happened import newest
 from silo_tui.model.limits import Bounds4
 from silo_tui.model.live import LiveValues
 from silo_tui.model.overlay import Overlay
-from silo_tui.model.recorders import Pace
+from silo_tui.model.recorders import WritingPace
 from silo_tui.model.rows import RowList
 from silo_tui.model.table import TableState
 from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn
@@ -85,7 +85,7 @@ class Session:
         self.bounds: dict[str, Bounds4] = {}  # of each scalar with limits: red low, yellow low, yellow high, red high
         self.beyond: dict[str, str] = {}  # the worst sign of each element that is beyond its limits
         self.recorders: list[RecorderInfo] = []  # endless recordings, as they were asked for last
-        self.paces: dict[str, Pace] = {}  # how fast each of them writes
+        self.paces: dict[str, WritingPace] = {}  # how fast each of them writes
         self.conditions_due = True  # something happened to them since they were asked for
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
@@ -196,7 +196,7 @@ class Session:
         self.paces = {
             one.name: self.paces[one.name].next(now_s, one.written_bytes)
             if one.name in self.paces
-            else Pace(now_s, one.written_bytes)
+            else WritingPace(now_s, one.written_bytes)
             for one in self.recorders
         }
 

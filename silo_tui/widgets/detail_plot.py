@@ -51,7 +51,7 @@ class DetailPlot(Guarded, Widget):
         return max(10, width), max(3, self.size.height - 1 - (0 if self.beside else BELOW))
 
     @dataclass
-    class Pointed(Message):
+    class CellPointed(Message):
         """A cell of the plot was clicked."""
 
         cell: int
@@ -60,7 +60,7 @@ class DetailPlot(Guarded, Widget):
         """Ask for the place that was clicked."""
         cell = event.x - AXIS - 1
         if 0 <= cell < self.plot_size[0] and event.y < self.plot_size[1]:
-            self.post_message(self.Pointed(cell))
+            self.post_message(self.CellPointed(cell))
 
     def show(self, plot: BigPlot, notes: Sequence[str]) -> None:
         """Show a plot and what is said of it."""

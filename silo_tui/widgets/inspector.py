@@ -34,7 +34,7 @@ BESIDE_FROM = 54  # cells from which a pane below the table has values and plots
 Line = list[tuple[str, str]]  # words with their style
 
 
-class Lines:
+class InspectorLines:
     """Lines of words with their styles. Measured: as one text the pane was a third of what a live table cost."""
 
     def __init__(self) -> None:
@@ -75,7 +75,7 @@ class Inspector(Guarded, Widget):
         self.below = False  # the table, not beside it
         self._lines: list[Line] | None = None  # None: to be made anew
         self._lines_fit = self.content_size
-        self._plotted = Lines()
+        self._plotted = InspectorLines()
         self._plotted_of: object = None
         self._plots_due_s = 0.0
         self._styles: dict[str, Style] = {}
@@ -153,7 +153,7 @@ class Inspector(Guarded, Widget):
             return []
         element = self.session.table.elements[row]
         reading = self.session.live.readings.get(element.name)
-        pane = Lines()
+        pane = InspectorLines()
         width, height = self.content_size
         name = self.session.short_name(element.name)
         for start in range(0, len(name), max(8, width)):
@@ -162,7 +162,7 @@ class Inspector(Guarded, Widget):
             self._facts(pane, element, row, reading)
             self._values(pane, element, row, reading)
             return [*pane.lines[:-1], *self._plots(row, width, height - len(pane.lines))]
-        facts, values, title = Lines(), Lines(), pane.lines[:-1]
+        facts, values, title = InspectorLines(), InspectorLines(), pane.lines[:-1]
         self._facts(facts, element, row, reading)
         self._values(values, element, row, reading)
         shown = [each for each in values.lines[:-1] if any(words for words, _ in each)]  # no blank line: rows are few
@@ -170,7 +170,7 @@ class Inspector(Guarded, Widget):
         right = [*shown, *self._plots(row, self.plot_width, room)]
         return [*title, *beside(facts.lines, right, width // 2)]
 
-    def _facts(self, pane: Lines, element: ElementInfo, row: int, reading: Reading | None) -> None:
+    def _facts(self, pane: InspectorLines, element: ElementInfo, row: int, reading: Reading | None) -> None:
         quiet = self._quiet
         shape = " x ".join(str(side) for side in element.shape)
         dtype = element.entries[0].dtype.lstrip("<>|=") if element.entries else ""
@@ -207,7 +207,7 @@ class Inspector(Guarded, Widget):
             if reading.failed:
                 pane.append(f"{'not read':<12} at {many(reading.failed, 'tick')}\n", style=self._error)
 
-    def _values(self, pane: Lines, element: ElementInfo, row: int, reading: Reading | None) -> None:
+    def _values(self, pane: InspectorLines, element: ElementInfo, row: int, reading: Reading | None) -> None:
         pane.append("\n")
         if not self.session.table.server[Field.ENABLED, row]:
             words = "not computed" if element.expression else "not logged; t switches it on"
@@ -239,11 +239,11 @@ class Inspector(Guarded, Widget):
         key = (row, width, room, columns, columns.past_until_ns, self.session.fresh)
         if self._plotted_of != key or now_s >= self._plots_due_s:
             self._plotted_of, self._plots_due_s = key, now_s + pace_of(self.app).trend_s
-            self._plotted = Lines()
+            self._plotted = InspectorLines()
             self._draw_plots(self._plotted, row, width, room)
         return self._plotted.lines[:-1]
 
-    def _draw_plots(self, pane: Lines, row: int, width: int, room: int) -> None:
+    def _draw_plots(self, pane: InspectorLines, row: int, width: int, room: int) -> None:
         columns = self.columns
         names = [name for name in self.plot_names() if columns.row(name) is not None]
         if not names or columns.empty or room < 4:

@@ -16,7 +16,7 @@ from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar, color
 from silo_tui.widgets.element_table import ElementTable
 from silo_tui.widgets.fact_columns import FILE_SETS, ColumnSet, pane_columns
-from silo_tui.widgets.inspector import Inspector, Lines
+from silo_tui.widgets.inspector import Inspector, InspectorLines
 from silo_tui.widgets.live_pane import LivePane, PaneColumn, value_words
 from silo_tui.widgets.plot_stack import PlotStack
 
@@ -85,7 +85,7 @@ class RecordedInspector(Inspector):
         """Of the time that the element has samples of."""
         return self.store
 
-    def _facts(self, pane: Lines, element: ElementInfo, row: int, reading: Reading | None) -> None:
+    def _facts(self, pane: InspectorLines, element: ElementInfo, row: int, reading: Reading | None) -> None:
         report = self._file.rows_of[element.name]
         if element.description:
             pane.append(element.description + "\n", style=self._quiet)
@@ -107,7 +107,7 @@ class RecordedInspector(Inspector):
             more = ", …" if len(report.labels) > MAX_LABELS else ""
             pane.append(", ".join(shown) + more + "\n", style=self._quiet)
 
-    def _values(self, pane: Lines, element: ElementInfo, row: int, reading: Reading | None) -> None:
+    def _values(self, pane: InspectorLines, element: ElementInfo, row: int, reading: Reading | None) -> None:
         pane.append(f"\nat {self._file.seconds:.6g} s:", style=self._quiet)
         if reading is None or not reading.held:
             none = not self._file.rows_of[element.name].samples

@@ -4,7 +4,7 @@ import pytest
 
 from silo.core.elements import RecorderState
 from silo.recorder.requests import RecorderInfo
-from silo_tui.model.recorders import Pace, head, row
+from silo_tui.model.recorders import WritingPace, head, row
 
 SECOND = 10**9
 NOW_NS = 1_790_000_100 * SECOND
@@ -21,7 +21,7 @@ class TestRows:
     @pytest.mark.parametrize("width", [80, 120, 160])
     def test_a_recorder_is_a_line_as_wide_as_its_head(self, robot, width):
         names = [each.name for each in robot]
-        line = row(WALK, names, Pace(0.0, 0, 2.3e6), "/home/ann/logs", width, NOW_NS)
+        line = row(WALK, names, WritingPace(0.0, 0, 2.3e6), "/home/ann/logs", width, NOW_NS)
         assert line.split()[:6] == ["REC", "walks/walk", "12", "2:31:07", "2.3", "MB/s"]
         assert "██▏   21 of 50 GB" in line
         assert line.endswith("   21     0")
@@ -34,7 +34,7 @@ class TestRows:
         assert len(line) == 80
 
     def test_a_rate_is_known_after_the_second_look(self):
-        first = Pace(10.0, 1000)
+        first = WritingPace(10.0, 1000)
         assert first.next(10.1, 2000) is first
         assert first.next(14.0, 9000).bytes_s == 2000.0
 

@@ -49,7 +49,7 @@ class BatteryState(enum.IntEnum):
     CRITICAL = 2
 
 
-class Row(NamedTuple):
+class DemoSignal(NamedTuple):
     """One variable. `name` is `part.variable`, or that of a variable of each joint or leg; `element` if that is not it.
 
     `divider` is for 400 Hz: 4 is 100 Hz, 40 is 10 Hz, which `divider_at` keeps at other frequencies. `start` is the
@@ -77,14 +77,14 @@ class LoggedSignal(NamedTuple):
     group: str
     name: str
     source: object
-    row: Row
+    row: DemoSignal
     attr: str | None = None
 
 
 class Part:
     """A part of the robot: its variables as attributes, arrays but for texts and enumerations."""
 
-    def __init__(self, rows: Iterable[Row], count: int | None = None) -> None:
+    def __init__(self, rows: Iterable[DemoSignal], count: int | None = None) -> None:
         """Make them; of joints and legs `count` of each, one behind the other."""
         for row in rows:
             name = row.name.rpartition(".")[2]
@@ -102,68 +102,68 @@ class Part:
 
 # of each of the twelve drives, leg by leg (LF, RF, LH, RH) and from the hip down
 _JOINT = (
-    Row("position", "rad", 1, LIVE, "measured by the encoder"),
-    Row("velocity", "rad/s", 1, LIVE, "difference of the positions"),
-    Row("torque", "Nm", 1, LIVE, "measured at the joint"),
-    Row("current", "A", 1, LIVE, "motor current"),
-    Row("winding_temperature", "degC", 40, LIVE, "heats with the square of the current", start=31.0),
-    Row("position_command", "rad"),
-    Row("velocity_command", "rad/s"),
-    Row("torque_command", "Nm"),
-    Row("tracking_error", "rad", 1, LIVE, "command minus measured position"),
-    Row("acceleration", "rad/s^2", 2),
-    Row("gravity_torque", "Nm", 2, SAVE, "part of the torque that carries the contact force"),
-    Row("friction_torque", "Nm", 2),
-    Row("torque_margin", "Nm", 4, SAVE, "distance to the torque limit"),
-    Row("voltage", "V", 2, SAVE, "at the motor"),
-    Row("power", "W", 2, SAVE, "electrical power of the motor"),
-    Row("energy", "J", 40, SAVE, "since the program started"),
-    Row("housing_temperature", "degC", 400, LIVE, start=27.0),
-    Row("encoder_count", "count", 1, SAVE, "65536 counts per turn", dtype="i4"),
-    Row("bus_latency", "us", 4, SAVE, "answer time of the drive", dtype="f4"),
-    Row("missed_frames", "count", 40, dtype="u4"),
-    Row("error_flags", "bits", 4, SAVE, "error word of the drive", dtype="u2"),
-    Row("drive_state", "-", 4, LIVE, start=DriveState.OPERATIONAL, dtype="u1", labels=DriveState),
-    Row("peak_torque", "Nm", 40, SAVE, "largest since the program started"),
-    Row("deflection", "rad", 4, SAVE, "of drive and gear under the torque"),
-    Row("mechanical_power", "W", 4, SAVE, "torque times velocity"),
-    Row("position_margin", "rad", 4, SAVE, "distance to the end stop"),
-    Row("thermal_load", "%", 40, LIVE, "of the winding, 100 is 110 degC"),
-    Row("drive_temperature", "degC", 400, SAVE, "power electronics", start=30.0),
-    Row("gain_p", "Nm/rad", 400, start=GAIN_P_NM_RAD, dtype="f4", buffer_type=FIXED, buffer_size=10),
-    Row("gain_d", "Nm*s/rad", 400, start=12.0, dtype="f4", buffer_type=FIXED, buffer_size=10),
+    DemoSignal("position", "rad", 1, LIVE, "measured by the encoder"),
+    DemoSignal("velocity", "rad/s", 1, LIVE, "difference of the positions"),
+    DemoSignal("torque", "Nm", 1, LIVE, "measured at the joint"),
+    DemoSignal("current", "A", 1, LIVE, "motor current"),
+    DemoSignal("winding_temperature", "degC", 40, LIVE, "heats with the square of the current", start=31.0),
+    DemoSignal("position_command", "rad"),
+    DemoSignal("velocity_command", "rad/s"),
+    DemoSignal("torque_command", "Nm"),
+    DemoSignal("tracking_error", "rad", 1, LIVE, "command minus measured position"),
+    DemoSignal("acceleration", "rad/s^2", 2),
+    DemoSignal("gravity_torque", "Nm", 2, SAVE, "part of the torque that carries the contact force"),
+    DemoSignal("friction_torque", "Nm", 2),
+    DemoSignal("torque_margin", "Nm", 4, SAVE, "distance to the torque limit"),
+    DemoSignal("voltage", "V", 2, SAVE, "at the motor"),
+    DemoSignal("power", "W", 2, SAVE, "electrical power of the motor"),
+    DemoSignal("energy", "J", 40, SAVE, "since the program started"),
+    DemoSignal("housing_temperature", "degC", 400, LIVE, start=27.0),
+    DemoSignal("encoder_count", "count", 1, SAVE, "65536 counts per turn", dtype="i4"),
+    DemoSignal("bus_latency", "us", 4, SAVE, "answer time of the drive", dtype="f4"),
+    DemoSignal("missed_frames", "count", 40, dtype="u4"),
+    DemoSignal("error_flags", "bits", 4, SAVE, "error word of the drive", dtype="u2"),
+    DemoSignal("drive_state", "-", 4, LIVE, start=DriveState.OPERATIONAL, dtype="u1", labels=DriveState),
+    DemoSignal("peak_torque", "Nm", 40, SAVE, "largest since the program started"),
+    DemoSignal("deflection", "rad", 4, SAVE, "of drive and gear under the torque"),
+    DemoSignal("mechanical_power", "W", 4, SAVE, "torque times velocity"),
+    DemoSignal("position_margin", "rad", 4, SAVE, "distance to the end stop"),
+    DemoSignal("thermal_load", "%", 40, LIVE, "of the winding, 100 is 110 degC"),
+    DemoSignal("drive_temperature", "degC", 400, SAVE, "power electronics", start=30.0),
+    DemoSignal("gain_p", "Nm/rad", 400, start=GAIN_P_NM_RAD, dtype="f4", buffer_type=FIXED, buffer_size=10),
+    DemoSignal("gain_d", "Nm*s/rad", 400, start=12.0, dtype="f4", buffer_type=FIXED, buffer_size=10),
 )
 
 # of each of the four legs
 _LEG = (
-    Row("contact", "-", 1, LIVE, "whether the foot carries", start=1.0, dtype="?"),
-    Row("contact_force", "N", 1, LIVE, "on the foot, in the world frame", start=np.zeros(3)),
-    Row("contact_state", "-", 1, LIVE, start=ContactState.CLOSED, dtype="u1", labels=ContactState),
-    Row("contact_probability", "-", 2, LIVE, start=1.0),
-    Row("force_sensor", "N", 1, LIVE, "normal force as the foot's sensor reports it, with spikes on LH"),
-    Row("force_command", "N", start=np.zeros(3)),
-    Row("phase", "-", 1, LIVE, "place in the gait cycle, 0 at touchdown"),
-    Row("foot_position", "m", 1, LIVE, "in the base frame", start=np.zeros(3)),
-    Row("foot_velocity", "m/s", 1, SAVE, "in the base frame", start=np.zeros(3)),
-    Row("foot_target", "m", 1, SAVE, "in the base frame", start=np.zeros(3)),
-    Row("jacobian", "m/rad", 4, SAVE, "foot velocity by joint velocity", start=np.zeros((3, 3))),
-    Row("stance_time", "s", 4),
-    Row("swing_time", "s", 4),
-    Row("step_count", "count", 40, LIVE, dtype="u4"),
-    Row("slip_distance", "m", 40),
-    Row("friction_margin", "N", 4, SAVE, "distance to the friction cone"),
-    Row("impact", "N", 1, SAVE, "blow at touchdown"),
-    Row("ground_height", "m", 4, SAVE, "under the foot, in the world, kept while it swings"),
-    Row("power", "W", 40, LIVE, "electrical power of the three drives"),
-    Row("board_temperature", "degC", 400, LIVE, "motor driver board", start=30.0),
-    Row("board_voltage", "V", 40, start=48.0),
-    Row("board_current", "A", 40),
-    Row("fan_speed", "rpm", 400, dtype="u2"),
+    DemoSignal("contact", "-", 1, LIVE, "whether the foot carries", start=1.0, dtype="?"),
+    DemoSignal("contact_force", "N", 1, LIVE, "on the foot, in the world frame", start=np.zeros(3)),
+    DemoSignal("contact_state", "-", 1, LIVE, start=ContactState.CLOSED, dtype="u1", labels=ContactState),
+    DemoSignal("contact_probability", "-", 2, LIVE, start=1.0),
+    DemoSignal("force_sensor", "N", 1, LIVE, "normal force as the foot's sensor reports it, with spikes on LH"),
+    DemoSignal("force_command", "N", start=np.zeros(3)),
+    DemoSignal("phase", "-", 1, LIVE, "place in the gait cycle, 0 at touchdown"),
+    DemoSignal("foot_position", "m", 1, LIVE, "in the base frame", start=np.zeros(3)),
+    DemoSignal("foot_velocity", "m/s", 1, SAVE, "in the base frame", start=np.zeros(3)),
+    DemoSignal("foot_target", "m", 1, SAVE, "in the base frame", start=np.zeros(3)),
+    DemoSignal("jacobian", "m/rad", 4, SAVE, "foot velocity by joint velocity", start=np.zeros((3, 3))),
+    DemoSignal("stance_time", "s", 4),
+    DemoSignal("swing_time", "s", 4),
+    DemoSignal("step_count", "count", 40, LIVE, dtype="u4"),
+    DemoSignal("slip_distance", "m", 40),
+    DemoSignal("friction_margin", "N", 4, SAVE, "distance to the friction cone"),
+    DemoSignal("impact", "N", 1, SAVE, "blow at touchdown"),
+    DemoSignal("ground_height", "m", 4, SAVE, "under the foot, in the world, kept while it swings"),
+    DemoSignal("power", "W", 40, LIVE, "electrical power of the three drives"),
+    DemoSignal("board_temperature", "degC", 400, LIVE, "motor driver board", start=30.0),
+    DemoSignal("board_voltage", "V", 40, start=48.0),
+    DemoSignal("board_current", "A", 40),
+    DemoSignal("fan_speed", "rpm", 400, dtype="u2"),
 )
 
 # of the body, its sensors and its mission
 _BODY = (
-    Row(
+    DemoSignal(
         "base.pose",
         "m",
         1,
@@ -172,15 +172,15 @@ _BODY = (
         start=[0.0, 0.0, HEIGHT_M, 0.0, 0.0, 0.0, 1.0],
         kind="pose",
     ),
-    Row("base.twist", "m/s", 1, LIVE, "in the base frame", start=np.zeros(6), kind="twist"),
-    Row("base.acceleration", "m/s^2", 1, LIVE, "in the world", start=np.zeros(3)),
-    Row("base.euler", "rad", 4, LIVE, "roll, pitch, yaw", start=np.zeros(3), kind="array"),
-    Row("base.command", "m/s", 4, LIVE, "forward, left, turn", start=np.zeros(3), kind="array"),
-    Row("base.centre_of_mass", "m", 4, start=np.zeros(3)),
-    Row("base.inertia", "kg m^2", 400, start=np.diag([1.1, 2.9, 3.2]), buffer_type=FIXED, buffer_size=1),
-    Row("controller.gait", "-", 1, LIVE, start=Gait.STAND),
-    Row("controller.state", "-", 4, LIVE, "mission", start="standing"),
-    Row(
+    DemoSignal("base.twist", "m/s", 1, LIVE, "in the base frame", start=np.zeros(6), kind="twist"),
+    DemoSignal("base.acceleration", "m/s^2", 1, LIVE, "in the world", start=np.zeros(3)),
+    DemoSignal("base.euler", "rad", 4, LIVE, "roll, pitch, yaw", start=np.zeros(3), kind="array"),
+    DemoSignal("base.command", "m/s", 4, LIVE, "forward, left, turn", start=np.zeros(3), kind="array"),
+    DemoSignal("base.centre_of_mass", "m", 4, start=np.zeros(3)),
+    DemoSignal("base.inertia", "kg m^2", 400, start=np.diag([1.1, 2.9, 3.2]), buffer_type=FIXED, buffer_size=1),
+    DemoSignal("controller.gait", "-", 1, LIVE, start=Gait.STAND),
+    DemoSignal("controller.state", "-", 4, LIVE, "mission", start="standing"),
+    DemoSignal(
         "sensors.acceleration",
         "m/s^2",
         1,
@@ -189,8 +189,8 @@ _BODY = (
         start=[0.0, 0.0, GRAVITY_M_S2],
         element="imu/acceleration",
     ),
-    Row("sensors.angular_velocity", "rad/s", 1, LIVE, start=np.zeros(3), element="imu/angular_velocity"),
-    Row(
+    DemoSignal("sensors.angular_velocity", "rad/s", 1, LIVE, start=np.zeros(3), element="imu/angular_velocity"),
+    DemoSignal(
         "sensors.orientation",
         "-",
         1,
@@ -199,39 +199,39 @@ _BODY = (
         kind="quaternion",
         element="imu/orientation",
     ),
-    Row("sensors.magnetic_field", "uT", 4, start=np.zeros(3, np.float32), element="imu/magnetic_field"),
-    Row("sensors.imu_temperature", "degC", 400, LIVE, start=35.0, dtype="f4", element="imu/temperature"),
-    Row("sensors.gyro_bias", "rad/s", 40, start=[0.002, -0.001, 0.0015], element="imu/gyro_bias"),
-    Row("battery.voltage", "V", 40, LIVE, start=50.0),
-    Row("battery.current", "A", 40, LIVE),
-    Row("battery.power", "W", 40, LIVE),
-    Row("battery.charge", "-", 400, LIVE, "0 empty, 1 full", start=0.93, buffer_type=GROWING, buffer_size=600),
-    Row("battery.temperature", "degC", 400, start=26.0, buffer_type=GROWING, buffer_size=600),
-    Row("battery.cells", "V", 400, start=np.full(12, 4.1, np.float32), buffer_type=GROWING, buffer_size=600),
-    Row("battery.state", "-", 400, LIVE, start=BatteryState.DISCHARGING, labels=BatteryState),
-    Row("sensors.sonar_left", "m", 2, LIVE, "loose plug: NaN now and then", start=1.5),
-    Row("sensors.sonar_right", "m", 2, LIVE, start=1.5),
-    Row("sensors.pressure", "mbar", 4, LIVE, "sticks after 12 s", start=1013.2),
-    Row("sensors.humidity", "%", 400, start=41.0, dtype="f4"),
-    Row("sensors.ranges", "m", 20, ONLY_LIVE, "32 beams, too much to keep", start=np.full(32, 4.0, np.float32)),
+    DemoSignal("sensors.magnetic_field", "uT", 4, start=np.zeros(3, np.float32), element="imu/magnetic_field"),
+    DemoSignal("sensors.imu_temperature", "degC", 400, LIVE, start=35.0, dtype="f4", element="imu/temperature"),
+    DemoSignal("sensors.gyro_bias", "rad/s", 40, start=[0.002, -0.001, 0.0015], element="imu/gyro_bias"),
+    DemoSignal("battery.voltage", "V", 40, LIVE, start=50.0),
+    DemoSignal("battery.current", "A", 40, LIVE),
+    DemoSignal("battery.power", "W", 40, LIVE),
+    DemoSignal("battery.charge", "-", 400, LIVE, "0 empty, 1 full", start=0.93, buffer_type=GROWING, buffer_size=600),
+    DemoSignal("battery.temperature", "degC", 400, start=26.0, buffer_type=GROWING, buffer_size=600),
+    DemoSignal("battery.cells", "V", 400, start=np.full(12, 4.1, np.float32), buffer_type=GROWING, buffer_size=600),
+    DemoSignal("battery.state", "-", 400, LIVE, start=BatteryState.DISCHARGING, labels=BatteryState),
+    DemoSignal("sensors.sonar_left", "m", 2, LIVE, "loose plug: NaN now and then", start=1.5),
+    DemoSignal("sensors.sonar_right", "m", 2, LIVE, start=1.5),
+    DemoSignal("sensors.pressure", "mbar", 4, LIVE, "sticks after 12 s", start=1013.2),
+    DemoSignal("sensors.humidity", "%", 400, start=41.0, dtype="f4"),
+    DemoSignal("sensors.ranges", "m", 20, ONLY_LIVE, "32 beams, too much to keep", start=np.full(32, 4.0, np.float32)),
 )
 
 # of the controller and the estimator
 _SOFTWARE = (
-    Row("controller.gait_phase", "-", 1, LIVE),
-    Row("controller.cycle_time", "s", 40, start=0.5),
-    Row("controller.duty", "-", 40, start=0.6),
-    Row("controller.forces", "N", 2, start=np.zeros(12), kind="array"),
-    Row("controller.solver_iterations", "count", 1, LIVE, start=0, dtype="i2"),
-    Row("controller.solver_time", "us", 1, LIVE),
-    Row("controller.solver_cost", "-", 2),
-    Row("controller.stability_margin", "m", 2, LIVE),
-    Row("estimator.position", "m", 1, LIVE, start=np.zeros(3)),
-    Row("estimator.velocity", "m/s", 1, LIVE, start=np.zeros(3)),
-    Row("estimator.covariance", "-", 40, start=np.eye(6) * 1e-4),
-    Row("estimator.innovation", "-", 2, start=np.zeros(12), kind="array"),
-    Row("estimator.mahalanobis", "-", 2),
-    Row("estimator.slip_detected", "-", 1, LIVE, start=False),
+    DemoSignal("controller.gait_phase", "-", 1, LIVE),
+    DemoSignal("controller.cycle_time", "s", 40, start=0.5),
+    DemoSignal("controller.duty", "-", 40, start=0.6),
+    DemoSignal("controller.forces", "N", 2, start=np.zeros(12), kind="array"),
+    DemoSignal("controller.solver_iterations", "count", 1, LIVE, start=0, dtype="i2"),
+    DemoSignal("controller.solver_time", "us", 1, LIVE),
+    DemoSignal("controller.solver_cost", "-", 2),
+    DemoSignal("controller.stability_margin", "m", 2, LIVE),
+    DemoSignal("estimator.position", "m", 1, LIVE, start=np.zeros(3)),
+    DemoSignal("estimator.velocity", "m/s", 1, LIVE, start=np.zeros(3)),
+    DemoSignal("estimator.covariance", "-", 40, start=np.eye(6) * 1e-4),
+    DemoSignal("estimator.innovation", "-", 2, start=np.zeros(12), kind="array"),
+    DemoSignal("estimator.mahalanobis", "-", 2),
+    DemoSignal("estimator.slip_detected", "-", 1, LIVE, start=False),
 )
 
 # all twelve in one element
@@ -267,7 +267,7 @@ def signals(robot: Variables) -> list[LoggedSignal]:
     ]
 
 
-def _single(robot: Variables, row: Row) -> LoggedSignal:
+def _single(robot: Variables, row: DemoSignal) -> LoggedSignal:
     of, _, variable = row.name.partition(".")
     group, _, name = (row.element or f"{of}/{variable}").rpartition("/")
     whole = getattr(robot, of)
@@ -276,7 +276,7 @@ def _single(robot: Variables, row: Row) -> LoggedSignal:
     return LoggedSignal(group, name, found if is_array else whole, row, None if is_array else variable)
 
 
-def _each(of: Part, rows: Iterable[Row], groups: Iterable[str]) -> Iterator[LoggedSignal]:
+def _each(of: Part, rows: Iterable[DemoSignal], groups: Iterable[str]) -> Iterator[LoggedSignal]:
     listed = list(rows)
     for place, group in enumerate(groups):
         for row in listed:
@@ -292,6 +292,6 @@ def _channels(robot: Variables) -> Iterator[LoggedSignal]:
     """Further channels for trying large tables, with settings of every sort."""
     for number in range(robot.channels.size):
         kind = number % 4
-        row = Row("", ("V", "A", "degC", "count")[kind], (4, 20, 40, 400)[kind], SAVE if number % 5 else LIVE)
+        row = DemoSignal("", ("V", "A", "degC", "count")[kind], (4, 20, 40, 400)[kind], SAVE if number % 5 else LIVE)
         group, name = f"diagnostics/unit{number // 50:03}", f"channel{number:05}"
         yield LoggedSignal(group, name, robot.channels[number, ...], row)

@@ -12,7 +12,7 @@ from typing import Any
 import psutil
 
 from silo.logger.logger import Logger
-from silo.programs.host.reading import MB, SAVE, Column, Probe, plain_name
+from silo.programs.host.reading import MB, SAVE, Measured, Probe, plain_name
 
 Found = dict[str, float]
 
@@ -21,31 +21,31 @@ _SHARES = ("user", "system", "iowait", "irq", "softirq", "steal")
 _MEMORY = ("used", "available", "cached", "buffers")
 _NOT_DISKS = ("loop", "ram", "zram", "sr", "fd", "dm-", "md")
 
-PERCENT, MEGABYTES, COUNT = Column("%"), Column("MB", scale=1 / MB), Column("count")
+PERCENT, MEGABYTES, COUNT = Measured("%"), Measured("MB", scale=1 / MB), Measured("count")
 _DISK = {
-    "read": Column("MB/s", scale=1 / MB, rate=True),
-    "write": Column("MB/s", scale=1 / MB, rate=True),
-    "read_operations": Column("1/s", SAVE, rate=True),
-    "write_operations": Column("1/s", SAVE, rate=True),
-    "busy": Column("%", scale=0.1, rate=True),  # ms per s
-    "read_total": Column("MB", SAVE, 1 / MB),
-    "write_total": Column("MB", SAVE, 1 / MB),
+    "read": Measured("MB/s", scale=1 / MB, rate=True),
+    "write": Measured("MB/s", scale=1 / MB, rate=True),
+    "read_operations": Measured("1/s", SAVE, rate=True),
+    "write_operations": Measured("1/s", SAVE, rate=True),
+    "busy": Measured("%", scale=0.1, rate=True),  # ms per s
+    "read_total": Measured("MB", SAVE, 1 / MB),
+    "write_total": Measured("MB", SAVE, 1 / MB),
 }
 _NETWORK = {
-    "received": Column("kB/s", scale=1e-3, rate=True),
-    "sent": Column("kB/s", scale=1e-3, rate=True),
-    "received_packets": Column("1/s", SAVE, rate=True),
-    "sent_packets": Column("1/s", SAVE, rate=True),
-    "received_total": Column("MB", SAVE, 1 / MB),
-    "sent_total": Column("MB", SAVE, 1 / MB),
+    "received": Measured("kB/s", scale=1e-3, rate=True),
+    "sent": Measured("kB/s", scale=1e-3, rate=True),
+    "received_packets": Measured("1/s", SAVE, rate=True),
+    "sent_packets": Measured("1/s", SAVE, rate=True),
+    "received_total": Measured("MB", SAVE, 1 / MB),
+    "sent_total": Measured("MB", SAVE, 1 / MB),
     "errors": COUNT,
     "drops": COUNT,
 }
 _SWAP = {
     "used": MEGABYTES,
     "percent": PERCENT,
-    "in": Column("MB/s", scale=1 / MB, rate=True),
-    "out": Column("MB/s", scale=1 / MB, rate=True),
+    "in": Measured("MB/s", scale=1 / MB, rate=True),
+    "out": Measured("MB/s", scale=1 / MB, rate=True),
 }
 _OWN = {"load": PERCENT, "memory": MEGABYTES, "threads": COUNT, "open_files": COUNT}
 
@@ -184,21 +184,24 @@ PROBES = (
     Probe("cpu", 2, {"load": PERCENT}, lambda _: {"load": psutil.cpu_percent()}),
     Probe("cpu", 4, {"load": PERCENT}, lambda _: _numbered("load", psutil.cpu_percent(percpu=True))),
     Probe("cpu/share", 4, PERCENT, lambda _: _fields(psutil.cpu_times_percent(), _SHARES)),
-    Probe("cpu", 20, {"frequency": Column("MHz")}, lambda _: _numbered("frequency", _frequencies())),
+    Probe("cpu", 20, {"frequency": Measured("MHz")}, lambda _: _numbered("frequency", _frequencies())),
     Probe(
-        "load_average", 20, Column("-"), lambda _: dict(zip(("1min", "5min", "15min"), os.getloadavg(), strict=True))
+        "load_average",
+        20,
+        Measured("-"),
+        lambda _: dict(zip(("1min", "5min", "15min"), os.getloadavg(), strict=True)),
     ),
     Probe("memory", 4, {"percent": PERCENT, **dict.fromkeys(_MEMORY, MEGABYTES)}, _memory),
     Probe("swap", 20, _SWAP, _swap),
-    Probe("temperature", 20, Column("degC"), _sensors("sensors_temperatures")),
-    Probe("fan", 20, Column("rpm"), _sensors("sensors_fans")),
-    Probe("battery", 100, {"charge": PERCENT, "plugged": Column("-", dtype="?")}, _battery),
+    Probe("temperature", 20, Measured("degC"), _sensors("sensors_temperatures")),
+    Probe("fan", 20, Measured("rpm"), _sensors("sensors_fans")),
+    Probe("battery", 100, {"charge": PERCENT, "plugged": Measured("-", dtype="?")}, _battery),
     Probe("disk", 4, _DISK, _disks),
     Probe("network", 4, _NETWORK, _networks),
     Probe("files", 100, {"used": PERCENT, "free": MEGABYTES}, _file_systems),
-    Probe("kernel", 4, Column("1/s", rate=True), _kernel),
+    Probe("kernel", 4, Measured("1/s", rate=True), _kernel),
     Probe("pressure", 20, PERCENT, _pressure),
-    Probe("process", 20, Column("count", dtype="u4"), lambda _: {"count": len(psutil.pids())}),
+    Probe("process", 20, Measured("count", dtype="u4"), lambda _: {"count": len(psutil.pids())}),
     Probe("process/self", 20, _OWN, _own),
-    Probe("kernel", 20, Column("s"), lambda _: {"uptime": time.clock_gettime(time.CLOCK_BOOTTIME)}),
+    Probe("kernel", 20, Measured("s"), lambda _: {"uptime": time.clock_gettime(time.CLOCK_BOOTTIME)}),
 )

@@ -20,7 +20,7 @@ KEEP_S = 600.0
 Reader = Callable[[], None]
 
 
-class Column(NamedTuple):
+class Measured(NamedTuple):
     """What is logged of a number of a source: times `scale`, and its growth per second where it is a `rate`."""
 
     unit: str
@@ -38,12 +38,12 @@ class Probe(NamedTuple):
 
     group: str
     divider: int
-    columns: Column | Mapping[str, Column]
+    columns: Measured | Mapping[str, Measured]
     ask: Callable[[Logger], Mapping[str, float]]
 
-    def column(self, name: str) -> Column:
+    def column(self, name: str) -> Measured:
         """Return what is logged of a name."""
-        return self.columns if isinstance(self.columns, Column) else self.columns[name.rpartition("/")[2]]
+        return self.columns if isinstance(self.columns, Measured) else self.columns[name.rpartition("/")[2]]
 
 
 def reader(probe: Probe, log: Logger) -> Reader | None:
@@ -68,7 +68,7 @@ def reader(probe: Probe, log: Logger) -> Reader | None:
     return read
 
 
-def _element(log: Logger, probe: Probe, name: str, column: Column) -> NDArray[Any]:
+def _element(log: Logger, probe: Probe, name: str, column: Measured) -> NDArray[Any]:
     """Return a scalar in silo's memory, of which the last ten minutes are kept."""
     below, _, last = name.rpartition("/")
     size = buffer_size_for(KEEP_S, log.options.frequency_hz, probe.divider)
