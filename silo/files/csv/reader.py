@@ -35,6 +35,7 @@ _MOST_DIGITS = 18  # of a number that surely is an int64
 _CELL = re.compile(rb'(?:("(?:[^"]|"")*"?)[^,]*|([^,]*))(?:,|$)')
 _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
 _MOST_OFFSETS = 1_000_000
+_LONGEST_LINE = 1 << 26  # a million columns with names of 64 bytes; a file of 1 TB without a line break is told at once
 _BOM = b"\xef\xbb\xbf"
 
 
@@ -114,10 +115,12 @@ def _record(text: memoryview, begin: int) -> tuple[list[bytes], int]:
 
 def _line_end(text: memoryview, begin: int) -> int:
     """Where the line ends that begins there, its end included."""
-    for start in range(begin, len(text), 1 << 16):
+    for start in range(begin, min(len(text), begin + _LONGEST_LINE), 1 << 16):
         place = bytes(text[start : start + (1 << 16)]).find(b"\n")
         if place >= 0:
             return start + place + 1
+    if len(text) - begin > _LONGEST_LINE:
+        raise FileFormatError(f"the line that begins at byte {begin:,} has no end within {_LONGEST_LINE:,} bytes")
     return len(text)
 
 
