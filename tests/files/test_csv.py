@@ -2,6 +2,8 @@
 
 import csv
 import io
+import os
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -270,3 +272,24 @@ def test_times_of_a_table_that_went_through_doubles_are_exact_again(plan, record
     moved = [",".join([str(float(cells[0]) + 5), *cells[1:]]) for cells in (line.split(",") for line in lines)]
     path.write_text("\n".join([head, *moved]) + "\n")
     assert abs(read_csv(path).time_ns - recording.time_ns - 5 * 10**9).max() < 1000
+
+
+@pytest.mark.parametrize(
+    "later", ["time,a\n0,9\n", "time,a\n" + "".join(f"{tick},{tick * 1000}\n" for tick in range(20_000))]
+)
+def test_a_table_that_is_written_anew_in_its_place_stays_what_it_was_when_it_was_opened(tmp_path, later):
+    path = tmp_path / "table.csv"
+    path.write_text("time,a\n" + "".join(f"{tick},{tick + 7}\n" for tick in range(20_000)))
+    recording = read_csv(path)
+    path.write_text(later)
+    np.testing.assert_array_equal(recording.elements[0].entries[0].values, np.arange(20_000) + 7)
+
+
+def test_a_pipe_is_read(tmp_path):
+    path = tmp_path / "pipe.csv"
+    os.mkfifo(path)
+    writer = threading.Thread(target=path.write_text, args=["time,a\n0,1\n1,2\n"], daemon=True)
+    writer.start()
+    recording = read_csv(path)
+    writer.join()
+    assert recording.elements[0].entries[0].values.tolist() == [1, 2]

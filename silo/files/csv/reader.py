@@ -6,7 +6,6 @@ put together again by their suffixes. Opening finds where the cells are (`silo.f
 stamps; the values of a column are read when they are asked for.
 """
 
-import mmap
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -46,7 +45,8 @@ def read_csv(path: str | os.PathLike[str]) -> Recording:
     be opened, `FileFormatError` if it is empty or its first column (or rows) holds no time.
     """
     try:
-        text = _mapped(Path(path))
+        # no memory map: of a table that is written anew in its place values were mixed, or a signal ended the process
+        text = np.frombuffer(Path(path).read_bytes(), np.uint8)
     except FileNotFoundError as error:
         raise LogNotFoundError(f"there is no file '{os.fspath(path)}'") from error
     except OSError as error:
@@ -55,13 +55,6 @@ def read_csv(path: str | os.PathLike[str]) -> Recording:
         return _parsed(text, Path(path))
     except FileFormatError as error:
         raise FileFormatError(f"'{os.fspath(path)}' can't be read as a log: {error}") from None
-
-
-def _mapped(path: Path) -> NDArray[np.uint8]:
-    with path.open("rb") as file:
-        if os.fstat(file.fileno()).st_size == 0:
-            return np.empty(0, np.uint8)
-        return np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), np.uint8)
 
 
 def _parsed(text: NDArray[np.uint8], path: Path) -> Recording:
