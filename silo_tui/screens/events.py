@@ -24,6 +24,7 @@ from silo_tui.screens.searching import Searching
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, StatusBar
+from silo_tui.widgets.lines import Lines
 from silo_tui.widgets.recorded import FileBanner, FileBar
 
 
@@ -103,6 +104,11 @@ class EventsScreen(ListScreen[LoggedEvent]):
     def move(self, place: int) -> None:
         self._following = False
         super().move(place)
+
+    def on_lines_cursor_moved(self, event: Lines.CursorMoved) -> None:
+        """Follow no longer where the mouse chose an older line."""
+        self._following = self._following and not self.lines.highlighted
+        super().on_lines_cursor_moved(event)
 
     def command_list_top(self) -> None:
         """Follow the newest again."""

@@ -96,6 +96,19 @@ async def test_the_events_screen_shows_newest_first_and_follows(running, opened)
         await screen.shows("4 events, follows")
 
 
+async def test_a_line_that_the_mouse_chose_stays_under_the_cursor_when_something_happens(running, opened):
+    async with opened(running) as screen:
+        await screen.press("E")
+        await screen.shows("3 events, follows")
+        await screen.pilot.click("#list-lines", offset=(5, 2))
+        await screen.shows("3 events, g follows")
+        running.happen("lost", "12 rows lost", running.now_ns)
+        await screen.shows("4 events, g follows")
+        assert screen.app.screen.chosen.text == "started"
+        await screen.press("g")
+        await screen.shows("4 events, follows")
+
+
 @pytest.mark.parametrize("lost", [1, 2, 5])
 async def test_lines_whose_news_got_lost_are_asked_for_with_the_next_one(running, opened, monkeypatch, lost):
     async with opened(running) as screen:
