@@ -220,10 +220,8 @@ class Recorder:
         writing = self._writing
         one = writing.news.popleft() if writing.news else writing.end_news
         if len(writing.news) > MOST_NEWS:  # a disk that is too slow for ever: the sum is told
-            for _ in range(len(writing.news)):
-                news = writing.news.popleft()
-                if "told" not in news.keywords:
-                    writing.news.append(news)
+            now = [writing.news.popleft() for _ in range(len(writing.news))]
+            writing.news.extendleft(reversed([news for news in now if "told_run" not in news.keywords]))
         totals = writing.totals
         told = {"text": totals.text[:TEXT_BYTES], "written_bytes": totals.written_bytes + writing.open_bytes}
         return one(**{**msgspec.structs.asdict(totals), **told})

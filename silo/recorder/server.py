@@ -389,17 +389,19 @@ class EndlessRecordings:
         """It comes to nothing more: told with what became of it, by its ledger."""
         state = RecorderState.FAILED if failed else RecorderState.ENDED
         recorder.again_s = 0.0
-        sums = recorder.sums()
+        sums, last = recorder.sums(), recorder.report
         recorder.report = msgspec.structs.replace(
-            recorder.report, state=state, text=text, parts=sums.parts, samples=sums.samples, lost=sums.lost
+            last, state=state, text=text, parts=sums.parts, samples=sums.samples, lost=sums.lost
         )
         with self._lock:
             if not failed:
                 recorder.runs.clear()
         told = f"recording '{recorder.order.name}' ended: {text}; {sums.text}"
-        # a recorder that fails may be behind: what it failed at is of a run that may be over
-        run, tick = recorder.report.told_run, recorder.report.told_tick
-        self._failed(told, recorder.kept.by, run, tick if run else None) if failed else self._tell(told)
+        # one that fails may be behind: what it failed at is of a run that may be over; the last words of one that died
+        # are of something else
+        run = last.told_run if last.state.over else ""
+        tick = last.told_tick if run and last.told_tick >= 0 else None
+        self._failed(told, recorder.kept.by, run, tick) if failed else self._tell(told)
         recorder.reported.set()
         recorder.ended.set()
         with self._lock:

@@ -28,7 +28,7 @@ from silo.analysis.opening import open_log
 from silo.core.elements import BufferType, Entry
 from silo.core.kinds import struct_text
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.errors import SiloError
+from silo.errors import FileFormatError, SiloError
 from silo.files.bags.index import read_index, record_at
 from silo.files.bags.metadata import FACTS_ATTACHMENT, RecordingFacts, unpack_facts
 from silo.files.formats import FORMATS, writer_for
@@ -65,6 +65,7 @@ WORDS = [
     b"O",
 ]
 TARGETS = ["silo", "csv", "mcap", "sidecar", "rows", "checked", "bag", "dashes", "dashes beside", "attached", "told"]
+TARGETS += ["parquet", "npz", "mat", "h5"]
 ENDINGS = {
     "sidecar": "csv", "rows": "csv", "checked": "silo", "dashes": "silo", "dashes beside": "csv", "attached": "mcap",
     "told": "mcap",
@@ -313,7 +314,16 @@ def test_of_a_damaged_file_come_only_errors_of_silo(target, tmp_path, monkeypatc
 
 
 def test_every_format_that_is_read_is_fuzzed():
-    assert {one.name for one in FORMATS if one.reader} <= {"silo", "csv", "mcap", "bag"}
+    assert {one.name for one in FORMATS if one.reader} <= {
+        "silo",
+        "csv",
+        "mcap",
+        "bag",
+        "parquet",
+        "numpy",
+        "matlab",
+        "hdf5",
+    }
 
 
 @pytest.mark.parametrize("count", ["1000000000000", "999999999999999999"])
@@ -332,5 +342,5 @@ def test_facts_that_claim_huge_types_are_not_believed(tmp_path):
     facts = json.loads((tmp_path / "x.csv.json").read_bytes())
     facts["elements"][0]["entries"][0]["dtype"] = "|V2000000000"
     (tmp_path / "x.csv.json").write_text(json.dumps(facts))
-    with little_room():
+    with little_room(), pytest.raises(FileFormatError, match=r"was logged as \|V2000000000"):
         look_at_all(path)

@@ -102,6 +102,7 @@ def test_a_list_that_another_process_wrote_anew_is_read_anew(tmp_path):
     assert one.written(CaptureEntry("run", "noise", 2500, "last"), [str(kept)], keep=1) == []
     assert (tmp_path / ".bot.captures.jsonl").stat().st_size < 1000
     assert other.numbers("run") == {"noise": 2500}
-    assert other.find("run", "noise", 7) is None
+    assert not other.has_files("run", "noise", 7)
+    assert other.has_files("run", "noise", 2500)
     other.note(CaptureEntry("run", "real", 1, "name"))
     assert one.numbers("run") == {"noise": 2500, "real": 1}

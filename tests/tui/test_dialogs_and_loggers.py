@@ -75,7 +75,7 @@ async def test_data_is_saved_in_the_types_that_are_chosen(fake, opened):
         await screen.until(lambda: fake.calls)
         assert fake.calls == [("save", [FileType.SILO, FileType.CSV], "")]
         await screen.shows("/home/ann/logs/robot_00001.silo")
-        await screen.shows("1.2 MB")
+        await screen.shows("1.23 MB")
 
 
 async def test_a_failed_save_says_why(fake, opened):
@@ -96,7 +96,7 @@ async def test_the_end_of_a_save_whose_dialog_was_left_is_told(fake, opened):
         await screen.press("escape")
         await screen.shows("its end will be told")
         fake.end_save([FileType.CSV], "abc")
-        await screen.shows("saved: /home/ann/logs/abc.csv (1.2 MB)")
+        await screen.shows("saved: /home/ann/logs/abc.csv (1.23 MB)")
 
 
 async def test_the_failure_of_a_save_whose_dialog_was_left_is_told(fake, opened):

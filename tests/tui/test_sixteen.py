@@ -82,7 +82,7 @@ async def test_1_the_hottest_motor_is_on_top(fake, opened):
 def demo(new_fake):
     """A logger with the elements of `silo demo`: many more of them are torques than those of the small robot."""
     robot = signals(SimulatedRobot(400, seed=1))
-    return new_fake([scalar(f"/log/{each.group}/{each.name}", each.unit, action=each.action) for each in robot])
+    return new_fake([scalar(f"/log/{each.group}/{each.name}", each.row.unit, action=each.row.action) for each in robot])
 
 
 @pytest.mark.parametrize("robot", ["fake", "demo"])

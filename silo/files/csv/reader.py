@@ -153,6 +153,8 @@ def _from_columns(
         f"record {number} has {count} cells where the header has {width}; it is left out" for number, count in cells.odd
     ]
     sizes = cells.sizes
+    if cells.odd and not len(sizes):
+        raise FileFormatError(f"none of its records has {width} cells, as its first one has")
     longest, shortest, letters = sizes.max(axis=0, initial=0), sizes.min(axis=0, initial=1), cells.letters()
     everywhere = np.arange(len(sizes))
     columns = []

@@ -1,0 +1,54 @@
+"""What a recorder tells when there is much to tell, and where what became of it stands."""
+
+import threading
+from collections import deque
+from types import SimpleNamespace
+
+import pytest
+
+from silo.core.elements import RecorderState
+from silo.recorder.orders import News, Progress, Report
+from silo.recorder.recorder import Recorder
+from silo.recorder.server import EndlessRecordings
+
+
+def test_of_a_disk_that_is_too_slow_for_ever_only_losses_are_left_out():
+    recorder = object.__new__(Recorder)
+    news = deque([News(Report, finished="first.mcap")])
+    news += [News(Report, told="lost 5 rows", told_run="run", told_tick=tick) for tick in range(30)]
+    recorder._writing = SimpleNamespace(
+        news=news, end_news=News(Report), totals=Progress(RecorderState.RECORDING), open_bytes=0
+    )
+    recorder._tell_clients("the part that a killed recorder left was damaged")
+    news.append(News(Report, done="run"))
+    told = [recorder._report() for _ in range(3)]
+    assert [(each.finished, each.told, each.done) for each in told] == [
+        ("first.mcap", "", ""),
+        ("", "the part that a killed recorder left was damaged", ""),
+        ("", "", "run"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("last", "place"),
+    [
+        (Report(RecorderState.DIED, told="lost 5 rows", told_run="before", told_tick=100), ("", None)),
+        (Report(RecorderState.FAILED, told_run="run", told_tick=100), ("run", 100)),
+        (Report(RecorderState.FAILED, told_run="run"), ("run", None)),
+    ],
+)
+def test_a_recording_that_failed_stands_where_it_failed_not_where_something_was_lost_before(last, place):
+    published = []
+    server = object.__new__(EndlessRecordings)
+    server._lock = threading.RLock()
+    server._events = SimpleNamespace(publish=lambda kind, text, *, by, run, tick: published.append((run, tick)))
+    server._held = SimpleNamespace(changed=lambda: None)
+    server._store = lambda: None
+    recorder = SimpleNamespace(
+        report=last, again_s=0.0, runs=deque(), reported=threading.Event(), ended=threading.Event(),
+        order=SimpleNamespace(name="walk"), kept=SimpleNamespace(by="ann"),
+        sums=lambda: SimpleNamespace(parts=1, samples=5, lost=5, text="5 lost"),
+    )  # fmt: skip
+    server._over(recorder, "the disk is full", failed=True)
+    assert published == [place]
+    assert recorder.report.state is RecorderState.FAILED
