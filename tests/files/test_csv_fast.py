@@ -117,3 +117,26 @@ def test_a_value_that_its_type_cannot_be_is_told_when_it_is_read(tmp_path):
     (element,) = read_csv(tmp_path / "x.csv").elements
     with pytest.raises(FileFormatError, match=r"'/log/a' was logged as \|i1, which a value in the table is not"):
         _ = element.entries[0].values
+
+
+SEVENS = ["7"] * 4000
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        pytest.param(["2024-01-01", "2024-01-02"], id="dates"),
+        pytest.param(["-", "5"], id="missing"),
+        pytest.param(["1.2.3", "4.5.6"], id="versions"),
+        pytest.param(["een", "nine"], id="letters of numbers"),
+        pytest.param([*SEVENS, "7.5", *SEVENS], id="one point of many"),
+        pytest.param([*SEVENS, "3/4", *SEVENS], id="one slash of many"),
+        pytest.param(["-5", "7"], id="signs"),
+        pytest.param(["5", "7"], id="figures"),
+    ],
+)
+def test_a_column_is_told_as_the_type_that_its_values_have(cells, tmp_path):
+    path = tmp_path / "x.csv"
+    path.write_text("time,x\n" + "".join(f"{tick},{cell}\n" for tick, cell in enumerate(cells)))
+    entry = read_csv(path).elements[0].entries[0]
+    assert entry.dtype == entry.values.dtype.str

@@ -71,14 +71,23 @@ class Cells(NamedTuple):
         quoted = np.char.startswith(found, QUOTE)
         return np.array([unquoted(cell) for cell in found.tolist()], "S") if quoted.any() else found
 
-    def letters(self) -> NDArray[np.uint8]:
-        """Which kinds of letters each column has, shape `(width,)`: the bits `DIGITS`, `POINTS` and `OTHERS`.
+    @property
+    def _step(self) -> int:
+        return max(1, len(self.starts) // _ROWS_TOLD) if self.plain else 1
 
-        Of a plain table some rows tell: in others may stand a point, no text.
+    @property
+    def sampled(self) -> bool:
+        """Whether not all rows are looked at for the letters of the columns."""
+        return self._step > 1
+
+    def letters(self) -> NDArray[np.uint8]:
+        """Which kinds of letters each column has, shape `(width,)`: the bits `DIGITS`, `SIGNS`, `POINTS` and `OTHERS`.
+
+        Of a plain table some rows tell, see `sampled`: in others may stand a point or a sign, no letter.
         """
         width = self.ends.shape[1]
         found = np.zeros(width, np.uint8)
-        step = max(1, len(self.starts) // _ROWS_TOLD) if self.plain else 1
+        step = self._step
         lines = max(1, _PIECE // (width * 16)) if step == 1 else 1
         for start in range(0, len(self.starts), max(step, lines)):
             begin, ends = int(self.starts[start]), self.ends[start : start + lines]
@@ -90,11 +99,9 @@ class Cells(NamedTuple):
         return found
 
 
-DIGITS, POINTS, OTHERS = 1, 2, 4
-_KINDS = bytes(
-    DIGITS if letter in b"0123456789+-" else POINTS if letter in b".eEnaNif" else 0 if letter in b",\n\r" else OTHERS
-    for letter in range(256)
-)
+DIGITS, POINTS, OTHERS, SIGNS = 1, 2, 4, 8
+_CLASSES = {b"0123456789": DIGITS, b"+-": SIGNS, b".eEnaNif": POINTS, b",\n\r": 0}
+_KINDS = bytes(next((kind for of, kind in _CLASSES.items() if letter in of), OTHERS) for letter in range(256))
 
 
 def as_numbers(cells: Words, dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from silo.core.elements import Entry, LoggedEvent
 from silo.core.recording import RecordedElement, Recording, alike, lazy_entry, masked
 from silo.errors import FileFormatError
-from silo.files.csv.cells import DIGITS, OTHERS, QUOTE, Words, as_numbers
+from silo.files.csv.cells import OTHERS, POINTS, QUOTE, Words, as_numbers
 from silo.files.silo import format as form
 
 SIDECAR = ".json"
@@ -147,7 +147,7 @@ def _may_be(dtype: np.dtype[Any], column: Column) -> bool:
     """Whether the letters of a column may be values of this type."""
     if dtype.kind not in "biufmM" or column.letters is None:
         return dtype.kind in "biufmMSUc" or (dtype.kind == "V" and dtype.fields is None)
-    return column.letters | DIGITS == DIGITS if dtype.kind != "f" else not column.letters & OTHERS
+    return not column.letters & (OTHERS if dtype.kind == "f" else OTHERS | POINTS)
 
 
 def _loaded(

@@ -22,7 +22,7 @@ from silo.core.kinds import regroup
 from silo.core.recording import RecordedElement, Recording, lazy_entry, masked
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
-from silo.files.csv.cells import DIGITS, POINTS, QUOTE, Cells, Words, as_numbers, find_cells, unquoted
+from silo.files.csv.cells import DIGITS, QUOTE, Cells, Words, as_numbers, find_cells, unquoted
 from silo.files.csv.metadata import Column, NotThisTableError, restored, sidecar_of, unpack
 from silo.files.silo.format import decode_text, first_stamp
 
@@ -160,7 +160,7 @@ def _from_columns(
     columns = []
     for number in range(width):
         places = everywhere if shortest[number] else np.flatnonzero(sizes[:, number])
-        kind = _surely(int(letters[number]), int(longest[number]))
+        kind = None if cells.sampled else _surely(int(letters[number]), int(longest[number]))
         columns.append(Column(places, partial(cells.column, number, places), kind, int(letters[number])))
     names = [_text(cell) for cell in head]
     words = cells.column(0)
@@ -176,10 +176,8 @@ def _from_columns(
 
 
 def _surely(letters: int, longest: int) -> np.dtype[Any] | None:
-    """The type that texts of these letters have; None where they must be looked at."""
-    if letters == DIGITS and longest <= _MOST_DIGITS:
-        return np.dtype(np.int64)
-    return np.dtype(np.float64) if letters == DIGITS | POINTS else None
+    """The type that texts of these letters have; None where they must be looked at: dates have signs, too."""
+    return np.dtype(np.int64) if letters == DIGITS and longest <= _MOST_DIGITS else None
 
 
 def _from_rows(
