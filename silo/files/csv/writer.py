@@ -125,7 +125,7 @@ def _encoded_lines(time_ns: NDArray[np.int64], cells: Sequence[_Cells]) -> bytes
     matrix = np.stack([cell.values for cell in cells], axis=1) if even else np.full((1, 1), np.nan)
     rows = matrix.tolist() if np.isfinite(matrix).all() else list(zip(*map(_encodable, cells), strict=True))
     lines = _ENCODER.encode_lines(rows)[1:-2].split(_BETWEEN)
-    if len(lines) != len(time_ns):  # a text that reads as the end of a line
+    if not cells or len(lines) != len(time_ns):  # a text that reads as the end of a line
         return _plain_lines(time_ns, cells)
     times = zip(_time_texts(time_ns), lines, time_ns.tolist(), strict=True)
     return b"".join([b"%b,%b,%d\n" % (time.encode(), line, stamp) for time, line, stamp in times])
