@@ -4,6 +4,7 @@
 """
 
 import functools
+import io
 import json
 import os
 import random
@@ -11,6 +12,7 @@ import re
 import resource
 import shutil
 import warnings
+import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -343,4 +345,18 @@ def test_facts_that_claim_huge_types_are_not_believed(tmp_path):
     facts["elements"][0]["entries"][0]["dtype"] = "|V2000000000"
     (tmp_path / "x.csv.json").write_text(json.dumps(facts))
     with little_room(), pytest.raises(FileFormatError, match=r"was logged as \|V2000000000"):
+        look_at_all(path)
+
+
+def test_stamps_that_the_facts_know_nothing_of_are_not_unpacked(tmp_path):
+    path = tmp_path / "x.npz"
+    writer_for(path)(a_recording(random.Random(1)), path, None)
+    with zipfile.ZipFile(path) as whole:
+        members = {name: whole.read(name) for name in whole.namelist()}
+    many = io.BytesIO()
+    np.save(many, np.zeros(30_000_000, np.int64))
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as hurt:
+        for name, data in {**members, "time_ns.npy": many.getvalue()}.items():
+            hurt.writestr(name, data)
+    with little_room(), pytest.raises(FileFormatError, match=r"has 30,000,0.. time stamps, and says that it has"):
         look_at_all(path)

@@ -64,7 +64,13 @@ def read_npz(path: Path) -> Recording:
     with told_of(path):
         arrays = np.load(path, allow_pickle=False)
         text = str(arrays[NAME]) if NAME in arrays else None
-        return restored(path, text, lambda: arrays["time_ns"], lambda place, *_: arrays[place[0]])
+        return restored(
+            path,
+            text,
+            lambda: arrays.zip.getinfo("time_ns.npy").file_size // 8,
+            lambda: arrays["time_ns"],
+            lambda place, *_: arrays[place[0]],
+        )
 
 
 def _add(archive: zipfile.ZipFile, name: str, values: NDArray[Any]) -> None:
@@ -144,7 +150,7 @@ def read_mat(path: Path) -> Recording:
         known = [name for name, *_ in matlab.whosmat(path, appendmat=False)]
         about: Any = struct("silo") if "silo" in known else np.empty(0)
         text = str(about["log"].ravel()[0]) if "log" in (about.dtype.names or ()) else None
-        return restored(path, text, lambda: about["time_ns"], values)
+        return restored(path, text, lambda: int(about["time_ns"].size), lambda: about["time_ns"], values)
 
 
 def _matlab_struct(recording: Recording, element: RecordedElement, start: int) -> dict[str, Any]:
@@ -284,7 +290,7 @@ def read_hdf5(path: Path) -> Recording:
     with told_of(path):
         store = h5py.File(path, "r")
         text = store[NAME][()] if NAME in store else None
-        return restored(path, text, lambda: store["time_ns"][()], column)
+        return restored(path, text, lambda: int(store["time_ns"].size), lambda: store["time_ns"][()], column)
 
 
 def _group(store: Any, name: str) -> Any:

@@ -22,6 +22,7 @@ from silo.files.csv.metadata import CsvFacts, table_facts
 from silo.files.silo import format as form
 
 NAME = "silo.log"  # of the text in the file
+_SLACK = 1024  # stamps by which a file may seem to have more than it has: heads of arrays
 Place = tuple[str, int]  # the array that an entry stands in, and in which of its columns: -1 for all of it
 Arrays = Callable[[Place, RecordedElement, int], NDArray[Any]]  # of an element with so many samples
 
@@ -59,12 +60,29 @@ def told_of(path: Path) -> Iterator[None]:
         raise FileFormatError(f"'{path}' can't be read: {words}") from error
 
 
-def restored(path: Path, text: str | bytes | None, time_ns: Callable[[], NDArray[Any]], arrays: Arrays) -> Recording:
-    """The recording of a file; `time_ns` and `arrays` read of it. Raises `FileFormatError` for one of others."""
+def restored(
+    path: Path,
+    text: str | bytes | None,
+    announced: Callable[[], int],
+    time_ns: Callable[[], NDArray[Any]],
+    arrays: Arrays,
+) -> Recording:
+    """The recording of a file; `time_ns` and `arrays` read of it, `announced` says about how many stamps that will be.
+
+    Raises `FileFormatError` for a file of others, and where the stamps are not as many as the facts say; before they
+    are unpacked, if they are many more.
+    """
     if text is None:
         raise FileFormatError(f"'{path}' was not written by silo, or by one before 0.2: it doesn't say what is in it")
     facts = msgspec.json.decode(text, type=TableFacts)
-    stamps = np.asarray(time_ns()).ravel().astype(np.int64)
+    count = announced()
+    if count <= facts.ticks + _SLACK:
+        stamps = np.asarray(time_ns()).ravel().astype(np.int64)
+        count = len(stamps)
+    if count != facts.ticks:
+        raise FileFormatError(
+            f"'{path}' has {count:,} time stamps, and says that it has {facts.ticks:,}: it is damaged"
+        )
     places = iter(facts.places)
     elements = []
     for number, one in enumerate(facts.elements):

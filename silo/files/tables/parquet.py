@@ -87,7 +87,8 @@ def read_parquet(path: Path) -> Recording:
     with told_of(path):
         file = parquet.ParquetFile(path)
         text = (file.schema_arrow.metadata or {}).get(NAME.encode())
-        return restored(path, text, lambda: file.read(columns=["time_ns"]).column(0).to_numpy(), column)
+        stamps = lambda: file.read(columns=["time_ns"]).column(0).to_numpy()  # noqa: E731
+        return restored(path, text, lambda: file.metadata.num_rows, stamps, column)
 
 
 def _samples(arrow: Any, file: Any, name: str, element: RecordedElement, count: int) -> NDArray[Any]:
