@@ -17,7 +17,8 @@ from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider
 from silo_tui.commands.runner import CommandRunner
-from silo_tui.context import Context, Later
+from silo_tui.context import Context
+from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import dots
 from silo_tui.screens.holding import Holding
 from silo_tui.sessions.demo import Demo
@@ -154,7 +155,7 @@ class SiloApp(Guarded, App[None]):
         if not paint:
             return
         if frame.running != session.running and not session.dead:
-            self.run_worker(Later(self._refresh_status), group="status", exclusive=True)
+            run_alone(self, "status", self._refresh_status)
         self.context.tell_upper(lambda screen: screen.live_changed(frame))
         self._tell_thinness()
 
@@ -172,14 +173,14 @@ class SiloApp(Guarded, App[None]):
         self._opener.keep_view()
         session = self._live_session
         if session is not None and session.conditions_due and session.fresh:
-            self.run_worker(Later(self._refresh_conditions, session), group="conditions", exclusive=True)
+            run_alone(self, "conditions", self._refresh_conditions, session)
         if session is not None and session.lost_since is not None and session.link and session.link.connected:
             # it came back, but didn't answer at once: asked again when it has given up on that, else calls queue up
             if all(one.is_finished for one in self.workers if one.group == "regain"):
-                self.run_worker(Later(self._regain, session), group="regain")
+                run_aside(self, "regain", self._regain, session)
         elif session is not None and session.running and session.connected and session.status.durable_ticks >= 0:
             # no frame tells what is durable
-            self.run_worker(Later(self._refresh_status), group="status", exclusive=True)
+            run_alone(self, "status", self._refresh_status)
 
     async def _refresh_conditions(self, session: Session) -> None:
         await self.context.quietly(session.refresh_conditions())
@@ -197,7 +198,7 @@ class SiloApp(Guarded, App[None]):
         if session is None or message.link is not session.link:
             return
         if message.connected:
-            self.run_worker(Later(self._regain, session), group="regain", exclusive=True)
+            run_alone(self, "regain", self._regain, session)
         else:
             session.lose()
             self.context.status_changed()
@@ -208,9 +209,7 @@ class SiloApp(Guarded, App[None]):
         if session is None or session.link is None:
             return
         if session.link.connected:
-            self.run_worker(
-                Later(self._regain, session, quiet=session.lost_since is None), group="regain", exclusive=True
-            )
+            run_alone(self, "regain", self._regain, session, quiet=session.lost_since is None)
         else:
             session.lose()
             self.context.status_changed()
@@ -230,7 +229,7 @@ class SiloApp(Guarded, App[None]):
         """Follow what somebody did, or what happened, in a worker: asking takes time, keys don't wait."""
         session = self._live_session
         if session is not None and message.link is session.link:
-            self.run_worker(Later(self._take_event, session, message.event), group="news")
+            run_aside(self, "news", self._take_event, session, message.event)
 
     async def _take_event(self, session: Session, event: Event) -> None:
         context = self.context
@@ -353,11 +352,11 @@ class SiloApp(Guarded, App[None]):
         from silo_tui.screens.opened import open_saved
 
         session = self.context.session
-        opening = Later(
-            open_saved, self.context, session, session.left_files,
-            lambda file: [name for name in asked.names if name in file.table.names],
-        )  # fmt: skip
-        self.run_worker(opening, group="opening", exclusive=True)
+
+        def plotted(file: "FileSession") -> list[str]:
+            return [name for name in asked.names if name in file.table.names]
+
+        run_alone(self, "opening", open_saved, self.context, session, session.left_files, plotted)
 
     def command_events(self) -> None:
         from silo_tui.screens.events import EventsScreen, FileEventsScreen

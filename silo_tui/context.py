@@ -5,9 +5,8 @@
 Screens, dialogs and commands import this and never `silo_tui.app`; it imports widgets and what stands below them.
 """
 
-from collections.abc import Awaitable, Callable, Coroutine, Generator, Sequence
-from functools import partial
-from typing import Any, ParamSpec, cast
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any, cast
 
 from textual import events
 from textual.app import App
@@ -16,7 +15,7 @@ from silo.errors import RefusedError, SiloError
 from silo.net.access.senders import read_only_words
 from silo.rpc.frames import Frame
 from silo_tui.actions import BY_ID, Command, edits_by
-from silo_tui.modal import Dialog, Leaving
+from silo_tui.modal import Dialog, Leaving, run_alone
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
@@ -26,27 +25,6 @@ from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
 
 NOT_EDITED = "a saved file: nothing to edit"
-
-Arguments = ParamSpec("Arguments")
-
-
-class Later(Awaitable[object]):
-    """Work that begins when a worker awaits it.
-
-    A coroutine that is handed over instead is left behind, and Python warns of it, where the worker is cancelled before
-    it ran: by the next of its group, or by the end of its screen.
-    """
-
-    def __init__(
-        self,
-        work: Callable[Arguments, Coroutine[Any, Any, object]],
-        *arguments: Arguments.args,
-        **named: Arguments.kwargs,
-    ) -> None:
-        self._begin = partial(work, *arguments, **named)
-
-    def __await__(self) -> Generator[Any, None, object]:
-        return self._begin().__await__()
 
 
 class Held(Dialog[None]):
@@ -281,7 +259,7 @@ class Context:
 
     def learn_scripts(self) -> None:
         """Ask for the names of the scripts, for completion."""
-        self.app.run_worker(Later(self._learn_scripts), group="scripts", exclusive=True)
+        run_alone(self.app, "scripts", self._learn_scripts)
 
     async def _learn_scripts(self) -> None:
         async def ask() -> None:

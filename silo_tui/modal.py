@@ -3,10 +3,13 @@
 A dialog besides is left once, and keys that come after that are for the screen below.
 """
 
-from typing import TypeVar
+from collections.abc import Callable, Coroutine
+from functools import partial
+from typing import Any, ParamSpec, TypeVar, cast
 
 from textual import events
 from textual.await_complete import AwaitComplete
+from textual.dom import DOMNode
 from textual.geometry import Region
 from textual.screen import ModalScreen, Screen
 from textual.widget import Widget
@@ -15,6 +18,23 @@ from textual.widgets import OptionList
 from silo_tui.unforeseen import Guarded
 
 ResultT = TypeVar("ResultT")
+Given = ParamSpec("Given")
+Work = Callable[Given, Coroutine[Any, Any, object]]
+
+
+def run_aside(of: DOMNode, group: str, work: Work[Given], *given: Given.args, **named: Given.kwargs) -> None:
+    """Do work in a worker of the app or of a screen, which ends with it.
+
+    The coroutine is made when the worker begins: one that is handed over is left behind, and Python warns of it, where
+    the worker is cancelled before it ran.
+    """
+    of.run_worker(cast("Callable[[], object]", partial(work, *given, **named)), group=group)
+
+
+def run_alone(of: DOMNode, group: str, work: Work[Given], *given: Given.args, **named: Given.kwargs) -> None:
+    """Do the same, and end what is still done of its group."""
+    of.workers.cancel_group(of, group)
+    run_aside(of, group, work, *given, **named)
 
 
 class Leaving(Guarded, Screen[ResultT]):

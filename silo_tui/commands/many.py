@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from rich.text import Text
 
 from silo.core.quantities.writing import many
-from silo_tui.context import Context, Later
+from silo_tui.context import Context
+from silo_tui.modal import run_aside
 from silo_tui.model import fleet
 from silo_tui.screens.dialogs import Choice, Prompt, Question
 from silo_tui.screens.loggers import LoggersScreen
@@ -39,7 +40,7 @@ class Many:
             self._context.say(f"{self._verb}: {self._counts[2]} have not answered yet")
             return
         by_key = {one.key: one for one in found}
-        self._context.app.run_worker(Later(self._ask, what, targets, by_key), group="many")
+        run_aside(self._context.app, "many", self._ask, what, targets, by_key)
 
     async def _ask(self, what: str, targets: Sequence[fleet.LoggerLine], found: dict[str, FoundLogger]) -> None:
         now_ns = time.time_ns()
@@ -141,7 +142,7 @@ class Many:
                 finally:
                     loop.call_soon_threadsafe(self._end)
 
-        self._context.app.run_worker(Later(asyncio.to_thread, collect), group="many answers")
+        run_aside(self._context.app, "many answers", asyncio.to_thread, collect)
 
     def _take(self, key: str, outcome: "Outcome") -> None:
         self._answers[key] = outcome.text if outcome.done else f"! {outcome.text}"

@@ -9,9 +9,10 @@ from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionErr
 from silo_tui.commands import flows
 from silo_tui.commands.many import Many
 from silo_tui.commands.runner import LOST, CommandRunner, view_shown
-from silo_tui.context import Context, Later
+from silo_tui.context import Context
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
+from silo_tui.modal import run_alone
 from silo_tui.screens.loggers import LoggersScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.demo import Demo
@@ -56,7 +57,7 @@ class Opener:
 
     def search_on(self) -> None:
         """Begin the search, or begin it anew."""
-        self._app.run_worker(Later(self._search), group="search", exclusive=True)
+        run_alone(self._app, "search", self._search)
 
     def try_again(self) -> None:
         """Try again also what could not be opened."""
@@ -67,7 +68,7 @@ class Opener:
 
     def list_on(self) -> None:
         """Show the list of loggers; the search ends."""
-        self._app.run_worker(Later(self._show_list), group="search", exclusive=True)
+        run_alone(self._app, "search", self._show_list)
 
     def choose(self, logger: FoundLogger) -> None:
         """Open a logger from the list; ask when edits are pending."""

@@ -13,9 +13,10 @@ from silo.rpc.refusals import RefusedWhy
 from silo.settings.typed import ElementSettings, completions, read_settings
 from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
 from silo_tui.commands import flows
-from silo_tui.context import NOT_EDITED, Context, Later, SiloScreen
+from silo_tui.context import NOT_EDITED, Context, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout, read, write
+from silo_tui.modal import run_alone
 from silo_tui.model import command_line
 from silo_tui.model.paths import typed_file
 from silo_tui.model.people import people_words
@@ -171,8 +172,7 @@ class CommandRunner:
             raise ValueError("open which file? for example `:open logs/run.silo`; F lists what is on the robot")
         if not self._context.has_session:
             raise RefusedError("no logger is open: leave silo-tui, and open the file by `silo-tui FILE`")
-        opening = Later(self._open, " ".join(spelled.arguments))
-        self._context.app.run_worker(opening, group="opening", exclusive=True)
+        run_alone(self._context.app, "opening", self._open, " ".join(spelled.arguments))
 
     async def _open(self, path: str) -> None:
         self._context.say(f"reading {path} …")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from textual.app import ComposeResult
 
-from silo_tui.context import Later
+from silo_tui.modal import run_alone
 from silo_tui.screens.list_screen import ListScreen
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.live_source import LiveSource
@@ -43,7 +43,7 @@ class ConditionsScreen(ListScreen[Status]):
 
     def ask(self) -> None:
         """Ask how they stand."""
-        self.run_worker(Later(self._ask), group="conditions", exclusive=True)
+        run_alone(self, "conditions", self._ask)
 
     async def _ask(self) -> None:
         if self.session.connected:

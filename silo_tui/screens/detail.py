@@ -29,7 +29,7 @@ from silo.core.arrays.values import as_floats
 from silo.core.quantities.writing import duration
 from silo.errors import SiloError
 from silo_tui.actions import bindings_for
-from silo_tui.context import Later
+from silo_tui.modal import run_alone
 from silo_tui.model import big_plot, text
 from silo_tui.model.big_plot import BigPlot
 from silo_tui.model.columns import Floats
@@ -153,7 +153,7 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         return text.span(self.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
 
     def _begin(self) -> None:
-        self.run_worker(Later(self._draw), group="draw", exclusive=True)
+        run_alone(self, "draw", self._draw)
 
     async def _draw(self) -> None:
         ways = {"spectrum": self._spectrum, "x-y": self._pair, "histogram": self._histogram}

@@ -15,7 +15,7 @@ from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.files.atomic import atomic_file
 from silo_tui.actions import bindings_for
-from silo_tui.context import Later
+from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches, words
 from silo_tui.model.paths import typed_file
 from silo_tui.screens.dialogs import Prompt
@@ -123,7 +123,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
         self.command_list_down()
 
     def command_list_read(self) -> None:
-        self.run_worker(Later(self._read_again), group="events", exclusive=True)
+        run_alone(self, "events", self._read_again)
 
     async def _read_again(self) -> None:
         await self.context.quietly(self.session.learn_events())
@@ -139,7 +139,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
 
     def _write(self, given: str | None) -> None:
         if given:
-            self.run_worker(Later(self._written, given, list(self.shown)))
+            run_aside(self, "writing", self._written, given, list(self.shown))
 
     async def _written(self, given: str, shown: Sequence[LoggedEvent]) -> None:
         try:

@@ -16,7 +16,8 @@ from textual.app import App
 from silo.core.arrays.values import as_floats, text_of
 from silo.errors import SiloError
 from silo.files.atomic import atomic_file
-from silo_tui.context import Later, SiloScreen
+from silo_tui.context import SiloScreen
+from silo_tui.modal import run_aside
 from silo_tui.model.panels import Panel, has_curves, sides
 from silo_tui.model.paths import typed_path
 from silo_tui.model.plots import SECOND_NS, Plotted
@@ -34,7 +35,7 @@ def ask_export(
     def write(given: str | None) -> None:
         if given:
             # after the prompt is gone: it is no part of the picture
-            screen.call_after_refresh(lambda: screen.run_worker(Later(_export_to, given)))
+            screen.call_after_refresh(lambda: run_aside(screen, "writing", _export_to, given))
 
     async def _export_to(given: str) -> None:
         try:

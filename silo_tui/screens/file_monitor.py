@@ -7,7 +7,7 @@ from typing import ClassVar
 from textual.binding import Binding
 
 from silo_tui.actions import bindings_for
-from silo_tui.context import Later
+from silo_tui.modal import run_alone
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import SECOND_NS, PlotWindow
@@ -65,7 +65,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         names = [plotted.name for plotted in self.stack.on_screen() if plotted.numeric]
         columns = self.stack.columns
         store = ColumnStore(names, columns, self.window.column_ns(columns))
-        self.run_worker(Later(self._fill, store, names), group="history", exclusive=True)
+        run_alone(self, "history", self._fill, store, names)
 
     def _moment_shown(self) -> None:
         """Read the values at the cursor."""

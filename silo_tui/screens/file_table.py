@@ -9,7 +9,7 @@ from typing import ClassVar
 from textual.binding import Binding
 
 from silo_tui.actions import bindings_for
-from silo_tui.context import Later
+from silo_tui.modal import run_alone
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import NOTHING
 from silo_tui.model.table_columns import FILE_COLUMNS, FileRow
@@ -74,13 +74,13 @@ class FileTableScreen(ElementsScreen):
             trends = [table.entry_names(each)[0] for each in rows if table.elements[each].entries]
             store = _empty_store(trends, 2 * TREND, source.begin_ns, source.end_ns)
             if not _alike(store, self.session.columns):
-                self.run_worker(Later(self._read_trends, store), group="trends", exclusive=True)
+                run_alone(self, "trends", self._read_trends, store)
         if self.inspector.display and row is not None:
             begin, end = source.extent_ns([table.names[row]])
             names = self.inspector.plot_names() if end > begin else ()  # nothing to see of one sample
             store = _empty_store(names, 2 * max(8, self.inspector.plot_width), begin, end)
             if not _alike(store, self.plots.store):
-                self.run_worker(Later(self._read_plots, store, begin, end), group="plots", exclusive=True)
+                run_alone(self, "plots", self._read_plots, store, begin, end)
         self.live_head.update(self.pane.head)
         self.pane.live_changed()
         self.inspector.refresh()
@@ -93,7 +93,7 @@ class FileTableScreen(ElementsScreen):
         names = [name for row in rows for name in (self.session.table.names[row], self.pane.shown_name(row))]
         details = list(dict.fromkeys([*names, *self.table.entries_on_screen()]))
         if self.file.unmeasured(details, self.column_set.quantities):
-            self.run_worker(Later(self._measured, details), group="facts", exclusive=True)
+            run_alone(self, "facts", self._measured, details)
         elif self.session.table.facts.time_ns not in (0, self.file.time_ns):
             self.session.table.facts = NOTHING  # of another moment, and nobody asks for them any more
 

@@ -10,8 +10,7 @@ from textual.containers import Horizontal, Vertical
 from textual.timer import Timer
 from textual.widgets import Input, Static
 
-from silo_tui.context import Later
-from silo_tui.modal import Dialog
+from silo_tui.modal import Dialog, run_alone
 
 ResultT = TypeVar("ResultT")
 
@@ -76,9 +75,7 @@ class Form(Dialog[ResultT | None]):
     def _look_soon(self) -> None:
         if self._timer is not None:
             self._timer.stop()
-        self._timer = self.set_timer(
-            self.AFTER_S, lambda: self.run_worker(Later(self._look_now), group="look", exclusive=True)
-        )
+        self._timer = self.set_timer(self.AFTER_S, lambda: run_alone(self, "look", self._look_now))
 
     async def _look_now(self) -> None:
         if self.fields:

@@ -1,6 +1,7 @@
 """Marking a moment: its tick is that of the key press, however long one types its words."""
 
-from silo_tui.context import Context, Later
+from silo_tui.context import Context
+from silo_tui.modal import run_aside
 from silo_tui.screens.dialogs import Prompt
 
 
@@ -9,7 +10,7 @@ def ask_mark(context: Context, at_ns: int) -> None:
 
     def carry_out(words: str | None) -> None:
         if words is not None:
-            context.app.run_worker(Later(_mark, context, words.strip() or "marker", at_ns), group="mark")
+            run_aside(context.app, "mark", _mark, context, words.strip() or "marker", at_ns)
 
     body = "Its tick is taken; words may follow."
     context.app.push_screen(Prompt("Mark this moment", body, "", "marker"), carry_out)

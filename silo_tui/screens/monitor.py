@@ -20,7 +20,7 @@ from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.rpc.frames import Frame
 from silo_tui.actions import bindings_for
-from silo_tui.context import Later
+from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.find import Search, What, places_of
@@ -152,13 +152,13 @@ class MonitorScreen(Pausing):
         if self.window.paused:
             self.session.columns = ColumnStore((), 1, 1)
             if self.pause.source is not None:
-                self.run_worker(Later(self._look), group="look", exclusive=True)
+                run_alone(self, "look", self._look)
         else:
             store.adopt(self.stack.store)
             elements = dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())
             self.session.columns = self._asked = store
             self.session.watch(ViewRequest(tuple(elements), tuple(names), store.column_ns))
-        self.run_worker(Later(self._fill, store, names), group="history", exclusive=True)
+        run_alone(self, "history", self._fill, store, names)
 
     async def _fill(self, store: ColumnStore, names: list[str]) -> None:
         start, end = self._shown_ns
@@ -220,10 +220,10 @@ class MonitorScreen(Pausing):
                 self.stack.store.advance_to(frame.time_ns // self.stack.store.column_ns + 1)
             self.stack.advance()
             if self.stack.ghost is not None and self.stack.ghost.end < self.stack.store.end:
-                self.run_worker(Later(self._fill_ghost, self.stack.store), group="ghost", exclusive=True)
+                run_alone(self, "ghost", self._fill_ghost, self.stack.store)
             if self.session.columns is self._asked and self._asked.gapped and not self._mending:
                 self._mending = True  # frames got lost on their way: the logger still has what was in them
-                self.run_worker(Later(self._fill, self._asked, list(self._asked.names)), group="history")
+                run_aside(self, "history", self._fill, self._asked, list(self._asked.names))
 
     def _take_texts(self, frame: Frame) -> None:
         """Note texts that changed."""
@@ -381,7 +381,7 @@ class MonitorScreen(Pausing):
         await ask_trigger(self.context, made)
 
     def command_zero(self) -> None:
-        self.run_worker(Later(self._zero), group="zero")
+        run_aside(self, "zero", self._zero)
 
     async def _zero(self) -> None:
         try:

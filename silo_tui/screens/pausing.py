@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from silo.errors import RefusedError, SiloError
-from silo_tui.context import Later
+from silo_tui.modal import run_alone
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import SPANS_S, Plotted
 from silo_tui.model.recorded import SHORT_SPANS_S
@@ -52,7 +52,7 @@ class Pausing(Arranging):
     def _moment_shown(self) -> None:
         """Read the values of what stands still: those at the cursor, or at the right end."""
         if self.window.paused and self._live.live:
-            self.run_worker(Later(self._read_moment), group="moment", exclusive=True)
+            run_alone(self, "moment", self._read_moment)
 
     async def _read_moment(self) -> None:
         readings = await self._readings_here()
@@ -118,7 +118,7 @@ class Pausing(Arranging):
         held = self.pause.hold(self.pinned_plots, end, self.window.span_ns, store, newest_ns)
         self.source = self.stack.source = held
         self.window.spans = (*SHORT_SPANS_S, *SPANS_S)
-        self.run_worker(Later(self.pause.fetch, store.column_ns, self.window.span_ns), group="pause", exclusive=True)
+        run_alone(self, "pause", self.pause.fetch, store.column_ns, self.window.span_ns)
         self._more_is_here()
         self.request_view()
 

@@ -16,7 +16,7 @@ from silo.errors import SiloError
 from silo.recordings.requests import Recordings, SavedRecording
 from silo.rpc.frames import Frame
 from silo_tui.actions import bindings_for
-from silo_tui.context import Later
+from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import recorders
 from silo_tui.model import recordings as rows
 from silo_tui.model.paths import typed_path
@@ -114,7 +114,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
     def read_again(self) -> None:
         """Ask what there is."""
         if self.is_running and self.app.is_running:
-            self.run_worker(Later(self._read), group="recordings", exclusive=True)
+            run_alone(self, "recordings", self._read)
 
     async def _read(self) -> None:
         while True:
@@ -133,7 +133,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
     def _look(self) -> None:
         """Ask how endless recordings stand."""
         if self.session.connected and self.context.upper_screen is self:
-            self.run_worker(Later(self._look_at_recorders), group="recorders", exclusive=True)
+            run_alone(self, "recorders", self._look_at_recorders)
 
     async def _look_at_recorders(self) -> None:
         await self.context.quietly(self.session.refresh_recorders())
@@ -230,10 +230,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
         if one.unfinished:
             self.say(f"{one.stem} is not finished: it is being written, or its writer died; the next start removes it")
             return
-        self.run_worker(
-            Later(open_recording, self.context, self.session, self.found.folder, rows.best_file(one)),
-            group="opening", exclusive=True,
-        )  # fmt: skip
+        run_alone(self, "opening", open_recording, self.context, self.session, self.found.folder, rows.best_file(one))
 
     def command_overlay_recording(self) -> None:
         one = self.chosen
@@ -245,10 +242,9 @@ class RecordingsScreen(ListScreen[SavedRecording]):
             self.session.overlay = None
             self.say(f"{name} is lifted off the plots")
             return
-        self.run_worker(
-            Later(overlay_recording, self.context, self.session, self.found.folder, rows.best_file(one), name),
-            group="opening", exclusive=True,
-        )  # fmt: skip
+        run_alone(
+            self, "opening", overlay_recording, self.context, self.session, self.found.folder, rows.best_file(one), name
+        )
 
     def command_fetch_recording(self) -> None:
         targets = self.targets("nothing to fetch here")
@@ -264,7 +260,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
 
     def _fetch_to(self, targets: list[SavedRecording], folder: str | None) -> None:
         if folder:
-            self.run_worker(Later(self._fetch, targets, folder), group="fetching")
+            run_aside(self, "fetching", self._fetch, targets, folder)
 
     async def _fetch(self, targets: list[SavedRecording], given: str) -> None:
         try:
@@ -331,7 +327,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
 
     def _delete(self, targets: list[SavedRecording], answer: str | None) -> None:
         if answer == "yes":
-            self.run_worker(Later(self._deleted, targets), group="deleting")
+            run_aside(self, "deleting", self._deleted, targets)
 
     async def _deleted(self, targets: list[SavedRecording]) -> None:
         self.say("deleting …")

@@ -14,8 +14,8 @@ from silo.core.quantities.writing import size_text
 from silo.errors import SiloError
 from silo.files.formats import SAVED, SAVED_NAMES
 from silo.rpc.published import Event, EventKind
-from silo_tui.context import Context, Later
-from silo_tui.modal import Dialog
+from silo_tui.context import Context
+from silo_tui.modal import Dialog, run_alone, run_aside
 from silo_tui.widgets.check_line import CheckLine
 
 FOLLOW_S = 0.05
@@ -104,9 +104,7 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
             context, files = self.context, self._files
             self.dismiss(files)
             self.app.call_after_refresh(
-                lambda: self.app.run_worker(
-                    Later(open_saved, context, context.session, files), group="opening", exclusive=True
-                )
+                lambda: run_alone(self.app, "opening", open_saved, context, context.session, files)
             )
 
     def action_leave(self) -> None:
@@ -129,7 +127,7 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
         self.query_one(ProgressBar).update(progress=0.0)
         self._result("Saving …")
         # of the app: a worker of this dialog would end with it, and with it the word of how the save went
-        self.app.run_worker(Later(self._save, types, self.query_one("#save-name", Input).value.strip()), group="saving")
+        run_aside(self.app, "saving", self._save, types, self.query_one("#save-name", Input).value.strip())
 
     async def _save(self, types: list[FileType], name: str) -> None:
         context, session = self.context, self.context.session

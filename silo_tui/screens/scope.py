@@ -19,7 +19,8 @@ from silo.core.elements import LoggedEvent, TriggerOptions
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
 from silo_tui.actions import bindings_for
-from silo_tui.context import Later, SiloScreen
+from silo_tui.context import SiloScreen
+from silo_tui.modal import run_aside
 from silo_tui.model import text
 from silo_tui.model.plot_facts import extremes
 from silo_tui.model.plots import Picture, Plotted, PlotWindow
@@ -144,7 +145,7 @@ class ScopeScreen(SiloScreen):
 
     def _look_again(self) -> None:
         if (self.waits or self._forced) and not self._looking.locked() and self.session.connected:
-            self.run_worker(Later(self._look), group="scope")
+            run_aside(self, "scope", self._look)
 
     async def _look(self) -> None:
         async with self._looking:

@@ -13,7 +13,7 @@ from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.scripts.requests import ScriptDiff, Scripts
 from silo.settings.conditions_diff import NONE
-from silo_tui.context import Later
+from silo_tui.modal import run_alone
 from silo_tui.model import text
 from silo_tui.screens.dialogs import ListDialog, groups_text
 from silo_tui.sessions.link import Link
@@ -56,7 +56,7 @@ class ScriptsDialog(ListDialog):
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
         """Preview it."""
         if event.option.id is not None:
-            self.run_worker(Later(self._preview, event.option.id), exclusive=True)
+            run_alone(self, "writing", self._preview, event.option.id)
 
     async def _preview(self, name: str) -> None:
         preview = self.query_one("#preview", Static)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from silo.core.elements import LoggedEvent
 from silo.errors import SiloError
-from silo_tui.context import Later
+from silo_tui.modal import run_alone
 from silo_tui.model import text
 from silo_tui.model.find import Search, What
 from silo_tui.model.happened import gone_words, words
@@ -32,7 +32,7 @@ class Searching(StandingStill):
         name = self._short(self.stack.chosen_plot.name)
         dialog = FindDialog(name, len(self.stack.plots), "")
         self.app.push_screen(dialog, self._find)
-        self.run_worker(Later(self._offer_level, dialog), group="offer", exclusive=True)
+        run_alone(self, "offer", self._offer_level, dialog)
 
     async def _offer_level(self, dialog: "FindDialog") -> None:
         """Offer the value at the cursor as the level: the dialog doesn't wait for it."""
@@ -42,7 +42,7 @@ class Searching(StandingStill):
 
     def _find(self, search: Search | None) -> None:
         if search is not None:
-            self.run_worker(Later(self._search, search, 0), group="find", exclusive=True)
+            run_alone(self, "find", self._search, search, 0)
 
     def command_next_found(self) -> None:
         self._find_on(1)
@@ -54,13 +54,11 @@ class Searching(StandingStill):
         """Go on with the search; without one to the highest and lowest number, or the change next to here."""
         self._pause_here()
         if self._found is not None:
-            self.run_worker(Later(self._search, self._found.search, step), group="find", exclusive=True)
+            run_alone(self, "find", self._search, self._found.search, step)
             return
         curve = kind_of(self.stack.chosen_plot) is CurveKind.CURVE
         what = (What.HIGHEST if step > 0 else What.LOWEST) if curve else What.CHANGE
-        self.run_worker(
-            Later(self._search, Search(what), 0 if curve else step, keep=False), group="find", exclusive=True
-        )
+        run_alone(self, "find", self._search, Search(what), 0 if curve else step, keep=False)
 
     async def _search(self, search: Search, step: int, *, keep: bool = True) -> None:
         await self.pause.settled()
@@ -106,7 +104,7 @@ class Searching(StandingStill):
     def jump_to_event(self, event: LoggedEvent) -> None:
         """Stand still where something happened; say so where its rows are gone."""
         self._pause_here()
-        self.run_worker(Later(self._jump_to_event, event), group="find", exclusive=True)
+        run_alone(self, "find", self._jump_to_event, event)
 
     async def _jump_to_event(self, event: LoggedEvent) -> None:
         await self.pause.settled()
@@ -128,7 +126,7 @@ class Searching(StandingStill):
 
     def _event(self, step: int) -> None:
         self._pause_here()
-        self.run_worker(Later(self._go_to_event, step), group="find", exclusive=True)
+        run_alone(self, "find", self._go_to_event, step)
 
     async def _go_to_event(self, step: int) -> None:
         await self.pause.settled()

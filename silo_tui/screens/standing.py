@@ -12,7 +12,8 @@ import numpy as np
 
 from silo.errors import SiloError
 from silo.expressions.span import Between
-from silo_tui.context import Later, SiloScreen
+from silo_tui.context import SiloScreen
+from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import SECOND_NS, Plotted, PlotWindow
 from silo_tui.model.source import HeldRows, PlotSource
@@ -203,7 +204,7 @@ class StandingStill(SiloScreen):
     def show_moment_of(self, time_ns: int) -> None:
         """Stand still at a moment: it has the cursor, in the middle of the window."""
         self._pause_here()
-        self.run_worker(Later(self._jump_to, time_ns), group="find", exclusive=True)
+        run_alone(self, "find", self._jump_to, time_ns)
 
     def command_closer(self) -> None:
         self._zoom(closer=True)
@@ -320,7 +321,7 @@ class StandingStill(SiloScreen):
 
     def _step(self, step: int) -> None:
         self._pause_here()
-        self.run_worker(Later(self._step_by, step), group="find")
+        run_aside(self, "find", self._step_by, step)
 
     async def _step_by(self, step: int) -> None:
         await self.pause.settled()
@@ -370,7 +371,7 @@ class StandingStill(SiloScreen):
         if not self.window.paused or a_ns is None or b_ns is None:
             self.between.hide()
         else:
-            self.run_worker(Later(self._compute_between, a_ns, b_ns), group="between", exclusive=True)
+            run_alone(self, "between", self._compute_between, a_ns, b_ns)
 
     async def _compute_between(self, a_ns: int, b_ns: int) -> None:
         await self.pause.settled()

@@ -12,7 +12,7 @@ from textual.timer import Timer
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
 from silo_tui.actions import bindings_for
-from silo_tui.context import Later
+from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import Field
@@ -114,7 +114,7 @@ class TableScreen(Editing):
         if self._surveying or not due or self.context.upper_screen is not self or not session.connected:
             return
         self._survey_s, self._surveying = now_s, True
-        self.run_worker(Later(self._survey), group="survey")
+        run_aside(self, "survey", self._survey)
 
     def _thin_s(self) -> float:
         """Return how long a thin link has to be spared; 0 where it isn't one."""
@@ -231,7 +231,7 @@ class TableScreen(Editing):
         store = self.session.columns
         if store.gapped and store.names:
             store.past_until_ns = None
-            self.run_worker(Later(self._fill, store, list(store.names)), group="history", exclusive=True)
+            run_alone(self, "history", self._fill, store, list(store.names))
 
     # ------------------------------------------------------------------------------------------------ the view
 
@@ -264,7 +264,7 @@ class TableScreen(Editing):
         known = set(old.names) if old.column_ns == COLUMN_NS else set()
         missing = [name for name in plots if name not in known]
         if missing and self.session.connected:
-            self.run_worker(Later(self._fill, store, missing), group="history", exclusive=True)
+            run_alone(self, "history", self._fill, store, missing)
 
     async def _fill(self, store: ColumnStore, names: list[str]) -> None:
         end = self.source.end_ns
@@ -279,9 +279,7 @@ class TableScreen(Editing):
     def _open_left(self) -> None:
         from silo_tui.screens.opened import open_saved
 
-        self.run_worker(
-            Later(open_saved, self.context, self.session, self.session.left_files), group="opening", exclusive=True
-        )
+        run_alone(self, "opening", open_saved, self.context, self.session, self.session.left_files)
 
     def command_monitor(self) -> None:
         from silo_tui.screens.monitor import MonitorScreen

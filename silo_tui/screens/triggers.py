@@ -13,7 +13,7 @@ from silo.core.elements import SavedFile, TriggerOptions
 from silo.core.quantities.writing import many
 from silo.files.formats import kind_of
 from silo_tui.actions import bindings_for
-from silo_tui.context import Later
+from silo_tui.modal import run_alone
 from silo_tui.model.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row
 from silo_tui.model.lists import Order
 from silo_tui.model.names import fitting_names
@@ -150,10 +150,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
             self.say("it has captured nothing yet")
             return
         files = [SavedFile(path, kind, 0) for path in one.files if (kind := kind_of(path)) is not None]
-        self.run_worker(
-            Later(open_saved, self.context, self.session, files, lambda file: self._plotted(file, one)),
-            group="opening", exclusive=True,
-        )  # fmt: skip
+        run_alone(self, "opening", open_saved, self.context, self.session, files, lambda file: self._plotted(file, one))
 
     def enter(self) -> None:
         """Open what it captured last."""

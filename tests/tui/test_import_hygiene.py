@@ -36,13 +36,11 @@ def test_help_needs_no_textual():
 
 
 def test_no_coroutine_is_handed_to_a_worker_that_may_be_cancelled_before_it_runs():
-    handed = []
-    for path in sorted(Path(silo_tui.__file__).parent.rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(".run_worker"):
-                work = node.args[0]
-                made = ast.unparse(work.func) if isinstance(work, ast.Call) else "Later"
-                handed.append((f"{path.name}:{node.lineno}", made))
-    assert len(handed) > 40
-    # a flow is a coroutine already, and nothing cancels its group
-    assert {made for _, made in handed} == {"Later", "self._guarded"}, handed
+    handed = [
+        (path.name, ast.unparse(node.args[0]).partition("(")[0])
+        for path in sorted(Path(silo_tui.__file__).parent.rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(".run_worker")
+    ]
+    # `run_aside` makes it when the worker begins; a flow is a coroutine already, and nothing cancels its group
+    assert handed == [("context.py", "self._guarded"), ("modal.py", "cast")]
