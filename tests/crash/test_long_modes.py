@@ -1,4 +1,4 @@
-"""The eyes of the long modes (`tests/long/`): a harness that sees nothing wrong must be able to see it."""
+"""The eyes of the long modes (`.bench/long/`): a harness that sees nothing wrong must be able to see it."""
 
 import importlib.util
 import json
@@ -12,7 +12,7 @@ import pytest
 import silo
 from tests.waiting import DEADLINE_S
 
-LONG = Path(__file__).resolve().parents[1] / "long"
+LONG = Path(__file__).resolve().parents[2] / ".bench" / "long"
 TICKS, SIZE = 50, 20
 PROGRAMS = ["recorder.py", "kills.py", "soak.py", "quick_start.py", "memory.py", "power_cuts.py"]
 
@@ -63,4 +63,4 @@ def test_a_long_mode_says_how_it_is_used(name):
     environment = dict(os.environ, PYTHONPATH=str(Path(silo.__file__).parents[1]))
     command = [sys.executable, str(LONG / name), "--help"]
     run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=DEADLINE_S)
-    assert f"tests/long/{name}" in run.stdout
+    assert f".bench/long/{name}" in run.stdout

@@ -1,8 +1,7 @@
-"""The long test of spikes in its small form: `python tests/long/spikes.py` has 10,000."""
+"""The long test of spikes in its small form: `python .bench/long/spikes.py` has 10,000."""
 
 import pytest
-
-from tests.long.spikes import Counts, spike
+from spikes import Counts, spike
 
 pytestmark = pytest.mark.slow
 

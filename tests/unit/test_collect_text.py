@@ -1,6 +1,6 @@
 """The text of `collect()` is what it was: nothing that is looked for beside the loop may cost a tick anything.
 
-`tests/data/collect.txt` has it. Who changes it on purpose measures before and after (`tests/benchmarks/collect.py`),
+`tests/data/collect.txt` has it. Who changes it on purpose measures before and after (`.bench/speed/collect.py`),
 and writes it anew: `python -m tests.unit.test_collect_text`.
 """
 

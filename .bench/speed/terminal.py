@@ -1,4 +1,4 @@
-"""What silo-tui costs, seen from its terminal: `python tests/benchmarks/terminal.py [--link 8000 --delay 0.1]`.
+"""What silo-tui costs, seen from its terminal: `python .bench/speed/terminal.py [--link 8000 --delay 0.1]`.
 
 A real demo robot and a real silo-tui under a pseudo-terminal. Per row: first paint; from a key to its answer on the
 screen; processor time, bytes and frames a second while values are live. `--link N` puts N bytes a second and `--delay`

@@ -1,6 +1,6 @@
 """What saving and reading cost: `.silo` and CSV, beside the plain write and read of the same bytes in the same run.
 
-    python tests/benchmarks/files.py [--rounds N] [--folder FOLDER] [--json]
+    python .bench/speed/files.py [--rounds N] [--folder FOLDER] [--json]
 
 500 elements x 10,000 ticks of float64, as a snapshot gives them: rows of one matrix. Best / median of the rounds, which
 are interleaved. Memory: what the process takes more while it works, by a second thread that looks every millisecond.

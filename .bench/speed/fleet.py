@@ -1,4 +1,4 @@
-"""What a fleet costs: `python tests/benchmarks/fleet.py [--robots 30 --robots 100]`.
+"""What a fleet costs: `python .bench/speed/fleet.py [--robots 30 --robots 100]`.
 
 That many robots behind one router on loopback: five real demos, the others sessions of one process that answer and tell
 summaries as helpers do. Per row: `silo ls`, whole and without the start of Python; what silo-tui with its list costs at
@@ -28,7 +28,7 @@ from silo.fleet.fleet import Fleet, surveyed
 from silo.fleet.member import Member
 
 REAL = 5
-ROBOTS = Path(__file__).parents[1] / "stand_ins" / "simulated_robots.py"
+ROBOTS = Path(__file__).parents[2] / "tests" / "stand_ins" / "simulated_robots.py"
 SILO = [sys.executable, "-c", "from silo.cli import main; main()"]
 SILO_TUI = [sys.executable, "-c", "from silo_tui.cli import main; main()"]
 LEASE_S = 2.0  # what silo sets on loopback

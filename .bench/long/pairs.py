@@ -1,4 +1,4 @@
-"""Pairs of deaths: `python tests/long/pairs.py [--scenarios 500] [--seed 1] [--only N] [--jobs 2]`.
+"""Pairs of deaths: `python .bench/long/pairs.py [--scenarios 500] [--seed 1] [--only N] [--jobs 2]`.
 
 A robot program with a helper process, an endless recording, its standby, and a trigger; two of {program, helper,
 recorder, standby, writer, closer, command} are killed, the second up to 2 s after the first, all pairs in turn, with

@@ -1,4 +1,4 @@
-"""What silo does to the punctuality of a control loop: `python tests/benchmarks/jitter.py`.
+"""What silo does to the punctuality of a control loop: `python .bench/speed/jitter.py`.
 
 A 1 kHz loop runs in turns without silo and with all of it: 500 elements collected, the helper process serving, a client
 in a process of its own that watches 50 published elements (a view at 10 Hz and every sample of five topics), and one

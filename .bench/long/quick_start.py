@@ -1,4 +1,4 @@
-"""What becomes of the first ticks of a run: `python tests/long/quick_start.py [--times 20]`.
+"""What becomes of the first ticks of a run: `python .bench/long/quick_start.py [--times 20]`.
 
 A served robot program starts its logger and logs some 80 ticks as fast as it can, or the first few; then it calls
 `save()`, or an exception ends it, or a `kill -9` takes it, alone or in its very first ticks. Every tick was committed,

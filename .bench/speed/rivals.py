@@ -1,4 +1,4 @@
-"""A tick by silo and by hand, each at its best: `python tests/benchmarks/rivals.py [--elements 500] [--seconds 1]`.
+"""A tick by silo and by hand, each at its best: `python .bench/speed/rivals.py [--elements 500] [--seconds 1]`.
 
 All take the same arrays of one float64 each, anywhere in memory, all of them once per tick, and go in turns within one
 run. Others are batched: one row, one message per tick. The unit is a copy of as many bytes on the same machine; what

@@ -1,6 +1,6 @@
 """Puts small faults into the code, one at a time, and looks whether the nearest tests notice.
 
-    python tests/long/mutations.py silo/judging silo/history/pins.py --count 100 [--seed TEXT] [--jobs 2] [--out FILE]
+    python .bench/long/mutations.py silo/judging silo/history/pins.py --count 100 [--seed TEXT] [--jobs 2] [--out FILE]
 
 A fault is a comparison that is off by one, a sign, a constant, a condition turned round, a lock that isn't taken, a
 call left out. The places are drawn by a seed, that of the commit if no other is given, from all places of the modules

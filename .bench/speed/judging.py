@@ -1,4 +1,4 @@
-"""What conditions cost: `python tests/benchmarks/judging.py [--seconds 20]`.
+"""What conditions cost: `python .bench/speed/judging.py [--seconds 20]`.
 
 Expressions per row, in batches as they come (50 rows), large ones and row by row; `log.mark`; and a loop of 500 signals
 at 1 kHz with 20 triggers and 100 limits: the share of a core that the helper process takes, and `collect()` with and

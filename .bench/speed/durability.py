@@ -1,4 +1,4 @@
-"""What `storage="disk"` promises and costs: `python tests/benchmarks/durability.py --folder FOLDER`.
+"""What `storage="disk"` promises and costs: `python .bench/speed/durability.py --folder FOLDER`.
 
 The window: how long after a tick a client is told that it would survive a power cut, in milliseconds. A client in a
 process of its own asks for the status some 200 times a second, which is the resolution. The cost: how late ticks begin,

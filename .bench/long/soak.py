@@ -1,4 +1,4 @@
-"""Lets a logger run for long under use and abuse: `python tests/long/soak.py [--minutes 60]`.
+"""Lets a logger run for long under use and abuse: `python .bench/long/soak.py [--minutes 60]`.
 
 A robot program with 1,000 elements at 500 Hz. Clients watch, follow topics, save in all formats, come and go; some are
 killed, some stopped (SIGSTOP) and killed later. Each minute the buffers become growing ones, or looping again, by

@@ -1,4 +1,4 @@
-"""Power cuts of journals by record and replay: `python tests/long/power_cuts.py [--replays 100000] [--seed N]`.
+"""Power cuts of journals by record and replay: `python .bench/long/power_cuts.py [--replays 100000] [--seed N]`.
 
 Random loggers are logged into a journal whose every call to the system is recorded; the power is cut behind each of
 them, and sectors that were not synced are there, lost, zeroed or garbage by chance (see `tests/power_cuts.py`). Every

@@ -1,6 +1,6 @@
 """How fast bags are written, beside the `mcap` package's own writer with the same messages, interleaved in one run.
 
-    python tests/benchmarks/bag.py [--elements 500] [--ticks 2000] [--rounds 3]
+    python .bench/speed/bag.py [--elements 500] [--ticks 2000] [--rounds 3]
 
 The other writer gets its messages ready-made (bytes), so that only writing is compared.
 """

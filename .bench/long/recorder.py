@@ -1,4 +1,4 @@
-"""500 signals at 1 kHz recorded for minutes, the recorder killed at random: `python tests/long/recorder.py`.
+"""500 signals at 1 kHz recorded for minutes, the recorder killed at random: `python .bench/long/recorder.py`.
 
     --minutes 10 --kills 20 --every 6 --signals 500 --width 1 --ring 10
 

@@ -1,4 +1,4 @@
-"""What Foxglove viewers cost a robot: `python tests/benchmarks/foxglove.py`.
+"""What Foxglove viewers cost a robot: `python .bench/speed/foxglove.py`.
 
 A 1 kHz loop collects 100 float64 and serves them by `serve(foxglove=...)`. First the CPU time of the bridge's process
 with 0, 1 and 5 viewers of five topics each, all viewers in one other process. Then the lateness of the loop's ticks

@@ -1,4 +1,4 @@
-"""What a tick costs, beside what else one could do with the same values: `python tests/benchmarks/collect.py`.
+"""What a tick costs, beside what else one could do with the same values: `python .bench/speed/collect.py`.
 
 All candidates of a row are timed in turns within one run, so that ratios hold on noisy machines. Times are medians in
 microseconds per tick; in brackets they are multiples of a copy of 4 kB (500 doubles) in the same run, which is what to

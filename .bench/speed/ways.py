@@ -1,6 +1,6 @@
 """What is told of a way to a robot that fails, by whom, and after how long: a cause in each layer, on two links.
 
-    sudo python tests/benchmarks/ways.py [--delay 0 300] [--rows name route port ...]
+    sudo python .bench/speed/ways.py [--delay 0 300] [--rows name route port ...]
 
 A router, a robot and a desk are network namespaces of this computer (`tests/thin_net.py`), joined by a link with that
 delay each way. Every cause is real but two: the version is that of a stand-in which answers as a newer silo would, and

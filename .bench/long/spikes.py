@@ -1,6 +1,6 @@
 """One-sample spikes at random places in 500 signals, judged and captured by a real helper process.
 
-    python tests/long/spikes.py [--spikes 10000] [--kills 0] [--signals 500] [--seed 1]
+    python .bench/long/spikes.py [--spikes 10000] [--kills 0] [--signals 500] [--seed 1]
 
 Rows are pushed as fast as the helper process judges them and writes captures, at nominal 1 kHz. Spikes that follow one
 another within `post` are of one capture. Told are spikes that were missed, captures that are wrong by a tick or a
@@ -17,12 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from processes import wait_until, workplace
 
 import silo
 from silo.client.client import Client
 from silo.files.event_log import read_events
 from silo.rpc.published import EventKind
-from tests.long.processes import wait_until, workplace
 
 Ints = np.ndarray[tuple[int], np.dtype[np.int64]]
 

@@ -1,4 +1,4 @@
-"""The helper's private memory at rest and at its peaks: `python tests/long/memory.py [--elements 500 10000]`.
+"""The helper's private memory at rest and at its peaks: `python .bench/long/memory.py [--elements 500 10000]`.
 
 A robot program with so many scalars, half of them published, is served and logs at 100 Hz. Then it is saved in each
 format, and a client watches all of it as silo-tui does. Private memory is `Pss_Anon`: pages that no file or shared

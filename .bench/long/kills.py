@@ -1,4 +1,4 @@
-"""Kills robot programs and their helpers, and looks for what was lost: `python tests/long/kills.py [--kills 500]`.
+"""Kills robot programs and their helpers, and looks for what was lost: `python .bench/long/kills.py [--kills 500]`.
 
 A third of the kills take the robot program alone, a third robot program and helper together (one is stopped while the
 other is killed, so that neither sees the other's end), a third come within 50 ms of a start. They hit loggers that run,

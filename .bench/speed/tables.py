@@ -1,4 +1,4 @@
-"""What large tables cost: `python tests/benchmarks/tables.py [--elements 10000]`.
+"""What large tables cost: `python .bench/speed/tables.py [--elements 10000]`.
 
 Adding, starting, restarting, editing; time of the clock, and of the processor, which a busy machine changes less.
 The copy of 400 MB at the end is there to compare machines by.
