@@ -18,7 +18,7 @@ from silo_tui.model import text
 from silo_tui.model.changes import cost_of
 from silo_tui.model.fields import Field, phrase_for
 from silo_tui.model.table import PendingChange
-from silo_tui.screens.dialogs import Choice, Prompt, Question, cost_text, diff_text
+from silo_tui.screens.dialogs import Choice, Prompt, Question, confirmed, cost_text, diff_text
 from silo_tui.sessions.live import why
 
 GONE = "the robot program is gone: start it again, silo-tui follows"
@@ -37,7 +37,7 @@ async def start_stop(context: Context) -> None:
             return
         await session.start(unsaved)
         context.say("started")
-    elif await _confirmed(context, "Stop logging?", "What was logged stays in memory; w saves it.", "Stop"):
+    elif await confirmed(context.app, "Stop logging?", "What was logged stays in memory; w saves it.", "Stop"):
         await session.stop()
         context.say("stopped; w saves the data")
     context.status_changed()
@@ -246,15 +246,15 @@ async def _settle_conflicts(context: Context) -> bool:
 
 async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldChange]]:
     """Return the script to load once its difference was seen, with what it changes beside elements; "" for none."""
-    from silo_tui.screens.scripts import ScriptsDialog, script_diff_text
+    from silo_tui.screens.scripts import script_diff_text, scripts_question
 
     link, name, seen = context.link, _script_name(path), False
     if not path:
         scripts = await link.read(lambda client: client.scripts())
-        dialog = ScriptsDialog(link, scripts)
+        dialog = scripts_question(link, scripts)
         chosen: str | None = await context.app.push_screen_wait(dialog)
         name = chosen or ""
-        seen = dialog.previewed == name
+        seen = dialog.told == name
     if not name:
         return "", []
     diff = await link.read(lambda client: client.diff_script(name))
@@ -279,7 +279,7 @@ async def load_script(context: Context, path: str = "") -> None:
     if fields:
         edits = f"{many(fields, 'pending edit')} in {many(elements, 'row')}"
         body = f"{edits} stay pending on top of the script."
-        if not await _confirmed(context, "Load over pending edits?", body, "Load"):
+        if not await confirmed(context.app, "Load over pending edits?", body, "Load"):
             return
     around, unsaved = session.running, Unsaved.REFUSE
     if around:
@@ -338,7 +338,7 @@ async def save_script(context: Context, path: str | None = None) -> None:
     except RefusedError as refused:
         if why(refused) is not RefusedWhy.EXISTS:
             raise
-        if not await _confirmed(context, f"Overwrite {name or 'the script'}?", str(refused), "Overwrite"):
+        if not await confirmed(context.app, f"Overwrite {name or 'the script'}?", str(refused), "Overwrite"):
             return
         said = await link.call(lambda client: client.save_script(name, True))
     context.say((said or f"saved {name}") + ending)
@@ -350,7 +350,7 @@ async def may_leave(context: Context) -> bool:
     if not fields:
         return True
     edits = f"{many(fields, 'pending edit')} in {many(elements, 'row')}"
-    if not await _confirmed(context, f"Leave {context.session.name}?", f"{edits} of it would be lost.", "Leave"):
+    if not await confirmed(context.app, f"Leave {context.session.name}?", f"{edits} of it would be lost.", "Leave"):
         return False
     forget_edits(context)
     return True
@@ -362,7 +362,7 @@ async def leave(context: Context) -> None:
     if fields:
         edits = f"{many(fields, 'pending edit')} in {many(elements, 'row')}"
         body = f"{edits} would be lost. The logger goes on either way."
-        if not await _confirmed(context, "Quit without applying?", body, "Quit"):
+        if not await confirmed(context.app, "Quit without applying?", body, "Quit"):
             return
         forget_edits(context)
     context.left()
@@ -406,9 +406,3 @@ async def take_up_edits(context: Context) -> None:
         context.table_changed()
         context.say(f"{many(taken, 'edit')} pending again; u takes them back")
     context.keep_edits()
-
-
-async def _confirmed(context: Context, title: str, body: str, label: str) -> bool:
-    """Ask before something is lost; No has the focus."""
-    choices = [Choice("no", "No"), Choice("yes", label, "y")]
-    return await context.app.push_screen_wait(Question(title, body, choices)) == "yes"

@@ -21,7 +21,7 @@ from silo_tui.model import command_line
 from silo_tui.model.paths import typed_file
 from silo_tui.model.people import people_words
 from silo_tui.screens import recorder
-from silo_tui.screens.dialogs import Choice, Question
+from silo_tui.screens.dialogs import confirmed
 from silo_tui.screens.exporting import picture
 from silo_tui.screens.opened import open_path
 from silo_tui.screens.table import TableScreen
@@ -345,8 +345,7 @@ async def keep_on_robot(context: Context, name: str, layout: KeptLayout) -> None
     except RefusedError as refused:
         if why(refused) is not RefusedWhy.EXISTS:
             raise
-        question = Question(f"Write over view {name}?", str(refused), [Choice("no", "No"), Choice("yes", "Write", "y")])
-        if await context.app.push_screen_wait(question) != "yes":
+        if not await confirmed(context.app, f"Write over view {name}?", str(refused), "Write"):
             return
         said = await link.call(lambda client: client.keep_view(name, write(layout), overwrite=True))
     context.say(f"{said}; silo-tui --view {ROBOT}{name} opens it")

@@ -3,15 +3,13 @@
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from textual.widgets import Input
-
 from silo.core.elements import Derived
 from silo.core.quantities.writing import many
-from silo.errors import ElementError, RefusedError
+from silo.errors import RefusedError
 from silo.expressions.tokens import ExpressionError
 from silo_tui.context import Context
 from silo_tui.model import derived
-from silo_tui.screens.dialogs import Choice, Question
+from silo_tui.screens.dialogs import confirmed
 from silo_tui.screens.form import Form
 from silo_tui.sessions.live import Session
 
@@ -27,7 +25,6 @@ class DeriveDialog(Form[Derived]):
     """Answers with the derived signal on Enter."""
 
     KEYS_HERE = "Enter Derives it  Tab Next field  Esc Back"
-    AFTER_S = 0.2
 
     def __init__(self, session: Session, one: Derived, *, is_new: bool, problem: str = "") -> None:
         """`problem` is why it was refused a moment ago."""
@@ -43,34 +40,28 @@ class DeriveDialog(Form[Derived]):
         self.begin_at(self._start)
         self.tell(self._problem)
 
-    @property
     def made(self) -> Derived:
-        """What is typed."""
+        """Return what is typed, which can be derived."""
+        derived.words_of(self._typed, self._session.table)
+        return self._typed
+
+    @property
+    def _typed(self) -> Derived:
         fields = {name: typed.strip() for name, typed in self.fields.items()}
+        if not fields["is"]:
+            raise ValueError(HELP)
         return Derived(fields["name"], fields["is"], fields["unit"])
 
-    async def look(self) -> None:
-        """Say what it would be; why it was refused stands until a key is pressed."""
+    async def look(self) -> str:
+        """Return what it would be; why it was refused stands until a key is pressed."""
         problem, self._problem = self._problem, ""
-        if problem:
-            self.tell(problem)
-        elif self.made.expression:
-            self._told(self.made)
-        else:
-            self.tell(HELP)
+        return problem or "\n".join(derived.words_of(self._typed, self._session.table))
 
-    def _told(self, made: Derived) -> bool:
-        """Say what it would be, or why it can't be; return whether it can."""
-        try:
-            self.tell("\n".join(derived.words_of(made, self._session.table)))
-        except ExpressionError as error:
-            # under the line that is typed in, which begins at the same cell
-            self.tell(f"{self._caret(error.at, error.end)}\n{error.reason}")
-        except ElementError as error:
-            self.tell(str(error))
-        else:
-            return True
-        return False
+    def wrong(self, error: Exception) -> str:
+        """Return what is wrong, under the line that is typed in, which begins at the same cell."""
+        return (
+            f"{self._caret(error.at, error.end)}\n{error.reason}" if isinstance(error, ExpressionError) else str(error)
+        )
 
     def _caret(self, at: int, end: int) -> str:
         """Return carets under the mistake, where the line shows all of it."""
@@ -78,15 +69,6 @@ class DeriveDialog(Form[Derived]):
         blank = line.region.x - self.query_one("#form-told").content_region.x
         first = len(line.value) - len(line.value.lstrip()) - int(line.scroll_offset.x)
         return " " * max(0, blank + first + at) + "^" * (end - at)
-
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Answer with it; what can't be derived is said, and the dialog stays."""
-        made = self.made
-        if not made.expression:
-            self.tell(HELP)
-            self.field("is").focus()
-        elif self._told(made):
-            self.dismiss(made)
 
 
 async def derive(context: Context, session: Session, one: Derived) -> None:
@@ -121,9 +103,8 @@ async def forget(context: Context, session: Session, rows: Sequence[int]) -> Non
     what = shown[0] if one else many(len(names), "derived signal")
     lines = [f"{name} {session.table.elements[row].description}" for name, row in zip(shown, rows, strict=True)]
     lines += ["Its signals stay as they are." if one else "Their signals stay as they are."]
-    choices = [Choice("no", f"Keep {'it' if one else 'them'}"), Choice("yes", "Forget", "y")]
-    question = Question(f"Forget {what} of {session.name}?", "\n".join(lines), choices)
-    if await context.app.push_screen_wait(question) != "yes":
+    title, keep = f"Forget {what} of {session.name}?", f"Keep {'it' if one else 'them'}"
+    if not await confirmed(context.app, title, "\n".join(lines), "Forget", keep):
         return
     said = await context.link.call(lambda client: "; ".join([client.remove_derived(name) for name in names[::-1]]))
     await session.reload()

@@ -1,19 +1,20 @@
 """Dialogs: a question with choices (the harmless one first), and a line to type."""
 
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from rich.text import Text
 from textual import events
-from textual.app import ComposeResult
+from textual.app import App, ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical, VerticalScroll
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
 from silo.core.quantities.writing import duration, size_text
-from silo_tui.modal import Choices, Dialog
+from silo.errors import SiloError
+from silo_tui.modal import Choices, Dialog, run_alone
 from silo_tui.model.changes import Change, Cost, groups_of
 from silo_tui.model.table import PendingChange
 
@@ -32,8 +33,8 @@ class Choice:
     key: str = ""
 
 
-class ListDialog(Dialog[str | None]):
-    """A list to choose from, below or above a body that scrolls; answers None on Esc."""
+class Question(Dialog[str | None]):
+    """Asks; answers with the value of a choice, None on Esc. A long body scrolls."""
 
     KEYS_HERE = "Enter Chooses  j k Move  PgDn PgUp Scroll  Esc Back"
 
@@ -41,51 +42,41 @@ class ListDialog(Dialog[str | None]):
         Binding("escape,q", "leave", "Back", show=False),
         Binding("pagedown,ctrl+d", "scroll(1)", show=False),
         Binding("pageup,ctrl+u", "scroll(-1)", show=False),
-        Binding("j", "next", show=False),
-        Binding("k", "previous", show=False),
+        Binding("j", "move(1)", show=False),
+        Binding("k", "move(-1)", show=False),
     ]
 
-    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Answer with the choice."""
-        self.dismiss(event.option.id)
-
-    def action_leave(self) -> None:
-        """Leave; nothing is done."""
-        self.dismiss(None)
-
-    def action_scroll(self, pages: int) -> None:
-        """Move a long body."""
-        for body in self.query(".dialog-body").results(VerticalScroll):
-            body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
-
-    def action_next(self) -> None:
-        """Go to the next choice."""
-        self.query_one(OptionList).action_cursor_down()
-
-    def action_previous(self) -> None:
-        """Go to the previous choice."""
-        self.query_one(OptionList).action_cursor_up()
-
-
-class Question(ListDialog):
-    """Asks; answers with the value of a choice. The first choice has the focus."""
-
-    def __init__(self, title: str, body: Text | str, choices: Sequence[Choice], begin: str = "") -> None:
-        """`begin` is the choice that has the focus at first, else the first one: the harmless one."""
+    def __init__(
+        self,
+        title: str,
+        body: Text | str,
+        choices: Sequence[Choice],
+        begin: str = "",
+        about: Callable[[str], Awaitable[Text]] | None = None,
+    ) -> None:
+        """`begin` has the focus at first, else the first choice: the harmless one. `about` tells more of one, below."""
         super().__init__()
         self._begin = next((at for at, choice in enumerate(choices) if choice.value == begin), 0)
         self._title = title
         self._body = body
         self._choices = list(choices)
+        self._about = about
+        self.told = ""  # the choice that more is told of
 
     def compose(self) -> ComposeResult:
-        """Yield title, body, choices."""
-        with Vertical(classes="dialog"):
+        """Yield title, body, choices; more about one."""
+        tall = self._about is not None
+        with Vertical(classes="dialog tall" if tall else "dialog"):
             yield Static(self._title, classes="dialog-title", markup=False)
-            if self._body:
+            if self._body and tall:
+                yield Static(self._body, classes="quiet", markup=False)
+            elif self._body:
                 with VerticalScroll(classes="dialog-body", can_focus=False):
                     yield Static(self._body, markup=False)
             yield Choices(*(Option(self._line(choice), id=choice.value) for choice in self._choices))
+            if tall:
+                with VerticalScroll(classes="dialog-body", can_focus=False):
+                    yield Static("", id="about", markup=False)
 
     def _line(self, choice: Choice) -> Text:
         line = Text(f" {choice.label}")
@@ -96,10 +87,12 @@ class Question(ListDialog):
     def on_mount(self) -> None:
         """Give the focus to the first choice."""
         self.query_one(OptionList).focus()
-        self.query_one(OptionList).highlighted = self._begin
+        self.query_one(OptionList).highlighted = self._begin if self._choices else None
 
     def on_resize(self, event: events.Resize) -> None:
         """Let a long body scroll: the choices are always on the screen."""
+        if self._about is not None:
+            return
         room = event.size.height * 9 // 10 - BORDER_AND_TITLE_ROWS
         body = self.query(".dialog-body")
         for each in body:
@@ -112,11 +105,50 @@ class Question(ListDialog):
             if choice.key and event.character == choice.key:
                 event.stop()
                 event.prevent_default()
-                self.dismiss(choice.value)
+                self.pick(choice.value)
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Take the choice under the cursor."""
+        self.pick(str(event.option.id))
+
+    def pick(self, value: str) -> None:
+        """Answer with a choice."""
+        self.dismiss(value)
+
+    def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
+        """Tell more of the choice under the cursor."""
+        if self._about is not None:
+            run_alone(self, "about", self._tell, str(event.option.id), self._about)
+
+    async def _tell(self, value: str, about: Callable[[str], Awaitable[Text]]) -> None:
+        self.told = ""
+        self.query_one("#about", Static).update("…")
+        self.query_one("#about", Static).update(await about(value))
+        self.told = value
+
+    def action_leave(self) -> None:
+        """Leave; nothing is done."""
+        self.dismiss(None)
+
+    def action_scroll(self, pages: int) -> None:
+        """Move a long body."""
+        for body in self.query(".dialog-body").results(VerticalScroll):
+            body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
+
+    def action_move(self, step: int) -> None:
+        """Go to another choice."""
+        options = self.query_one(OptionList)
+        (options.action_cursor_down if step > 0 else options.action_cursor_up)()
+
+
+async def confirmed(app: App[Any], title: str, body: Text | str, label: str, harmless: str = "No") -> bool:
+    """Ask before something is lost; what loses nothing has the focus."""
+    choices = [Choice("no", harmless), Choice("yes", label, "y")]
+    return bool(await app.push_screen_wait(Question(title, body, choices)) == "yes")
 
 
 class Prompt(Dialog[str | None]):
-    """One line to type; None on Esc."""
+    """One line to type; None on Esc. What `check` raises is said, and the line stays."""
 
     KEYS_HERE = "Enter Takes it  Esc Back"
 
@@ -126,8 +158,16 @@ class Prompt(Dialog[str | None]):
 
     AUTO_FOCUS = ""
 
-    def __init__(self, title: str, body: str, value: str = "", placeholder: str = "") -> None:
+    def __init__(
+        self,
+        title: str,
+        body: str,
+        value: str = "",
+        placeholder: str = "",
+        check: Callable[[str], object] = lambda line: None,
+    ) -> None:
         super().__init__()
+        self._check = check
         self._title, self._body, self._value, self._placeholder = title, body, value, placeholder
         self._early: list[events.Key] = []
         self._there = self._typed = False
@@ -144,6 +184,22 @@ class Prompt(Dialog[str | None]):
             yield Static(self._title, classes="dialog-title", markup=False)
             yield Static(self._body, classes="dialog-body", markup=False)
             yield Input(self._value, placeholder=self._placeholder, compact=True)
+            yield Static("", id="line-problem", markup=False)
+
+    def offer(self, value: str) -> None:
+        """Offer a value that came later, unless one is typed already."""
+        for line in self.query(Input):
+            if not line.value:
+                line.value = value
+                line.select_all()
+
+    def _take(self, line: str) -> None:
+        try:
+            self._check(line)
+        except (SiloError, ValueError) as error:
+            self.query_one("#line-problem", Static).update(str(error))
+        else:
+            self.dismiss(line)
 
     def on_mount(self) -> None:
         """Put what was typed early into the line, in place of what it suggests; then give it the focus."""
@@ -181,7 +237,7 @@ class Prompt(Dialog[str | None]):
     def _type(self, event: events.Key) -> None:
         line = self.query_one(Input)
         if event.key == "enter":
-            self.dismiss(line.value.strip())
+            self._take(line.value.strip())
         elif event.key == "backspace":
             line.value = line.value[:-1]
         elif event.is_printable and event.character:
@@ -190,7 +246,7 @@ class Prompt(Dialog[str | None]):
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Answer with the line."""
-        self.dismiss(event.value.strip())
+        self._take(event.value.strip())
 
     def action_leave(self) -> None:
         """Leave; nothing is done."""

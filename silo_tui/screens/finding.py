@@ -15,7 +15,6 @@ from silo_tui.model import text
 from silo_tui.model.find import (
     EVENTS,
     LETTERS,
-    WORDS,
     Moment,
     Search,
     What,
@@ -26,7 +25,6 @@ from silo_tui.model.limits import Bounds4, inner
 from silo_tui.model.live import offset_text
 from silo_tui.model.plots import Plotted
 from silo_tui.model.source import HeldRows
-from silo_tui.screens.dialogs import Choice
 
 MOST_MOMENTS = 1000  # of a signal that are here at a time
 
@@ -157,12 +155,3 @@ def value_words(entry: Entry, value: np.ndarray) -> str:
         return text.clean(word.decode("utf-8", "backslashreplace") if isinstance(word, bytes) else str(word))
     found = numbers(value)
     return offset_text(entry, float(found.offsets[0]), found.base, 14)
-
-
-def choices(unit_value: str) -> list[Choice]:
-    """Return what can be looked for; `unit_value` is what the signal has at the cursor."""
-    found = []
-    for what in What:
-        more = f" (at the cursor: {unit_value})" if what is What.CROSSING and unit_value else ""
-        found.append(Choice(what.value, f"{WORDS[what]}{more}", what.value))
-    return found

@@ -1,7 +1,8 @@
 """A dialog of labelled lines, with what it says of them below: Tab goes to the next, Enter answers, Esc leaves."""
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 from rich.text import Text
 from textual.app import ComposeResult
@@ -10,15 +11,16 @@ from textual.containers import Horizontal, Vertical
 from textual.timer import Timer
 from textual.widgets import Input, Static
 
+from silo.errors import SiloError
 from silo_tui.modal import Dialog, run_alone
 
 ResultT = TypeVar("ResultT")
 
 
-class Form(Dialog[ResultT | None]):
-    """Answers None on Esc; what Enter does is the dialog's own."""
+class Form(Dialog[ResultT | None], Generic[ResultT]):
+    """Answers with what the lines make on Enter, None on Esc; what makes no sense is said, and they stay."""
 
-    AFTER_S: ClassVar[float]  # since the last key, until what is typed is looked at
+    AFTER_S: ClassVar[float] = 0.2  # since the last key, until what is typed is looked at
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("escape", "leave", "Back", show=False)
     ]
@@ -79,11 +81,31 @@ class Form(Dialog[ResultT | None]):
 
     async def _look_now(self) -> None:
         if self.fields:
-            await self.look()
+            try:
+                self.tell(await self.look())
+            except (SiloError, ValueError) as error:
+                self.tell(self.wrong(error))
 
-    async def look(self) -> None:
-        """Say what the lines mean."""
-        raise NotImplementedError
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Answer with what was made."""
+        try:
+            made = self.made()
+        except (SiloError, ValueError) as error:
+            self.tell(self.wrong(error))
+        else:
+            self.dismiss(made)
+
+    @abstractmethod
+    async def look(self) -> str:
+        """Return what the lines mean. SiloError or ValueError where that is nothing."""
+
+    @abstractmethod
+    def made(self) -> ResultT:
+        """Return what the lines make. SiloError or ValueError where that is nothing."""
+
+    def wrong(self, error: Exception) -> str:
+        """Return what is said of a mistake."""
+        return str(error)
 
     def action_leave(self) -> None:
         """Leave; nothing is set."""

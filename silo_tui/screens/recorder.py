@@ -2,12 +2,9 @@
 
 from dataclasses import dataclass
 
-from textual.widgets import Input
-
 from silo.core.names import matching
 from silo.core.quantities.reading import read_keep, read_split
 from silo.core.quantities.writing import duration, many, size_text
-from silo.errors import SiloError
 from silo.recorder.requests import RecorderInfo
 from silo_tui.context import Context
 from silo_tui.model import text
@@ -40,7 +37,6 @@ class RecordDialog(Form[Wish]):
     """Answers with what is to be recorded on Enter."""
 
     KEYS_HERE = "Enter Records  Tab Next field  Esc Back"
-    AFTER_S = 0.1
 
     def __init__(self, session: Session, free_bytes: int, signals: str = "") -> None:
         begun = {"signals": signals or (MARKED if session.rows.marked_count else ALL), "split": "1GB"}
@@ -68,21 +64,16 @@ class RecordDialog(Form[Wish]):
             raise ValueError("nothing is marked: mark elements in the table, or write all, or names")
         return tuple(found)
 
-    def _wish(self) -> Wish:
+    def made(self) -> Wish:
+        """Return what is to be recorded."""
         split, keep = self._value("split"), self._value("keep")
         read_split(split)
         read_keep(keep)
         return Wish(self._patterns(), self._value("to"), split, keep, self._value("name"))
 
-    async def look(self) -> None:
-        """Say how many signals that are, how fast the files grow, and for how long there is room."""
-        try:
-            self.tell(self._forecast(self._wish()))
-        except (SiloError, ValueError) as error:
-            self.tell(str(error))
-
-    def _forecast(self, wish: Wish) -> str:
-        session = self._session
+    async def look(self) -> str:
+        """Return how many signals that are, how fast the files grow, and for how long there is room."""
+        wish, session = self.made(), self._session
         meant = set(matching(session.table.names, wish.patterns))
         rows = [row for row, name in enumerate(session.table.names) if name in meant]
         values = session.table.server[:, rows]
@@ -103,15 +94,6 @@ class RecordDialog(Form[Wish]):
                 f"{first}\nthe disk takes {duration(self._free_bytes / bytes_s)} or more of it, then it stops by itself"
             )
         return first
-
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Answer; what makes no sense is said, and the lines stay."""
-        try:
-            wish = self._wish()
-        except (SiloError, ValueError) as error:
-            self.tell(str(error))
-            return
-        self.dismiss(wish)
 
 
 async def begin(context: Context, session: Session, free_bytes: int, signals: str = "") -> None:

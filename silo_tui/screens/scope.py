@@ -295,14 +295,13 @@ class ScopeScreen(SiloScreen):
         now = self.settings
         typed = f"{'rising' if now.direction > 0 else 'falling'} {now.level:.6g} pre {100 * now.pre:g} {now.mode.value}"
         body = "rising or falling, the level, pre and its share in %, normal, single or auto"
-        self.app.push_screen(Prompt("Scope", body, typed, "rising 20 pre 40 normal"), self._take_settings)
 
-    def _take_settings(self, typed: str | None) -> None:
-        if typed:
-            try:
-                self._set(parse_settings(typed, self.settings), "")
-            except ValueError as error:
-                self.say(f"{error}; nothing was changed")
+        def take(typed: str | None) -> None:
+            if typed is not None:
+                self._set(parse_settings(typed, now), "")
+
+        hint = "rising 20 pre 40 normal"
+        self.app.push_screen(Prompt("Scope", body, typed, hint, lambda line: parse_settings(line, now)), take)
 
     def command_scope_force(self) -> None:
         self._forced = True

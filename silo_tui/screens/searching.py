@@ -1,13 +1,14 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """Finding moments and events in plots that stand still, in all that is held of them."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from silo.core.elements import LoggedEvent
 from silo.errors import SiloError
 from silo_tui.modal import run_alone
 from silo_tui.model import text
-from silo_tui.model.find import Search, What
+from silo_tui.model.find import Search, What, parse_crossing
 from silo_tui.model.happened import gone_words, words
 from silo_tui.model.panels import CurveKind, kind_of
 from silo_tui.screens.finding import SearchResult, events, look
@@ -15,7 +16,9 @@ from silo_tui.screens.marking import ask_mark
 from silo_tui.screens.standing import StandingStill, value_here
 
 if TYPE_CHECKING:
-    from silo_tui.screens.find import FindDialog
+    from silo_tui.screens.dialogs import Prompt
+
+HOW = "Enter finds it: 20 either way, >20 rising, <20 falling"
 
 
 class Searching(StandingStill):
@@ -24,25 +27,36 @@ class Searching(StandingStill):
     # -------------------------------------------------------------------------------------------- find the moment
 
     def command_find(self) -> None:
+        from silo_tui.screens.dialogs import Prompt
         from silo_tui.screens.find import FindDialog
 
         if not self.stack.plots:
+            self.say("nothing is plotted to find something in")
             return
         self._pause_here()
-        name = self._short(self.stack.chosen_plot.name)
-        dialog = FindDialog(name, len(self.stack.plots), "")
-        self.app.push_screen(dialog, self._find)
-        run_alone(self, "offer", self._offer_level, dialog)
+        dialog = FindDialog(self._short(self.stack.chosen_plot.name), len(self.stack.plots))
 
-    async def _offer_level(self, dialog: "FindDialog") -> None:
-        """Offer the value at the cursor as the level: the dialog doesn't wait for it."""
-        readings = await self._readings_here()
-        self.stack.readings = readings
-        dialog.offer(value_here(self.stack.chosen_plot, readings))
+        def level_typed(level: str | None) -> None:
+            if level is not None:
+                self._find(replace(parse_crossing(level), everywhere=dialog.everywhere))
 
-    def _find(self, search: Search | None) -> None:
-        if search is not None:
-            run_alone(self, "find", self._search, search, 0)
+        def chosen(answer: str | None) -> None:
+            if answer == What.CROSSING.value:
+                line = Prompt("Find a crossing", HOW, "", "20", parse_crossing)
+                self.app.push_screen(line, level_typed)
+                run_alone(self, "offer", self._offer_level, line)
+            elif answer is not None:
+                self._find(Search(What(answer), everywhere=dialog.everywhere))
+
+        self.app.push_screen(dialog, chosen)
+
+    async def _offer_level(self, line: "Prompt") -> None:
+        """Offer the value at the cursor as the level: the line doesn't wait for it."""
+        self.stack.readings = readings = await self._readings_here()
+        line.offer(value_here(self.stack.chosen_plot, readings))
+
+    def _find(self, search: Search) -> None:
+        run_alone(self, "find", self._search, search, 0)
 
     def command_next_found(self) -> None:
         self._find_on(1)

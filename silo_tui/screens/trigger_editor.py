@@ -1,9 +1,6 @@
 """Edit one trigger: lines for what it says, and below them what it would have done in all that is held."""
 
-from textual.widgets import Input
-
 from silo.core.elements import TriggerOptions
-from silo.errors import SiloError
 from silo_tui.context import Context
 from silo_tui.model.conditions import fields_of, options_of_fields, tried_lines
 from silo_tui.screens.form import Form
@@ -48,36 +45,21 @@ class TriggerEditor(Form[TriggerOptions]):
         """Begin with the condition where there is none yet, else with the name."""
         self.begin_at("name" if self._options.when and self._is_new else "when")
 
-    async def look(self) -> None:
-        """Say what it would have done."""
-        fields = self.fields
+    async def look(self) -> str:
+        """Return what it would have done."""
+        fields, link = self.fields, self._session.link
         if not fields["when"].strip():
-            self.tell("the condition: signals, numbers with units, and or not, prev diff rate mean min max any all")
-            return
-        unnamed = not fields["name"].strip()
-        try:  # the condition counts while there is no name yet
-            made = options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
-        except (SiloError, ValueError) as error:
-            self.tell(str(error))
-            return
-        link = self._session.link
+            return "the condition: signals, numbers with units, and or not, prev diff rate mean min max any all"
+        unnamed = not fields["name"].strip()  # the condition counts while there is no name yet
+        made = options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
         if link is None:
-            return
-        try:
-            tried = await link.read(lambda client: client.try_trigger(made))
-        except SiloError as error:
-            self.tell(str(error))
-            return
-        self.tell("\n".join([*tried_lines(tried, self.told_width, made.keep), *([UNNAMED] if unnamed else [])]))
+            return ""
+        tried = await link.read(lambda client: client.try_trigger(made))
+        return "\n".join([*tried_lines(tried, self.told_width, made.keep), *([UNNAMED] if unnamed else [])])
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Answer with the trigger; what makes no sense is said, and the editor stays."""
-        try:
-            made = options_of_fields(self.fields, self._options)
-        except (SiloError, ValueError) as error:
-            self.tell(str(error))
-            return
-        if made.when:
-            self.dismiss(made)
-        else:
-            self.tell("a trigger needs a condition, such as abs(base/roll) > 0.6")
+    def made(self) -> TriggerOptions:
+        """Return the trigger."""
+        made = options_of_fields(self.fields, self._options)
+        if not made.when:
+            raise ValueError("a trigger needs a condition, such as abs(base/roll) > 0.6")
+        return made

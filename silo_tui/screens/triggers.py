@@ -18,7 +18,7 @@ from silo_tui.model.conditions import CAUTION, LOUD, name_width, named_in, times
 from silo_tui.model.lists import Order
 from silo_tui.model.names import fitting_names
 from silo_tui.screens.conditions import MOST_PLOTS, ConditionsScreen
-from silo_tui.screens.dialogs import Choice, Question
+from silo_tui.screens.dialogs import confirmed
 from silo_tui.screens.opened import open_saved
 from silo_tui.screens.trigger_editor import TriggerEditor
 from silo_tui.widgets.bars import color
@@ -118,14 +118,8 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         lines = [f"{each.options.name}: {each.options.when}" for each in targets]
         lines += [f"{kept}; {'its' if one else 'their'} captures stay where they are."]
         lines += [f"t switches {'it' if one else 'them'} off and keeps {'it' if one else 'them'}."]
-        choices = [Choice("no", f"Keep {'it' if one else 'them'}"), Choice("yes", "Remove", "y")]
-        what = f"trigger {names[0]}" if one else f"{len(names)} triggers"
-        if (
-            await self.app.push_screen_wait(
-                Question(f"Remove {what} of {self.session.name}?", "\n".join(lines), choices)
-            )
-            == "yes"
-        ):
+        title = f"Remove {f'trigger {names[0]}' if one else f'{len(names)} triggers'} of {self.session.name}?"
+        if await confirmed(self.app, title, "\n".join(lines), "Remove", f"Keep {'it' if one else 'them'}"):
             await self.carry_out(lambda client: "; ".join([client.remove_trigger(name) for name in names]))
 
     def command_trigger_edit(self) -> None:

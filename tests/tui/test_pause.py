@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from textual.widgets import Input
 
 from silo.core.elements import BufferType
 from silo.history.requests import PinOpened
@@ -370,7 +371,7 @@ async def test_a_crossing_is_offered_at_the_value_under_the_cursor(fake, opened)
         fake.advance(1.3)
         await screen.press("f", "x")
         await screen.shows("Enter finds it")
-        line = screen.app.screen.query_one("#find-level")
+        line = screen.app.screen.query_one(Input)
         await screen.until(lambda: line.value == "40", "the level of the spike")
 
 
