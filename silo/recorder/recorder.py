@@ -11,7 +11,6 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -40,7 +39,7 @@ from silo.recorder.orders import (
 )
 from silo.recorder.parts.layout import ending, layout_of
 from silo.recorder.ring_cursor import DROPPED, MOST_PERIOD_S, Drained, RingCursor
-from silo.recorder.writing import EventCheck, ExtrasChange, RecorderDisk, RunBegins, RunEnds, Settle, Writing
+from silo.recorder.writing import RecorderDisk, Writing
 from silo.recovery.parts import Closing, fewer_rows, left_rows
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows
@@ -208,7 +207,7 @@ class Recorder:
             run.schema = msgspec.structs.replace(run.schema, extras=extras)
         elif self._drain is not None:
             self._flush()
-            self._writing.put(ExtrasChange(extras))
+            self._writing.put(self._writing.change_extras, extras)
 
     def _tell(self) -> None:
         now_s = time.monotonic()
@@ -250,15 +249,15 @@ class Recorder:
             self._drain.reader.release_pages()
         late = bool(self._runs) and now_s - self._next_since_s > OLD_RUN_S
         if self._pending.complete and (late or (self._drain.done() and (self._runs or self._happening.has_ended()))):
-            self._end_run(RunEnds())
+            self._end_run()
 
-    def _end_run(self, end: RunEnds) -> None:
+    def _end_run(self, until: int = 0, *, died: bool = False) -> None:
         drain = self._drain
         assert drain is not None
         self._flush()
         # not by `is_over`: it may have logged more, and ended, since its rows were read
-        over = end.died or bool(self._runs) or drain.done()
-        self._writing.put(replace(end, end=dict(drain.cursors), over=over))
+        over = died or bool(self._runs) or drain.done()
+        self._writing.put(self._writing.end_run, until, dict(drain.cursors), over=over, died=died)
         drain.reader.close()
         self._drain = None
 
@@ -282,8 +281,8 @@ class Recorder:
         self._flushed_s = time.monotonic()
         pending, self._pending = self._pending, Drained()
         if pending.rows or pending.losses:
-            self._writing.put(joined(pending))
-        self._writing.put(EventCheck())
+            self._writing.put(self._writing.write, joined(pending))
+        self._writing.put(self._writing.look_for_events)
 
     def _close_left(self) -> None:
         """Close what predecessors left, once this recorder has caught up, and has the time."""
@@ -304,7 +303,7 @@ class Recorder:
             self._tell_clients(text)
         if lost := fewer_rows(closed, self._order.name, *self._left):
             self._tell_clients(f"the part that a killed recorder left was damaged: {lost} rows of it are lost")
-        self._writing.put(Settle(tuple(closed)))
+        self._writing.put(self._writing.settle, closed)
 
     def _begin_run(self) -> bool:
         while self._runs:
@@ -361,7 +360,7 @@ class Recorder:
             )
         self._happening = EventTail(drain.reader, since)
         begin = {**drain.begun_with, EVENTS_RING: since}
-        self._writing.put(RunBegins(layout, begin, self._happening, self._gone, tuple(self._missed)))
+        self._writing.put(self._writing.begin_run, layout, begin, self._happening, self._gone, self._missed)
         self._gone, self._missed = "", []
 
     def _drain_last(self) -> None:
@@ -371,7 +370,7 @@ class Recorder:
             self._read_some(self._drain)
             if self._pending.complete:
                 last = not self._runs
-                self._end_run(RunEnds(self._until if last else 0, died=last and self._died))
+                self._end_run(self._until if last else 0, died=last and self._died)
             else:
                 self._flush()
                 self._writing.over.wait(0.01)

@@ -10,9 +10,11 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import ParamSpec
 
 import numpy as np
 
@@ -32,6 +34,8 @@ from silo.recorder.ring_cursor import TOO_SLOW, Drained, Loss
 from silo.recovery.parts import finished_part
 from silo.segment.rows import Rows
 
+P = ParamSpec("P")
+
 QUEUE_BYTES = 64 << 20
 MOST_INDEX_BYTES = 16 << 20  # of a part, in memory: then the next one begins
 MOST_HOLE_ROWS = 100_000  # a part holds no larger ones, which whoever reads it would have to fill
@@ -46,53 +50,6 @@ BAD_STAMP = (
 log = logging.getLogger("silo.recorder")
 
 
-@dataclass(frozen=True)
-class RunBegins:
-    """What follows is of another run: its layout, the rows with which its rings begin, and what happens in it.
-
-    `gone` tells of the runs before it that are not whole, `missed` are those of them that nobody handed over.
-    """
-
-    layout: ChannelLayout
-    begin: Mapping[int, int]
-    happening: EventTail
-    gone: str = ""
-    missed: tuple[RunEntry, ...] = ()
-
-
-@dataclass(frozen=True)
-class RunEnds:
-    """Nothing more comes of this run; its event log is to have event `until`.
-
-    `end` are the rows up to which it was read. `over`: that is all of it; `died`: its program ended without a word.
-    """
-
-    until: int = 0
-    end: Mapping[int, int] = field(default_factory=dict)
-    over: bool = False
-    died: bool = False
-
-
-@dataclass(frozen=True)
-class EventCheck:
-    """It is time to look what happened: also where no rows come."""
-
-
-@dataclass(frozen=True)
-class ExtrasChange:
-    """The limits and triggers that hold from here on: a part has one set of them."""
-
-    extras: Conditions
-
-
-@dataclass(frozen=True)
-class Settle:
-    """Parts that predecessors left were closed."""
-
-    closed: tuple[ClosedPart, ...]
-
-
-Item = RunBegins | RunEnds | Drained | EventCheck | ExtrasChange | Settle
 _OF_RECORDERS = ("recording", "recording failed")  # kinds of news for which alone no part is begun
 
 
@@ -114,14 +71,14 @@ class Writing:
         self.end_news = News(Report)  # of where it failed
         self._folder = Path(order.folder)
         self._layout: ChannelLayout | None = None
-        self._next: dict[int, int] = {}
+        self._next_rows: dict[int, int] = {}
         self._happening: EventTail | None = None
         self._part: OpenPart | None = None
         self._waiting: list[LoggedEvent] = []  # for a part in which to stand
         self._gone = ""  # likewise
         self._why_lost = ""
         self._bad: dict[int, Loss] = {}  # by ring, rows that can't be written, as long as they follow one another
-        self._queue: deque[Item] = deque()
+        self._queue: deque[tuple[Callable[[], None], int]] = deque()  # what to do, and bytes of rows in it
         self._queued_bytes = 0
         self._changed = threading.Condition()
         self._ending = False
@@ -142,11 +99,12 @@ class Writing:
         """Whether all that was put is written."""
         return not self._queue
 
-    def put(self, item: Item) -> None:
-        """Have something written, after all that was put before."""
+    def put(self, work: Callable[P, None], *args: P.args, **kwargs: P.kwargs) -> None:
+        """Have the thread do something, one of the methods below, after all that was put before."""
+        size_bytes = sum(one.size_bytes for one in args if isinstance(one, Drained))
         with self._changed:
-            self._queue.append(item)
-            self._queued_bytes += item.size_bytes if isinstance(item, Drained) else 0
+            self._queue.append((partial(work, *args, **kwargs), size_bytes))
+            self._queued_bytes += size_bytes
             self._changed.notify()
 
     def end(self) -> None:
@@ -163,9 +121,13 @@ class Writing:
 
     def _run(self) -> None:
         try:
-            while (item := self._next_item()) is not None:
-                self._take(item)
-            self._end_run(RunEnds())
+            while self._next():
+                work, size_bytes = self._queue[0]
+                work()
+                with self._changed:  # only now: rows that are being written take memory as well
+                    self._queue.popleft()
+                    self._queued_bytes -= size_bytes
+            self.end_run()
         except OSError as error:  # a SaveError, too
             self._fail(str(error) if isinstance(error, SiloError) else f"the disk refused: {reason(error)}")
         except SiloError as error:
@@ -176,40 +138,46 @@ class Writing:
         finally:
             self.over.set()
 
-    def _next_item(self) -> Item | None:
+    def _next(self) -> bool:
+        """Wait for something to do; False at the end."""
         with self._changed:
             while not self._queue and not self._ending:
                 self._changed.wait()
-            return self._queue[0] if self._queue else None
+            return bool(self._queue)
 
-    def _take(self, item: Item) -> None:
-        if isinstance(item, RunBegins):
-            self._end_run(RunEnds())
-            self._layout, self._next, self._happening = item.layout, dict(item.begin), item.happening
-            self._gone = "; ".join(filter(None, [self._gone, item.gone]))
-            self._ledger.written.runs += item.missed
-            self._ledger.begin_run(_entry(item.layout, item.begin))
-            self.totals.state = RecorderState.RECORDING
-        elif isinstance(item, RunEnds):
-            self._end_run(item)
-            self.totals.state = RecorderState.WAITING
-        elif isinstance(item, ExtrasChange):
-            self._finish_part()
-            self._layout = self._present_layout.with_extras(item.extras)
-            self._ledger.begin_run(_entry(self._layout, self._next))
-        elif isinstance(item, EventCheck):
-            if self._happening is not None:
-                self._take_events(self._happening.read())
-        elif isinstance(item, Settle):
-            self._ledger.settle(item.closed, finished_part, self._part.final.name if self._part is not None else "")
-            self._count()
-        else:
-            self._write(item)
-        with self._changed:  # only now: rows that are being written take memory as well
-            self._queue.popleft()
-            self._queued_bytes -= item.size_bytes if isinstance(item, Drained) else 0
+    def begin_run(
+        self, layout: ChannelLayout, begin: Mapping[int, int], happening: EventTail, gone: str = "",
+        missed: Sequence[RunEntry] = (),
+    ) -> None:  # fmt: skip
+        """Take in that what follows is of another run: the rows with which its rings begin, what happens in it.
 
-    def _write(self, drained: Drained) -> None:
+        `gone` tells of the runs before it that are not whole, `missed` are those of them that nobody handed over.
+        """
+        self.end_run()
+        self._layout, self._next_rows, self._happening = layout, dict(begin), happening
+        self._gone = "; ".join(filter(None, [self._gone, gone]))
+        self._ledger.written.runs += missed
+        self._ledger.begin_run(_entry(layout, begin))
+        self.totals.state = RecorderState.RECORDING
+
+    def change_extras(self, extras: Conditions) -> None:
+        """Write from here on with these limits and triggers: a part has one set of them."""
+        self._finish_part()
+        self._layout = self._present_layout.with_extras(extras)
+        self._ledger.begin_run(_entry(self._layout, self._next_rows))
+
+    def look_for_events(self) -> None:
+        """Take in what happened, also where no rows come."""
+        if self._happening is not None:
+            self._take_events(self._happening.read())
+
+    def settle(self, closed: Sequence[ClosedPart]) -> None:
+        """Take in parts that predecessors left, and that were closed."""
+        self._ledger.settle(closed, finished_part, self._part.final.name if self._part is not None else "")
+        self._count()
+
+    def write(self, drained: Drained) -> None:
+        """Write rows, after what is missing before them."""
         coming = self._estimate(drained)
         self._make_room(coming)
         for loss in drained.losses:
@@ -233,7 +201,7 @@ class Writing:
             layout = self._layout = layout.with_bytes(misfits)
             elements = layout.samples(rows)
         self._open_part().add(rows, elements)
-        self._next[rows.ring.ring] = rows.first + len(rows)
+        self._next_rows[rows.ring.ring] = rows.first + len(rows)
 
     def _take_bad(self, rows: Rows) -> None:
         """Leave out rows that no file can hold. Told once they end, or the run does: a wrong clock may stay wrong."""
@@ -277,7 +245,7 @@ class Writing:
 
     def _open_part(self) -> OpenPart:
         if self._part is None:
-            part = OpenPart(self._folder, self._order.name, self._present_layout, self._next, self._disk.write)
+            part = OpenPart(self._folder, self._order.name, self._present_layout, self._next_rows, self._disk.write)
             self._part = part
             with contextlib.suppress(OSError, RuntimeError):  # then `silo recover` must be told the folder
                 remember_folder(self._folder, RECORDINGS)
@@ -296,34 +264,41 @@ class Writing:
         if self._part is not None and self._waiting:
             written, self._waiting = self._waiting, []
             self._part.add_events(written)
-            self._next[EVENTS_RING] = written[-1].number + 1
+            self._next_rows[EVENTS_RING] = written[-1].number + 1
             self._count()
 
-    def _end_run(self, end: RunEnds) -> None:
-        """Finish what there is of a run; a mark that came after the last row may have a part of its own."""
+    def end_run(
+        self, until: int = 0, end: Mapping[int, int] | None = None, *, over: bool = False, died: bool = False
+    ) -> None:
+        """Finish what there is of a run; a mark that came after the last row may have a part of its own.
+
+        Its event log is to have event `until`. `end` are the rows up to which it was read; `over`: that is all of it;
+        `died`: its program ended without a word.
+        """
         happening, self._happening = self._happening, None
         self._note_bad()
         if happening is not None:
             with contextlib.closing(happening):
-                self._take_events(happening.read_last(end.until, died=end.died))
+                self._take_events(happening.read_last(until, died=died))
             if any(event.kind not in _OF_RECORDERS for event in self._waiting):
                 self._open_part()
         self._waiting = []
         self._finish_part()
         if happening is not None:
             run = self._present_layout.schema.run
-            self._ledger.end_run(run, {**self._next, **end.end}, done=end.over)
-            if end.over:
+            self._ledger.end_run(run, {**self._next_rows, **(end or {})}, done=over)
+            if over:
                 self.news.append(News(Report, done=run))
             self._count()
+        self.totals.state = RecorderState.WAITING
 
     def _note_lost(self, loss: Loss) -> None:
         layout = self._present_layout
         if loss.end - loss.begin > MOST_HOLE_ROWS:
             self._finish_part()
-            self._next[loss.ring] = loss.end
+            self._next_rows[loss.ring] = loss.end
         part = self._open_part()  # one that begins here has the hole before its first row
-        self._next[loss.ring] = loss.end
+        self._next_rows[loss.ring] = loss.end
         self._why_lost = loss.why
         part.note_lost(loss.ring, loss.begin, loss.end, loss.why)
         lost = (loss.end - loss.begin) * len(layout.ring_channels[loss.ring])
@@ -338,7 +313,7 @@ class Writing:
         """That no sample is in a part but a loss: rows tell what is missing between them, and here are none."""
         schema = part.layout.schema
         text = f"{part.lost} samples of this run are in no file: {self._why_lost}"
-        number = self._next.get(EVENTS_RING, 1)
+        number = self._next_rows.get(EVENTS_RING, 1)
         return LoggedEvent("lost", text, time.time_ns(), 0, schema.started_ns, schema.logger, schema.run, number)
 
     def _finish_part(self) -> None:
@@ -353,7 +328,7 @@ class Writing:
             part.leave()
             raise
         run = part.layout.schema.run
-        self._ledger.end(part.final.name, size, run, {**self._next}, part.rows, part.samples)
+        self._ledger.end(part.final.name, size, run, {**self._next_rows}, part.rows, part.samples)
         self.totals.part = ""
         if size:
             self.news.append(News(Report, finished=str(part.final)))
@@ -368,7 +343,7 @@ class Writing:
         """Compute what there is, of the ledger and the part that is open."""
         part = self._part
         run = self._layout.schema.run if self._layout is not None else ""
-        sums = self._ledger.sums(run, part.rows if part is not None else None, self._next)
+        sums = self._ledger.sums(run, part.rows if part is not None else None, self._next_rows)
         self.totals.parts, self.totals.lost, self.totals.written_bytes = sums.parts, sums.lost, sums.size_bytes
         self.totals.samples = sums.samples + (part.samples if part is not None else 0)
         self.totals.size_bytes = self._ledger.size_bytes + self.open_bytes
@@ -382,7 +357,7 @@ class Writing:
         if self._layout is not None:  # what came after the last row, and still comes, nobody counts
             schema = self._layout.schema
             ticks = max(
-                (self._next.get(ring, 0) * schema.rings[ring].divider for ring in self._layout.rings), default=0
+                (self._next_rows.get(ring, 0) * schema.rings[ring].divider for ring in self._layout.rings), default=0
             )
             self.end_news = News(Report, told_run=schema.run, told_tick=ticks)
             with contextlib.suppress(OSError):

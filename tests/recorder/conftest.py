@@ -31,7 +31,7 @@ from silo.recorder.orders import (
 )
 from silo.recorder.parts.layout import layout_of
 from silo.recorder.ring_cursor import RingCursor
-from silo.recorder.writing import EventCheck, RecorderDisk, RunBegins, RunEnds, Writing
+from silo.recorder.writing import RecorderDisk, Writing
 from silo.segment.reader import SegmentReader
 from tests.waiting import wait_until
 
@@ -200,7 +200,8 @@ class Direct:
         self.writing.start()
         reader = SegmentReader(robot.log.segment_path)
         self.drain = RingCursor(reader, layout_of(reader.schema, order.patterns), None)
-        self.writing.put(RunBegins(self.drain.layout, self.drain.begun_with, EventTail(reader, 0)))
+        begun = self.drain.layout, self.drain.begun_with, EventTail(reader, 0)
+        self.writing.put(self.writing.begin_run, *begun)
 
     def step(self) -> None:
         """Read all that is in the rings, and have it written."""
@@ -215,8 +216,8 @@ class Direct:
         if not room:
             return False
         found = self.drain.read(room)
-        self.writing.put(found)
-        self.writing.put(EventCheck())
+        self.writing.put(self.writing.write, found)
+        self.writing.put(self.writing.look_for_events)
         return found.complete
 
     def told(self) -> list[Report]:
@@ -224,7 +225,7 @@ class Direct:
         return [self.writing.news.popleft()(self.writing.totals.state) for _ in range(len(self.writing.news))]
 
     def finish(self) -> Progress:
-        self.writing.put(RunEnds())
+        self.writing.put(self.writing.end_run)
         self.writing.end()
         self.writing.join()
         self.ledger.close()

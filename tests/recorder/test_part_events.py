@@ -20,7 +20,6 @@ from silo.files.bags.writer import write_bag
 from silo.files.event_log import append_events, event_log_path, older_event_log
 from silo.files.parts.scan import rows_after, scan_part
 from silo.recorder.orders import Finish, RecordOrder, encode
-from silo.recorder.writing import EventCheck, ExtrasChange
 from silo.recovery.parts import close_part
 from tests.waiting import wait_until
 
@@ -109,7 +108,7 @@ def test_a_mark_while_nothing_else_happens_is_in_the_part_at_once(robot, tmp_pat
     robot.ticks(30)
     direct.step()
     happens("stands still", 29)
-    direct.writing.put(EventCheck())
+    direct.writing.put(direct.writing.look_for_events)
     wait_until(lambda: direct.writing.is_idle)
     (path,) = (tmp_path / "rec").glob("*.mcap.part")
     assert kept(path) == [("marker", "stands still", 29)]
@@ -207,7 +206,7 @@ def test_other_limits_begin_another_part(robot, tmp_path, truth) -> None:
     robot.ticks(50)
     direct.step()
     robot.log.limit("x", (None, None, 150, 250))
-    direct.writing.put(ExtrasChange(robot.log.extras))
+    direct.writing.put(direct.writing.change_extras, robot.log.extras)
     robot.ticks(50)
     direct.step()
     direct.finish()
@@ -226,7 +225,7 @@ def test_the_event_log_is_followed_through_its_renaming(robot, tmp_path, truth, 
     event_log_path(tmp_path, "bot").rename(older_event_log(tmp_path, "bot"))
     happens("three", 3)
     direct.step()
-    direct.writing.put(EventCheck())
+    direct.writing.put(direct.writing.look_for_events)
     direct.finish()
     assert [text for _, text, _ in kept(parts(tmp_path)[0])] == ["one", "two", "three"]
 
