@@ -29,8 +29,8 @@ from silo.rpc.leases import Leases
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 from silo.state.events import EventNotifier
+from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica
-from silo.state.run_follower import RunFollower
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need
@@ -62,15 +62,12 @@ class Standing:
 class Judge:
     """Owns the judge thread and the one that writes captures."""
 
-    def __init__(self, replica: Replica, events: EventNotifier) -> None:
-        self._replica, self._events = replica, events
+    def __init__(self, replica: Replica, events: EventNotifier, held: HeldRuns) -> None:
+        self._replica, self._events, self._held = replica, events, held
         self.leased = LeasedTriggers()
         self._wake = threading.Event()
         self._ended = False
-        self._present = RunFollower(replica)
-        self._offered: deque[SegmentReader] = deque()
-        self._left: deque[SegmentReader] = deque()  # runs that ended while there was no helper process
-        self._due: set[str] = set()  # of all those
+        self._due: dict[str, bool] = {}  # runs to be judged: whether they ended while there was no helper process
         self._judge: SegmentJudge | None = None
         self._run = self._why = ""
         self._late_s = math.inf
@@ -106,34 +103,26 @@ class Judge:
         if self._memory is not None and not self._hands_over:
             self._memory.forget_all(self._writer.left)
 
-    def take_run(self) -> None:
-        """Judge the run that the replica has just taken over, however soon the next one replaces it."""
-        try:
-            reader = self._replica.open_reader()
-        except SegmentError:
-            log.exception("a run can't be judged")
-            return
-        if reader is not None and _has_conditions(reader.schema.extras):
-            self._note_due(reader)
-            self._offered.append(reader)
-            self._wake.set()
+    def take(self, run: str, *, left: bool = False) -> None:
+        """Judge a run of those that are held, however soon the next one follows.
 
-    def take_left(self, run: SegmentReader) -> None:
-        """Judge a run to its end that ended while there was no helper process, whatever goes on meanwhile."""
+        `left`: it ended while there was no helper process. It is judged to its end, whatever goes on meanwhile.
+        """
         try:
-            reader = SegmentReader(run.path, run.fileno())
+            reader = self._held.open(run)
         except SegmentError:
             log.exception("a run can't be judged")
             return
-        self._note_due(reader)
-        self._left.append(reader)
+        if reader is None:
+            return
+        with contextlib.closing(reader):
+            if not (left or _has_conditions(reader.schema.extras)):
+                return
+            from silo.conditions.state_file import note_begun
+
+            note_begun(reader.schema)
+        self._due[run] = left
         self._wake.set()
-
-    def _note_due(self, reader: SegmentReader) -> None:
-        from silo.conditions.state_file import note_begun
-
-        note_begun(reader.schema)
-        self._due.add(reader.schema.run)
 
     def needs(self, run: str) -> bool:
         """Whether the rows of a run are still to be judged, or a capture of it is not written yet."""
@@ -306,12 +295,15 @@ class Judge:
         if not self._looked:
             self._looked = True
             self._look_back()
-        while self._left:
-            self._judge_left(self._left.popleft())
-        while self._offered:
-            self._next_run(self._offered.popleft())
-        if not self._offered and self._present.look():
-            self._next_run(self._present.reader)  # let go of, without triggers, or not handed over
+        present = self._replica.run  # first: those before it are due by then
+        due = sorted(self._due.copy().items(), key=lambda one: not one[1])
+        for run, left in due:
+            try:
+                (self._judge_left if left else self._next_run)(run)
+            finally:
+                del self._due[run]
+        if not due:
+            self._next_run(present)  # let go of, without triggers, or not handed over
         self._adopt()
         if self._memory is not None:
             self._memory.forget_others(lambda run: run == self._run or run in self._due)
@@ -341,27 +333,24 @@ class Judge:
         if robot.segment != self._replica.segment or (judge is not None and judge.extras == extras):
             return  # of another run, or known
         if judge is None:
-            reader = self._present.reader
-            if _has_conditions(extras) and not self._failed and reader is not None and self._present.run == self._run:
+            wanted = _has_conditions(extras) and not self._failed and self._run == self._replica.run
+            if wanted and (reader := self._held.open(self._run)) is not None:
                 self._begin(reader, extras, since=reader.ticks)
         else:
             judge.adopt(extras)
             self._tell_problems(judge)
 
-    def _next_run(self, reader: SegmentReader | None) -> None:
-        """Close the run before, and begin with this one; None: there is none."""
-        run = reader.schema.run if reader is not None else ""
-        if run and run == self._run:
-            self._due.discard(run)  # it was found before it was handed over
+    def _next_run(self, run: str) -> None:
+        """Close the run before, and begin with this one, as soon as it is held; empty: there is none."""
+        if run == self._run:
+            return
+        reader = self._held.open(run)
+        if run and reader is None:
             return
         self._end_run("a new run began")
         self._run, self._closed, self._failed = run, False, ""
-        if reader is None:
-            return
-        try:
+        if reader is not None:
             self._go_over(reader)
-        finally:
-            self._due.discard(run)
 
     def _go_over(self, reader: SegmentReader) -> None:
         """Judge the run that has just begun."""
@@ -372,11 +361,13 @@ class Judge:
         is_damaged = self._memory is not None and self._memory.was_damaged(run)
         self._begin(reader, reader.schema.extras, since=reader.ticks if is_damaged else 0)
 
-    def _judge_left(self, reader: SegmentReader) -> None:
+    def _judge_left(self, run: str) -> None:
         """Judge a run that is over, from where a predecessor stood; told is what nobody told before."""
         from silo.conditions.segment_judge import SegmentJudge
 
-        memory, run = self._remembering(), reader.schema.run
+        memory, reader = self._remembering(), self._held.open(run)
+        if reader is None:
+            return
         state = memory.left(run)
         extras, until = (reader.schema.extras, 0) if state is None else (state.extras, state.until)
         try:
@@ -395,8 +386,6 @@ class Judge:
             memory.tell_new(found, judge)
             for buffer in found.whole:
                 self._writer.add(buffer)
-        finally:
-            self._due.discard(run)
 
     # ------------------------------------------------------------------------------------------- before and after us
 

@@ -158,7 +158,7 @@ class Helper:
         publisher = Publisher(session, self._root, replica, events)
         saver = Saver(replica, events, self._robot)
         journaling = Journaling(replica, events)
-        judge = Judge(replica, events)
+        judge = Judge(replica, events, held)
         recording = EndlessRecordings(replica, events, held)
         runs = Runs(self._robot, replica, held, events, marks, judge, recording, early)
         runs.begin()

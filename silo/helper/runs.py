@@ -66,7 +66,7 @@ class Runs:
         for offer in taken_over(self._robot, self.replica, self._held):
             taken = True
             self._marks.take_run()
-            self._judge.take_run()
+            self._judge.take(self.replica.run)
             self.recording.follow_present()
             self.deleted = "" if offer.named else offer.run
         return taken
@@ -107,13 +107,14 @@ class Runs:
                     if run != self.replica.run:
                         self._take_left([reader])
                         continue
-                    self._judge.take_run()  # also should the run be over before the judge looks
+                    self._judge.take(run)  # also should the run be over before the judge looks
                     tell_left(reader, self._events)
 
     def _take_left(self, left: Iterable[SegmentReader]) -> None:
         """Have runs read that ended while there was no helper process."""
         for reader in left:
-            self._judge.take_left(reader)  # first: what was told to have begun is judged by a successor, too
+            # first: what was told to have begun is judged by a successor, too
+            self._judge.take(reader.schema.run, left=True)
             tell_left(reader, self._events)
             self._marks.take_left(reader)
             self.recording.follow_present()

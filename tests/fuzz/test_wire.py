@@ -215,8 +215,9 @@ class Bench:
         events = EventNotifier(self.session, root, self.replica, EventLog(str(folder), "fuzz"))
         self.publisher = Publisher(self.session, root, self.replica, events)
         self.saver = Saver(self.replica, events, self.robot)
-        self.recording = EndlessRecordings(self.replica, events, HeldRuns(self.replica, lambda: None))
-        judge = Judge(self.replica, events)
+        held = HeldRuns(self.replica, lambda: None)
+        self.recording = EndlessRecordings(self.replica, events, held)
+        judge = Judge(self.replica, events, held)
         self.servers = Servers(
             self.replica,
             events,

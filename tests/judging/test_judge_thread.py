@@ -11,6 +11,7 @@ from silo.logger.serving.answers import robot_state
 from silo.rpc.published import EventKind
 from silo.state.event_log import EventLog
 from silo.state.handover import RunOffer
+from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica
 from tests.waiting import wait_until
 
@@ -32,7 +33,8 @@ def test_a_run_that_it_found_before_it_was_handed_over_is_let_go_of_at_its_end(t
     logger.trigger("spike", "x > 50", pre="20ms", post="10ms")
     logger.start()
     replica = Replica(robot_state(logger, "", -1))
-    judge = Judge(replica, Events(str(tmp_path)))
+    held = HeldRuns(replica, lambda: None)
+    judge = Judge(replica, Events(str(tmp_path)), held)
     judge.start()
     try:
         x[...] = 1.0
@@ -40,8 +42,9 @@ def test_a_run_that_it_found_before_it_was_handed_over_is_let_go_of_at_its_end(t
         run = logger.present_run.id
         descriptor = os.open(logger.segment_path, os.O_RDONLY)
         replica.take_run(RunOffer(run, logger.segment_path), descriptor)
+        held.take()
         wait_until(lambda: judge.standing().run == run)
-        judge.take_run()
+        judge.take(run)
         assert judge.needs(run)
         replica.let_go()
         wait_until(lambda: not judge.needs(run))
