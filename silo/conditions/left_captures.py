@@ -11,20 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from silo.conditions import state_file
 from silo.conditions.captures.files import write_capture
 from silo.conditions.memory import lost_news, runs_there, untold
 from silo.conditions.segment_judge import SegmentJudge
-from silo.conditions.state_file import (
-    SUFFIX,
-    JudgeState,
-    Untold,
-    all_states,
-    begun_state,
-    is_note,
-    note_begun,
-    read_state,
-    state_path,
-)
+from silo.conditions.state_file import JudgeState, Untold
 from silo.core.elements import Conditions, LoggedEvent, SavedFile
 from silo.core.runtime import HELD_SUFFIX
 from silo.errors import SegmentError, SiloError, StateError
@@ -68,7 +59,7 @@ def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     """
     found = _judged_to_its_end(reader, folder)
     if not found.is_whole:
-        note_begun(reader.schema)
+        state_file.note_begun(reader.schema)
     return found
 
 
@@ -76,7 +67,7 @@ def _judged_to_its_end(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     schema = reader.schema
     found = RecoveredCaptures([], [])
     try:
-        path = state_path(schema.logger, schema.run)
+        path = state_file.state_path(schema.logger, schema.run)
         state = _known(reader, path)
     except OSError:
         found.is_whole = False  # it can't be read now
@@ -104,7 +95,7 @@ def _judged_to_its_end(reader: SegmentReader, folder: str) -> RecoveredCaptures:
 def _known(reader: SegmentReader, path: Path) -> JudgeState | None:
     if not path.exists():
         return unseen(reader)
-    return begun_state(reader.schema) if is_note(path) else read_state(path)
+    return state_file.begun_state(reader.schema) if state_file.is_note(path) else state_file.read_state(path)
 
 
 def unseen(reader: SegmentReader) -> JudgeState | None:
@@ -117,7 +108,7 @@ def unseen(reader: SegmentReader) -> JudgeState | None:
     if not (schema.extras.triggers or schema.extras.limits) or not _was_served(reader):
         return None
     seen = {event.kind for event in read_events(schema.folder, schema.logger, schema.run)} - _OF_RECORDINGS
-    return None if seen else begun_state(schema)
+    return None if seen else state_file.begun_state(schema)
 
 
 def _was_served(reader: SegmentReader) -> bool:
@@ -177,14 +168,14 @@ def recover_left(tell: Tell, wanted: Callable[[str, str], bool], home: str = "")
                         tell(EventKind.RECOVERED, f"{WHY}; {'; '.join(found.texts)}", found.files)
                     if found.is_whole and not is_due(schema):
                         remove(reader.path)
-    for path in all_states():
+    for path in state_file.all_states():
         with contextlib.suppress(SegmentError, OSError):  # a damaged one goes with its run
-            logger, _, run = path.name.removesuffix(SUFFIX).rpartition(".")
-            if is_note(path):
+            logger, _, run = path.name.removesuffix(state_file.SUFFIX).rpartition(".")
+            if state_file.is_note(path):
                 if run not in runs_there(logger):
                     path.unlink()
                 continue
-            state = read_state(path)
+            state = state_file.read_state(path)
             folder = state.folder or home
             if folder and wanted(logger, folder) and state.is_orphan:
                 _let_go(path, state, logger, folder, tell)

@@ -12,18 +12,10 @@ from pathlib import Path
 
 import msgspec
 
+from silo.conditions import state_file
 from silo.conditions.captures.writer import CaptureWriter
 from silo.conditions.segment_judge import JudgedStep, SegmentJudge
-from silo.conditions.state_file import (
-    JudgeState,
-    KeptCapture,
-    Untold,
-    is_note,
-    left_states,
-    read_state,
-    state_path,
-    store_state,
-)
+from silo.conditions.state_file import JudgeState, KeptCapture, Untold
 from silo.core.runtime import list_held, list_segments
 from silo.errors import SegmentError
 from silo.files.manifest import CaptureList
@@ -59,14 +51,14 @@ class JudgeMemory:
     def look(self) -> None:
         """Read what predecessors left, and tell what they did not come to tell."""
         with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
-            for path in left_states(self._logger):
+            for path in state_file.left_states(self._logger):
                 self._look_at(path)
 
     def _look_at(self, path: Path) -> None:
         try:
-            if is_note(path):
+            if state_file.is_note(path):
                 return
-            state = read_state(path)
+            state = state_file.read_state(path)
         except SegmentError as error:
             self._damaged.add(path.name.removeprefix(f"{self._logger}.").removesuffix(path.suffix))
             text = f"{error}; triggers and limits of its run begin anew, and know nothing of what was logged before"
@@ -155,8 +147,8 @@ class JudgeMemory:
         if failed:
             state = msgspec.structs.replace(state, failed=failed)
         try:
-            path = self._own.setdefault(run, state_path(self._logger, run))
-            store_state(path, state)
+            path = self._own.setdefault(run, state_file.state_path(self._logger, run))
+            state_file.store_state(path, state)
             self._failing = False
         except (OSError, SegmentError) as error:
             if not self._failing:

@@ -154,7 +154,7 @@ class Judge:
     def hold(self, one: TriggerOptions, lease_s: float, owner: str) -> bool:
         """Hold a client's trigger for so long; whether it is a new one. Raises ElementError."""
         now = self._replica.now
-        is_new = self.leased.set(one, lease_s, owner, now.robot.extras, now.table.elements, now.options)
+        is_new = self.leased.hold(one, lease_s, owner, now.robot.extras, now.table.elements, now.options)
         self._wake.set()
         return is_new
 
@@ -162,7 +162,7 @@ class Judge:
         """Forget a client's trigger; False where none is held of that name."""
         found = self.leased.drop(name)
         self._wake.set()
-        return found
+        return found is not None
 
     def names(self) -> list[str]:
         """Return the names of all triggers."""
@@ -171,7 +171,7 @@ class Judge:
     def acknowledge(self, names: list[str], who: str, time_ns: int) -> int:
         """Note that somebody has seen alarms; returns how many there were. Raises ElementError."""
         count: int = self._ordered(
-            lambda: self._judge.acknowledge(names, who, time_ns) if self._judge else 0, changes=True
+            lambda: self._judge.limits.acknowledge(names, who, time_ns) if self._judge else 0, changes=True
         )
         return count
 
@@ -226,7 +226,7 @@ class Judge:
         ]
         if self._closed:
             found = [_waiting(one, "") for one in found]
-        return Standing(run, judge.judged, self._owned(found), tuple(judge.limits()))
+        return Standing(run, judge.judged, self._owned(found), tuple(judge.limits.statuses()))
 
     def _owned(self, triggers: list[TriggerStatus]) -> tuple[TriggerStatus, ...]:
         return tuple(
@@ -318,7 +318,7 @@ class Judge:
             self._bring(judge, judge.end(judge.reader.stop_reason or "the logger was stopped", self._is_late))
         if time.monotonic() >= self._worst_due_s:  # of 10,000 limits it takes a millisecond
             self._worst_due_s = time.monotonic() + WORST_PERIOD_S
-            self._replica.alarm = judge.worst()
+            self._replica.alarm = judge.limits.worst()
         return judge.wait_s
 
     def _is_late(self) -> bool:
@@ -327,8 +327,8 @@ class Judge:
     def _adopt(self) -> None:
         """Judge what the robot program has by now, where it differs from what the run began with."""
         robot, judge = self._replica.now.robot, self._judge
-        for name, owner in self.leased.expire():
-            log.info("trigger '%s' of %s is forgotten: nobody renewed it", name, owner)
+        for one in self.leased.expire():
+            log.info("trigger '%s' of %s is forgotten: nobody renewed it", one.key, one.owner)
         extras = self.leased.beside(robot.extras)
         if robot.segment != self._replica.segment or (judge is not None and judge.extras == extras):
             return  # of another run, or known
@@ -482,7 +482,7 @@ def _waiting(one: TriggerStatus, why: str) -> TriggerStatus:
     return msgspec.structs.replace(one, state=TriggerWord.BLIND if why else state, holdoff_s=0.0, why=why)
 
 
-class LeasedTriggers:
+class LeasedTriggers(Leases[str, TriggerOptions]):
     """Triggers that clients hold under a lease, such as those of a scope: gone with a client that goes away.
 
     They are in no script, no saved file and no robot process; the judge takes them beside those of the logger. May be
@@ -490,9 +490,9 @@ class LeasedTriggers:
     """
 
     def __init__(self) -> None:
-        self._leased: Leases[str, TriggerOptions] = Leases(MOST_LEASED)
+        super().__init__(MOST_LEASED)
 
-    def set(
+    def hold(
         self, one: TriggerOptions, lease_s: float, owner: str, extras: Conditions, table: Sequence[ElementInfo],
         logger: LoggerOptions,
     ) -> bool:  # fmt: skip
@@ -503,38 +503,30 @@ class LeasedTriggers:
         from silo.judging.definitions import check_held, with_trigger
 
         real("lease_s of a trigger", lease_s, SHORTEST_LEASE_S, LONGEST_LEASE_S, "s")
-        with self._leased:
-            if self._leased.get(one.name) == one:
-                self._leased.renew(one.name, lease_s, owner)
+        with self:
+            if self.get(one.name) == one:
+                self.renew(one.name, lease_s, owner)
                 return False
             if any(own.name == one.name for own in extras.triggers):
                 raise ElementError(
                     f"trigger '{one.name}' is one of the logger: hold yours under another name; nothing was changed"
                 )
-            if self._leased.full(one.name, owner):
-                held = ", ".join(sorted({each.owner for each in self._leased.all()}))
+            if self.full(one.name, owner):
+                held = ", ".join(sorted({each.owner for each in self.all()}))
                 raise ElementError(f"{MOST_LEASED} triggers are held by clients already ({held}); nothing was changed")
             with_trigger(extras, one, table, logger.prefix)
             check_held(one, table, logger.frequency_hz)
-            self._leased.set(one.name, one, lease_s, owner)
+            self.set(one.name, one, lease_s, owner)
             return True
-
-    def drop(self, name: str) -> bool:
-        """Forget one; False where there is none of that name."""
-        return self._leased.drop(name) is not None
-
-    def expire(self) -> list[tuple[str, str]]:
-        """Forget those whose lease is over; returns their names and owners."""
-        return [(one.key, one.owner) for one in self._leased.expire()]
 
     def owner(self, name: str) -> str:
         """Return who holds a trigger, empty where nobody does."""
-        found = self._leased.find(name)
+        found = self.find(name)
         return found.owner if found is not None else ""
 
     def beside(self, extras: Conditions) -> Conditions:
         """Return the extras of the logger with those that are held; a name that the logger has is the logger's."""
-        held = [one.value for one in self._leased.all()]
+        held = [one.value for one in self.all()]
         names = {one.name for one in extras.triggers}
         more = tuple(one for one in held if one.name not in names)
         return msgspec.structs.replace(extras, triggers=(*extras.triggers, *more)) if more else extras

@@ -12,7 +12,7 @@ import msgspec
 from silo.conditions.captures.buffer import CaptureBuffer, bytes_per_tick
 from silo.conditions.limit_judge import LimitJudge, LimitNews
 from silo.conditions.rows import JudgedRows
-from silo.conditions.standing import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
+from silo.conditions.standing import CapturedSpan, TriggerStatus, TriggerWord
 from silo.conditions.state_file import JudgeState, KeptCapture, KeptTrigger, Untold
 from silo.core.elements import Conditions, ElementInfo, TriggerOptions
 from silo.errors import ElementError
@@ -91,7 +91,7 @@ class SegmentJudge:
         self.extras = Conditions()
         self._rows = JudgedRows(reader, table)
         self._watched: dict[str, _Watched] = {}
-        self._limits = LimitJudge(self._rows)
+        self.limits = LimitJudge(self._rows)
         self._until, self._steps = since, 0
         self._buffers: list[CaptureBuffer] = []
         self._numbers: dict[str, int] = {}  # captures of each name so far: they stand in names of files
@@ -107,9 +107,9 @@ class SegmentJudge:
         anew = self._rows.derive(extras.derived)  # what stands on one may mean something else now
         self._numbers.update((name, one.trigger.captures) for name, one in before.items())
         self._watched = {one.name: self._taken(one, before.get(one.name), anew=anew) for one in extras.triggers}
-        self._limits.adopt(extras.limits, self.problems, anew=anew)
+        self.limits.adopt(extras.limits, self.problems, anew=anew)
         columns = [column for one in self._watched.values() for bound in one.expressions for column in bound.columns]
-        self._rows.want([*columns, *self._limits.columns], self._until)
+        self._rows.want([*columns, *self.limits.columns], self._until)
 
     def _taken(self, options: TriggerOptions, before: _Watched | None, *, anew: bool) -> _Watched:
         """A trigger with these options: the same one, the same with other words about it, or one that begins now."""
@@ -166,7 +166,7 @@ class SegmentJudge:
     @property
     def active(self) -> bool:
         """Whether there is anything to judge."""
-        return bool(self._watched or self._buffers) or self._limits.active
+        return bool(self._watched or self._buffers) or self.limits.active
 
     # -------------------------------------------------------------------------------------------- what clients ask
 
@@ -196,10 +196,6 @@ class SegmentJudge:
         self._note_fires(watched, found)
         return found, tick
 
-    def acknowledge(self, names: Sequence[str], who: str, time_ns: int) -> int:
-        """Note that somebody has seen the alarms of these scalars, of all without names; returns how many."""
-        return self._limits.acknowledge(names, who, time_ns)
-
     def triggers(self) -> list[TriggerStatus]:
         """Return how each trigger stands."""
         return [self._status(one) for one in self._watched.values()]
@@ -223,14 +219,6 @@ class SegmentJudge:
             left_s, why, whole=_whole(trigger, tick),
         )  # fmt: skip
 
-    def worst(self) -> tuple[str, int]:
-        """Return the worst limit that is violated now, in letters, and how many are."""
-        return self._limits.worst()
-
-    def limits(self) -> list[LimitStatus]:
-        """Return how each scalar with limits stands."""
-        return self._limits.statuses()
-
     # ------------------------------------------------------------------------------------------------------ judging
 
     def step(self, is_late: Callable[[], bool] = bool) -> JudgedStep:
@@ -250,10 +238,10 @@ class SegmentJudge:
             self._until = until
             self._copy(until, found)
         self._until = ticks
-        if self._limits.active:
-            found.blind += self._limits.check_silent()
-            self._limits.check_stale(self.reader.last_time_ns)
-            found.limits += self._limits.news()
+        if self.limits.active:
+            found.blind += self.limits.check_silent()
+            self.limits.check_stale(self.reader.last_time_ns)
+            found.limits += self.limits.news()
         self._steps += 1
         if self._steps % RELEASE_STEPS == 0:
             self.reader.release_pages()  # else this process would count all buffers as its own memory
@@ -262,10 +250,10 @@ class SegmentJudge:
     def _judge(self, until: int, found: JudgedStep) -> None:
         rows, lost = self._rows.read(until)
         if lost:
-            what = " and ".join(word for word, there in (("triggers", self._watched), ("limits", self._limits.active))
+            what = " and ".join(word for word, there in (("triggers", self._watched), ("limits", self.limits.active))
                                 if there)  # fmt: skip
             found.blind.append(f"{what} were blind for {lost} ticks: they were overwritten before they were judged")
-        self._limits.feed(rows)
+        self.limits.feed(rows)
         for one in self._watched.values():
             if one.evaluator is None:
                 continue
@@ -354,7 +342,7 @@ class SegmentJudge:
     def close(self, why: str) -> JudgedStep:
         """Close the captures that are under way and judge no more; with what the last step found until it failed."""
         found, self._found = self._found, JudgedStep()
-        found.limits += self._limits.news(last=True)  # what would have been told a little later
+        found.limits += self.limits.news(last=True)  # what would have been told a little later
         for buffer in self._buffers:
             self._end_spool(buffer, why)
         found.whole += self._buffers
@@ -387,7 +375,7 @@ class SegmentJudge:
         under_way = [KeptCapture(buffer.options, buffer.capture, buffer.ended) for buffer in self._buffers]
         return JudgeState(
             schema.run, schema.pid, schema.pid_start, self._until, self.extras, self._rows.cursors, triggers,
-            self._limits.memory(), self._numbers, [*under_way, *waiting], list(untold), closed,
+            self.limits.memory(), self._numbers, [*under_way, *waiting], list(untold), closed,
             off=self._rows.infos_of(self._off), program=program_of(schema), folder=schema.folder,
         )  # fmt: skip
 
@@ -408,7 +396,7 @@ class SegmentJudge:
                 one.trigger = kept.trigger
                 if one.evaluator is not None and kept.evaluator is not None:
                     one.evaluator.recall(kept.evaluator)
-        self._limits.recall(state.limits)
+        self.limits.recall(state.limits)
         self._rows.recall(state.cursors)
         self._numbers.update(state.numbers)
         whole: list[CaptureBuffer] = []

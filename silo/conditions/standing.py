@@ -1,14 +1,12 @@
 """How triggers and limits of a logger stand: what its helper process tells of them."""
 
-import enum
-
 import msgspec
 
-from silo.core.elements import SignalLimits, TriggerOptions
+from silo.core.elements import SignalLimits, TriggerOptions, Word
 
 
-class TriggerWord(str, enum.Enum):
-    """What a trigger does now. A word that only a newer silo knows is read as OTHER."""
+class TriggerWord(Word):
+    """What a trigger does now."""
 
     ARMED = "armed"
     FIRING = "firing"  # a capture is under way
@@ -18,10 +16,6 @@ class TriggerWord(str, enum.Enum):
     OFF = "off"
     WAITING = "waiting"  # there is no run
     OTHER = "other"
-
-    @classmethod
-    def _missing_(cls, _: object) -> "TriggerWord":
-        return cls.OTHER
 
 
 class CapturedSpan(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -55,8 +49,8 @@ class TriggerStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     owner: str = ""
 
 
-class LimitWord(str, enum.Enum):
-    """Where a value is now. A word that only a newer silo knows is read as OTHER."""
+class LimitWord(Word):
+    """Where a value is now."""
 
     RED_HIGH = "HH"
     YELLOW_HIGH = "H"
@@ -66,10 +60,6 @@ class LimitWord(str, enum.Enum):
     OK = "OK"
     BLIND = "~~"
     OTHER = "?"
-
-    @classmethod
-    def _missing_(cls, _: object) -> "LimitWord":
-        return cls.OTHER
 
 
 _RANKS = {word: rank for rank, words in enumerate((("HH", "LL"), ("H", "L"), ("==",), ("OK", "?"), ("~~",)))

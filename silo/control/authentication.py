@@ -8,18 +8,8 @@ from pathlib import Path
 import zenoh
 
 from silo.net import keys
+from silo.net.access import senders
 from silo.net.access.admission import NO_NETWORK, Admission, admission_of, direction_words, hold_directions
-from silo.net.access.senders import (
-    claim_of,
-    closed_words,
-    group_identity,
-    group_viewer_words,
-    group_words,
-    local_identity,
-    local_words,
-    network_words,
-    viewer_words,
-)
 from silo.net.configuration import from_file
 from silo.net.keys import Root
 from silo.net.session import group_file, own_file
@@ -70,7 +60,7 @@ class Authentication:
     def closed(self) -> str:
         """What clients of a network are told where no changes are taken from it; empty where they are."""
         why = self.admission.why_now
-        return closed_words(self._root.address, why) if why else ""
+        return senders.closed_words(self._root.address, why) if why else ""
 
     def refuses(self, key: str) -> bool:
         """Return whether this is a key of those whom rules keep from changing anything."""
@@ -83,7 +73,7 @@ class Authentication:
         """
         if self.refuses(key):
             name = keys.unescape(key.removeprefix(self._root.key(REFUSED, "")))
-            text = self.closed or viewer_words(name, self._root.address)
+            text = self.closed or senders.viewer_words(name, self._root.address)
             raise RequestRefusedError(RefusedWhy.FORBIDDEN, text)
         begin = self._root.key("do", "")
         user = key.removeprefix(begin)
@@ -94,26 +84,26 @@ class Authentication:
             if closed := self.closed:
                 raise RequestRefusedError(RefusedWhy.FORBIDDEN, closed)
             name = keys.unescape(user)
-            return Sender(name, network_words(name, client, proven=self.admission.proven))
+            return Sender(name, senders.network_words(name, client, proven=self.admission.proven))
         return self._local(attachment, client)
 
     def name_of(self, key: str, client: str) -> str:
         """Return who asks under a key, in words, whether or not it is let in."""
         user = key.rsplit("/", 1)[-1]
         if user == keys.LOCAL_SENDER or "*" in key:
-            return group_words(self._group, client) if self._group else local_words(client)
-        return network_words(keys.unescape(user), client, proven=self.admission.proven)
+            return senders.group_words(self._group, client) if self._group else senders.local_words(client)
+        return senders.network_words(keys.unescape(user), client, proven=self.admission.proven)
 
     def _local(self, attachment: bytes, client: str) -> Sender:
-        claim = claim_of(client)
+        claim = senders.claim_of(client)
         if not self._group or attachment == self._own:
-            return Sender(local_identity(claim.user), local_words(client))
+            return Sender(senders.local_identity(claim.user), senders.local_words(client))
         if attachment != self._groups:
             text = "it comes neither from the robot's user nor from the group that shares its socket"
             raise RequestRefusedError(RefusedWhy.FORBIDDEN, f"{text}; nothing was changed")
         if not self._group_may_change:
-            raise RequestRefusedError(RefusedWhy.FORBIDDEN, group_viewer_words(self._group, self._root.logger))
-        return Sender(group_identity(claim.user), group_words(self._group, client))
+            raise RequestRefusedError(RefusedWhy.FORBIDDEN, senders.group_viewer_words(self._group, self._root.logger))
+        return Sender(senders.group_identity(claim.user), senders.group_words(self._group, client))
 
 
 def attachment_of(query: zenoh.Query) -> bytes:

@@ -313,8 +313,16 @@ class State(str, enum.Enum):
     DEAD = "dead"  # the robot process is gone; the helper still answers
 
 
-class RecorderState(str, enum.Enum):
-    """What a recorder does. One that only a newer silo knows is read as OTHER."""
+class Word(str, enum.Enum):
+    """Base of words of the wire that may grow: one that only a newer silo knows is read as OTHER."""
+
+    @classmethod
+    def _missing_(cls, _: object) -> "Word":
+        return cls["OTHER"]
+
+
+class RecorderState(Word):
+    """What a recorder does."""
 
     WAITING = "waiting"  # for the logger to start
     RECORDING = "recording"
@@ -323,10 +331,6 @@ class RecorderState(str, enum.Enum):
     FAILED = "failed"  # it ended by itself: the text says why
     DIED = "died"  # it was killed, and is started again
     OTHER = "other"
-
-    @classmethod
-    def _missing_(cls, _: object) -> "RecorderState":
-        return cls.OTHER
 
     @property
     def over(self) -> bool:

@@ -42,7 +42,7 @@ class Servers:
         control_lock: ControlLock,
     ) -> None:
         self._robot, self._events, self._surveyor = robot, events, Surveyor(replica)
-        program = RobotProgram(replica, robot)
+        program = RobotProgram(replica, robot.ask)
         outside = Outside(publisher.name_client, publisher.summary.now, control_lock.closed)
         servers = (
             StateServer(replica, events, program, outside),

@@ -35,46 +35,38 @@ class _Pin:
     rows: PinnedRows | None
 
 
-class Pins:
+class Pins(Leases[str, _Pin]):
     """All pins of all clients."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._pins: Leases[str, _Pin] = Leases(MAX_PINS, clock=clock)
+        super().__init__(MAX_PINS, clock=clock)
 
     def open(self, request: OpenPin, now: LoggerSnapshot, reader: SegmentReader | None) -> PinOpened:
         """Copy what is wanted; the same request again only renews the lease. Called by the slow thread alone."""
         _check(request)
-        known = self._pins.get(request.pin)
+        known = self.get(request.pin)
         if known is not None and _same(known.request, request):
-            self._pins.renew(request.pin, LEASE_S)
+            self.renew(request.pin, LEASE_S)
             return known.opened
         name = unknown_name(request.names, now)
         if name is not None:
             raise unknown(name)
-        if self._pins.full(request.pin, request.client):
+        if self.full(request.pin, request.client):
             text = f"not pinned: {MAX_PINS} pins are open already; close others first"
             raise RequestRefusedError(RefusedWhy.FAILED, text)
-        taken = sum(one.value.opened.size_bytes for one in self._pins.all(but=request.pin))
+        taken = sum(one.value.opened.size_bytes for one in self.all(but=request.pin))
         opened, rows = _copied(request, now, reader, MAX_PINNED_BYTES - taken)
-        self._pins.set(request.pin, _Pin(request, opened, rows), LEASE_S, request.client)
+        self.set(request.pin, _Pin(request, opened, rows), LEASE_S, request.client)
         return opened
 
     def keep(self, pin: str) -> None:
         """Renew a lease. Raises RequestRefusedError for a pin that is no more."""
-        if self._pins.renew(pin, LEASE_S) is None:
+        if self.renew(pin, LEASE_S) is None:
             raise _no_pin(pin)
-
-    def close(self, pin: str) -> None:
-        """Forget a pin; one that isn't there is fine."""
-        self._pins.drop(pin)
-
-    def expire(self) -> None:
-        """Forget the pins whose lease is over, and free their memory."""
-        self._pins.expire()
 
     def rows(self, pin: str) -> PinnedRows | None:
         """Return what a pin holds, None for nothing. Raises RequestRefusedError for a pin that is no more."""
-        known = self._pins.get(pin)
+        known = self.get(pin)
         if known is None:
             raise _no_pin(pin)
         return known.rows

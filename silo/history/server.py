@@ -8,22 +8,8 @@ from silo.history import requests, search_requests
 from silo.history.history import check_history, history
 from silo.history.pinned_rows import PinnedRows
 from silo.history.pins import Pins
-from silo.history.requests import (
-    ClosePin,
-    CloseStream,
-    Columns,
-    GetHistory,
-    GetSamples,
-    KeepPin,
-    OpenPin,
-    OpenStream,
-    PinOpened,
-    SampleRows,
-    StreamOpened,
-)
 from silo.history.samples import check_samples, samples
 from silo.history.search import check_moments, check_span, find_moments, measure_span
-from silo.history.search_requests import FindMoments, MeasureSpan, MomentsFound, SpanMeasured
 from silo.rpc.serving import Server
 from silo.state.replica import Replica
 
@@ -31,7 +17,7 @@ from silo.state.replica import Replica
 class OpenStreams(Protocol):
     """All open streams."""
 
-    def open(self, request: OpenStream, /) -> StreamOpened:
+    def open(self, request: requests.OpenStream, /) -> requests.StreamOpened:
         """Open or renew one."""
 
     def close_for(self, name: str, proof: str, /) -> str:
@@ -46,39 +32,39 @@ class HistoryServer(Server, does=[requests, search_requests]):
     pins: Pins
     streams: OpenStreams
 
-    def open_stream(self, request: OpenStream) -> StreamOpened:
+    def open_stream(self, request: requests.OpenStream) -> requests.StreamOpened:
         return self.streams.open(request)
 
-    def close_stream(self, request: CloseStream) -> str:
+    def close_stream(self, request: requests.CloseStream) -> str:
         return self.streams.close_for(request.stream, request.proof)
 
-    def open_pin(self, request: OpenPin) -> PinOpened:
+    def open_pin(self, request: requests.OpenPin) -> requests.PinOpened:
         return self.pins.open(request, self.replica.now, self.replica.open_watcher())
 
-    def keep_pin(self, request: KeepPin) -> str:
+    def keep_pin(self, request: requests.KeepPin) -> str:
         self.pins.keep(request.pin)
         return "kept"
 
-    def close_pin(self, request: ClosePin) -> str:
-        self.pins.close(request.pin)
+    def close_pin(self, request: requests.ClosePin) -> str:
+        self.pins.drop(request.pin)
         return "the pin is closed"
 
-    def get_history(self, request: GetHistory) -> Columns:
+    def get_history(self, request: requests.GetHistory) -> requests.Columns:
         pinned = self.pins.rows(request.pin) if request.pin else None
         check_history(request)
         return history(request, self.replica.now, self.replica.open_watcher(), pinned)
 
-    def get_samples(self, request: GetSamples) -> SampleRows:
+    def get_samples(self, request: requests.GetSamples) -> requests.SampleRows:
         source = self.pins.rows(request.pin) if request.pin else self.replica.open_watcher()
         check_samples(request)
         return samples(request, self.replica.now, source)
 
-    def find_moments(self, request: FindMoments) -> MomentsFound:
+    def find_moments(self, request: search_requests.FindMoments) -> search_requests.MomentsFound:
         check_moments(request)
         pinned = self._pinned(request.pins)
         return find_moments(request, self.replica.now, self.replica.open_watcher(), pinned)
 
-    def measure_span(self, request: MeasureSpan) -> SpanMeasured:
+    def measure_span(self, request: search_requests.MeasureSpan) -> search_requests.SpanMeasured:
         check_span(request)
         pinned = self._pinned(request.pins)
         return measure_span(request, self.replica.now, self.replica.open_watcher(), pinned)

@@ -3,28 +3,22 @@
 msgspec structs in msgpack, as the messages are. A frame goes to the one client that opened its view, an event to all.
 """
 
-import enum
-
 import msgspec
 
-from silo.core.elements import SavedFile, State, Status
+from silo.core.elements import SavedFile, State, Status, Word
 
 MOST_NAMES = 8  # of clients, in a summary
 MOST_REASON = 200  # letters
 
 
-class NotLive(str, enum.Enum):
-    """Why an element that is enabled isn't shown live. A reason that only a newer silo knows is read as OTHER."""
+class NotLive(Word):
+    """Why an element that is enabled isn't shown live."""
 
     ABSENT = "absent"  # switched on after the recording began
     FULL = "full"  # its FIXED buffer keeps the first samples, and has them
     LIMIT = "limit"  # its GROWING buffer came to the memory limit
     SHORT = "short"  # its LOOPING buffer is shorter than the time between two frames: plots have holes
     OTHER = "other"
-
-    @classmethod
-    def _missing_(cls, _: object) -> "NotLive":
-        return cls.OTHER
 
 
 NOT_LIVE_TEXTS = {
@@ -116,8 +110,8 @@ class Summary(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
         return cls(**{**taken, "reason": status.reason[:MOST_REASON], "control": control})
 
 
-class EventKind(str, enum.Enum):
-    """What happened. A kind that only a newer silo knows is read as OTHER."""
+class EventKind(Word):
+    """What happened."""
 
     STARTED = "started"
     STOPPED = "stopped"
@@ -149,10 +143,6 @@ class EventKind(str, enum.Enum):
     DAMAGED = "damaged"  # stands in place of lines of the event log that can't be read
     UNHELD = "unheld"  # nobody but silo holds the array of an element any more
     OTHER = "other"
-
-    @classmethod
-    def _missing_(cls, _: object) -> "EventKind":
-        return cls.OTHER
 
 
 class Event(msgspec.Struct, frozen=True):

@@ -7,6 +7,7 @@ import logging
 import threading
 import time
 from collections.abc import Sequence
+from typing import Any
 
 import msgspec
 import zenoh
@@ -77,24 +78,7 @@ class EventNotifier:
         if came_by_network(by) and kind not in _QUIET:
             # whoever sits before the robot wants to know why it does what nobody there asked for
             log.warning("%s: %s, by %s", self._replica.now.robot.logger, text, plain(by))
-        with self._lock:
-            self._number += 1
-            told = Event(
-                self._number,
-                event.time_ns,
-                kind,
-                text,
-                plain(by),
-                status,
-                job,
-                progress,
-                list(files),
-                event.tick,
-                event.stamp_ns,
-                event.number,
-                event.run,
-            )
-            self._publisher.put(msgspec.msgpack.encode(told))
+        self._put(event, by=plain(by), status=status, job=job, progress=progress, files=list(files))
         return event
 
     def is_started(self) -> bool:
@@ -110,17 +94,14 @@ class EventNotifier:
 
     def publish_mark(self, mark: LoggedEvent) -> None:
         """Log and publish a mark of the program; without a status, for there may be many at once."""
-        logged = self.log.add(mark)
+        self._put(self.log.add(mark))
+
+    def _put(self, one: LoggedEvent, **more: Any) -> None:
+        """Publish an event, with `more` than its line in the log has."""
         with self._lock:
             self._number += 1
             told = Event(
-                self._number,
-                mark.time_ns,
-                EventKind.MARKER,
-                mark.text,
-                tick=mark.tick,
-                stamp_ns=mark.stamp_ns,
-                logged=logged.number,
-                run=mark.run,
-            )
+                self._number, one.time_ns, EventKind(one.kind), one.text, tick=one.tick, stamp_ns=one.stamp_ns,
+                logged=one.number, run=one.run, **more,
+            )  # fmt: skip
             self._publisher.put(msgspec.msgpack.encode(told))

@@ -1,7 +1,8 @@
 """The robot program, as servers in the helper process have it do what it alone can."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 
@@ -15,19 +16,12 @@ from silo.state.replica import Replica
 REPLY_TIMEOUT_S = 5.0
 
 
-class ReachesRobot(Protocol):
-    """How the robot program is reached."""
-
-    def ask(self, request: Request[Any], timeout_s: float, /) -> Reply:
-        """Return its answer, `GoesOn` where that takes longer."""
-
-
 @dataclass(frozen=True)
 class RobotProgram:
     """Asks the robot program, where it lives and may do it. What it does for them is raised where it refuses."""
 
     replica: Replica
-    link: ReachesRobot
+    reach: Callable[[Request[Any], float], Reply]  # returns its answer within so many s, else `GoesOn`
 
     def ask(self, request: Request[Any], turn: Turn) -> Reply:
         """Return what it answers; while its client listens it is waited for.
@@ -36,7 +30,7 @@ class RobotProgram:
         """
         self.must_live()
         request = msgspec.structs.replace(request, client=turn.by)
-        return raised(self.link.ask(request, turn.left_s(REPLY_TIMEOUT_S)))
+        return raised(self.reach(request, turn.left_s(REPLY_TIMEOUT_S)))
 
     def reply(self, request: Request[ReplyT], turn: Turn) -> ReplyT:
         """Return what it answers, if that is the reply of the request. Raises as `ask` does."""

@@ -16,19 +16,7 @@ from silo.state import requests
 from silo.state.edit_refusals import check_none, check_revision
 from silo.state.events import EventNotifier, plain
 from silo.state.replica import LoggerSnapshot, Replica
-from silo.state.requests import (
-    ApplyEdits,
-    EditsApplied,
-    Events,
-    GetSummary,
-    Hello,
-    HelloReply,
-    Marked,
-    StateRequests,
-    StatusReply,
-    SummaryReply,
-    Unsaved,
-)
+from silo.state.requests import ApplyEdits, EditsApplied, StateRequests, StatusReply, Unsaved
 from silo.state.robot_program import RobotProgram
 from silo.version import VERSION
 
@@ -60,18 +48,18 @@ class StateServer(Server, does=[requests]):
     robot: RobotProgram
     outside: Outside
 
-    def hello(self, request: Hello) -> HelloReply:
+    def hello(self, request: requests.Hello) -> requests.HelloReply:
         if request.id and may_use(request.id, request.proof):
             self.outside.name_client(plain(request.id), plain(request.client))
         # a client that gets this from the key `do` too may edit
         status, closed = self.replica.status(), self.outside.closed()
-        return HelloReply(PROTOCOL, VERSION, self.replica.user, True, status, OLDEST, closed, clock_s())
+        return requests.HelloReply(PROTOCOL, VERSION, self.replica.user, True, status, OLDEST, closed, clock_s())
 
     def get_status(self) -> StatusReply:
         return StatusReply(self.replica.status())
 
-    def get_summary(self, request: GetSummary) -> SummaryReply:
-        return SummaryReply(self.outside.summary())
+    def get_summary(self, request: requests.GetSummary) -> requests.SummaryReply:
+        return requests.SummaryReply(self.outside.summary())
 
     def start(self, turn: Turn, unsaved: Unsaved) -> StatusReply:
         return self._status_after(request_of(StateRequests._start, unsaved), turn)
@@ -94,13 +82,13 @@ class StateServer(Server, does=[requests]):
         self.robot.must_stop()
         return apply_edits(self.robot, turn, request, self.replica.now)
 
-    def get_events(self, since: int, limit: int) -> Events:
+    def get_events(self, since: int, limit: int) -> requests.Events:
         if not 0 <= limit <= MOST_EVENTS_AT_ONCE:
             text = f"the limit of events must be 0 to {MOST_EVENTS_AT_ONCE}, got {limit}"
             raise RequestRefusedError(RefusedWhy.INVALID, text)
-        return Events(*self.events.log.since(since, limit))
+        return requests.Events(*self.events.log.since(since, limit))
 
-    def add_mark(self, turn: Turn, text: str, tick: int, at_ns: int) -> Marked:
+    def add_mark(self, turn: Turn, text: str, tick: int, at_ns: int) -> requests.Marked:
         events, replica = self.events, self.replica
         words = plain(text, MOST_MARK_LETTERS).strip()
         status = replica.status()
@@ -116,7 +104,7 @@ class StateServer(Server, does=[requests]):
             raise RequestRefusedError(RefusedWhy.INVALID, f"{problem}; nothing was marked")
         mark = events.publish(EventKind.MARKER, words, by=turn.by, tick=meant)
         events.log.wait_written(mark.number, WRITTEN_S)  # what was answered outlives a kill of this process
-        return Marked(mark)
+        return requests.Marked(mark)
 
 
 def apply_edits(robot: RobotProgram, turn: Turn, request: ApplyEdits, now: LoggerSnapshot) -> EditsApplied:

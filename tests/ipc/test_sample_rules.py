@@ -205,7 +205,7 @@ def test_pins_of_all_clients_share_the_room_and_a_refusal_names_what_would_fit(r
     refused = answered(lambda: pin(robot, pins, 2))
     assert isinstance(refused, Refused), refused
     assert "of them would fit, or close other pins" in refused.text
-    pins.close(first.pin)
+    pins.drop(first.pin)
     assert pin(robot, pins, 2).size_bytes == first.size_bytes
 
 

@@ -115,4 +115,8 @@ def test_limits_of_an_element_that_is_off_or_whose_condition_is_are_told_to_be_b
     ]
     robot.collect(30)
     robot.judge.step()
-    assert {(one.name, one.word.value) for one in robot.judge.limits()} == {("/log/x", "~~"), ("/log/off", "~~")}
+    stands = robot.judge.limits.statuses()
+    assert {(one.name, one.word.value) for one in stands} == {
+        ("/log/x", "~~"),
+        ("/log/off", "~~"),
+    }
