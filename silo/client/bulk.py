@@ -96,23 +96,23 @@ def starting(unsaved: Unsaved | str = Unsaved.REFUSE) -> Job:
     """Return a job that starts; one that runs goes on."""
 
     def job(client: Client) -> tuple[str, tuple[SavedFile, ...]]:
-        status = client.status()
-        if status.state.value == "running":
+        if client.status().state.value == "running":
             return "runs already, left alone", ()
-        said: list[str] = []
-        return "; ".join([_state(client.start(unsaved, said.append)), *said]), ()
+        return _begun(client.start, unsaved)
 
     return job
 
 
 def restarting(unsaved: Unsaved | str = Unsaved.REFUSE) -> Job:
     """Return a job that starts anew."""
+    return lambda client: _begun(client.restart, unsaved)
 
-    def job(client: Client) -> tuple[str, tuple[SavedFile, ...]]:
-        said: list[str] = []
-        return "; ".join([_state(client.restart(unsaved, said.append)), *said]), ()
 
-    return job
+def _begun(
+    start: Callable[[Unsaved | str, Callable[[str], None]], Status], unsaved: Unsaved | str
+) -> tuple[str, tuple[()]]:
+    said: list[str] = []
+    return "; ".join([_state(start(unsaved, said.append)), *said]), ()
 
 
 def saving(types: Sequence[FileType], name: str = "", timeout_s: float = LONGEST_S) -> Job:

@@ -5,7 +5,7 @@ Views, streams, pins and control are leases that it renews; the connection comes
 
 import contextlib
 import secrets
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
@@ -416,14 +416,20 @@ class Client(
             column_ns=column_ns,
         )
         view = View(request, next(self._leases.numbers), lambda: self._leases.renew_soon(view), self._leases.forget)
-        self._connection.attach(view)
-        try:
+        with self._opening(view):
             view.accept(self._call(view.request))
-        except (RefusedError, ConnectionLostError):
-            view.close()
-            raise
-        self._leases.add(view)
         return view
+
+    @contextlib.contextmanager
+    def _opening(self, one: "View | Stream") -> Iterator[None]:
+        """Keep it up once it is opened; close it where that fails."""
+        self._connection.attach(one)
+        try:
+            yield
+        except (RefusedError, ConnectionLostError):
+            one.close()
+            raise
+        self._leases.add(one)
 
     def topic(self, element: str) -> "Topic":
         """Subscribe to every sample of a published element: `for batch in client.topic("joints/q"): ...`.
@@ -473,13 +479,8 @@ class Client(
         stream = Stream(
             request, next(self._leases.numbers), lambda: self._leases.renew_soon(stream), self._leases.forget
         )
-        self._connection.attach(stream)
-        try:
+        with self._opening(stream):
             stream.accept(self._call(stream.request))
-        except (RefusedError, ConnectionLostError):
-            stream.close()
-            raise
-        self._leases.add(stream)
         return stream
 
     # --------------------------------------------------------------------------------------------------- what is held

@@ -34,6 +34,7 @@ from silo.rpc.clocks import TheirClock
 from silo.rpc.declaring import Do, Request
 from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign
 from silo.rpc.published import Event
+from silo.rpc.refusals import checked
 from silo.state.requests import Hello, HelloReply
 from silo.version import VERSION
 
@@ -105,9 +106,9 @@ class Connection:
             # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
             mine = keys.ClientId.drawn()
             question = Hello(version=VERSION, client=self._who, id=mine.id, proof=mine.proof)
-            reply = exchange(borrowed, root, question, timeout_s, self.label_of(found))
-            self._learn(reply)
-            dead = _state_of(reply) is State.DEAD
+            reply = checked(question, exchange(borrowed, root, question, timeout_s, self.label_of(found)))
+            self._clock.learn(reply.clock_s)
+            dead = reply.status.state is State.DEAD
             # with history, as the end of a token that was there before goes untold without
             alive = session.liveliness().declare_subscriber(
                 root.key("alive"), zenoh.handlers.RingChannel(16), history=True
@@ -222,19 +223,19 @@ class Connection:
         mine, root, label = self.borrowed(), self.root, self.label_of(self.found)
         if request.key == Do.key and not self._clock.is_fresh:
             self._learn(exchange(mine, root, Hello(version=VERSION, client=self._who), timeout_s, label))
-        reply = exchange(mine, root, request, timeout_s, label, as_change=as_change, refused=refused, clock=self._clock)
-        if isinstance(reply, HelloReply):
-            self._learn(reply)
-        return reply
+        return self._learn(
+            exchange(mine, root, request, timeout_s, label, as_change=as_change, refused=refused, clock=self._clock)
+        )
 
     def ask_later(self, request: Request[Any], timeout_s: float) -> Pending:
         """Ask, and look for the answer when there is time. Raises ConnectionLostError."""
         return Pending(self.borrowed(), self.root, request, timeout_s, self._clock)
 
-    def _learn(self, reply: AnyReply) -> None:
-        """Take in the clock of the helper process."""
+    def _learn(self, reply: AnyReply) -> AnyReply:
+        """Return a reply; of a hello the clock of the helper process is taken in."""
         if isinstance(reply, HelloReply):
             self._clock.learn(reply.clock_s)
+        return reply
 
     def attach(self, one: Attachable) -> None:
         """Subscribe something now and in every later session."""
@@ -369,7 +370,7 @@ class Connection:
         except SiloError as error:
             log.debug("can't look for loggers: %s", error)
             return []
-        others = [found for found in loggers if _may_follow(found, mine) and _mark(found) not in self._known]
+        others = [found for found in loggers if found.follows(mine) and _mark(found) not in self._known]
         return sorted(others, key=_age, reverse=True)
 
     def _look_for_successor(self) -> None:
@@ -400,24 +401,11 @@ def _mark(found: LoggerAddress) -> str:
     return found.socket or str(found.root)
 
 
-def _may_follow(found: LoggerAddress, mine: LoggerAddress) -> bool:
-    """Return whether this may be the same robot, started again."""
-    if not mine.config:  # of this computer
-        return (found.name, found.user) == (mine.name, mine.user)
-    return (found.name, found.host, found.machine) == (mine.name, mine.host, mine.machine)
-
-
 def _call(callback: Callable[[Any], None], value: Event | bool) -> None:
     try:
         callback(value)
     except Exception:
         log.exception("a callback failed")
-
-
-def _state_of(reply: AnyReply) -> State:
-    if not isinstance(reply, HelloReply):
-        raise ConnectionLostError(f"the helper process answered Hello with {type(reply).__name__}")
-    return reply.status.state
 
 
 def _age(found: LoggerAddress) -> float:

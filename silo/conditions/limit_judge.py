@@ -91,11 +91,9 @@ class _Limited:
             waits = scalar.untold
             if waits is None or waits.number == violation.number or _is_worse(violation, waits):
                 scalar.untold = violation
-        self.stirred = bool(self.limit.rule.stale_ns) or any(_stirs(state) for state in self.limit.states)
-
-
-def _stirs(state: EntryState) -> bool:
-    return bool(state.level or state.beyond_yellow or state.is_open)
+        self.stirred = bool(self.limit.rule.stale_ns) or any(
+            state.level or state.beyond_yellow or state.is_open for state in self.limit.states
+        )
 
 
 def _is_worse(one: Violation, other: Violation) -> bool:
@@ -244,11 +242,8 @@ class LimitJudge:
         if not len(judged.ticks):
             return
         # held values of a slower signal are no new samples
-        own = (
-            np.isin(judged.ticks, _sample_ticks(one.expressions[0], rows))
-            if len(evaluator.sources) > 1
-            else slice(None)
-        )
+        ticks = [rows[ring].ticks for ring in one.expressions[0].sources]
+        own = np.isin(judged.ticks, np.concatenate(ticks)) if len(evaluator.sources) > 1 else slice(None)
         values = judged.numbers()[own].reshape(-1, len(one.scalars))
         if len(values):
             context = judged.codes(1)[own] if len(one.expressions) > 1 else None
@@ -319,10 +314,6 @@ class LimitJudge:
         if last and len(found) > most:
             news.append(LimitNews(True, f"{len(found) - most} more signals changed; `silo alarms` lists them"))
         return news
-
-
-def _sample_ticks(bound: BoundExpression, rows: Mapping[int, SourceRows]) -> NDArray[np.int64]:
-    return np.concatenate([rows[ring].ticks for ring in bound.sources])
 
 
 def _bound_of(rule: LimitRule, level: Level) -> float | None:

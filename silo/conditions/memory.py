@@ -81,10 +81,6 @@ class JudgeMemory:
                 at = one if one.tick >= 0 else msgspec.structs.replace(one, tick=tick, stamp_ns=stamp_ns)
                 self._told.setdefault(run, []).append((self._publish(at, run), one))
 
-    def _tell_lost(self, state: JudgeState, why: str) -> None:
-        news = lost_news(state, self._writer.folder, self._logger, why)
-        self._tell_new(news, state.run, state.until - 1)
-
     def was_damaged(self, run: str) -> bool:
         """Whether a predecessor left of this run what can't be read."""
         return run in self._damaged
@@ -113,7 +109,8 @@ class JudgeMemory:
             for state in left:
                 if state.run not in there:
                     del self._left[state.run]
-                    self._tell_lost(state, GONE)
+                    lost = lost_news(state, self._writer.folder, self._logger, GONE)
+                    self._tell_new(lost, state.run, state.until - 1)
         for run in [run for run in self._own if not needed(run) and run not in self._left]:
             unsure = any(number > self._events.log.written for number, _ in self._told.get(run, ()))
             if not (unsure or self._writer.waiting(run)):

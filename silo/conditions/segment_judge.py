@@ -131,7 +131,8 @@ class SegmentJudge:
             trigger.captures, trigger.fires, trigger.capture, trigger.before = (
                 before.trigger.captures, before.trigger.fires, before.trigger.capture, before.trigger.before
             )  # fmt: skip
-            if before.options != options and _same_but_armed(before.options, options):
+            but_armed = msgspec.structs.replace(before.options, armed=options.armed)
+            if before.options != options and but_armed == options:
                 before.options = options
                 self._arm(before, armed=options.armed)
                 return before
@@ -415,7 +416,3 @@ def _whole(trigger: Trigger, until: int) -> CapturedSpan | None:
         return None
     fire = found.fires[0]
     return CapturedSpan(found.number, found.first, found.last, fire.tick, fire.time_ns, fire.forced)
-
-
-def _same_but_armed(one: TriggerOptions, other: TriggerOptions) -> bool:
-    return msgspec.structs.replace(one, armed=other.armed) == other

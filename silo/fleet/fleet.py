@@ -240,7 +240,7 @@ class Fleet:
             self._tried.add(name)
             here = [one.found for one in self._members.values() if one.here]
             for one in missed:
-                if one.key not in self._members and not any(_follows(found, one.found) for found in here):
+                if one.key not in self._members and not any(found.follows(one.found) for found in here):
                     self._members[one.key] = one
             if error is not None:
                 self._failed[name] = error
@@ -267,7 +267,7 @@ class Fleet:
         self._members[one.key] = one
         if one.here:  # one that is gone and came back under another key is this one
             for key, other in list(self._members.items()):
-                if not other.here and key != one.key and _follows(one.found, other.found):
+                if not other.here and key != one.key and one.found.follows(other.found):
                     del self._members[key]
 
     def _tell(self) -> None:
@@ -287,10 +287,3 @@ class Fleet:
         if told != self._now:
             self._now = replace(told, number=self._now.number + 1)
             self._changed.notify_all()
-
-
-def _follows(one: LoggerAddress, other: LoggerAddress) -> bool:
-    """Return whether this is the same robot, started again."""
-    if one.socket or other.socket:
-        return bool(one.socket and other.socket) and (one.name, one.user) == (other.name, other.user)
-    return (one.name, one.host, one.machine) == (other.name, other.host, other.machine)

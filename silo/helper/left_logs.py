@@ -71,7 +71,10 @@ def recover(
             saved = f"all its {reader.ticks} ticks were saved before its process ended; its {freed}"
             return Recovered(captured, Holdings(reader.ticks, 0, 0, 0.0), saved, tuple(texts))
         extras = captures.extras if captures else None
-        files, held = (save or _saver(types))(reader, where, extras)
+        if save is not None:
+            files, held = save(reader, where, extras)
+        else:
+            files, held = save_reader(reader, where, types, why=RECOVERED, extras=extras)
         let_go(reader)
         if files:
             return Recovered([*files, *captured], held, f"saved {held.text}", (*missing(reader), *texts))
@@ -80,10 +83,6 @@ def recover(
         else:
             nothing = f"held {held.text if held.ticks else 'no tick'}; its memory was freed"
         return Recovered(captured, held, nothing, tuple(texts))
-
-
-def _saver(types: Sequence[FileType]) -> Save:
-    return lambda reader, folder, extras: save_reader(reader, folder, types, why=RECOVERED, extras=extras)
 
 
 def _captures(reader: SegmentReader, folder: str) -> "RecoveredCaptures | None":

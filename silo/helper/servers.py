@@ -17,17 +17,15 @@ from silo.recordings.folder import RecordingFolder
 from silo.recordings.server import RecordingServer
 from silo.rpc.declaring import GoesOn, Request
 from silo.rpc.published import EventKind
-from silo.rpc.serving import Answer, Dispatch, Turn
+from silo.rpc.serving import Answer, Dispatch
 from silo.scripts.server import ScriptServer
 from silo.state.events import EventNotifier
 from silo.state.replica import Replica
 from silo.state.robot_program import RobotProgram
 from silo.state.server import Outside, StateServer
 
-NOBODY = Turn()
 
-
-class Servers:
+class Servers(Dispatch):
     """Has each request done by the server of its feature, or by the robot program."""
 
     def __init__(
@@ -54,18 +52,11 @@ class Servers:
             RecordingServer(RecordingFolder(), saver, replica, events),
             RecorderServer(recording, program),
         )
-        self._dispatch = Dispatch(servers, program.reply)
+        super().__init__(servers, program.reply)
 
     def stop(self) -> None:
         """End what goes on by itself."""
         self._surveyor.stop()
-
-    def reply(self, request: Request[Any], turn: Turn = NOBODY) -> Answer:
-        """Return the answer, or its bytes; waits for the robot process where it must, while the `turn` has time.
-
-        Raises what refuses it; `silo.rpc.refusals.answered` has the words for it.
-        """
-        return self._dispatch(request, turn)
 
     def number(self) -> int:
         """Return a number by which an event can tell how a request ended."""

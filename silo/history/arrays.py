@@ -4,7 +4,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
@@ -120,13 +120,10 @@ class Gathering:
         for name in self._names:
             rows = self._rows.get(name.group) or [SampledRows(name.group, 0, 0, b"")]
             found[name.name] += [samples_of(name, some) for some in rows]
-        none = {name: _none(self._missing.get(name, "")) for name, parts in found.items() if not parts}
-        return {**{name: joined(_filled(parts)) for name, parts in found.items() if parts}, **none}
-
-
-def _none(why: str) -> SampleArrays:
-    """Return no samples, and why."""
-    return SampleArrays(NO_SAMPLES.ticks, NO_SAMPLES.time_ns, NO_SAMPLES.values, why=why)
+        return {
+            name: joined(_filled(parts)) if parts else replace(NO_SAMPLES, why=self._missing.get(name, ""))
+            for name, parts in found.items()
+        }
 
 
 def _filled(parts: list[SampleArrays]) -> list[SampleArrays]:

@@ -96,13 +96,9 @@ def find_moments(
     request: FindMoments, now: LoggerSnapshot, reader: SegmentReader | None, pins: Sequence[PinnedRows]
 ) -> MomentsFound:
     """Return what was found of each name, in what `pins` and the buffers hold of one run."""
-    name = unknown_name(request.names, now)
-    if name is not None:
-        raise unknown(name)
-    run, source = _held(request.run, reader, pins)
+    run, source, found = _picked(request, now, reader, pins)
     if source is None:
         return MomentsFound(run, [FoundIn(name, why=NOTHING_HELD) for name in request.names])
-    found = pick(request.names, now, source.schema)
     frequency_hz = source.schema.frequency_hz
     limits = dict(zip(request.names, request.bounds or [(None, None)] * len(request.names), strict=True))
     finders = {
@@ -138,13 +134,9 @@ def measure_span(
     request: MeasureSpan, now: LoggerSnapshot, reader: SegmentReader | None, pins: Sequence[PinnedRows]
 ) -> SpanMeasured:
     """Return the facts of each name between two moments, in what `pins` and the buffers hold of one run."""
-    name = unknown_name(request.names, now)
-    if name is not None:
-        raise unknown(name)
-    run, source = _held(request.run, reader, pins)
+    run, source, found = _picked(request, now, reader, pins)
     if source is None:
         return SpanMeasured(run, [SpanFacts(name, why=NOTHING_HELD) for name in request.names])
-    found = pick(request.names, now, source.schema)
     begin_ns, end_ns = min(request.a_ns, request.b_ns), max(request.a_ns, request.b_ns)
     # what held at the earlier one may be some periods older
     longest = max((one.divider for one in found.names), default=1)
@@ -168,15 +160,21 @@ def _facts(name: str, found: Between) -> SpanFacts:
     )  # fmt: skip
 
 
-def _held(run: str, reader: SegmentReader | None, pins: Sequence[PinnedRows]) -> tuple[str, SearchedRows | None]:
-    """Return which run it is about, and what is held of it: None for nothing."""
-    run = run or (reader.schema.run if reader is not None else "")
+def _picked(
+    request: FindMoments | MeasureSpan, now: LoggerSnapshot, reader: SegmentReader | None, pins: Sequence[PinnedRows]
+) -> tuple[str, SearchedRows | None, RowSelection]:
+    """Return which run it is about, what is held of it (None for nothing), and where the names stand there."""
+    name = unknown_name(request.names, now)
+    if name is not None:
+        raise unknown(name)
+    run = request.run or (reader.schema.run if reader is not None else "")
+    reader = reader if reader is not None and reader.schema.run == run else None
     pins = [pin for pin in pins if pin.schema.run == run]
-    if reader is not None and reader.schema.run == run:
+    if reader is not None:
         # other derived signals have other rings
         pins = [pin for pin in pins if pin.schema.extras.derived == reader.schema.extras.derived]
-        return run, SearchedRows(reader, pins)
-    return run, SearchedRows(None, pins) if pins else None
+    source = SearchedRows(reader, pins) if reader is not None or pins else None
+    return run, source, pick(request.names, now, source.schema if source is not None else None)
 
 
 def _of(name: str, finder: Finder | None, why: str) -> FoundIn:

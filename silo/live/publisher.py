@@ -22,7 +22,6 @@ from silo.live.topics import Topics
 from silo.live.views import Views
 from silo.net import keys
 from silo.rpc.published import EventKind
-from silo.segment.reader import SegmentReader
 from silo.segment.rows import lost_samples
 from silo.state.events import EventNotifier
 from silo.state.replica import Replica
@@ -154,7 +153,8 @@ class Publisher:
             due_s = min(due_s, self._topics_due_s)
         else:
             self._topics.publish(now_s)
-        this = Round(self._replica.now, self._watcher, now_s, self._replica.measured_hz, self._idle_s)
+        reader = self._derived.reader or self._present.reader  # without derived signals there is one of all
+        this = Round(self._replica.now, reader, now_s, self._replica.measured_hz, self._idle_s)
         return min(self.streams.send(this, due_s), self.views.send(this, due_s))
 
     def _follow_run(self) -> None:
@@ -167,11 +167,6 @@ class Publisher:
             self._derived.look()
         else:
             self._derived.forget()
-
-    @property
-    def _watcher(self) -> SegmentReader | None:
-        """What views and streams read: without derived signals there is one reader of all."""
-        return self._derived.reader or self._present.reader
 
     def _follow_clients(self) -> None:
         before = set(self._clients)

@@ -189,7 +189,10 @@ class Tally:
         self._fixed = np.array([each.buffer_type is BufferType.FIXED for each in options], np.bool_)
         self._own = np.array([_where(element)[0] == element.live_ring for element in elements], np.bool_)
         self._periods = np.array([each.divider / reader.schema.frequency_hz for each in options])
-        self._may_freeze = np.array([_is_number(element) for element in elements], np.bool_)
+        self._may_freeze = np.array(
+            [all(one.dtype[1:2] in "iuf" and not one.labels for one in element.info.entries) for element in elements],
+            np.bool_,
+        )
 
     def sums(self) -> Sums:
         """Return statistics that begin now."""
@@ -325,10 +328,6 @@ def _where(element: ElementSchema) -> tuple[int, tuple[EntrySchema, ...]]:
     if element.live_ring >= 0 and len(element.live_entries) == len(element.info.entries):
         return element.live_ring, element.live_entries
     return element.ring, element.entries
-
-
-def _is_number(element: ElementSchema) -> bool:
-    return all(entry.dtype[1:2] in "iuf" and not entry.labels for entry in element.info.entries)
 
 
 def _measure(ring: _Ring, now_s: float, frequency_hz: float) -> None:

@@ -61,6 +61,12 @@ class LoggerAddress:
             mine.append(self.root.address)
         return tuple(mine)
 
+    def follows(self, other: "LoggerAddress") -> bool:
+        """Return whether this may be the same robot, started again."""
+        if self.socket or other.socket:
+            return bool(self.socket and other.socket) and (self.name, self.user) == (other.name, other.user)
+        return (self.name, self.host, self.machine) == (other.name, other.host, other.machine)
+
     def is_meant_by(self, wanted: str) -> bool:
         """Return whether a word that somebody typed fits this logger; an empty one fits all."""
         return not wanted or wanted in self.addresses

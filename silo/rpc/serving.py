@@ -42,6 +42,9 @@ class Turn:
         return max(0.0, min(most_s, self.until_s - WAITED_S - clock_s()))
 
 
+NOBODY = Turn()
+
+
 class Server:
     """Base of what does the requests that some modules declare: a method for each, with the fields for arguments.
 
@@ -91,8 +94,8 @@ class Dispatch:
         )
         self._handlers = {kind: (handler, _arguments(handler)[:1] == ("turn",)) for kind, handler in found}
 
-    def __call__(self, request: Request[Any], turn: Turn) -> Answer:
-        """Do a request and return the reply. Raises what its handler raises."""
+    def reply(self, request: Request[Any], turn: Turn = NOBODY) -> Answer:
+        """Do a request while its `turn` has time, and return the reply. Raises what its handler raises."""
         kind = type(request)
         if kind not in self._handlers:
             return self._hand_on(request, turn)

@@ -66,7 +66,7 @@ def answer(logger: Served, request: Request[Any]) -> Reply:
     dispatch = Dispatch([StateRobot(logger), ConditionRobot(logger)], _not_ours)
     running = RefusedWhy.RUNNING if logger.is_running else RefusedWhy.INVALID
     whys = {**WHYS, StateError: running, SaveError: RefusedWhy.FAILED, ScriptError: RefusedWhy.FAILED}
-    reply = answered(lambda: dispatch(request, Turn()), whys)
+    reply = answered(lambda: dispatch.reply(request), whys)
     assert isinstance(reply, Reply)
     return reply
 

@@ -80,10 +80,6 @@ def router_admission(settings: zenoh.Config, endpoints: list[str], config: str) 
     return Admission(True, not closed and rules_hold_names(settings))
 
 
-def _is_here(endpoint: str) -> bool:
-    return _kind(endpoint) in _HERE
-
-
 def _kind(endpoint: str) -> str:
     return endpoint.partition("/")[0]
 
@@ -97,7 +93,7 @@ def _is_guarded(settings: zenoh.Config, endpoint: str) -> bool:
 
 def _is_near(endpoint: str) -> bool:
     found = endpoint_of(endpoint)
-    return _is_here(endpoint) or (found is not None and is_loopback(found.host))
+    return _kind(endpoint) in _HERE or (found is not None and is_loopback(found.host))
 
 
 def is_loopback(host: str) -> bool:
