@@ -6,8 +6,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 from silo.errors import ConnectionLostError
-from silo.fleet.fleet import FleetNow, looked
-from silo.fleet.link import FleetQuestion, who_is_there
+from silo.fleet.fleet import FleetNow, FleetQuestion, looked, who_is_there
 from silo.fleet.near import down_text, near_loggers
 from silo.net import keys
 from silo.net.access.rights import host_part

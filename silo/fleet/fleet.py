@@ -1,6 +1,6 @@
 """Many loggers at a glance: who comes and goes, and a summary of each, without asking again and again.
 
-One session per configuration, whatever the number of robots behind it (`silo.fleet.link`); one to the socket of each
+One session per configuration, whatever the number of robots behind it (`FleetLink`); one to the socket of each
 logger of this computer. Each way has a thread, so that one that is silent holds up no other; `Fleet.now` never waits.
 Who looks once, as `silo ls` does and every command that is given a name, has the same with another plan.
 """
@@ -8,25 +8,86 @@ Who looks once, as `silo ls` does and every command that is given a name, has th
 import logging
 import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from typing import Any
 
-from silo.errors import SiloError
-from silo.fleet.link import FOLLOWING, Change, FleetLink, FleetQuestion
-from silo.fleet.member import HELPER_DOWN, Member
-from silo.fleet.memory import remember
+import msgspec
+import zenoh
+
+from silo.errors import ConnectionLostError, SiloError, VersionError
+from silo.fleet.exchange import client_name, decode_reply, root_at
+from silo.fleet.many import POLL_S as ANSWERED_S
+from silo.fleet.many import Asking
+from silo.fleet.member import HELPER_DOWN, NO_ANSWER, OTHER_SILO, Member
+from silo.fleet.memory import remember, remembered
 from silo.fleet.near import Near, down_text, near_loggers
-from silo.fleet.routers import RouterTold
+from silo.fleet.routers import AskedRouters, RouterTold, told_of
+from silo.net import keys
+from silo.net.access.probing import REACH_S, Layer, LayerError
+from silo.net.configuration import find_file, from_file, user_of
 from silo.net.found import LoggerAddress
-from silo.net.keys import Root
 from silo.net.remotes import LOCAL, remotes
-from silo.state.requests import Hello
+from silo.net.sessions import SessionLease, borrowed, undeclare
+from silo.rpc.declaring import Ask
+from silo.rpc.foreign import NOT_UNDERSTOOD
+from silo.rpc.published import Summary
+from silo.rpc.refusals import checked
+from silo.state.requests import GetSummary, Hello, HelloReply, SummaryReply
 from silo.version import VERSION
 
 SCAN_S = 1.0  # how often is looked for sockets and remotes
 REMEMBER_S = 60.0  # how often it is noted who is there, beside who comes and goes
+POLL_S = 0.1
+IDLE_S = 0.5  # while nobody looks
+LOOK_S = 1.0  # how often is looked whether the link is there
+RETRY_S = 1.0
+PATIENCE = 5  # who looks again and again spends a sixth of the time on a remote that is silent
+LONGEST_PAUSE_S = 50.0
+ANSWER_S = 2.0
+SETTLED_S = 0.5  # in which a subscription tells of those that are there
+NOBODY_S = (
+    0.3  # in which it is looked again where nobody is: beside a subscription that begins Zenoh says so of everybody
+)
+AGAIN_S = 5.0  # until who gave no answer is asked once more
+MOST = 4096  # that may come within a look
 
 log = logging.getLogger("silo.client")
+
+Change = Callable[[Member | None], Member | None]
+_decoder = msgspec.msgpack.Decoder(Summary)
+
+
+@dataclass(frozen=True)
+class FleetQuestion:
+    """What a fleet looks for: once, or following; `question` is asked of each whom `whom` means, None asks nobody.
+
+    Sessions to remotes stay open until `holding` is closed, where there is one, for what is to be asked next.
+    """
+
+    question: Ask[Any] | None  # GetSummary, or Hello for all that there is to say
+    whom: Callable[[LoggerAddress], bool] = lambda _: True
+    follow: bool = False
+    answer_s: float = ANSWER_S
+    reach_s: float = REACH_S
+    holding: ExitStack | None = None
+
+
+FOLLOWING = FleetQuestion(
+    GetSummary(), follow=True, reach_s=2.0
+)  # it looks for a way again and again, and is to end soon
+
+
+@dataclass(frozen=True)
+class _Failure:
+    """Why a remote was not reached, and until when nobody tries it again without being told to."""
+
+    error: SiloError
+    until_s: float = 0.0
+
+
+_failed: dict[str, _Failure] = {}  # by configuration, of all fleets of this process
 
 
 @dataclass(frozen=True)
@@ -83,7 +144,7 @@ class Fleet:
         self._members: dict[str, Member] = {}
         self._failed: dict[str, SiloError] = {}  # by way, why it isn't there
         self._near = Near()
-        self._routers: dict[Root, RouterTold | None] = {}
+        self._routers: dict[keys.Root, RouterTold | None] = {}
         self._noted: frozenset[tuple[str, bool, bool]] = frozenset()
         self._noted_s = 0.0
         self._stop = threading.Event()
@@ -257,7 +318,7 @@ class Fleet:
                     self._put(made)
             self._tell()
 
-    def refused(self, routers: Mapping[Root, RouterTold | None]) -> None:
+    def refused(self, routers: Mapping[keys.Root, RouterTold | None]) -> None:
         """Note what routers refused; None of one that isn't reached."""
         with self._changed:
             self._routers |= routers
@@ -287,3 +348,353 @@ class Fleet:
         if told != self._now:
             self._now = replace(told, number=self._now.number + 1)
             self._changed.notify_all()
+
+
+# ----------------------------------------------------------------------------------------------------- one way
+
+
+class FleetLink:
+    """A thread with one session: to the logger `found` of this computer, or to the configuration `name`."""
+
+    def __init__(
+        self, name: str, found: LoggerAddress | None, told: "Fleet", plan: FleetQuestion, *, patient: bool = True
+    ) -> None:
+        """Who is `patient` leaves a remote alone for a while that didn't answer."""
+        self._name, self._found, self._told, self._plan, self._patient = name, found, told, plan, patient
+        self._question = plan.question and msgspec.structs.replace(plan.question, client=client_name())
+        self._stop = threading.Event()
+        self.again = threading.Event()
+        self._here: dict[str, keys.Root] = {}  # by the key of its member, who has a token now
+        self._routers: set[keys.Root] = set()  # that told what they refused
+        self._silent: dict[str, float] = {}  # by key, when one that gave no answer is asked again
+        self._reached, self._first = False, True
+        self.thread = threading.Thread(target=self._run, name="silo-fleet way")
+        self.thread.start()
+
+    @property
+    def far(self) -> bool:
+        """Whether it leads to a configuration, and not to a logger of this computer."""
+        return self._found is None
+
+    def end(self) -> None:
+        """Have the thread end."""
+        self._stop.set()
+        self.again.set()
+
+    def _run(self) -> None:
+        main = threading.main_thread()
+        known = _failed.get(self._name)
+        if not self._plan.follow and self._patient and known is not None and time.monotonic() < known.until_s:
+            self._reach(known.error)
+            return
+        while not self._stop.is_set():
+            begun_s, self._reached = time.monotonic(), False
+            try:
+                self._visit(main)
+                _failed.pop(self._name, None)
+            except SiloError as error:
+                self._fail(error, time.monotonic() - begun_s)
+            except zenoh.ZError as error:
+                self._fail(ConnectionLostError(f"the session ended: {error}"), 0.0)
+            if not self._plan.follow:
+                return
+            self._lose(list(self._here))
+            self._told.refused(dict.fromkeys(self._routers))
+            if self._stop.is_set() or not main.is_alive():
+                return
+            failure = _failed.get(self._name)
+            self.again.wait(max(RETRY_S, failure.until_s - time.monotonic() if failure is not None else 0.0))
+            self.again.clear()
+
+    def _reach(self, error: SiloError | None) -> None:
+        """Say that the way was tried; the first time, after who is there, also who was behind it before."""
+        first, self._first = self._first, False
+        missed = remembered(self._name) if first and self.far and self._question is not None else []
+        self._told.reached(self._name, error, missed)
+
+    def _fail(self, error: SiloError, took_s: float) -> None:
+        if self._found is None:
+            pause_s = 0.0 if self._reached else min(PATIENCE * took_s, LONGEST_PAUSE_S)
+            _failed[self._name] = _Failure(error, time.monotonic() + pause_s)
+            self._reach(error)
+            return
+        found = self._found
+        self._told.change([(found.socket, lambda known: _failing(error)(known or Member(found)))])
+        self._reach(None)
+
+    def _visit(self, main: threading.Thread) -> None:
+        """Have a session, and use it. Raises SiloError, ZError."""
+        socket, config = (self._found.socket, "") if self._found else ("", self._name)
+        with ExitStack() as here:
+            holding = self._plan.holding if self._plan.holding is not None and config else here
+            mine = holding.enter_context(borrowed(socket, config, self._plan.reach_s))
+            self._reached = True
+            if self._plan.follow:
+                self._follow(mine, main)
+            else:
+                self._look(mine)
+
+    # ------------------------------------------------------------------------------------------------------- a look
+
+    def _look(self, mine: SessionLease) -> None:
+        """Say who is there, and what they answer. Raises SiloError, ZError."""
+        if self._found is not None:
+            there = [root_at(mine, self._found, self._plan.answer_s)]
+        else:
+            there = who_is_there(mine, keys.ANY_ALIVE, self._plan.answer_s)
+        asking: Asking[str] = Asking(mine, self._plan.answer_s)
+        routers = self._ask_routers(mine)
+        self._come(there, asking)
+        while asking.count or (routers is not None and not routers.done):
+            self._take_answers(asking)
+            self._take_routers(routers)
+            time.sleep(ANSWERED_S)
+        self._reach(self._problem(mine.session))
+
+    # ---------------------------------------------------------------------------------------------------- following
+
+    def _follow(self, mine: SessionLease, main: threading.Thread) -> None:
+        """Follow who comes, who goes and what they say, until the way is given up. Raises SiloError, ZError."""
+        answer_s = self._plan.answer_s
+        session, root = mine.session, root_at(mine, self._found, answer_s) if self._found is not None else None
+        alive = root.key("alive") if root is not None else keys.ANY_ALIVE
+        summary = root.key("summary") if root is not None else keys.ANY_SUMMARY
+        declared: list[Any] = []
+        summaries: Any = None
+        try:
+            with mine.looking:
+                # Those that are there already have an end, which a subscription has not. Until Zenoh has come to terms
+                # with a subscription it tells who asks that nobody is there: 29 of 40 sessions, for up to 0.2 s.
+                there = _those_there(mine, alive, answer_s)
+                tokens = session.liveliness().declare_subscriber(alive, zenoh.handlers.RingChannel(MOST), history=True)
+                declared.append(tokens)
+                news = _history(tokens, there, SETTLED_S + mine.slack_s)
+                _settle(mine, alive, len(there), answer_s)
+            asking: Asking[str] = Asking(mine, answer_s)
+            routers = self._ask_routers(mine)
+            looked_s = 0.0
+            while not self._stop.is_set() and main.is_alive():
+                if self._told.attentive and summaries is None:
+                    # before anybody is asked: what is told between its answer and this must not be missed
+                    summaries = session.declare_subscriber(summary, zenoh.handlers.RingChannel(MOST))
+                    for key in self._here:
+                        self._ask(key, asking)
+                elif not self._told.attentive and summaries is not None:
+                    undeclare(summaries)
+                    summaries = None
+                self._come(there, asking)
+                while (sample := tokens.try_recv()) is not None:
+                    news.append(sample)
+                self._take_tokens(news, asking)
+                there, news = [], []
+                if summaries is not None:
+                    self._take_summaries(summaries)
+                self._take_answers(asking)
+                self._take_routers(routers)
+                now_s = time.monotonic()
+                if now_s - looked_s >= LOOK_S:
+                    looked_s = now_s
+                    self._reach(self._problem(session))
+                    self._ask_again(asking, now_s)
+                idle_s = POLL_S if self._told.attentive else IDLE_S
+                self.again.wait(idle_s if not asking.count else POLL_S / 10)
+                self.again.clear()
+        finally:
+            undeclare(*declared, summaries)
+
+    def _problem(self, session: zenoh.Session) -> SiloError | None:
+        """Why nobody is seen here; None where somebody is."""
+        if self._found is not None or self._here:
+            return None
+        if not session.info.routers_zid() and not session.info.peers_zid():
+            text = f"{self._name}: the link is cut, or what it leads to has ended; connecting again by itself"
+            return ConnectionLostError(text)
+        return LayerError(Layer.ROLE, _nobody_there(self._name, session))
+
+    def _take_tokens(self, news: list[zenoh.Sample], asking: Asking[str]) -> None:
+        gone = []
+        for sample in news:
+            root = keys.robot_of(str(sample.key_expr))
+            if root is None:
+                continue
+            if sample.kind == zenoh.SampleKind.PUT:
+                self._come([root], asking)
+            else:
+                gone.append(self._key(root))
+        self._lose(gone)
+
+    def _key(self, root: keys.Root) -> str:
+        return self._found.socket if self._found is not None else str(root)
+
+    def _found_at(self, root: keys.Root) -> LoggerAddress:
+        if self._found is not None:
+            return replace(self._found, host=root.host, id=root.id)
+        return LoggerAddress.behind(self._name, root)
+
+    def _come(self, roots: Iterable[keys.Root], asking: Asking[str]) -> None:
+        now_s, changes = time.monotonic(), []
+        for root in roots:
+            key = self._key(root)
+            if key not in self._here:
+                self._here[key] = root
+                changes.append((key, _coming(self._found_at(root), now_s)))
+        if changes:
+            self._told.change(changes)
+        if self._told.attentive:
+            for key, _ in changes:
+                self._ask(key, asking)
+
+    def _lose(self, gone: list[str]) -> None:
+        now_s = time.monotonic()
+        changes: list[tuple[str, Change]] = []
+        for key in gone:
+            if self._here.pop(key, None) is not None:
+                self._silent.pop(key, None)
+                changes.append((key, lambda known: known and replace(known, here=False, since_s=now_s)))
+        if changes:
+            self._told.change(changes)
+
+    def _take_summaries(self, summaries: Any) -> None:
+        newest: dict[str, Summary] = {}
+        routers: dict[keys.Root, RouterTold] = {}
+        while (sample := summaries.try_recv()) is not None:
+            try:
+                found = _decoder.decode(sample.payload.to_bytes())
+            except NOT_UNDERSTOOD:
+                continue  # of a silo that says it otherwise: its row says what was asked for
+            root = keys.robot_of(str(sample.key_expr))
+            if root is not None and (told := told_of(root, found)) is not None:
+                routers[root] = told
+            elif root is not None:
+                newest[self._key(root)] = found
+        self._note_routers(routers)
+        if newest:
+            self._told.change([(key, _saying(found)) for key, found in newest.items()])
+
+    # ------------------------------------------------------------------------------------------------- the questions
+
+    def _ask(self, key: str, asking: Asking[str]) -> None:
+        root = self._here[key]
+        if self._question is not None and self._plan.whom(self._found_at(root)):
+            asking.add(key, root, self._question)
+
+    def _ask_routers(self, mine: SessionLease) -> AskedRouters | None:
+        return AskedRouters(mine, self._plan.answer_s) if self.far and self._question is not None else None
+
+    def _take_routers(self, routers: AskedRouters | None) -> None:
+        if routers is not None:
+            self._note_routers(routers.poll())
+
+    def _note_routers(self, found: Mapping[keys.Root, RouterTold]) -> None:
+        if found:
+            self._routers |= found.keys()
+            self._told.refused(found)
+
+    def _ask_again(self, asking: Asking[str], now_s: float) -> None:
+        for key in [key for key, due_s in self._silent.items() if now_s >= due_s]:
+            del self._silent[key]
+            self._ask(key, asking)
+
+    def _take_answers(self, asking: Asking[str]) -> None:
+        changes: list[tuple[str, Change]] = []
+        for key, payload in asking.poll():
+            root = self._here.get(key)
+            if root is None or self._question is None:
+                continue  # gone meanwhile
+            who = f"logger '{self._found.name if self._found is not None else root.address}'"
+            try:
+                if payload is None:
+                    raise ConnectionLostError(f"{who} {self._silence}")
+                changes.append(
+                    (key, _answering(checked(self._question, decode_reply(payload, who, type(self._question)))))
+                )
+            except SiloError as error:
+                self._silent[key] = time.monotonic() + AGAIN_S
+                changes.append((key, _failing(error)))
+        if changes:
+            self._told.change(changes)
+
+    @property
+    def _silence(self) -> str:
+        """What it means that no answer came."""
+        if self._found is not None:
+            answer_s = self._plan.answer_s
+            return f"did not answer within {answer_s:g} s: its helper process is frozen or overloaded; try again"
+        return "gave no answer: its helper process is frozen, overloaded or gone, or no role lets this user ask"
+
+
+# ------------------------------------------------------------------------------------------------------- who is there
+
+
+def who_is_there(mine: SessionLease, alive: str, timeout_s: float) -> list[keys.Root]:
+    """Return whose tokens are there, sorted; where nobody is, it is looked again for a moment."""
+    with mine.looking:
+        roots = _those_there(mine, alive, timeout_s)
+        until_s = time.monotonic() + NOBODY_S + mine.slack_s
+        while not roots and time.monotonic() < until_s:
+            time.sleep(NOBODY_S / 10)
+            roots = _those_there(mine, alive, timeout_s)
+    return roots
+
+
+def _those_there(mine: SessionLease, alive: str, timeout_s: float) -> list[keys.Root]:
+    replies = mine.session.liveliness().get(alive, timeout=timeout_s + mine.slack_s)
+    seen = {keys.robot_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
+    return sorted(root for root in seen if root is not None)
+
+
+def _nobody_there(config: str, session: zenoh.Session) -> str:
+    """What it means that a session by a configuration sees no logger."""
+    user = user_of(from_file(find_file(config)))
+    who = f"user '{user}' is let in" if user else "we are let in without a user name"
+    nobody = "no robot is connected to this router now, or " if session.info.routers_zid() else ""
+    rules = f"{nobody}the rules (access_control) on the other side give it no role"
+    return f"{config}: {who}, but sees no logger: {rules}"
+
+
+def _settle(mine: SessionLease, alive: str, count: int, timeout_s: float) -> None:
+    """Wait until who asks is told of so many again; one that went meanwhile is waited for no longer than that takes."""
+    until_s = time.monotonic() + SETTLED_S + mine.slack_s
+    while len(_those_there(mine, alive, timeout_s)) < count and time.monotonic() < until_s:
+        time.sleep(POLL_S / 10)
+
+
+def _history(tokens: Any, there: list[keys.Root], timeout_s: float) -> list[zenoh.Sample]:
+    """Return what a subscription tells until it has told of all who are there."""
+    news: list[zenoh.Sample] = []
+    missing, until_s = set(there), time.monotonic() + timeout_s
+    while missing and time.monotonic() < until_s:
+        if (sample := tokens.try_recv()) is None:
+            time.sleep(POLL_S / 50)
+            continue
+        news.append(sample)
+        missing.discard(keys.robot_of(str(sample.key_expr)))
+    return news
+
+
+# ------------------------------------------------------------------------------------------------- what becomes known
+
+
+def _coming(found: LoggerAddress, now_s: float) -> Change:
+    def come(known: Member | None) -> Member:
+        before = known or Member(found)
+        return replace(before, found=found, here=True, problem="", seen_s=now_s, since_s=now_s, unwatched=False)
+
+    return come
+
+
+def _answering(reply: HelloReply | SummaryReply) -> Change:
+    if isinstance(reply, SummaryReply):
+        return _saying(reply.summary)
+    status, summary = reply.status, _saying(Summary.of(reply.status))
+    return lambda known: (told := summary(known)) and replace(told, status=status)
+
+
+def _saying(found: Summary) -> Change:
+    now_s = time.monotonic()
+    return lambda known: known and replace(known, summary=found, problem="", seen_s=now_s, told_s=now_s)
+
+
+def _failing(error: SiloError) -> Change:
+    mute = OTHER_SILO if isinstance(error, VersionError) else NO_ANSWER
+    return lambda known: known and replace(known, problem=str(error), mute=mute)
