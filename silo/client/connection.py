@@ -270,15 +270,18 @@ class Connection:
 
     def _watch(self) -> None:
         main = threading.main_thread()
-        scanned_s = 0.0
+        scanned_s, gone = 0.0, False
         while not self._stop.wait(POLL_S) and main.is_alive():
             if self._session is None:
                 self._try_again()
                 continue
-            gone = self._is_gone() or self._has_left()
-            self._hand_out_events()  # after that look: what was told until the end is heard
-            if gone:
+            last_look = gone  # Zenoh sends by priority: the end of a token may overtake what was told before it
+            gone = last_look or self._is_gone() or self._has_left()
+            self._hand_out_events()
+            if last_look:
+                gone = False
                 self._lose()
+            if gone or last_look:
                 continue
             if self._dead and time.monotonic() - scanned_s > DEAD_SCAN_S:
                 scanned_s = time.monotonic()

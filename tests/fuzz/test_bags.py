@@ -303,7 +303,7 @@ def raw_errors(target, numbers):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(0)
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("target", TARGETS)
 def test_of_a_damaged_bag_of_others_come_only_errors_of_silo(target, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

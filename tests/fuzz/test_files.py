@@ -297,7 +297,7 @@ def look_at_all(path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(0)
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("target", TARGETS)
 def test_of_a_damaged_file_come_only_errors_of_silo(target, tmp_path, monkeypatch):
     raw = []
@@ -313,6 +313,20 @@ def test_of_a_damaged_file_come_only_errors_of_silo(target, tmp_path, monkeypatc
         except Exception as error:  # noqa: BLE001 - what must not come out
             raw.append(f"{target} {number}: {type(error).__name__}: {error}")
     assert raw[:20] == []
+
+
+@pytest.mark.slow
+def test_values_of_lengths_of_their_own_are_not_read_of_hdf5(tmp_path):
+    """In a damaged heap of such values the HDF5 library turns for ever."""
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "x.h5"
+    writer_for(path)(a_recording(random.Random(3)), path, None)
+    with h5py.File(path, "r+") as store:
+        stamps = store["time_ns"][()]
+        del store["time_ns"]
+        store.create_dataset("time_ns", data=[str(one) for one in stamps], dtype=h5py.string_dtype())
+    with pytest.raises(FileFormatError, match="/time_ns has values of lengths of their own"):
+        open_log(path)
 
 
 def test_every_format_that_is_read_is_fuzzed():

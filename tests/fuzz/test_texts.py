@@ -165,7 +165,7 @@ def one(target: str, number: int) -> tuple[str, Callable[[str, Path], None]]:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(0)
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("target", LOOKS)
 def test_of_a_damaged_text_come_only_errors_of_silo(target, tmp_path):
     raw = []

@@ -151,6 +151,27 @@ def test_closed_logger_says_goodbye(bench, client, heard, until) -> None:
     assert not client.connected
 
 
+def test_what_the_end_of_the_link_overtakes_is_heard(bench, client, heard, until, monkeypatch) -> None:
+    connection = client._connection
+    events, is_gone = connection._events, connection._is_gone
+    ended: list[bool] = []
+    looks: list[object] = []
+
+    class Overtaken:
+        """Events that arrive right after somebody looked for them, the link having ended."""
+
+        def try_recv(self) -> object:
+            if ended and looks:
+                return events.try_recv()
+            looks.extend(ended)
+            return None
+
+    monkeypatch.setattr(connection, "_is_gone", lambda: is_gone() and not ended.append(True))
+    monkeypatch.setattr(connection, "_events", Overtaken())
+    bench.logger.close()
+    assert heard.wait(EventKind.CLOSED)
+
+
 def test_end_that_zenoh_does_not_tell_is_noticed(bench, client, until, monkeypatch) -> None:
     links: list[bool] = []
     client.on_link(links.append)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, stamps_of
-from silo.errors import SaveError
+from silo.errors import FileFormatError, SaveError
 from silo.files.extras import need, whole_file
 from silo.files.silo.format import FilledEntry
 from silo.files.silo.missing import filled, in_doubles, is_masked
@@ -261,7 +261,7 @@ def _fill_store(h5py: Any, store: Any, recording: Recording, progress: Progress 
     if recording.events:
         # a data set: an attribute holds at most 64 kB
         store.create_dataset(_free(store, "events"), data=msgspec.json.encode(recording.events).decode())
-    about = store.create_dataset(NAME, shape=(), dtype=h5py.string_dtype())
+    store.create_group(NAME)  # no element takes it
     places: list[Place] = []
     own: dict[int, str] = {}
     elements = [filled(element) for element in recording.elements]
@@ -276,7 +276,9 @@ def _fill_store(h5py: Any, store: Any, recording: Recording, progress: Progress 
         own |= {} if element.own_ns is None else {done - 1: shared[when].name}
         places += _fill_group(h5py, group, element)
         _tell(progress, done / total)
-    about[()] = packed(recording, elements, places, own)
+    del store[NAME]
+    # of a length that is written: see `_values`
+    store.create_dataset(NAME, data=np.bytes_(packed(recording, elements, places, own).encode()))
 
 
 def read_hdf5(path: Path) -> Recording:
@@ -284,13 +286,23 @@ def read_hdf5(path: Path) -> Recording:
     h5py = need("h5py", "convert", "HDF5 files")
 
     def column(place: Place, *_: object) -> NDArray[Any]:
-        values: NDArray[Any] = store[place[0]][()]
+        values = _values(store[place[0]])
         return values if place[1] < 0 else values.reshape(len(values), -1)[:, place[1]]
 
     with told_of(path):
         store = h5py.File(path, "r")
-        text = store[NAME][()] if NAME in store else None
-        return restored(path, text, lambda: int(store["time_ns"].size), lambda: store["time_ns"][()], column)
+        text = _values(store[NAME]).tobytes().rstrip(b"\0") if NAME in store else None
+        return restored(path, text, lambda: int(store["time_ns"].size), lambda: _values(store["time_ns"]), column)
+
+
+def _values(dataset: Any) -> NDArray[Any]:
+    """What a data set holds; `FileFormatError` for values of a length of their own, which we never write.
+
+    The HDF5 library turns for ever in a damaged heap of such values, where no signal reaches it.
+    """
+    if dataset.dtype.hasobject:
+        raise FileFormatError(f"{dataset.name} has values of lengths of their own, which silo doesn't write there")
+    return np.asarray(dataset[()])
 
 
 def _group(store: Any, name: str) -> Any:
