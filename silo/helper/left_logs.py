@@ -13,11 +13,15 @@ from typing import TYPE_CHECKING
 from silo.core.elements import Conditions, FileType, SavedFile
 from silo.core.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
 from silo.errors import SegmentError, SiloError
+from silo.files.event_log import read_events
+from silo.files.naming import is_capture
 from silo.journal.holdings import Holdings
 from silo.journal.reader import JournalReader
 from silo.recorder.left_recordings import complete_recordings
 from silo.recorder.process import RecorderHandover
-from silo.recovery.left import RECOVERED, RunReader, has_unsaved, missing, save_reader
+from silo.recordings.folder import RecordingFolder
+from silo.recordings.requests import SavedRecording
+from silo.recovery.left import DIED, RECOVERED, RunReader, has_unsaved, missing, save_reader
 from silo.recovery.runs import claimed_run, let_go
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import held_runs, is_due, is_live, judge_path, program_of, remove
@@ -26,6 +30,9 @@ from silo.segment.reader import SegmentReader
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need
     from silo.conditions.left_captures import RecoveredCaptures
+
+MOST_LOOKED_AT = 100  # of the newest logs in a folder
+_LIFE = (EventKind.STARTED.value, EventKind.CLOSED.value, EventKind.CRASHED.value)
 
 Tell = Callable[[EventKind, str, list[SavedFile]], object]
 Save = Callable[[RunReader, str, Conditions | None], tuple[list[SavedFile], Holdings]]
@@ -93,6 +100,26 @@ def _captures(reader: SegmentReader, folder: str) -> "RecoveredCaptures | None":
     from silo.conditions.left_captures import recover_captures
 
     return recover_captures(reader, folder)
+
+
+def saved_before(folder: Path) -> list[SavedRecording]:
+    """Return the newest log of each logger in a folder whose program died last: it was saved already, nothing is lost.
+
+    By the helper process, by an earlier `silo recover`, or by the program itself before it died.
+    """
+    newest: dict[str, SavedRecording] = {}
+    with contextlib.suppress(SiloError):  # it can't be read, or isn't there
+        for row in RecordingFolder().listing(str(folder), "", MOST_LOOKED_AT).recordings:
+            if row.logger and row.files and not is_capture(Path(row.files[0].name)):
+                newest.setdefault(row.logger, row)
+    return [row for row in newest.values() if row.why in (DIED, RECOVERED) or _died_last(folder, row.logger)]
+
+
+def _died_last(folder: Path, logger: str) -> bool:
+    with contextlib.suppress(OSError):
+        kinds = [event.kind for event in read_events(folder, logger) if event.kind in _LIFE]
+        return bool(kinds) and kinds[-1] == EventKind.CRASHED.value
+    return False
 
 
 def settle_left(

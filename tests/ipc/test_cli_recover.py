@@ -12,7 +12,8 @@ import pytest
 from silo.analysis.opening import open_log
 from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER
 from silo.cli.main import run
-from tests.waiting import DEADLINE_S
+from silo.files.event_log import read_events
+from tests.waiting import DEADLINE_S, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -53,6 +54,47 @@ def test_what_was_left_is_saved_once(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert open_log(path)["/log/x"].values.tolist() == [0, 1, 2, 3, 4]
     assert run(["recover"]) == 0
     assert capsys.readouterr().out == "nothing to recover\n"
+    assert run(["recover", str(tmp_path)]) == 0
+    what, why, name = capsys.readouterr().out.splitlines()
+    assert (what, why) == (
+        "nothing to recover",
+        "what 'arm' logged last was saved already (program died, recovered later):",
+    )
+    assert name.split()[0] == str(path)
+
+
+SERVED = """
+import os, signal, sys
+import silo
+log = silo.Logger("arm", folder=sys.argv[1], script="none.yaml")
+x = log.array("x")
+log.serve()
+log.start()
+log.collect()
+if sys.argv[2] == "saved":
+    log.save()
+if sys.argv[2] == "closed":
+    log.save()
+    log.close()
+else:
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.parametrize(
+    ("ends", "why"), [("killed", "program died"), ("saved", "saved by the robot program"), ("closed", "")]
+)
+def test_what_was_saved_of_a_killed_program_is_named(
+    ends: str, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    subprocess.run([sys.executable, "-c", SERVED, str(tmp_path), ends], timeout=DEADLINE_S, check=False)
+    wait_until(lambda: ends == "closed" or any(one.kind == "crashed" for one in read_events(tmp_path, "arm")))
+    (path,) = tmp_path.glob("*.silo")
+    assert run(["recover", str(tmp_path)]) == 0
+    what, *named = capsys.readouterr().out.splitlines()
+    assert what == "nothing to recover"
+    assert [line.split()[0] for line in named[1:]] == ([str(path)] if why else [])
+    assert not why or f"({why})" in named[0]
 
 
 def test_files_go_to_the_folder_that_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

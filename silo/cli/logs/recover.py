@@ -59,21 +59,22 @@ def recover(
     if only_list and single:
         raise click.UsageError(f"--list shows what is found in folders; {single[0]} is none")
     left = _incomplete(paths, single)
+    looked_in = [path for path in paths if path not in single] if paths else [look_in, *_known_folders()]
     if only_list:
         for one in left:
             click.echo(f"recording '{one.order.name}' in {one.order.folder} is not complete", err=as_json)
         _show_parts(folders, as_json)
-        shown = _show_set_aside(paths or [look_in, *_known_folders()], as_json)
-        _show(stale, as_json, quiet=shown)
+        shown = _show_set_aside(looked_in, as_json)
+        _show(stale, as_json, looked_in, quiet=shown)
     else:
         settled = _settle(left, paths, single, as_json)
         closed = _close_parts(folders, as_json) or settled
         if not paths:
-            closed |= _sweep([look_in, *_known_folders(), *(Path(one.schema.folder) for one in stale if one.schema)])
-        elif named := [path for path in paths if path not in single]:
-            closed |= _sweep(named)
+            closed |= _sweep([*looked_in, *(Path(one.schema.folder) for one in stale if one.schema)])
+        elif looked_in:
+            closed |= _sweep(looked_in)
         found = [*single, *(one.path for one in stale if one.holdings)]
-        _recover(found, folder, chosen, as_json, single, quiet=closed)
+        _recover(found, folder, chosen, as_json, single, looked_in, quiet=closed)
         list_segments()  # removes the links to those that are gone now
     damaged = [one for one in stale if one.holdings is None]
     if damaged:
@@ -221,19 +222,26 @@ def _sweep(folders: Sequence[Path]) -> bool:
     return named
 
 
-def _show(stale: "Sequence[LeftRun]", as_json: bool, *, quiet: bool) -> None:
+def _show(stale: "Sequence[LeftRun]", as_json: bool, looked_in: Sequence[Path], *, quiet: bool) -> None:
     if as_json:
         show_json([_facts(one) for one in stale])
         return
     _say(stale)
     if not stale and not quiet:
-        _say_nothing()
+        _say_nothing(looked_in)
 
 
-def _say_nothing() -> None:
+def _say_nothing(looked_in: Sequence[Path]) -> None:
+    """Say so, and where stands what programs logged that died, and whose memory was saved before."""
+    from silo.helper.left_logs import saved_before
     from silo.journal.folders import remembered_folders
 
     click.echo("nothing to recover")
+    for folder in dict.fromkeys(path.resolve() for path in looked_in):
+        for row in saved_before(folder):
+            click.echo(f"what '{row.logger}' logged last was saved already ({row.why}):")
+            for file in row.files:
+                click.echo(f"  {folder / file.name}  {size_text(file.size_bytes)}")
     for folder in remembered_folders():
         if not folder.is_dir():
             click.echo(
@@ -269,6 +277,7 @@ def _recover(
     types: Sequence[FileType],
     as_json: bool,
     named: Sequence[Path],
+    looked_in: Sequence[Path],
     *,
     quiet: bool,
 ) -> None:
@@ -304,6 +313,6 @@ def _recover(
     if as_json:
         show_json(files)
     elif not paths and not quiet:
-        _say_nothing()
+        _say_nothing(looked_in)
     if failed:
         raise SaveError(f"{failed} of {many(len(paths), 'segment')} could not be recovered; they stay as they are")
