@@ -28,6 +28,7 @@ from silo.errors import SiloError
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 SEED = os.environ.get("SILO_FUZZ_SEED", "")
+WAYS = 10  # in which a bag is damaged before the next one is written, which takes longer than to read it
 START = 1_700_000_000 * 10**9
 SPLIT = "=" * 80
 TYPES = {
@@ -248,14 +249,25 @@ def flipped(data, rng):
     return data
 
 
-def make(target, number):
-    """The bag of this number, in the working folder."""
-    rng = random.Random(f"bags {SEED} {target} {number}")
+@functools.lru_cache(maxsize=1)
+def whole(target, number):
+    """The bag of this number as it was written, in the working folder, and its files."""
     path = Path("bag" if target in ("sqlite", "folder", "pages") else "bag.mcap")
     if path.is_dir():
         shutil.rmtree(path)
-    (write_mcap if path.suffix else write_rosbag)(path, target, rng)
-    hurt_file = path if path.suffix else rng.choice(sorted(path.iterdir())[-1:] + sorted(path.iterdir()))
+    (write_mcap if path.suffix else write_rosbag)(path, target, random.Random(f"bags {SEED} {target} {number}"))
+    return path, {file: file.read_bytes() for file in (sorted(path.iterdir()) if path.is_dir() else [path])}
+
+
+def make(target, number):
+    """The damaged bag of this number, in the working folder."""
+    path, files = whole(target, number // WAYS)
+    rng = random.Random(f"bags {SEED} {target} {number} damaged")
+    for file in [] if path.suffix else path.iterdir():
+        file.unlink()  # sqlite leaves others beside its own
+    for file, data in files.items():
+        file.write_bytes(data)
+    hurt_file = path if path.suffix else rng.choice([list(files)[-1], *files])
     data = hurt_file.read_bytes()
     if target == "pages":
         hurt_file = next(path.glob("*.db3"))
