@@ -56,7 +56,7 @@ class CommandRunner:
         sources: dict[str, Callable[[], Sequence[str]]] = {
             "scripts": lambda: context.script_names,
             "settings": lambda: completions(begun),
-            "sorts": lambda: context.session.rows.sorts,
+            "sorts": lambda: list(context.session.rows.orders),
             "names": lambda: context.session.table.names,
             "derived": lambda: [one.name for one in context.session.table.elements[context.session.table.own :]],
             "types": lambda: SAVED_NAMES,
@@ -203,8 +203,8 @@ class CommandRunner:
 
     def word_sort(self, spelled: command_line.Spelled) -> None:
         """Carry out `:sort COLUMN`."""
-        if len(spelled.arguments) != 1 or spelled.arguments[0] not in self._context.session.rows.sorts:
-            raise ValueError(f"sort by one of {', '.join(self._context.session.rows.sorts)}")
+        if len(spelled.arguments) != 1 or spelled.arguments[0] not in self._context.session.rows.orders:
+            raise ValueError(f"sort by one of {', '.join(self._context.session.rows.orders)}")
         self._context.session.rows.order_by(spelled.arguments[0])
         self._context.table_changed()
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 from silo_tui.context import Context
 from silo_tui.layouts.layout import KeptLayout
-from silo_tui.model.orders import TREE
 from silo_tui.model.plots import SPANS_S
+from silo_tui.model.table_columns import TREE
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.live import Session
@@ -33,7 +33,7 @@ def capture(context: Context) -> KeptLayout | None:
         rows.turned,
         rows.filter.text,
         table.table.chosen_columns,
-        table.column_set.name,
+        table.table.column_set,
         tuple(sorted(rows.folded)),
         tuple(sorted(short(name) for name in rows.unfolded)),
         _components_of(context.session),
@@ -95,7 +95,7 @@ async def show(context: Context, layout: KeptLayout) -> str:
         return "no logger is open"
     session, rows = context.session, context.session.rows
     missing = []
-    if layout.sort in rows.sorts:
+    if layout.sort in rows.orders:
         rows.sort, rows.turned = layout.sort, layout.turned and layout.sort != TREE
     else:
         missing.append(f"order {layout.sort}")

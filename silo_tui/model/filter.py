@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from silo.core.names import Names
-from silo_tui.model.fact_terms import FACT_TERMS
 from silo_tui.model.facts import WORDS
 from silo_tui.model.fields import Field
 from silo_tui.model.table import Mask, TableState
@@ -32,16 +31,16 @@ _PART = re.compile(r'\|[A-Za-z]+\|(?:>=|<=|!=|>|<|=|:)[^\s|"]*|(?:"[^"]*"?|[^|"]
 _TERM = re.compile(r"(\|?[A-Za-z]+\|?)(>=|<=|!=|>|<|=|:)(.*)", re.DOTALL)
 _MEASURED_WORDS = ("alarm", *WORDS)
 _FLAGS = ("dirty", "pending", "marked", "conflict", "live", "derived", "off", *_MEASURED_WORDS)
-TERMS = (*(column.term for column in LIVE_COLUMNS if column.term is not None), *OTHER_TERMS, *FACT_TERMS)
+TERMS = (*(term for column in LIVE_COLUMNS for term in column.terms), *OTHER_TERMS)
 
 
 @dataclass(frozen=True)
 class Condition:
-    """One term as it was typed, and what it lets pass."""
+    """One term as it was typed, what it lets pass, and what has to be surveyed for it."""
 
     text: str
     test: Test
-    measured: bool = False
+    quantities: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class Filter:
     @property
     def measured(self) -> bool:
         """Whether it asks for what is measured, so that rows come and go by themselves."""
-        return any(condition.measured for condition in self.conditions)
+        return any(condition.quantities for condition in self.conditions)
 
     def mask(self, table: TableState, marked: Mask) -> Mask:
         """Return shape `(n,)`: the elements that pass every term."""
@@ -97,18 +96,18 @@ def _condition(token: str) -> Condition | str | None:
     body = token[1:] if negated else token
     parts = [body] if body.startswith("~") else _PART.findall(body)
     tests: list[Test] = []
-    measured = False
+    quantities: frozenset[str] = frozenset()
     key = sign = ""
     for part in parts:
         if (term := _TERM.fullmatch(part)) is not None:
             key, sign, value = term[1].lower(), term[2], term[3].strip('"')
             test = _term(key, sign, value, part) if value else None
-            measured |= any(key in each.names for each in FACT_TERMS)
+            quantities = quantities.union(*(each.quantities for each in TERMS if key in each.names))
         elif key and sign in {":", "=", "!="} and not part.startswith("~"):  # unit:Nm|rad
             test = _term(key, sign, part.strip('"'), part)
         else:
             test = _word(part)
-            measured |= part.lower() in _MEASURED_WORDS
+            quantities |= {"signs"} if part.lower() in _MEASURED_WORDS else set()
         if isinstance(test, str):
             return test
         if test is not None:
@@ -116,7 +115,7 @@ def _condition(token: str) -> Condition | str | None:
     if not tests:
         return None
     both = tests[0] if len(tests) == 1 else (_all_of(tests) if sign == "!=" else _any_of(tests))
-    return Condition(token, negate(both) if negated else both, measured)
+    return Condition(token, negate(both) if negated else both, quantities)
 
 
 def _any_of(tests: list[Test]) -> Test:

@@ -2,17 +2,15 @@
 
 import re
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
+from silo.core.arrays.columns import Floats
 from silo.rpc.quantities import NOT_FINITE
 from silo_tui.model import filter as filters
-from silo_tui.model.fact_terms import quantities_in
 from silo_tui.model.live import has_norm
-from silo_tui.model.orders import ADDED, FILE_ORDERS, LIVE_ORDERS, NAME, OF_NORMS, TREE, ordered
 from silo_tui.model.table import Mask, Rows, TableState
-from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn, orders_of
+from silo_tui.model.table_columns import LIVE_COLUMNS, NAME, TREE, TableColumn, orders_of
 from silo_tui.model.tree import Branch, Tree, entry_of, list_of, parts_of, row_of, tree_of
 
 LEAVES_S = 2.0  # how long a row stays, dim, that a measured filter lets go
@@ -24,6 +22,15 @@ def natural_key(name: str) -> tuple[object, ...]:
     return tuple((1, int(part)) if part.isdecimal() else (0, part) for part in parts if part)
 
 
+def ordered(keys: Floats, base: Rows, *, falling: bool, unknown: Mask) -> Rows:
+    """Return `base` ordered by `keys` of all elements: NaN first, what is unknown last, equal ones as before."""
+    of = keys[base]
+    turned = np.where(np.isnan(of), 0.0, -of if falling else of)
+    group = np.where(unknown[base], 2, np.where(np.isnan(of), 0, 1))
+    found: Rows = base[np.lexsort((turned, group))]
+    return found
+
+
 class RowList:
     """The shown rows over a `TableState`. Rows are element numbers; positions count lines, see `model.tree`.
 
@@ -31,11 +38,10 @@ class RowList:
     too and entries of vectors, and where those in folded branches are left out.
     """
 
-    def __init__(self, table: TableState, columns: Sequence[TableColumn[Any]] = LIVE_COLUMNS) -> None:
+    def __init__(self, table: TableState, columns: Sequence[TableColumn] = LIVE_COLUMNS) -> None:
         self.table = table
         self.filter = filters.parse("")
-        self.sorts = (TREE, *orders_of(columns), *(LIVE_ORDERS if columns is LIVE_COLUMNS else FILE_ORDERS))
-        self._columns = columns
+        self.orders = orders_of(columns)
         self.sort = NAME
         self.turned = False  # the order the other way round
         self.shown: Rows = np.zeros(0, np.intp)
@@ -115,7 +121,7 @@ class RowList:
     @property
     def live(self) -> bool:
         """Whether the order is by what is measured."""
-        return self.sort in LIVE_ORDERS
+        return bool(self.orders[self.sort].quantity)
 
     @property
     def place(self) -> int:
@@ -129,18 +135,14 @@ class RowList:
     @property
     def arrow(self) -> str:
         """`↓` where the largest, or first, is on top; `↑` the other way round."""
-        order = LIVE_ORDERS.get(self.sort)
-        falling = (order.falling if order is not None else True) != self.turned
-        return "↓" if falling else "↑"
+        return "↓" if self.orders[self.sort].falling != self.turned else "↑"
 
     def wanted(self) -> set[str]:
         """Return the quantities that have to be surveyed of all elements for filter, order and signs."""
         quantities = {"signs"}
         for condition in self.filter.conditions:
-            quantities |= quantities_in(condition.text) if condition.measured else set()
-        if self.live:
-            quantities.add(LIVE_ORDERS[self.sort].quantity)
-        return quantities
+            quantities |= condition.quantities
+        return quantities | ({self.orders[self.sort].quantity} - {""})
 
     # ------------------------------------------------------------------------------------------------- folding
 
@@ -198,7 +200,7 @@ class RowList:
         element = self.table.elements[row]
         if len(element.entries) < 2:
             return 0
-        asked = self.components.get(element.name, 0) or int(self.sort in OF_NORMS)
+        asked = self.components.get(element.name, 0) or int(self.orders[self.sort].of_norm)
         return asked if asked > 1 or has_norm(element) else 0
 
     def _move_to_branch(self, path: str) -> bool:
@@ -335,25 +337,19 @@ class RowList:
         self.anchor = None
 
     def _sorted(self) -> Rows:
-        count = len(self.table)
-        if self.sort == ADDED:
-            return np.arange(count, dtype=np.intp)[:: -1 if self.turned else 1]
         if self.sort == TREE:
             return self._by_tree()
-        by_name = self._by_name()
+        by_name, order = self._by_name(), self.orders[self.sort]
         if self.sort == NAME:
             return by_name[:: -1 if self.turned else 1]
-        live = LIVE_ORDERS.get(self.sort)
-        if live is not None:
-            measured = live.keys(self.table)
-            # a NaN that is the value comes first; one that says that nothing is known comes last
-            is_nan = (self.table.facts.signs(count) & NOT_FINITE) != 0
-            unknown = np.isnan(measured) & ~is_nan
-            return ordered(measured, by_name, falling=live.falling != self.turned, unknown=unknown)
-        column = next(each for each in self._columns if each.order == self.sort and each.sort is not None)
-        keys = column.sort(self.table)[by_name] if column.sort is not None else by_name
-        order = by_name[np.argsort(keys, kind="stable")]
-        return order[::-1] if self.turned else order
+        keys = order.keys(self.table)
+        if not order.quantity:
+            found = by_name[np.argsort(keys[by_name], kind="stable")]
+            return found[::-1] if self.turned else found
+        # a NaN that is the value comes first; one that says that nothing is known comes last
+        is_nan = (self.table.facts.signs(len(self.table)) & NOT_FINITE) != 0
+        unknown = np.isnan(keys) & ~is_nan
+        return ordered(keys, by_name, falling=order.falling != self.turned, unknown=unknown)
 
     def _by_tree(self) -> Rows:
         names, prefix = self.table.names, self.table.prefix

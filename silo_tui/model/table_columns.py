@@ -1,204 +1,238 @@
-"""The columns of the element tables, each one entry: head, width, words, order, what editing it changes, filter term.
+"""The columns of the element tables, each one entry: head, width, words, orders, filter terms, sets, what it edits.
 
-The table of a logger shows `LIVE_COLUMNS`, that of a file `FILE_COLUMNS`; the widgets draw what stands here and know no
-column by name. A new column touches its entry and its test.
+The table widget, the orders, the filter and the user's settings read what stands here and know no column by name. A new
+column touches its entry and its test; how its cells read stands in `cells.py`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import ElementInfo
-from silo_tui.model import text
-from silo_tui.model.fields import Field, Ints, word_for
-from silo_tui.model.table import TableState
-from silo_tui.model.terms import Term, action_term, choice_term, number_term, text_term
-
-if TYPE_CHECKING:
-    from silo.analysis.reports import ElementReport
+from silo.core.arrays.columns import Floats
+from silo_tui.model import cells
+from silo_tui.model.cells import Cell, Sight
+from silo_tui.model.facts import ranks
+from silo_tui.model.fields import Field
+from silo_tui.model.table import Rows, TableState
+from silo_tui.model.terms import (
+    Term,
+    action_term,
+    choice_term,
+    fact_term,
+    number_term,
+    rate_term,
+    read_seconds,
+    read_share,
+    text_term,
+)  # fmt: skip
 
 WIDE_FROM = 96  # cells of a table from which columns take their wide width
 NAME_ROOM = 16  # columns are left out rather than that names get less
-
-Row = TypeVar("Row")
-
-
-class LiveRow(NamedTuple):
-    """An element of a logger; `values` of shape `(5,)` are those on the screen, pending edits among them."""
-
-    element: ElementInfo
-    values: Ints
-
-
-class FileRow(NamedTuple):
-    """An element of a file."""
-
-    element: ElementInfo
-    report: "ElementReport"
+TREE, NAME, ADDED = "tree", "name", "added"
+STEADY = (TREE, NAME, ADDED)
+LIVE_SETS = ("settings", "statistics", "timing")
+FILE_SETS = ("values", "statistics", "timing")  # what takes reading whole signals is shown where it is asked for
 
 
 @dataclass(frozen=True)
-class TableColumn(Generic[Row]):
+class TableOrder:
+    """An order: its name, the letter that picks it, a key per element (NaN: not known), its words where told whole.
+
+    One by what is measured (`quantity`) is made anew once a second; `falling` ones begin with the largest. By
+    `of_norm` a vector stands where its norm does.
+    """
+
+    name: str
+    letter: str
+    keys: Callable[[TableState], NDArray[Any]]
+    words: str = ""
+    quantity: str = ""
+    falling: bool = True
+    of_norm: bool = False
+
+
+@dataclass(frozen=True)
+class TableColumn:
     """One column behind the names.
 
-    `words` returns what stands in a cell of so many cells. `leaves` says when the column is left out of a narrow table
-    (1 first, 0 never: a cut number would be a wrong one). `field` is what editing a cell changes. `sort` gives a key
-    per element, `sorts` the place among the orders that `o` steps through, and `sort_word` what that order is called
-    where it isn't the title. `alarm` tells cells that speak of a loss.
+    `draw` returns words and style of a cell of so many cells, `entry` those of one entry of an element, `branch` what
+    stands for all below a branch. `measured` ones are drawn anew with each frame and always shown whole; of the others
+    `leaves` says when one is left out of a narrow table (1 first, 0 never: a cut number would be a wrong one). `field`
+    is what editing a cell changes. `sets` name when it is shown ("wide": beside settings, on a wide screen).
+    `quantities` are surveyed of what is on the screen. `head` says more than the title.
     """
 
     title: str
     width: int
-    words: Callable[[Row, int], str]
+    draw: Callable[[Sight, int, int], Cell]
+    sets: tuple[str, ...]
     right: bool = False
     wide: int = 0
     leaves: int = 0
     field: Field | None = None
-    sort: Callable[[TableState], NDArray[Any]] | None = None
-    sorts: int = 0
-    sort_word: str = ""
-    term: Term | None = None
-    alarm: Callable[[Row], bool] | None = None
+    measured: bool = False
+    live: bool = True
+    file: bool = True
+    orders: tuple[TableOrder, ...] = ()
+    terms: tuple[Term, ...] = ()
+    quantities: tuple[str, ...] = ()
+    entry: Callable[[Sight, int, int, int], Cell] | None = None
+    branch: Callable[[Sight, Rows], Cell] | None = None
+    head: Callable[[Sight], str] | None = None
 
     @property
     def order(self) -> str:
-        """What the order by this column is called; empty when there is none."""
-        return (self.sort_word or self.title) if self.sort is not None else ""
+        """What a click on its head orders by; empty when there is no order."""
+        return self.orders[0].name if self.orders else ""
 
-    def width_in(self, table_width: int) -> int:
-        """Return the cells it takes in a table of that width."""
-        return self.wide if self.wide and table_width >= WIDE_FROM else self.width
-
-
-def _unit(row: LiveRow | FileRow, width: int) -> str:
-    return "" if row.element.unit == "-" else row.element.unit
+    def width_in(self, sight: Sight, table_width: int) -> int:
+        """Return the cells it takes in a table of that width; 0 where it has no room."""
+        wide = self.wide if self.wide and table_width >= WIDE_FROM else self.width
+        return sight.widths.get(self.title, wide)
 
 
-def _units(table: TableState) -> NDArray[Any]:
-    return np.array([element.unit.casefold() for element in table.elements])
+def _by(name: str, letter: str, field: Field, words: str = "") -> tuple[TableOrder, ...]:
+    return (TableOrder(name, letter, lambda table: table.values[field], words),)
 
 
-def _word(field: Field) -> Callable[[LiveRow, int], str]:
-    return lambda row, width: word_for(field, int(row.values[field]))
+def _measured(
+    name: str, letter: str, quantity: str, *, falling: bool = True, of_norm: bool = False, words: str = "",
+    of: Callable[[Floats], Floats] | None = None,
+) -> TableOrder:  # fmt: skip
+    def keys(table: TableState) -> Floats:
+        known = table.facts.of(quantity, len(table))
+        if known is None:
+            return np.full(len(table), np.nan)
+        known = np.where(table.mixed, np.nan, known) if of_norm else known  # of metres and radians there is no norm
+        return known if of is None else of(known)
+
+    return TableOrder(name, letter, keys, words, quantity, falling, of_norm)
 
 
-def _number(field: Field) -> Callable[[LiveRow, int], str]:
-    def words(row: LiveRow, width: int) -> str:
-        value = int(row.values[field])
-        # a number that is cut would be another one
-        shorter = word_for(field, value), text.compact(float(value)), f"{value:.0e}".replace("e+0", "e")
-        return next((word for word in shorter if len(word) <= width), shorter[-1])
-
-    return words
+def _sign_ranks(table: TableState) -> NDArray[Any]:
+    return ranks(table.signs).astype(float) if table.signs_known else np.full(len(table), np.nan)
 
 
-def _by(field: Field) -> Callable[[TableState], NDArray[Any]]:
-    return lambda table: table.values[field]
+def _statistic(title: str, letter: str, *, falling: bool = True, example: str = "60") -> TableColumn:
+    """Of one number, of a vector of the norm or the entry that was asked for."""
+    return TableColumn(
+        title, 8, lambda sight, row, width: cells.statistic(sight, row, title), ("statistics", "wide"), right=True,
+        measured=True, orders=(_measured(title, letter, title, falling=falling, of_norm=True),),
+        terms=(fact_term((title,), title, example=example),), quantities=(title,),
+        entry=lambda sight, row, entry, width: cells.entry_statistic(sight, row, entry, title),
+    )  # fmt: skip
 
 
-LIVE_COLUMNS: tuple[TableColumn[LiveRow], ...] = (
+_ALL_SETS = ("settings", "values", "statistics", "timing")
+_SETTINGS, _IN_FILE = ("settings",), ("values",)
+
+COLUMNS: tuple[TableColumn, ...] = (
     TableColumn(
-        "unit", 5, _unit, leaves=1, sort=_units, sorts=1,
-        term=text_term("unit", lambda element, value: element.unit.casefold() == value),
+        "unit", 5, cells.unit, _ALL_SETS, leaves=1,
+        orders=(TableOrder("unit", "u", lambda table: np.array([each.unit.casefold() for each in table.elements])),),
+        terms=(text_term("unit", lambda element, value: element.unit.casefold() == value),),
     ),
     TableColumn(
-        "on", 3, _word(Field.ENABLED), field=Field.ENABLED,
-        term=choice_term(("on",), Field.ENABLED),
+        "on", 3, cells.option(Field.ENABLED), _SETTINGS, file=False, field=Field.ENABLED,
+        terms=(choice_term(("on",), Field.ENABLED),),
     ),
     TableColumn(
-        "div", 4, _number(Field.DIVIDER), right=True, leaves=4, field=Field.DIVIDER,
-        sort=_by(Field.DIVIDER), sorts=2, term=number_term(("div", "divider"), Field.DIVIDER),
+        "div", 4, cells.number(Field.DIVIDER), (*_SETTINGS, *_IN_FILE), right=True, leaves=4, field=Field.DIVIDER,
+        orders=_by("div", "d", Field.DIVIDER), terms=(number_term(("div", "divider"), Field.DIVIDER),),
     ),
     TableColumn(
-        "act", 4, _word(Field.ACTION), leaves=3, field=Field.ACTION,
-        sort=_by(Field.ACTION), sorts=4, term=action_term(("act", "action")),
+        "samples", 7, cells.samples, _IN_FILE, live=False, right=True, orders=_by("size", "s", Field.BUFFER_SIZE),
+    ),
+    TableColumn("span s", 6, cells.span, _IN_FILE, live=False, right=True, wide=cells.SPAN_WIDE),
+    TableColumn("type", 10, cells.type_cell, _IN_FILE, live=False),
+    TableColumn(
+        "act", 4, cells.option(Field.ACTION), _SETTINGS, file=False, leaves=3, field=Field.ACTION,
+        orders=_by("act", "p", Field.ACTION, "action"), terms=(action_term(("act", "action")),),
     ),
     TableColumn(
-        "buf", 4, _word(Field.BUFFER_TYPE), leaves=2, field=Field.BUFFER_TYPE,
-        sort=_by(Field.BUFFER_TYPE), sorts=5,
-        term=choice_term(("buf", "buffer"), Field.BUFFER_TYPE),
+        "buf", 4, cells.option(Field.BUFFER_TYPE), (*_SETTINGS, *_IN_FILE), leaves=2, field=Field.BUFFER_TYPE,
+        orders=_by("buf", "b", Field.BUFFER_TYPE), terms=(choice_term(("buf", "buffer"), Field.BUFFER_TYPE),),
     ),
     TableColumn(
-        "size", 7, _number(Field.BUFFER_SIZE), right=True, leaves=5, field=Field.BUFFER_SIZE,
-        sort=_by(Field.BUFFER_SIZE), sorts=3, term=number_term(("size",), Field.BUFFER_SIZE),
+        "size", 7, cells.number(Field.BUFFER_SIZE), _SETTINGS, file=False, right=True, leaves=5,
+        field=Field.BUFFER_SIZE, orders=_by("size", "s", Field.BUFFER_SIZE),
+        terms=(number_term(("size",), Field.BUFFER_SIZE),),
     ),
-)  # fmt: skip
-
-
-def _cut(words: Callable[[FileRow], str]) -> Callable[[FileRow, int], str]:
-    def cell(row: FileRow, width: int) -> str:
-        found = words(row)
-        return found if len(found) <= width else found[: width - 1] + "…"
-
-    return cell
-
-
-def _samples(row: FileRow) -> str:
-    return str(row.report.samples) if row.report.samples < 10**7 else text.compact(row.report.samples)
-
-
-def span_words(report: "ElementReport", *, wide: bool) -> str:
-    """Return `40.95 … 51.14`, or how long that is."""
-    if report.start_s is None or report.end_s is None:
-        return "-"
-    if wide:
-        return f"{report.start_s:.5g} … {report.end_s:.5g}"
-    return f"{report.end_s - report.start_s:.4g}"
-
-
-def _span(row: FileRow, width: int) -> str:
-    return _cut(lambda row: span_words(row.report, wide=width >= SPAN_WIDE))(row, width)
-
-
-def type_word(element: ElementInfo, report: "ElementReport") -> str:
-    """Return `float64[7]`, `enum`."""
-    is_enum = bool(element.entries) and all(entry.labels for entry in element.entries)
-    return report.type.replace(report.type.split("[", 1)[0], "enum") if is_enum else report.type
-
-
-def _short_type(row: FileRow) -> str:
-    """Return `f64[12]` for `float64[12]`, because a cell is small."""
-    words = type_word(row.element, row.report)
-    for long, short in (("uint", "u"), ("int", "i"), ("float", "f"), ("complex", "c"), ("datetime", "date")):
-        words = words.replace(long, short)
-    return words
-
-
-SPAN_WIDE = 16
-
-FILE_COLUMNS: tuple[TableColumn[FileRow], ...] = (
-    TableColumn("unit", 5, _unit, sort=_units, sorts=1),
-    TableColumn("div", 4, _cut(lambda row: str(row.report.divider)), right=True, sort=_by(Field.DIVIDER), sorts=2),
-    TableColumn("samples", 7, _cut(_samples), right=True, sort=_by(Field.BUFFER_SIZE), sorts=3, sort_word="size"),
-    TableColumn("span s", 6, _span, right=True, wide=SPAN_WIDE),
-    TableColumn("type", 10, _cut(_short_type)),
+    TableColumn("lost", 5, cells.lost, _IN_FILE, live=False, right=True),
     TableColumn(
-        "buf", 4, _cut(lambda row: word_for(Field.BUFFER_TYPE, row.element.options.buffer_type)),
-        sort=_by(Field.BUFFER_TYPE), sorts=4,
+        "!", 2, cells.sign, ("settings", "statistics", "timing", "wide"), measured=True,
+        orders=(TableOrder("!", "!", _sign_ranks, "signs, worst first", "signs"),), branch=cells.branch_sign,
     ),
     TableColumn(
-        "lost", 5, _cut(lambda row: str(row.report.lost)), right=True, alarm=lambda row: row.report.lost > 0
+        "fill", 4, cells.fill, ("settings", "timing", "wide"), measured=True, file=False,
+        orders=(_measured("fill", "f", "fill"),), terms=(fact_term(("fill",), "fill", read_share, "50%"),),
+    ),
+    TableColumn(
+        "value", 11, cells.value, (*_ALL_SETS, "wide"), right=True, measured=True, entry=cells.entry_value,
+        orders=(
+            _measured("value", "v", "value", of_norm=True),
+            _measured("|value|", "a", "value", of_norm=True, of=np.abs),
+        ),
+        terms=(fact_term(("value",), "value"), fact_term(("|value|", "abs"), "value", of=np.abs)),
+        head=lambda sight: "value" if sight.at_s is None else f"at {sight.at_s:.6g} s",
+    ),
+    _statistic("min", "i", falling=False), _statistic("max", "m"), _statistic("mean", "e"),
+    _statistic("std", "t", example="1"),
+    TableColumn(
+        "rate", 7, cells.rate, ("timing", "wide"), right=True, measured=True, orders=(_measured("rate", "r", "rate"),),
+        terms=(rate_term(),), quantities=("rate",),
+    ),
+    TableColumn("%", 4, cells.share, ("timing",), right=True, measured=True, quantities=("share",)),
+    TableColumn(
+        "jitter", 7, cells.time("jitter"), ("timing", "wide"), right=True, measured=True,
+        orders=(_measured("jitter", "j", "jitter"),), terms=(fact_term(("jitter",), "jitter", read_seconds, "1ms"),),
+        quantities=("jitter",),
+    ),
+    TableColumn(
+        "changed", 8, cells.time("changed"), ("timing",), right=True, measured=True,
+        orders=(_measured("changed", "c", "changed", falling=False, words="last change"),),
+        terms=(fact_term(("changed",), "changed", read_seconds, "1s"),), quantities=("changed",),
+    ),
+    TableColumn(
+        "trend", 10, cells.trend, ("settings", "values", "wide"), measured=True,
+        head=lambda sight: "trend" if sight.at_s is None else "all",
     ),
 )  # fmt: skip
+LIVE_COLUMNS = tuple(column for column in COLUMNS if column.live)
+FILE_COLUMNS = tuple(column for column in COLUMNS if column.file)
+SETTINGS = tuple(column.title for column in LIVE_COLUMNS if not column.measured)  # which of them the user chooses
 
 
-def orders_of(columns: Sequence[TableColumn[Any]]) -> tuple[str, ...]:
-    """Return the orders that a table of these columns has, as `o` steps through them."""
-    by_place = sorted((column for column in columns if column.sort is not None), key=lambda column: column.sorts)
-    return ("name", "added", *(column.order for column in by_place))
+def orders_of(columns: Iterable[TableColumn]) -> Mapping[str, TableOrder]:
+    """Return the orders that a table of these columns has, by name, as the list of orders shows them."""
+
+    def place(table: TableState) -> NDArray[Any]:
+        return np.arange(len(table))
+
+    steady = (
+        TableOrder(TREE, "n", place, "name, as a tree"), TableOrder(NAME, "l", place, "name, as a list"),
+        TableOrder(ADDED, "g", place, "as the program added them"),
+    )  # fmt: skip
+    return {order.name: order for order in (*steady, *(order for column in columns for order in column.orders))}
+
+
+def in_set(column: TableColumn, name: str, *, wide: bool) -> bool:
+    """Return whether a set shows a column; on a wide screen settings stand beside each, and statistics beside them."""
+    beside = name != "timing" if column.measured else "settings" in column.sets
+    return name in column.sets or (wide and beside and ("wide" in column.sets or not column.measured))
 
 
 def shown_columns(
-    columns: Sequence[TableColumn[Row]], room: int, table_width: int
-) -> list[tuple[TableColumn[Row], int]]:
+    columns: Iterable[TableColumn], sight: Sight, room: int, table_width: int
+) -> list[tuple[TableColumn, int]]:
     """Return the columns that a table shows, with their widths, where `room` cells are for names and columns.
 
     Whole columns are left out where names would have less than `NAME_ROOM`.
     """
-    shown = [(column, column.width_in(table_width)) for column in columns]
+    shown = [(column, width) for column in columns if (width := column.width_in(sight, table_width))]
     for column, width in sorted(shown, key=lambda pair: pair[0].leaves):
         if room - sum(1 + each for _, each in shown) >= NAME_ROOM:
             break

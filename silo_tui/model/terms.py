@@ -1,4 +1,4 @@
-"""The `field:value` terms of the filter language, each one entry: its names, how it is read and completed.
+"""The `field:value` terms of the filter language: how each is read, completed, and what has to be surveyed for it.
 
 Terms of columns stand with their column in `table_columns.py`, those of what has no column in `OTHER_TERMS` below.
 """
@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from silo.core.arrays.columns import Floats
 from silo.core.elements import ElementInfo
+from silo.core.quantities.reading import seconds_of
 from silo_tui.model.fields import Field, synonym
 from silo_tui.model.table import Mask, TableState
 
@@ -30,12 +32,14 @@ class Term:
 
     `read` takes sign and value and returns a test, or the words that say why it can't be read. `compares` ones take
     every sign, the others `:`, `=` and `!=`. `completions` are whole terms that Tab offers before the bare names.
+    `quantities` have to be surveyed for it; until they are everything passes, so that rows don't flicker away.
     """
 
     names: tuple[str, ...]
     read: Callable[[str, str], Test | str]
     compares: bool = False
     completions: tuple[str, ...] = ()
+    quantities: frozenset[str] = frozenset()
 
     @property
     def bare(self) -> str:
@@ -50,6 +54,20 @@ def read_number(text: str) -> float | None:
         return float(text[:-1] if scale != 1.0 else text) * scale
     except ValueError:
         return None
+
+
+def read_seconds(text: str) -> float | None:
+    """Return a time in seconds, written with its unit or without; None for what is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return seconds_of(text)
+
+
+def read_share(text: str) -> float | None:
+    """Return a share of 1, also as `95%`; None for what is none."""
+    number = read_number(text.removesuffix("%"))
+    return number / 100 if number is not None and text.endswith("%") else number
 
 
 def negate(test: Test) -> Test:
@@ -109,6 +127,50 @@ def text_term(name: str, passes: Callable[[ElementInfo, str], bool]) -> Term:
         return _signed(sign, test)
 
     return Term((name,), read)
+
+
+def fact_term(
+    names: tuple[str, ...], quantity: str, amount: Callable[[str], float | None] = read_number, example: str = "60",
+    of: Callable[[Floats], Floats] | None = None,
+) -> Term:  # fmt: skip
+    """Return a term that compares what is measured with an amount."""
+
+    def read(sign: str, value: str) -> Test | str:
+        wanted = amount(value)
+        if wanted is None:
+            return f"{names[0]}{sign}{value}: {value!r} is no amount; for example {names[0]}{sign}{example}"
+        return _compared(quantity, sign, wanted, of)
+
+    return Term(names, read, compares=True, quantities=frozenset({quantity}))
+
+
+def rate_term() -> Term:
+    """Return the term about rates: in Hz, or as a share of the nominal one."""
+
+    def read(sign: str, value: str) -> Test | str:
+        if value.endswith("%"):
+            share = read_share(value)
+            return f"rate{sign}{value}: for example rate{sign}95%" if share is None else _compared("share", sign, share)
+        hertz = read_number(value.lower().removesuffix("hz"))
+        if hertz is None:
+            return f"rate{sign}{value}: {value!r} is no rate; for example rate{sign}95% or rate{sign}50Hz"
+        return _compared("rate", sign, hertz)
+
+    return Term(("rate",), read, compares=True, quantities=frozenset({"rate", "share"}))
+
+
+def _compared(quantity: str, sign: str, wanted: float, of: Callable[[Floats], Floats] | None = None) -> Test:
+    compare = COMPARE[sign]
+
+    def test(table: TableState, marked: Mask) -> Mask:
+        known = table.facts.of(quantity, len(table))
+        if known is None:
+            return np.ones(len(table), np.bool_)
+        with np.errstate(invalid="ignore"):
+            found = np.asarray(compare(known if of is None else of(known), wanted), np.bool_)
+        return found & ~np.isnan(known)  # nothing is known of it, so it isn't unequal either
+
+    return test
 
 
 def _signed(sign: str, test: Test) -> Test:

@@ -12,7 +12,7 @@ from silo.settings.typed import examples
 from silo_tui.actions import BY_ID
 from silo_tui.model import derived
 from silo_tui.model.fields import Field, next_value, parse_change, phrase_for
-from silo_tui.model.orders import STEADY
+from silo_tui.model.table_columns import STEADY
 from silo_tui.screens.derive import derive, forget
 from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.elements import ElementsScreen
@@ -41,7 +41,7 @@ class Editing(ElementsScreen):
 
     def _choose_field(self, field: Field) -> None:
         self.table.field = field
-        self.table.redraw_cursor()
+        self.table.live_changed()
         self.table_head.refresh()
 
     # ------------------------------------------------------------------------------------------------- editing

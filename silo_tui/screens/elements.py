@@ -18,7 +18,6 @@ from silo_tui.widgets.bars import Banner, InfoLine, KeyBar, StatusBar
 from silo_tui.widgets.element_table import ElementTable, TableHead
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
-from silo_tui.widgets.live_pane import LiveHead, LivePane
 
 WIDE = 110
 INSPECTOR_FROM = 170  # cells from which the inspector opens by itself
@@ -38,7 +37,6 @@ class ElementsScreen(SiloScreen):
         self,
         session: Session,
         table: ElementTable,
-        pane: LivePane,
         inspector: Inspector,
         bars: tuple[StatusBar, Banner],
         *,
@@ -47,28 +45,22 @@ class ElementsScreen(SiloScreen):
         super().__init__()
         self.session = session
         self.table = table
-        self.pane = pane
         self.inspector = inspector
         self.status_bar, self.banner = bars
         self.info = InfoLine(session)
-        self.live_head = LiveHead(pane)
         self.table_head = TableHead(table)
         self._read_only = read_only
         self._inspector_wanted: bool | None = None
         self._view_timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
-        """Yield status, banner, table with live columns and inspector, information, lines to type in, keys."""
+        """Yield status, banner, table and inspector, information, lines to type in, keys."""
         yield self.status_bar
         yield self.banner
         with Horizontal(id="body"):
             with Vertical(id="left"):
-                with Horizontal(id="heads"):
-                    yield self.table_head
-                    yield self.live_head
-                with Horizontal(id="panes"):
-                    yield self.table
-                    yield self.pane
+                yield self.table_head
+                yield self.table
             yield self.inspector
         yield Static("", id="empty", markup=False)
         yield self.info
@@ -100,9 +92,7 @@ class ElementsScreen(SiloScreen):
         self.inspector.below = below
         inspector_width = width if below else self.inspector_width(width)
         self.inspector.styles.width = inspector_width
-        self.lay_out_pane(width, width - (inspector_width if wanted and not below else 0))
-        self.live_head.update(self.pane.head)
-        self.live_head.styles.width = self.pane.wanted_width
+        self.lay_out_table(width, width - (inspector_width if wanted and not below else 0))
         self.table_head.refresh()
         self.request_view_soon()
 
@@ -111,8 +101,8 @@ class ElementsScreen(SiloScreen):
         """Return the cells of the inspector on a screen of `width` cells."""
 
     @abstractmethod
-    def lay_out_pane(self, width: int, rest: int) -> None:
-        """Choose the live columns; `rest` of the screen's `width` cells is for them and the table."""
+    def lay_out_table(self, width: int, rest: int) -> None:
+        """Choose the columns; `rest` of the screen's `width` cells is for the table."""
 
     # ------------------------------------------------------------------------------------ what the app tells us
 
@@ -120,7 +110,6 @@ class ElementsScreen(SiloScreen):
         """Follow a change of rows, edits or marks."""
         self.table.rows_changed()
         self.table_head.refresh()
-        self.pane.live_changed()
         self.inspector.refresh()
         self.info.refresh()
         self.update_keys()
@@ -132,13 +121,12 @@ class ElementsScreen(SiloScreen):
         self.status_bar.update()
         self.banner.update()
         self.info.refresh()
-        self.pane.live_changed()
-        self.table.refresh()
+        self.table.live_changed()
         self.inspector.refresh()
 
     def live_changed(self, frame: Frame) -> None:
         """Show new values."""
-        self.pane.live_changed()
+        self.table.live_changed()
         self.status_bar.update()
         if self.inspector.display:
             self.inspector.live_changed()
@@ -169,7 +157,6 @@ class ElementsScreen(SiloScreen):
 
     def on_element_table_moved(self) -> None:
         """Let other panes follow cursor and scroll at once, the view soon."""
-        self.pane.live_changed()
         if self.inspector.display:
             self.inspector.refresh()
         self.table_head.refresh()
@@ -216,7 +203,6 @@ class ElementsScreen(SiloScreen):
 
     def command_mark(self) -> None:
         self.session.rows.toggle_mark()
-        self.table.redraw_cursor()
         self.command_down()
 
     def command_mark_shown(self) -> None:
@@ -232,14 +218,14 @@ class ElementsScreen(SiloScreen):
         self._marks_changed()
 
     def _marks_changed(self) -> None:
-        self.table.refresh()
+        self.table.live_changed()
         self.info.refresh()
 
     def command_sort(self) -> None:
         from silo_tui.screens.order import OrderDialog
 
         rows = self.session.rows
-        self.app.push_screen(OrderDialog(rows.sorts, rows.sort, rows.arrow), self._order_by)
+        self.app.push_screen(OrderDialog(list(rows.orders.values()), rows.sort, rows.arrow), self._order_by)
 
     def _order_by(self, order: str | None) -> None:
         if order is None:
@@ -251,7 +237,25 @@ class ElementsScreen(SiloScreen):
 
     def order_changed(self) -> None:
         """Follow another order: heads, and what has to be known for it."""
-        self.live_head.update(self.pane.head)
+        self.table_head.refresh()
+
+    def show_set(self, name: str) -> bool:
+        """Show another set of columns; False where there is none of that name."""
+        if name in self.table.sets:
+            self.table.column_set = name
+        self._lay_out(self.app.size.width)
+        return name in self.table.sets
+
+    def command_columns(self) -> None:
+        sets = self.table.sets
+        name = sets[(sets.index(self.table.column_set) + 1) % len(sets)]
+        self.show_set(name)
+        self.say(f"columns: {name}" + (self.statistics_words() if name == "statistics" else ""))
+        self.table_changed()
+
+    @abstractmethod
+    def statistics_words(self) -> str:
+        """Return of which samples the statistics are."""
 
     def command_fold(self) -> None:
         self.say(self.session.rows.fold())

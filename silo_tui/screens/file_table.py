@@ -12,12 +12,11 @@ from silo_tui.actions import bindings_for
 from silo_tui.modal import run_alone
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import NOTHING
-from silo_tui.model.table_columns import FILE_COLUMNS, FileRow
+from silo_tui.model.table_columns import FILE_COLUMNS
 from silo_tui.screens.elements import ElementsScreen
 from silo_tui.sessions.recorded import FileSession
-from silo_tui.widgets.element_table import ElementTable
-from silo_tui.widgets.live_pane import TREND
-from silo_tui.widgets.recorded import FileBanner, FileBar, RecordedInspector, RecordedPane
+from silo_tui.widgets.element_table import TREND, ElementTable
+from silo_tui.widgets.recorded import FileBanner, FileBar, RecordedInspector
 
 VALUES = 96  # from this width values stand beside the table
 TELLS_AFTER_S = 0.3
@@ -31,16 +30,10 @@ class FileTableScreen(ElementsScreen):
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file")
 
     def __init__(self, session: FileSession, leave: Callable[[], None] | None = None) -> None:
-        elements, reports = session.table.elements, session.rows_of
-        table = ElementTable(
-            session, FILE_COLUMNS, lambda row, values: FileRow(elements[row], reports[elements[row].name])
-        )
         inspector: RecordedInspector = RecordedInspector(session)
         bars = FileBar(session), FileBanner(session)
-        pane = RecordedPane(session, table)
-        super().__init__(session, table, pane, inspector, bars, read_only=True)
+        super().__init__(session, ElementTable(session, FILE_COLUMNS), inspector, bars, read_only=True)
         self.file = session
-        self.column_set = pane.column_set
         self._top_wanted = False  # by who chose an order, until it is known
         self.plots = inspector
         self._leave = leave  # to what it was opened from
@@ -53,12 +46,11 @@ class FileTableScreen(ElementsScreen):
         """Return the cells of the inspector on a screen of `width` cells."""
         return 34 if width < 140 else min(64, 36 + (width - 130) // 3)
 
-    def lay_out_pane(self, width: int, rest: int) -> None:
+    def lay_out_table(self, width: int, rest: int) -> None:
         """Show values and trends where there is room: the inspector has the value too, and a plot."""
         room = rest >= VALUES
-        few = self.column_set.name != "values" or (self.session.rows.live and not room)
-        self.table.choose(FILE_COLUMNS[:1] if few else FILE_COLUMNS)
-        self.pane.lay_out(12 if room or few else 0, trend=room)
+        few = self.table.column_set != "values" or (self.session.rows.live and not room)
+        self.table.lay_out(12 if room or few else 0, trend=room, bare=few)
 
     def request_view(self) -> None:
         """Read values and columns of what is on the screen."""
@@ -70,7 +62,7 @@ class FileTableScreen(ElementsScreen):
         rows += [row] if row is not None and row not in rows else []
         file.read([table.names[each] for each in rows])
         source = file.source
-        if self.pane.trend_width:
+        if self.table.shows_trends:
             trends = [table.entry_names(each)[0] for each in rows if table.elements[each].entries]
             store = _empty_store(trends, 2 * TREND, source.begin_ns, source.end_ns)
             if not _alike(store, self.session.columns):
@@ -81,18 +73,17 @@ class FileTableScreen(ElementsScreen):
             store = _empty_store(names, 2 * max(8, self.inspector.plot_width), begin, end)
             if not _alike(store, self.plots.store):
                 run_alone(self, "plots", self._read_plots, store, begin, end)
-        self.live_head.update(self.pane.head)
-        self.pane.live_changed()
+        self.table_head.refresh()
+        self.table.live_changed()
         self.inspector.refresh()
-        self._measure(rows)
+        self._measure()
 
     # ---------------------------------------------------------------------------------------- what has to be reckoned
 
-    def _measure(self, rows: Sequence[int]) -> None:
+    def _measure(self) -> None:
         """Reckon what filter, order and columns need and isn't known yet of this moment."""
-        names = [name for row in rows for name in (self.session.table.names[row], self.pane.shown_name(row))]
-        details = list(dict.fromkeys([*names, *self.table.entries_on_screen()]))
-        if self.file.unmeasured(details, self.column_set.quantities):
+        details = self.table.names_on_screen()
+        if self.file.unmeasured(details, self.table.quantities):
             run_alone(self, "facts", self._measured, details)
         elif self.session.table.facts.time_ns not in (0, self.file.time_ns):
             self.session.table.facts = NOTHING  # of another moment, and nobody asks for them any more
@@ -106,7 +97,7 @@ class FileTableScreen(ElementsScreen):
                 told = True
                 self.say(f"reading all samples: {done} of {len(self.session.table)} elements")
 
-        await self.file.measure(details, self.column_set.quantities, tell)
+        await self.file.measure(details, self.table.quantities, tell)
         if told:
             self.say("")
         rows = self.session.rows
@@ -128,18 +119,15 @@ class FileTableScreen(ElementsScreen):
         self._top_wanted = False
         super().action_command(command_id)
 
-    def command_columns(self) -> None:
-        words = self.column_set.step()
-        self._lay_out(self.app.size.width)
-        self.say(f"columns: {words}" + (" of every sample in the file" if words == "statistics" else ""))
-        self.table_changed()
+    def statistics_words(self) -> str:
+        return " of every sample in the file"
 
     # ------------------------------------------------------------------------------------------- trends and plots
 
     async def _read_trends(self, store: ColumnStore) -> None:
         await self._read(store, self.file.source.begin_ns, self.file.source.end_ns)
         self.session.columns = store
-        self.pane.live_changed()
+        self.table.live_changed()
 
     async def _read_plots(self, store: ColumnStore, begin_ns: int, end_ns: int) -> None:
         await self._read(store, begin_ns, end_ns)

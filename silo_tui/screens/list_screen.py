@@ -266,10 +266,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
             self.show()
 
     def command_list_order(self) -> None:
-        letters = {order.name: order.letter for order in self.orders}
-        words = {order.name: order.words for order in self.orders}
         arrow = "↓" if self._order.backwards != self._turned else "↑"
-        self.app.push_screen(OrderDialog(list(letters), self._order.name, arrow, letters, words), self._by)
+        self.app.push_screen(OrderDialog(self.orders, self._order.name, arrow), self._by)
 
     def _by(self, name: str | None) -> None:
         if name is not None:

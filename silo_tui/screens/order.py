@@ -1,6 +1,7 @@
 """The list of orders: a letter orders and closes, the letter of the present order turns it round."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 from rich.text import Text
 from textual import events
@@ -9,7 +10,8 @@ from textual.containers import Vertical
 from textual.widgets import Static
 
 from silo_tui.modal import Dialog
-from silo_tui.model.orders import LETTERS, WORDS
+from silo_tui.model.lists import Order
+from silo_tui.model.table_columns import TableOrder
 
 COLUMN = 32
 
@@ -17,18 +19,9 @@ COLUMN = 32
 class OrderDialog(Dialog[str | None]):
     """Answers with the order whose letter was pressed; None on any other key."""
 
-    def __init__(
-        self,
-        orders: Sequence[str],
-        now: str,
-        arrow: str,
-        letters: Mapping[str, str] = LETTERS,
-        words: Mapping[str, str] = WORDS,
-    ) -> None:
+    def __init__(self, orders: Sequence[Order[Any] | TableOrder], now: str, arrow: str) -> None:
         super().__init__()
-        self._letters, self._words = letters, words
-        self._orders = [order for order in orders if order in letters]
-        self._now, self._arrow = now, arrow
+        self._orders, self._now, self._arrow = orders, now, arrow
 
     def compose(self) -> ComposeResult:
         """Yield the letters in two columns."""
@@ -41,8 +34,8 @@ class OrderDialog(Dialog[str | None]):
         half = -(-len(self._orders) // 2)
         for left in range(half):
             for order in self._orders[left::half][:2]:
-                words = self._words.get(order, order) + (f"  {self._arrow}" if order == self._now else "")
-                lines.append(self._letters[order], style="bold")
+                words = (order.words or order.name) + (f"  {self._arrow}" if order.name == self._now else "")
+                lines.append(order.letter, style="bold")
                 lines.append(f" {words:<{COLUMN - 2}}")
             lines.append("\n")
         lines.append("\nthe same letter again: the other way round")
@@ -52,4 +45,4 @@ class OrderDialog(Dialog[str | None]):
         """Order, or leave."""
         event.stop()
         event.prevent_default()
-        self.dismiss(next((order for order in self._orders if self._letters[order] == event.character), None))
+        self.dismiss(next((order.name for order in self._orders if order.letter == event.character), None))

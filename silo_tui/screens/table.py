@@ -16,7 +16,6 @@ from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import Field
-from silo_tui.model.orders import TREE
 from silo_tui.model.table_columns import LIVE_COLUMNS
 from silo_tui.screens.editing import Editing
 from silo_tui.screens.elements import WIDE
@@ -25,11 +24,9 @@ from silo_tui.sessions.live import Session
 from silo_tui.sessions.live_source import LiveSource
 from silo_tui.terminal import pace_of
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
-from silo_tui.widgets.element_table import FLAGS, ElementTable
-from silo_tui.widgets.fact_columns import LIVE_SETS, ColumnSet, pane_columns
+from silo_tui.widgets.element_table import FLAGS, TREND, ElementTable
 from silo_tui.widgets.inputs import CellEditor, Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
-from silo_tui.widgets.live_pane import TREND, VALUE, LivePane
 
 COLUMN_NS = 200_000_000
 COLUMNS = 120
@@ -38,7 +35,7 @@ KEEP_S = 0.3  # after an edit, until it is kept
 QUIET_S = 3.0  # so long after a key no row moves by itself
 WIDE_SET = 150  # cells from which settings and statistics stand side by side
 NAME_ROOM = 20  # a trend is shown only where names keep this
-TABLE_WIDTH = FLAGS + sum(1 + column.width for column in LIVE_COLUMNS)
+TABLE_WIDTH = FLAGS + sum(1 + column.width for column in LIVE_COLUMNS if not column.measured)
 COMMAND_KEYS = "Enter does it  Tab completes  Esc leaves"
 
 
@@ -57,8 +54,6 @@ class TableScreen(Editing):
         *,
         read_only: bool,
     ) -> None:
-        table = ElementTable(session, LIVE_COLUMNS)
-        self.column_set = ColumnSet()
         self._key_s = 0.0  # monotonic, of the last key
         self._top_wanted = False
         self._offered = False
@@ -70,8 +65,7 @@ class TableScreen(Editing):
         self._no_survey = ""
         super().__init__(
             session,
-            table,
-            LivePane(session, table, pane_columns(self.column_set)),
+            ElementTable(session, LIVE_COLUMNS),
             Inspector(session),
             (StatusBar(session, read_only=read_only), Banner(session)),
             read_only=read_only,
@@ -89,15 +83,13 @@ class TableScreen(Editing):
         """Return the cells of the inspector on a screen of `width` cells."""
         return 32 if width < 140 else min(64, 34 + (width - 130) // 3)
 
-    def lay_out_pane(self, width: int, rest: int) -> None:
+    def lay_out_table(self, width: int, rest: int) -> None:
         """Give values more room on a wide screen; a trend where names keep theirs."""
-        self.column_set.screen_width = width
-        settings = self.column_set.name == "settings" or width >= WIDE_SET
-        self.table.choose(LIVE_COLUMNS if settings else LIVE_COLUMNS[:1])
-        value_width = VALUE if width < WIDE else 14 if width < 140 else 17 if width < 170 else 24
-        self.pane.lay_out(value_width, trend=False)
-        rest -= self.pane.wanted_width + TABLE_WIDTH
-        self.pane.lay_out(value_width, trend=width >= WIDE and rest - TREND - 1 >= NAME_ROOM)
+        value_width = 11 if width < WIDE else 14 if width < 140 else 17 if width < 170 else 24
+        self.table.lay_out(value_width, wide=width >= WIDE_SET)
+        rest -= self.table.measured_width + TABLE_WIDTH
+        if width >= WIDE and rest - TREND - 1 >= NAME_ROOM:
+            self.table.lay_out(value_width, trend=True, wide=width >= WIDE_SET)
 
     # -------------------------------------------------------------------------------------- what is measured
 
@@ -123,12 +115,8 @@ class TableScreen(Editing):
 
     async def _survey(self) -> None:
         reset, self._reset_wanted = self._reset_wanted, False
-        names = self.session.table.names
-        details = [names[row] for row in self.table.rows_on_screen()]
-        details += self.table.entries_on_screen()
-        details += [self.pane.shown_name(row) for row in self.table.rows_on_screen()]
         try:
-            await self.session.survey(list(dict.fromkeys(details)), self._quantities, reset=reset)
+            await self.session.survey(self.table.names_on_screen(), self._quantities, reset=reset)
         except RefusedError as refused:  # a logger of an older silo
             if self._no_survey != str(refused):
                 self._no_survey = str(refused)
@@ -143,7 +131,7 @@ class TableScreen(Editing):
     @property
     def _quantities(self) -> list[str]:
         """What is asked of what is on the screen; by an order of values these are of the moment of the order."""
-        asked = self.column_set.quantities
+        asked = self.table.quantities
         return [*asked, "value"] if self.session.rows.sort in {"value", "|value|"} and "value" not in asked else asked
 
     def _survey_came(self, now_s: float) -> None:
@@ -161,9 +149,7 @@ class TableScreen(Editing):
                 self._survey_s = 0.0  # nothing was measured of these yet
             self._show_filter()
             self.request_view_soon()
-        elif rows.sort == TREE:
-            self.table.refresh()
-        self.pane.live_changed()
+        self.table.live_changed()
         self.info.refresh()
 
     def action_command(self, command_id: str) -> None:
@@ -184,19 +170,13 @@ class TableScreen(Editing):
 
     def show_set(self, name: str) -> bool:
         """Show another set of live columns; False where there is none of that name."""
-        if name in LIVE_SETS:
-            self.column_set.name = name
-        self._lay_out(self.app.size.width)
+        known = super().show_set(name)
         self._survey_s = 0.0
         self._judge()
-        return name in LIVE_SETS
+        return known
 
-    def command_columns(self) -> None:
-        words = self.column_set.step()
-        self.show_set(words)
-        since = text.clock(self.session.table.facts.since_ns)
-        self.say(f"columns: {words}" + (f" of every sample since {since}; Z from now" if words == "statistics" else ""))
-        self.table_changed()
+    def statistics_words(self) -> str:
+        return f" of every sample since {text.clock(self.session.table.facts.since_ns)}; Z from now"
 
     def command_zero(self) -> None:
         self._reset_wanted, self._survey_s = True, 0.0
@@ -223,7 +203,7 @@ class TableScreen(Editing):
     def settings_changed(self) -> None:
         """Show the columns that are wanted."""
         self.table.choose_columns(self.context.settings.columns)
-        self.table_head.refresh()
+        self._lay_out(self.app.size.width)
 
     def live_changed(self, frame: Frame) -> None:
         """Show new values; ask once for what was in frames that got lost: the logger still has it."""
@@ -242,7 +222,7 @@ class TableScreen(Editing):
         table = self.session.table
         rows = [row for row in self.table.rows_on_screen() if table.server[Field.ENABLED, row]]
         plots: list[str] = []
-        if self.pane.trend_width:
+        if self.table.shows_trends:
             plots = [table.entry_names(row)[0] for row in rows if table.is_live(row) and table.elements[row].entries]
         if self.inspector.display:
             plots += [name for name in self.inspector.plot_names() if name not in plots]
@@ -273,7 +253,7 @@ class TableScreen(Editing):
         except SiloError:
             return  # trends then fill as time goes by; a lost link is told by the banner
         store.take(past)
-        self.pane.live_changed()
+        self.table.live_changed()
         self.inspector.refresh()
 
     def _open_left(self) -> None:

@@ -6,7 +6,7 @@ Screens read its parts and call its coroutines; it draws nothing and asks nothin
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -29,12 +29,14 @@ from silo_tui.model.live import LiveValues
 from silo_tui.model.overlay import Overlay
 from silo_tui.model.recorders import WritingPace
 from silo_tui.model.rows import RowList
+from silo_tui.model.sparklines import trends
 from silo_tui.model.table import TableState
 from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn
 from silo_tui.sessions.link import Link, ViewRequest
 from silo_tui.sessions.recordings import Fetching
 
 if TYPE_CHECKING:
+    from silo.analysis.reports import ElementReport
     from silo.client.client import Client
 
 Result = TypeVar("Result")
@@ -56,7 +58,7 @@ _CONDITION_KINDS = {
 class Session:
     """State and commands of one logger. Lives in the event loop."""
 
-    def __init__(self, name: str, columns: Sequence[TableColumn[Any]] = LIVE_COLUMNS) -> None:
+    def __init__(self, name: str, columns: Sequence[TableColumn] = LIVE_COLUMNS) -> None:
         self.name = name
         self.address = ""  # shown in place of host and name where another logger has both
         self.link: Link | None = None
@@ -87,6 +89,7 @@ class Session:
         self.recorders: list[RecorderInfo] = []  # endless recordings, as they were asked for last
         self.paces: dict[str, WritingPace] = {}  # how fast each of them writes
         self.conditions_due = True  # something happened to them since they were asked for
+        self.rows_of: dict[str, ElementReport] = {}  # what a file tells, by element
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
     # ------------------------------------------------------------------------------------------------ what is
@@ -105,6 +108,17 @@ class Session:
     def connected(self) -> bool:
         """Whether somebody answers."""
         return self.link is not None and self.lost_since is None
+
+    @property
+    def at_s(self) -> float | None:
+        """The moment of a file whose values are shown; None of a logger, whose values are the newest."""
+        return None
+
+    def trends(self, rows: Sequence[int], width: int) -> dict[int, str]:
+        """Return the newest columns of the first entry of each row, drawn in so many cells."""
+        drawn = [row for row in rows if self.table.is_live(row) and self.table.entry_names(row)]
+        names = [self.table.entry_names(row)[0] for row in drawn]
+        return {**dict.fromkeys(rows, " " * width), **dict(zip(drawn, trends(self.columns, names, width), strict=True))}
 
     @property
     def lost_s(self) -> float | None:

@@ -16,13 +16,16 @@ import numpy as np
 from silo.analysis import reports
 from silo.analysis.log import Log, LogWarning
 from silo.analysis.opening import open_log
+from silo.core.arrays.columns import coarser
 from silo.core.elements import ElementInfo, State, Status, Table
 from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, FileFormatError
 from silo.judging.definitions import bind_limits, scalar_names, table_catalogue
+from silo_tui.model.columns import ColumnPiece
 from silo_tui.model.facts import Facts
 from silo_tui.model.file_facts import FileFacts
 from silo_tui.model.limits import Bounds4
+from silo_tui.model.plots import trend
 from silo_tui.model.recorded import RecordingSource
 from silo_tui.model.table_columns import FILE_COLUMNS
 from silo_tui.sessions.live import Session
@@ -64,6 +67,23 @@ class FileSession(Session):
     def connected(self) -> bool:
         """A file is always there."""
         return True
+
+    @property
+    def at_s(self) -> float:
+        """The moment whose values are shown."""
+        return self.seconds
+
+    def trends(self, rows: Sequence[int], width: int) -> dict[int, str]:
+        """Return all columns that there are, drawn together until they fit."""
+        store, found = self.columns, dict.fromkeys(rows, " " * width)
+        begins = np.linspace(0, store.count, 2 * width, endpoint=False).astype(np.intp)
+        for row in rows:
+            names = self.table.entry_names(row)
+            place = store.row(names[0]) if names and not store.empty else None
+            if place is not None:
+                together = coarser(store.low[place], store.high[place], store.marks[place], begins)
+                found[row] = trend(ColumnPiece(*together, store.base(place)), width)
+        return found
 
     @property
     def seconds(self) -> float:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from silo_tui.model.table_columns import LIVE_COLUMNS
+from silo_tui.model.table_columns import SETTINGS
 from silo_tui.settings.themes import THEMES
 
 
@@ -40,7 +40,7 @@ OPTIONS = (
         "view", "open with what was on the screen", ("lost", "last", "off"),
         ("after a terminal or a link that was lost", "always, as it was left", ""),
     ),
-    Option("columns", "columns of the table, none: all", tuple(each.title for each in LIVE_COLUMNS), several=True),
+    Option("columns", "columns of the table, none: all", SETTINGS, several=True),
 )  # fmt: skip
 OPTION = {option.name: option for option in OPTIONS}
 

@@ -15,9 +15,9 @@ from silo.rpc.quantities import SLOW_SHARE
 from silo_tui.actions import BY_ID, Command, commands_for, footer_for, with_keys
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words
-from silo_tui.model.orders import STEADY
 from silo_tui.model.people import head_words as people_head
 from silo_tui.model.plots import PlotWindow
+from silo_tui.model.table_columns import STEADY
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import thin_head
 from silo_tui.unforeseen import Guarded

@@ -1,11 +1,13 @@
-"""The static columns of the element table: drawn line by line from NumPy state, so that 10,000 elements cost nothing.
+"""The element table: names, settings and what is measured, drawn line by line, so that 10,000 elements cost nothing.
 
 Measured: Textual's DataTable needs 4 - 7 s for 10,000 rows and 130 ms per update; this needs the lines on the screen.
+Of these only what reads differently is painted: with each frame the measured cells of a line, else the whole line.
 """
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+import time
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from rich.cells import cell_len, set_cell_size
@@ -18,27 +20,60 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from silo_tui.model import text
-from silo_tui.model.fields import Field, Ints
+from silo_tui.model.cells import Sight
+from silo_tui.model.fields import Field
 from silo_tui.model.names import fitting_names
-from silo_tui.model.orders import ADDED, NAME, TREE
 from silo_tui.model.rows import RowList
-from silo_tui.model.table_columns import LiveRow, TableColumn, shown_columns
+from silo_tui.model.table_columns import (
+    ADDED,
+    FILE_SETS,
+    LIVE_SETS,
+    NAME,
+    SETTINGS,
+    TREE,
+    TableColumn,
+    in_set,
+    shown_columns,
+)  # fmt: skip
 from silo_tui.model.tree import entry_of, row_of
 from silo_tui.sessions.live import Session
+from silo_tui.terminal import pace_of
 from silo_tui.unforeseen import Guarded
 
 FLAGS = 2
+TREND = 10
 DERIVED = "="  # the sign of what is computed from others
-NOT_OF_DERIVED = (Field.ACTION, Field.BUFFER_TYPE, Field.BUFFER_SIZE)
 MAX_STRIPS = 4000
+
+Shown = list[tuple[TableColumn, int]]  # columns with their widths
+
+
+class Layout(NamedTuple):
+    """What stands where in a table of some width: names, settings up to `rest`, then what is measured, the rail."""
+
+    width: int
+    names: int
+    steady: Shown
+    rest: int
+    measured: Shown
+
+
+class Content(NamedTuple):
+    """What a line says: what tells its settings apart, measured words with their styles, its piece of the rail."""
+
+    key: tuple[object, ...]
+    cursor: bool
+    pieces: tuple[tuple[str, str], ...]
+    rail: str
 
 
 class ElementTable(Guarded, ScrollView, can_focus=True):
-    """Name, unit and options of the shown elements; holds the cursor."""
+    """Name, settings and newest values of the shown elements; holds the cursor."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "table--row", "table--cursor", "table--cell", "table--range", "table--marked", "table--off", "table--quiet",
-        "table--pending", "table--conflict",
+        "table--pending", "table--conflict", "table--value", "table--stale", "table--lost", "table--trend",
+        "table--full", "table--rail", "table--caution",
     }  # fmt: skip
     DEFAULT_CSS = """
     ElementTable { scrollbar-size: 0 0; overflow-x: hidden; width: 1fr; height: 1fr; }
@@ -54,22 +89,31 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
 
         field: Field | None
 
-    def __init__(
-        self, session: Session, columns: Sequence[TableColumn[Any]], facts: Callable[[int, Ints], Any] | None = None
-    ) -> None:
-        """Show `columns`; `facts` makes what they draw of an element's row and its values (default: a `LiveRow`)."""
+    def __init__(self, session: Session, columns: Sequence[TableColumn]) -> None:
         super().__init__()
         self.session = session
         self.field = Field.ENABLED
-        self._all_columns = self._columns = self._offered = columns
-        self._wanted: tuple[str, ...] = ()
-        self._facts = facts or (lambda row, values: LiveRow(session.table.elements[row], values))
+        self.sight = Sight(
+            session.table, session.live, session.rows.component, self._trend, session.rows_of, session.at_s
+        )
+        self.sets = LIVE_SETS if session.at_s is None else FILE_SETS
+        self.column_set = self.sets[0]
+        self.chosen_columns: tuple[str, ...] = ()  # titles of settings; none: all
+        self._known = columns
+        self._offered: list[TableColumn] = []
+        self._laid: Layout | None = None
         self._strips: dict[tuple[object, ...], Strip] = {}
         self._styles: dict[str, Style] = {}
         self._masks_of = (-1, -1)
-        self._drawn: tuple[int, int] = (-1, -1)
+        self._settings: dict[int, bytes] = {}
+        self._painted: dict[int, Content] = {}
+        self._ready: dict[int, Content] = {}  # found to differ, not painted yet
         self._names: list[str] = []
         self._names_of: tuple[int, int, int, str] | None = None
+        self._trends: dict[int, str] = {}  # by row; all of them are drawn together, once a second
+        self._trends_of: object = None
+        self._trends_due_s = 0.0
+        self.lay_out()
 
     @property
     def rows(self) -> RowList:
@@ -78,32 +122,65 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
 
     # ---------------------------------------------------------------------------------------------- geometry
 
-    @property
-    def shown(self) -> list[tuple[TableColumn[Any], int]]:
-        """The columns that fit, and their widths."""
-        return shown_columns(self._columns, self.size.width - FLAGS, self.size.width)
+    def lay_out(self, value_width: int = 11, *, trend: bool = False, wide: bool = False, bare: bool = False) -> None:
+        """Show the columns of the chosen set; `wide`: settings beside it, `bare`: of settings the first alone."""
+        self.sight.widths = {"value": value_width, "trend": TREND * trend}
+        chosen = self.chosen_columns
+        offered = [column for column in self._known if in_set(column, self.column_set, wide=wide)]
+        offered = [column for column in offered if column.measured or not bare or column is self._known[0]]
+        self._offered = [each for each in offered if each.measured or not chosen or each.title in chosen]
+        self._forget()
+        self.refresh()
+
+    def _forget(self) -> None:
+        self._laid = None
+        for made in (self._strips, self._trends, self._painted, self._ready):
+            made.clear()
 
     @property
-    def name_width(self) -> int:
-        """Cells for names."""
-        return max(8, self.size.width - FLAGS - sum(1 + width for _, width in self.shown))
+    def laid(self) -> Layout:
+        """What stands where."""
+        if self._laid is None or self._laid.width != self.size.width:
+            self._forget()
+            width, sight = self.size.width, self.sight
+            measured = [(each, cells) for each in self._offered if each.measured and (cells := each.width_in(sight, 0))]
+            rest = width - 1 - sum(1 + cells for _, cells in measured)
+            steady = shown_columns([each for each in self._offered if not each.measured], sight, rest - FLAGS, rest)
+            names = max(8, rest - FLAGS - sum(1 + cells for _, cells in steady))
+            self._laid = Layout(width, names, steady, rest, measured)
+        return self._laid
 
-    def field_at(self, x: int) -> Field | None:
-        """Return the editable field in a column of the screen."""
-        for field, (start, width) in self.field_spans().items():
-            if start <= x < start + width:
-                return field
-        return None
+    @property
+    def shows_trends(self) -> bool:
+        """Whether trends have room."""
+        return any(column.title == "trend" for column, _ in self.laid.measured)
+
+    @property
+    def measured_width(self) -> int:
+        """Cells of what is measured, with the rail."""
+        return self.size.width - self.laid.rest
+
+    @property
+    def quantities(self) -> list[str]:
+        """What has to be surveyed of the rows on the screen."""
+        found = [quantity for column in self._offered for quantity in column.quantities]
+        if "min" in found:  # of a file the value is that of the moment shown, and statistics are of all
+            found += ["bad", "least", "most", *(["value"] if self.session.at_s is None else [])]
+        return found
 
     def field_spans(self) -> dict[Field, tuple[int, int]]:
-        """Return first column and width of each field that is shown."""
-        spans = {}
-        start = FLAGS + self.name_width
-        for column, width in self.shown:
-            if column.field is not None:
+        """Return first column and width of each field that is shown and can be edited."""
+        spans, start = {}, FLAGS + self.laid.names
+        for column, width in self.laid.steady:
+            if column.field is not None and self.session.at_s is None:
                 spans[column.field] = (start + 1, width)
             start += 1 + width
         return spans
+
+    def field_at(self, x: int) -> Field | None:
+        """Return the editable field in a column of the screen."""
+        spans = self.field_spans().items()
+        return next((field for field, (start, width) in spans if start <= x < start + width), None)
 
     def field_beside(self, step: int) -> Field:
         """Return the next field that is shown to the right (1) or left (-1) of the chosen one, or that one."""
@@ -112,76 +189,74 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
 
     def cell_region(self) -> Region:
         """Return where the cell under the cursor is on the screen."""
-        spans = self.field_spans()
-        start, width = spans.get(self.field, (self.size.width - 8, 8))  # a hidden one is edited at the end of the line
+        # a hidden one is edited at the end of the settings
+        start, width = self.field_spans().get(self.field, (max(0, self.laid.rest - 8), 8))
         top = self.rows.position - self.scroll_offset.y
         return Region(self.region.x + start, self.region.y + top, width, 1)
 
+    def _lines_on_screen(self) -> list[int]:
+        top = self.scroll_offset.y
+        lines: list[int] = self.rows.tree.lines[top : top + max(1, self.size.height)].tolist()
+        return lines
+
     def rows_on_screen(self) -> list[int]:
         """Return the elements that are visible now."""
-        top = self.scroll_offset.y
-        lines = self.rows.tree.lines[top : top + max(1, self.size.height)].tolist()
-        return list(dict.fromkeys(row for line in lines if (row := row_of(line)) is not None))
+        return list(dict.fromkeys(row for line in self._lines_on_screen() if (row := row_of(line)) is not None))
 
-    def entries_on_screen(self) -> list[str]:
-        """Return the full names of the entries that have a line of their own now."""
-        top = self.scroll_offset.y
-        found = []
-        for line in self.rows.tree.lines[top : top + max(1, self.size.height)].tolist():
+    def names_on_screen(self) -> list[str]:
+        """Return the names of what is told of now: elements, what is shown of vectors, entries with a line."""
+        rows, names = self.rows_on_screen(), self.session.table.names
+        found = [name for row in rows for name in (names[row], self.sight.shown_name(row))]
+        for line in self._lines_on_screen():
             row, entry = row_of(line), entry_of(line)
             if row is not None and entry is not None:
-                found.append(
-                    self.session.table.elements[row].name + self.session.table.elements[row].entries[entry].suffix
-                )
-        return found
-
-    def choose(self, columns: Sequence[TableColumn[Any]]) -> None:
-        """Offer other columns; of these the chosen ones are shown."""
-        self._offered = columns
-        self._columns = [column for column in columns if not self._wanted or column.title in self._wanted]
-        self._strips.clear()
-        self.refresh()
+                found.append(self.sight.entry_name(row, entry))
+        return list(dict.fromkeys(found))
 
     # ---------------------------------------------------------------------------------------------- changing
 
-    @property
-    def chosen_columns(self) -> tuple[str, ...]:
-        """The titles of the columns that were chosen; none: all."""
-        return self._wanted
-
     def choose_columns(self, titles: Collection[str]) -> list[str]:
-        """Show the columns of these titles, all where there is none; return those that there aren't."""
-        known = tuple(column.title for column in self._all_columns if column.title in titles)
-        self._wanted = known if len(known) < len(self._all_columns) else ()
-        self.choose(self._offered)
+        """Show the settings of these titles, all where there is none; return those that there aren't."""
+        known = tuple(title for title in SETTINGS if title in titles)
+        self.chosen_columns = known if len(known) < len(SETTINGS) else ()
         return [title for title in titles if title not in known]
 
     def rows_changed(self) -> None:
         """Follow a change of the rows, their order or their values."""
+        self._forget()
         self.virtual_size = Size(self.size.width, len(self.rows.tree.lines))
         self.show_cursor()
-        self.refresh()
 
     def show_cursor(self) -> None:
-        """Scroll so that the cursor is on the screen, and draws where it was and where it is."""
+        """Scroll so that the cursor is on the screen, and draw where it was and where it is."""
         height = max(1, self.size.height)
         top, position = round(self.scroll_y), self.rows.position
         wanted = min(max(top, position - height + 1), position)
         wanted = max(0, min(wanted, max(0, len(self.rows.tree.lines) - height)))
         if wanted != top:
             self.scroll_to(y=wanted, animate=False, force=True, immediate=True)
-            self.refresh()
-        elif self.rows.anchor is not None:
-            self.refresh()
-        else:
-            for line in {self._drawn[0], position}:
-                self.refresh_line(line - top)
-        self._drawn = (position, int(self.field))
+        self.live_changed()
         self.post_message(self.Moved())
 
-    def redraw_cursor(self) -> None:
-        """Draw the row under the cursor again."""
-        self.refresh_line(self.rows.position - self.scroll_offset.y)
+    def live_changed(self) -> None:
+        """Paint what reads differently now."""
+        session, sight, now_s = self.session, self.sight, time.monotonic()
+        pace = pace_of(self.app)
+        sight.digits_fewer = pace.digits_fewer
+        sight.fresh, sight.running, sight.at_s = session.fresh, session.running, session.at_s
+        store = session.columns
+        # what came of the past is shown at once
+        if now_s >= self._trends_due_s or self._trends_of != (store, store.past_until_ns):
+            self._trends.clear()
+            self._trends_of = (store, store.past_until_ns)
+            self._trends_due_s = now_s + pace.trend_s
+        laid = self.laid
+        for y in range(self.size.height):
+            old, new = self._painted.get(y), self._content(y)
+            if old != new:
+                self._ready[y] = new
+                begin = 0 if old is None or old.key != new.key else laid.rest
+                self.refresh(Region(begin, y, laid.width - begin, 1))
 
     def watch_scroll_y(self, old_value: float, new_value: float) -> None:
         """Tell other panes of the scroll."""
@@ -191,14 +266,13 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
 
     def on_resize(self) -> None:
         """Draw columns of another width."""
-        self._strips.clear()
         self.virtual_size = Size(self.size.width, len(self.rows.tree.lines))
         self.call_after_refresh(self.show_cursor)
 
     def notify_style_update(self) -> None:
         """Follow a change of the theme."""
         super().notify_style_update()
-        self._strips.clear()
+        self._forget()
         self._styles.clear()
 
     def on_click(self, event: events.Click) -> None:
@@ -210,7 +284,6 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         if event.x < FLAGS:
             self.rows.move_to(position)
             self.rows.toggle_mark()
-            self.refresh()
             self.show_cursor()
             return
         again = position == self.rows.position and (field is None or field is self.field)
@@ -223,31 +296,84 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
     # ---------------------------------------------------------------------------------------------- drawing
 
     def render_line(self, y: int) -> Strip:
-        """Return one element."""
-        position = y + self.scroll_offset.y
-        width = self.size.width
-        if position >= len(self.rows.tree.lines):
-            return Strip.blank(width, self._style("table--row"))
+        """Return one line."""
+        laid = self.laid
+        content = self._ready.pop(y) if y in self._ready else self._content(y)
+        self._painted[y] = content
+        base = ["table--row", "table--cursor"] if content.cursor else ["table--row"]
+        segments = [Segment(words, self._style(*base, style)) for words, style in content.pieces]
+        measured = Strip(segments).adjust_cell_length(laid.width - 1 - laid.rest, self._style(*base))
+        rail = Segment(content.rail, self._style("table--row", "table--rail"))
+        return Strip([*self._strips[content.key], *measured, rail], laid.width)
+
+    def _content(self, y: int) -> Content:
+        """Return what a line says; the strip of its settings is made where it isn't yet."""
+        top, rows = self.scroll_offset.y, self.rows
+        position, laid = top + y, self.laid
+        if len(self._strips) > MAX_STRIPS:
+            self._strips.clear()
+            self._painted.clear()
+            self._ready.clear()
+        if position >= len(rows.tree.lines):
+            if () not in self._strips:
+                self._strips[()] = Strip.blank(laid.rest, self._style("table--row"))
+            return Content((), False, (), " ")
         self._refresh_masks()
-        line = int(self.rows.tree.lines[position])
-        is_cursor = position == self.rows.position
-        row = row_of(line)
-        if row is None or entry_of(line) is not None:
-            return Strip(list(self._other_segments(line, position, is_cursor=is_cursor)), width)
-        key = (
-            row, width, int(self.field) if is_cursor else -1, bool(self.rows.marked[row]), bool(self._range[row]),
-            self.rows.tree.depth(position), self.rows.sort == TREE, row in self.rows.leaving,
-            self.session.table.names[row] in self.rows.unfolded,
-            self._values[:, row].tobytes(), self._pending[:, row].tobytes(), self._conflicts[:, row].tobytes(),
-        )  # fmt: skip
-        strip = self._strips.get(key)
-        if strip is None:
-            if len(self._strips) > MAX_STRIPS:
-                self._strips.clear()
-            depth = self.rows.tree.depth(position)
-            strip = Strip(list(self._segments(row, depth, is_cursor=is_cursor)), width)
-            self._strips[key] = strip
-        return strip
+        line, is_cursor = int(rows.tree.lines[position]), position == rows.position
+        row, entry = row_of(line), entry_of(line)
+        key: tuple[object, ...]
+        if row is None or entry is not None:
+            key = segments = tuple(self._other_segments(line, position, is_cursor=is_cursor))
+        else:
+            segments = ()
+            key = (
+                row, int(self.field) if is_cursor else -1, bool(rows.marked[row]), bool(self._range[row]),
+                rows.tree.depth(position), rows.sort == TREE, row in rows.leaving,
+                self.session.table.names[row] in rows.unfolded, self._settings_of(row),
+            )  # fmt: skip
+        if key not in self._strips:
+            made = segments or self._segments(row or 0, rows.tree.depth(position), is_cursor=is_cursor)
+            self._strips[key] = Strip(made).adjust_cell_length(laid.rest, self._style("table--row"))
+        pieces = self._pieces(line, row, entry)
+        if is_cursor:  # grey on the cursor's line is hard to read in 16 colours
+            pieces = [(words, "" if style == "table--quiet" else style) for words, style in pieces]
+        return Content(key, is_cursor, tuple(pieces), self._rail(y, top))
+
+    def _settings_of(self, row: int) -> bytes:
+        """Return the values of a row, and which are pending or in conflict; made once until the table changes."""
+        if row not in self._settings:
+            told = (self._values[:, row], self._pending[:, row], self._conflicts[:, row])
+            self._settings[row] = b"".join(each.tobytes() for each in told)
+        return self._settings[row]
+
+    def _rail(self, y: int, top: int) -> str:
+        total, height = len(self.rows.tree.lines), max(1, self.size.height)
+        if total <= height:
+            return " "
+        length = max(1, height * height // total)
+        start = round((height - length) * top / (total - height))
+        return "▐" if start <= y < start + length else " "
+
+    def _pieces(self, line: int, row: int | None, entry: int | None) -> list[tuple[str, str]]:
+        """Return the measured words of a line, each with its style."""
+        pieces: list[tuple[str, str]] = []
+        for column, width in self.laid.measured:
+            words, style = "", ""
+            if row is None:
+                if column.branch is not None:
+                    words, style = column.branch(self.sight, self.rows.tree.branches[-1 - line].rows)
+                    return [*pieces, (f" {words}", f"table--{style}")]
+            elif entry is None:
+                words, style = column.draw(self.sight, row, width)
+            elif column.entry is not None:
+                words, style = column.entry(self.sight, row, entry, width)
+            pieces.append((" " + fitted(words, width, right=column.right), f"table--{style}" if style else ""))
+        return pieces
+
+    def _trend(self, row: int) -> str:
+        if row not in self._trends:
+            self._trends = self.session.trends([row, *self.rows_on_screen()], TREND)
+        return self._trends[row]
 
     def _refresh_masks(self) -> None:
         anchor = -1 if self.rows.anchor is None else self.rows.position
@@ -258,12 +384,13 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         self._range = np.zeros(len(table), np.bool_)
         self._range[self.rows.range_rows()] = True
         self._masks_of = (table.version, anchor)
+        self._settings.clear()
 
     def _style(self, *names: str) -> Style:
         key = " ".join(names)
         if key not in self._styles:
             style = self.get_component_rich_style(names[0])
-            for name in names[1:]:
+            for name in filter(None, names[1:]):
                 style += self.get_component_rich_style(name, partial=True)
             self._styles[key] = style
         return self._styles[key]
@@ -273,26 +400,23 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         base = ["table--row", "table--cursor"] if is_cursor else ["table--row"]
         row, entry = row_of(line), entry_of(line)
         indent = "  " * self.rows.tree.depth(position)
+        quiet = "" if is_cursor else "table--quiet"
+        room = self.laid.rest - FLAGS
         if row is not None and entry is not None:
             suffix = self.session.table.elements[row].entries[entry].suffix
-            words = f"{indent or '  '}  {suffix}"
-            room = self.size.width - FLAGS
             yield Segment("  ", self._style(*base))
-            yield Segment(self._fitted(words, room), self._style(*base, *([] if is_cursor else ["table--quiet"])))
+            yield Segment(fitted(f"{indent or '  '}  {suffix}", room), self._style(*base, quiet))
             return
         branch = self.rows.tree.branches[-1 - line]
         pending, conflicts = self._pending[:, branch.rows].any(), self._conflicts[:, branch.rows].any()
         flag, flag_style = ("!", "table--conflict") if conflicts else ("*" if pending else " ", "table--pending")
         yield Segment(flag, self._style(*base, flag_style))
-        marked = bool(self.rows.marked[branch.rows].all())
+        marked = "table--marked" if bool(self.rows.marked[branch.rows].all()) else ""
         yield Segment(">" if marked else " ", self._style(*base, "table--marked"))
         sign = "►" if branch.path in self.rows.folded else "▼"
-        name = f"{indent}{sign} {branch.label}"
-        width = self.name_width
-        yield Segment(self._fitted(name, width), self._style(*base, *(["table--marked"] if marked else [])))
-        words = f" {len(branch.rows)}"
-        room = self.size.width - FLAGS - width
-        yield Segment(self._fitted(words, room), self._style(*base, *([] if is_cursor else ["table--quiet"])))
+        width = min(self.laid.names, room)
+        yield Segment(fitted(f"{indent}{sign} {branch.label}", width), self._style(*base, marked))
+        yield Segment(fitted(f" {len(branch.rows)}", room - width), self._style(*base, quiet))
 
     def _tree_name(self, row: int, depth: int, width: int) -> str:
         """Return the last level of a name, whole where it fits, behind what shows how deep it lies."""
@@ -305,7 +429,6 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
 
     def _segments(self, row: int, depth: int, *, is_cursor: bool) -> Iterator[Segment]:
         values, pending, conflicts = self._values[:, row], self._pending[:, row], self._conflicts[:, row]
-        marked = bool(self.rows.marked[row]) or bool(self._range[row])
         base = ["table--row"]
         if (not values[Field.ENABLED] or row in self.rows.leaving) and not is_cursor:
             base.append("table--off")
@@ -314,27 +437,25 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         if is_cursor:
             base.append("table--cursor")
         flag, flag_style = (" ", "table--row")
-        if conflicts.any():
+        if row >= self.session.table.own:
+            flag, flag_style = DERIVED, "table--quiet"
+        elif conflicts.any():
             flag, flag_style = "!", "table--conflict"
         elif pending.any():
             flag, flag_style = "*", "table--pending"
-        derived = row >= self.session.table.own
-        if derived:
-            flag, flag_style = DERIVED, "table--quiet"
         yield Segment(flag, self._style(*base, flag_style))
-        yield Segment(">" if marked else " ", self._style(*base, *(["table--marked"] if marked else [])))
-        width = self.name_width
-        in_tree = self.rows.sort == TREE
-        name = self._fitted(self._tree_name(row, depth, width) if in_tree else self._name_in(row, width), width)
-        yield Segment(name, self._style(*base, *(["table--marked"] if marked else [])))
-        quiet = [] if is_cursor else ["table--quiet"]  # grey on the cursor's line is hard to read in 16 colours
-        facts = self._facts(row, values)
-        for column, cell_width in self.shown:
-            shown = "-" if derived and column.field in NOT_OF_DERIVED else column.words(facts, cell_width)
-            word = self._fitted(shown, cell_width, right=column.right)
-            if column.field is None:
-                alarm = column.alarm is not None and column.alarm(facts)
-                yield Segment(" " + word, self._style(*base, *(["table--conflict"] if alarm else quiet)))
+        marked = "table--marked" if self.rows.marked[row] or self._range[row] else ""
+        yield Segment(">" if marked else " ", self._style(*base, marked))
+        width = self.laid.names
+        name = self._tree_name(row, depth, width) if self.rows.sort == TREE else self._name_in(row, width)
+        yield Segment(fitted(name, width), self._style(*base, marked))
+        for column, cell_width in self.laid.steady:
+            words, style = column.draw(self.sight, row, cell_width)
+            word = fitted(words, cell_width, right=column.right)
+            if column.field is None or self.session.at_s is not None:
+                style = "quiet" if style != "conflict" else style
+                style = "" if is_cursor and style == "quiet" else f"table--{style}"
+                yield Segment(" " + word, self._style(*base, style))
                 continue
             styles = list(base)
             if conflicts[column.field]:
@@ -359,22 +480,20 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         """Underline the word alone, not the room around it."""
         style = self._style(*styles)
         core = word.strip()
-        start = word.find(core) if core else 0
-        before, after = word[:start], word[start + len(core) :]
-        if before:
-            yield Segment(before, style)
+        before, core, after = word.partition(core) if core else ("", word, "")
+        yield Segment(before, style)
         yield Segment(core, style + Style(underline=True) if underlined else style)
-        if after:
-            yield Segment(after, style)
+        yield Segment(after, style)
 
-    def _fitted(self, words: str, width: int, *, right: bool = False) -> str:
-        """Return exactly `width` cells; some letters take two."""
-        words = text.clean(words)
-        if words.isascii():
-            return words[:width].rjust(width) if right else words[:width].ljust(width)
-        words = set_cell_size(words, min(width, cell_len(words)))
-        room = " " * (width - cell_len(words))
-        return room + words if right else words + room
+
+def fitted(words: str, width: int, *, right: bool = False) -> str:
+    """Return exactly `width` cells; some letters take two."""
+    words = text.clean(words)
+    if words.isascii():
+        return words[:width].rjust(width) if right else words[:width].ljust(width)
+    words = set_cell_size(words, min(width, cell_len(words)))
+    room = " " * (width - cell_len(words))
+    return room + words if right else words + room
 
 
 class TableHead(Guarded, ScrollView):
@@ -395,9 +514,10 @@ class TableHead(Guarded, ScrollView):
 
     def on_click(self, event: events.Click) -> None:
         """Ask for the order by this column."""
-        start = FLAGS + self._table.name_width
-        order = "name" if event.x < start else ""
-        for column, width in self._table.shown:
+        laid = self._table.laid
+        start = FLAGS + laid.names
+        order = NAME if event.x < start else ""
+        for column, width in (*laid.steady, *laid.measured):
             order = column.order if start < event.x <= start + width else order
             start += 1 + width
         if order:
@@ -406,12 +526,16 @@ class TableHead(Guarded, ScrollView):
     def render_line(self, y: int) -> Strip:
         """Return the one line."""
         plain, chosen = self.get_component_rich_style("head--text"), self.get_component_rich_style("head--field")
-        sort = self._table.rows.sort
-        mark = " ↓name" if sort == TREE else f" {self._table.rows.arrow}{sort}" if sort in (NAME, ADDED) else " name"
-        segments = [Segment(" " * (FLAGS - 1) + mark.ljust(self._table.name_width + 1), plain)]
-        for column, width in self._table.shown:
-            word = ((self._table.rows.arrow if sort == column.order else "") + column.title)[:width]
-            word = word.rjust(width) if column.right else word.ljust(width)
-            is_chosen = column.field is not None and column.field is self._table.field
-            segments += [Segment(" ", plain), Segment(word, chosen if is_chosen else plain)]
-        return Strip(segments).adjust_cell_length(self.size.width, plain)
+        table, rows = self._table, self._table.rows
+        laid, sort = table.laid, rows.sort
+        mark = f" ↓{NAME}" if sort == TREE else f" {rows.arrow}{sort}" if sort in (NAME, ADDED) else f" {NAME}"
+        steady = [Segment(" " * (FLAGS - 1) + mark.ljust(laid.names + 1), plain)]
+        measured: list[Segment] = []
+        for column, width in (*laid.steady, *laid.measured):
+            title = column.head(table.sight) if column.head is not None else column.title
+            word = (rows.arrow if any(order.name == sort for order in column.orders) else "") + title
+            style = chosen if column.field is table.field and table.session.at_s is None else plain
+            segments = measured if column.measured else steady
+            segments += [Segment(" ", plain), Segment(fitted(word, width, right=column.right), style)]
+        left = Strip(steady).adjust_cell_length(laid.rest, plain)
+        return Strip([*left, *measured]).adjust_cell_length(self.size.width, plain)

@@ -63,7 +63,7 @@ class Lines(Guarded, ScrollView, can_focus=True):
             self._painted[place] = new
             moved = before != highlighted and place in (before, highlighted)
             if old is None or moved or old != new or old.spans != new.spans:
-                self.refresh_lines(place - top, 1)
+                self.refresh_line(place)
 
     def render_line(self, y: int) -> Strip:
         """Return a line of the screen."""
@@ -86,10 +86,9 @@ class Lines(Guarded, ScrollView, can_focus=True):
         before, self.highlighted = self.highlighted, max(0, min(place, self.count - 1))
         if self.highlighted == before:
             return
-        top = self.scroll_offset.y
         for each in (before, self.highlighted):
             if each is not None:
-                self.refresh_lines(each - top, 1)
+                self.refresh_line(each)
         region = Region(0, self.highlighted, 1, 1)
         self.scroll_to_region(region, animate=False, force=True, immediate=True)
         self.post_message(self.CursorMoved(self.highlighted))

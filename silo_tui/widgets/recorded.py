@@ -4,72 +4,19 @@ import numpy as np
 from rich.text import Text
 from textual.app import RenderResult
 
-from silo.core.arrays.columns import coarser
 from silo.core.elements import ElementInfo
 from silo.core.quantities.writing import many, size_text
 from silo_tui.model import text
-from silo_tui.model.columns import ColumnPiece, ColumnStore
-from silo_tui.model.live import Reading, component_text, offset_text
-from silo_tui.model.plots import Plotted, PlotWindow, plots_of, trend
-from silo_tui.model.table_columns import span_words, type_word
+from silo_tui.model.cells import span_words, type_word
+from silo_tui.model.columns import ColumnStore
+from silo_tui.model.live import Reading, offset_text
+from silo_tui.model.plots import Plotted, PlotWindow, plots_of
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar, color
-from silo_tui.widgets.element_table import ElementTable
-from silo_tui.widgets.fact_columns import FILE_SETS, ColumnSet, pane_columns
 from silo_tui.widgets.inspector import Inspector, InspectorLines
-from silo_tui.widgets.live_pane import LivePane, PaneColumn, value_words
 from silo_tui.widgets.plot_stack import PlotStack
 
 MAX_LABELS = 8
-
-
-class RecordedPane(LivePane):
-    """The value at the moment shown, and the whole file as a trend."""
-
-    def __init__(self, session: FileSession, table: ElementTable) -> None:
-        self.column_set = ColumnSet(FILE_SETS)
-        super().__init__(session, table, pane_columns(self.column_set, FILE_PANE))
-        self.file = session
-
-    def trend(self, row: int) -> str:
-        """Return all columns that there are, drawn together until they fit."""
-        names, store = self.session.table.entry_names(row), self.session.columns
-        place = store.row(names[0]) if names else None
-        if place is None or store.empty:
-            return " " * self.trend_width
-        begins = np.linspace(0, store.count, 2 * self.trend_width, endpoint=False).astype(np.intp)
-        together = coarser(store.low[place], store.high[place], store.marks[place], begins)
-        return trend(ColumnPiece(*together, store.base(place)), self.trend_width)
-
-
-def _value(pane: LivePane, row: int) -> tuple[str, str]:
-    """Return the value that held at the moment shown."""
-    element = pane.session.table.elements[row]
-    reading = pane.session.live.readings.get(element.name)
-    if reading is None or not reading.held:
-        return "-", "live--quiet"
-    return value_words(pane, row, element, reading), "live--value"
-
-
-def _entry_value(pane: LivePane, row: int, entry: int) -> tuple[str, str]:
-    element = pane.session.table.elements[row]
-    reading = pane.session.live.readings.get(element.name)
-    if reading is None or not reading.held:
-        return "-", "live--quiet"
-    return component_text(element, reading, entry + 2, pane.value_width, named=False), "live--value"
-
-
-def _moment(pane: LivePane) -> str:
-    session = pane.session
-    return f"at {session.seconds:.6g} s" if isinstance(session, FileSession) else "value"
-
-
-FILE_PANE = (
-    PaneColumn(
-        _moment, lambda pane: pane.value_width, _value, right=True, entry=_entry_value,
-    ),
-    PaneColumn(lambda pane: "all", lambda pane: pane.trend_width, lambda pane, row: (pane.trend(row), "live--trend")),
-)  # fmt: skip
 
 
 class RecordedInspector(Inspector):

@@ -7,11 +7,22 @@ from silo.core.elements import Table
 from silo.settings.typed import examples
 from silo_tui.actions import BY_WORD, COMMANDS
 from silo_tui.commands.runner import CommandRunner
+from silo_tui.model.cells import Sight
 from silo_tui.model.fields import Field
 from silo_tui.model.filter import parse
+from silo_tui.model.live import LiveValues
 from silo_tui.model.rows import RowList
 from silo_tui.model.table import TableState
-from silo_tui.model.table_columns import FILE_COLUMNS, LIVE_COLUMNS, NAME_ROOM, LiveRow, orders_of, shown_columns
+from silo_tui.model.table_columns import (
+    FILE_COLUMNS,
+    FILE_SETS,
+    LIVE_COLUMNS,
+    LIVE_SETS,
+    NAME_ROOM,
+    in_set,
+    orders_of,
+    shown_columns,
+)  # fmt: skip
 from tests.stand_ins.fake_logger import FakeClient
 
 
@@ -28,10 +39,19 @@ def test_every_field_is_edited_in_one_column():
 
 
 @pytest.mark.parametrize("columns", [LIVE_COLUMNS, FILE_COLUMNS])
-def test_orders_are_called_as_they_are_stepped_through(columns):
-    places = [column.sorts for column in columns if column.sort is not None]
-    assert sorted(places) == list(range(1, len(places) + 1))
-    assert len(set(orders_of(columns))) == len(places) + 2
+def test_each_order_has_a_name_and_a_letter_of_its_own(columns):
+    orders = [order for column in columns for order in column.orders]
+    known = orders_of(columns)
+    assert len(known) == len(orders) + 3
+    assert len({order.letter for order in known.values()}) == len(known)
+
+
+@pytest.mark.parametrize(("columns", "sets"), [(LIVE_COLUMNS, LIVE_SETS), (FILE_COLUMNS, FILE_SETS)])
+def test_every_column_stands_in_a_set_that_its_table_has(columns, sets):
+    for column in columns:
+        assert any(in_set(column, name, wide=False) for name in sets), column.title
+    for name in sets:
+        assert in_set(next(column for column in columns if column.title == "value"), name, wide=False)
 
 
 @pytest.mark.parametrize("order", orders_of(LIVE_COLUMNS))
@@ -42,26 +62,36 @@ def test_every_order_shows_every_element_once(table, order):
     assert sorted(rows.shown) == list(range(len(table)))
 
 
-@pytest.mark.parametrize("column", LIVE_COLUMNS, ids=lambda column: column.title)
+STEADY = [column for column in LIVE_COLUMNS if not column.measured]
+
+
+def _sight(table):
+    return Sight(table, LiveValues(), lambda row: 0, lambda row: "")
+
+
+@pytest.mark.parametrize("column", STEADY, ids=lambda column: column.title)
 def test_every_cell_fits_its_column(table, column):
-    for row, element in enumerate(table.elements):
-        facts = LiveRow(element, np.array([1, 2**31 - 1, 0, 0, 2**31 - 1]))
-        assert len(column.words(facts, column.width)) <= column.width, row
+    most = [1, 2**31 - 1, 0, 0, 2**31 - 1]
+    for field, value in zip(Field, most, strict=True):
+        table.edit(np.arange(len(table)), field, value)
+    for row in range(len(table)):
+        words, _ = column.draw(_sight(table), row, column.width)
+        assert len(words) <= column.width, row
 
 
 @pytest.mark.parametrize("width", range(20, 80))
-def test_whole_columns_are_left_out_in_their_order_until_names_have_room(width):
-    shown = [column for column, _ in shown_columns(LIVE_COLUMNS, width, width)]
-    left_out = [column.leaves for column in LIVE_COLUMNS if column not in shown]
+def test_whole_columns_are_left_out_in_their_order_until_names_have_room(table, width):
+    shown = [column for column, _ in shown_columns(STEADY, _sight(table), width, width)]
+    left_out = [column.leaves for column in STEADY if column not in shown]
     assert sorted(left_out) == list(range(1, len(left_out) + 1))
     room = width - sum(1 + column.width for column in shown)
     assert room >= NAME_ROOM or not [column for column in shown if column.leaves]
 
 
-@pytest.mark.parametrize("column", [column for column in LIVE_COLUMNS if column.term], ids=lambda column: column.title)
+@pytest.mark.parametrize("column", [column for column in LIVE_COLUMNS if column.terms], ids=lambda column: column.title)
 def test_every_completed_term_can_be_read(column):
-    for term in column.term.completions:
-        assert not parse(term).problems
+    for term in column.terms:
+        assert not any(parse(words).problems for words in term.completions)
 
 
 def test_every_typed_word_belongs_to_one_command():

@@ -31,11 +31,11 @@ async def test_a_click_on_a_head_sorts_by_it(fake, opened, title):
 async def test_a_click_on_a_live_head_orders_by_it_and_a_second_one_turns_the_order(fake, opened, title):
     fake.run()
     async with opened(fake) as screen:
-        place = screen.text.split("\n")[1].index(title) - screen.app.screen.live_head.region.x
-        await screen.pilot.click("#live-head", offset=(place, 0))
+        place = screen.text.split("\n")[1].index(title) - screen.app.screen.table_head.region.x
+        await screen.pilot.click("TableHead", offset=(place, 0))
         await screen.until(lambda: screen.session.rows.sort == title)
         assert not screen.session.rows.turned
-        await screen.pilot.click("#live-head", offset=(place, 0))
+        await screen.pilot.click("TableHead", offset=(place, 0))
         await screen.until(lambda: screen.session.rows.turned)
         assert screen.session.rows.sort == title
 
@@ -46,8 +46,8 @@ async def test_heads_of_statistics_can_be_clicked(fake, opened, title):
     async with opened(fake) as screen:
         await screen.press("C")
         await screen.shows(" mean")
-        place = screen.text.split("\n")[1].index(title) - screen.app.screen.live_head.region.x
-        await screen.pilot.click("#live-head", offset=(place, 0))
+        place = screen.text.split("\n")[1].index(title) - screen.app.screen.table_head.region.x
+        await screen.pilot.click("TableHead", offset=(place, 0))
         await screen.until(lambda: screen.session.rows.sort == title)
 
 

@@ -1,0 +1,48 @@
+"""Where the cursor was and where it is are painted, also in what has scrolled."""
+
+import pytest
+from rich.text import Text
+from textual.app import App
+
+from silo_tui.widgets.lines import Lines
+
+
+def painted_of(widget, monkeypatch):
+    """Return a set that the lines of the screen go to which are painted from now on."""
+    found = set()
+    refresh = widget.refresh
+
+    def note(*regions, **what):
+        found.update(y for region in regions for y in region.line_range)
+        return refresh(*regions, **what)
+
+    monkeypatch.setattr(widget, "refresh", note)
+    return found
+
+
+@pytest.mark.slow
+async def test_of_a_table_that_has_scrolled_both_lines_are_painted(fake, opened, monkeypatch):
+    async with opened(fake) as screen:
+        table = screen.app.screen.table
+        await screen.press("G")
+        await screen.until(lambda: table.scroll_offset.y > 0)
+        painted = painted_of(table, monkeypatch)
+        await screen.press("k")
+        bottom = table.size.height - 1
+        assert {bottom - 1, bottom} <= painted
+        assert 0 not in painted  # and no more
+
+
+async def test_of_a_list_that_has_scrolled_both_lines_are_painted(monkeypatch):
+    class Listed(App):
+        def compose(self):
+            yield Lines("some")
+
+    async with Listed().run_test(size=(40, 10)) as pilot:
+        lines = pilot.app.query_one(Lines)
+        lines.show(100, lambda place: Text(f"line {place}"), 0)
+        lines.move(99)
+        await pilot.pause()
+        painted = painted_of(lines, monkeypatch)
+        lines.move(98)
+        assert painted == {8, 9}
