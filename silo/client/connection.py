@@ -32,7 +32,7 @@ from silo.net.sessions import SessionLease, borrow, give_back, undeclare
 from silo.requests import AnyReply
 from silo.rpc.clocks import TheirClock
 from silo.rpc.declaring import Do, Request
-from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign
+from silo.rpc.foreign import Foreign
 from silo.rpc.published import Event
 from silo.rpc.refusals import checked
 from silo.state.requests import Hello, HelloReply
@@ -324,15 +324,10 @@ class Connection:
 
     def _event_of(self, sample: zenoh.Sample) -> Event | None:
         try:
-            event: Event = _event_decoder.decode(sample.payload.to_bytes())
-        except NOT_UNDERSTOOD as error:
-            try:
-                self._foreign.leave_out(str(sample.key_expr), error)
-            except ConnectionLostError as many:
-                log.warning("%s", many)  # requests go on
+            return self._foreign.read(str(sample.key_expr), lambda: _event_decoder.decode(sample.payload.to_bytes()))
+        except ConnectionLostError as many:
+            log.warning("%s", many)  # requests go on
             return None
-        self._foreign.understood()
-        return event
 
     def _call_back(self, callbacks: list[Callable[[Any], None]], value: Event | bool) -> None:
         for callback in list(callbacks):

@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from silo.conditions.captures.writer import CaptureWriter
-from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
+from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.arguments import real
-from silo.core.elements import NO_EXTRAS, Conditions, ElementInfo, LoggerOptions, TriggerOptions
+from silo.core.elements import NO_EXTRAS, Conditions, ElementInfo, LoggerOptions, TriggerOptions, TriggerWord
 from silo.core.runtime import runtime_dir
 from silo.errors import ElementError, SegmentError, SiloError
 from silo.rpc.leases import Leases

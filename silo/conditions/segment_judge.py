@@ -12,15 +12,15 @@ import msgspec
 from silo.conditions.captures.buffer import CaptureBuffer, bytes_per_tick
 from silo.conditions.limit_judge import LimitJudge, LimitNews
 from silo.conditions.rows import JudgedRows
-from silo.conditions.standing import CapturedSpan, TriggerStatus, TriggerWord
+from silo.conditions.standing import CapturedSpan, TriggerStatus
 from silo.conditions.state_file import JudgeState, KeptCapture, KeptTrigger, Untold
-from silo.core.elements import Conditions, ElementInfo, TriggerOptions
+from silo.core.elements import Conditions, ElementInfo, TriggerOptions, TriggerWord
 from silo.errors import ElementError
 from silo.expressions.binding import BoundExpression, means_else
 from silo.expressions.evaluation import Evaluator
 from silo.judging.definitions import trigger_rule
 from silo.judging.switched_off import trigger_conditions
-from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Trigger, TriggerMode, TriggerState, longest_capture
+from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Trigger, TriggerMode, longest_capture
 from silo.segment.held_runs import program_of
 from silo.segment.layout import TIME_RING
 from silo.segment.reader import SegmentReader
@@ -30,13 +30,6 @@ MOST_SPOOL_BYTES = 512 * 2**20  # of all captures that are under way, or wait to
 LONGEST_WAIT_S = 0.05
 RELEASE_STEPS = 20
 MOST_TOLD = 20  # fires of a trigger in a second that are told one by one, the rest of them together
-
-_WORDS = {
-    TriggerState.ARMED: TriggerWord.ARMED,
-    TriggerState.FIRING: TriggerWord.FIRING,
-    TriggerState.HOLDOFF: TriggerWord.HOLDOFF,
-    TriggerState.UNOBSERVABLE: TriggerWord.BLIND,
-}
 
 
 @dataclass
@@ -203,8 +196,8 @@ class SegmentJudge:
 
     def _status(self, one: _Watched) -> TriggerStatus:
         trigger, tick = one.trigger, self._until
-        state, why = _WORDS.get(trigger.state(tick)), one.why or one.note
-        if state is None:
+        state, why = trigger.state(tick), one.why or one.note
+        if state is TriggerWord.OFF:
             over = one.options.mode == TriggerMode.SINGLE.value and one.options.armed
             state = TriggerWord.FIRED if over else TriggerWord.OFF
         elif one.evaluator is None:

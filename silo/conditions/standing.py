@@ -2,20 +2,7 @@
 
 import msgspec
 
-from silo.core.elements import SignalLimits, TriggerOptions, Word
-
-
-class TriggerWord(Word):
-    """What a trigger does now."""
-
-    ARMED = "armed"
-    FIRING = "firing"  # a capture is under way
-    HOLDOFF = "holdoff"
-    BLIND = "blind"  # its condition can't be told
-    FIRED = "fired"  # once, in mode single: arm it again
-    OFF = "off"
-    WAITING = "waiting"  # there is no run
-    OTHER = "other"
+from silo.core.elements import SignalLimits, TriggerOptions, TriggerWord, Word
 
 
 class CapturedSpan(msgspec.Struct, frozen=True, omit_defaults=True):

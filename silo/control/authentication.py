@@ -12,7 +12,7 @@ from silo.net.access import senders
 from silo.net.access.admission import NO_NETWORK, Admission, admission_of, direction_words, hold_directions
 from silo.net.configuration import from_file
 from silo.net.keys import Root
-from silo.net.session import group_file, own_file
+from silo.net.session import Beside
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Sender
 
@@ -44,7 +44,7 @@ class Authentication:
 
     def share(self, path: Path, group: str, *, may_change: bool) -> None:
         """Let members of a group come by the Unix socket: they show another word than the robot's own user."""
-        self._own, self._groups = own_file(path).read_bytes(), group_file(path).read_bytes()
+        self._own, self._groups = Beside.OWN.of(path).read_bytes(), Beside.GROUP.of(path).read_bytes()
         self._group, self._group_may_change = group, may_change
 
     @property

@@ -6,6 +6,7 @@ neither NumPy nor Zenoh, so that commands like `silo ls` start fast.
 
 import enum
 import math
+from collections.abc import Iterable
 from typing import Annotated, Literal, TypeAlias
 
 import msgspec
@@ -68,6 +69,7 @@ class FileType(_Named):
 
 
 FileTypeWord: TypeAlias = Literal["silo", "csv", "bag"]
+FileTypes: TypeAlias = Iterable[FileType | FileTypeWord] | FileType | FileTypeWord  # as callers name them
 
 
 class Storage(str, enum.Enum):
@@ -336,6 +338,19 @@ class RecorderState(Word):
     def over(self) -> bool:
         """Whether it ended as it should, or cannot go on."""
         return self in (RecorderState.ENDED, RecorderState.FAILED)
+
+
+class TriggerWord(Word):
+    """What a trigger does now."""
+
+    ARMED = "armed"
+    FIRING = "firing"  # a capture is under way
+    HOLDOFF = "holdoff"
+    BLIND = "blind"  # its condition can't be told
+    FIRED = "fired"  # once, in mode single: arm it again
+    OFF = "off"
+    WAITING = "waiting"  # there is no run
+    OTHER = "other"
 
 
 class GroupRole(str, enum.Enum):

@@ -9,7 +9,7 @@ from silo.core.runtime import DOWN_SUFFIX, down_marks, user_name
 from silo.net import keys
 from silo.net.folders import ForbiddenFolder, forbidden_folders, usable_folders
 from silo.net.found import LoggerAddress
-from silo.net.session import SOCKET_SUFFIX, dead_mark, key_file, owner_is_gone
+from silo.net.session import SOCKET_SUFFIX, Beside, owner_is_gone
 
 _SOCKET = re.compile(r"(?P<name>.+)\.(?P<pid>[0-9]+)(?:-(?P<copy>[0-9]+))?\.sock")
 _DOWN = re.compile(rf"(?P<name>.+)\.(?P<pid>[0-9]+){re.escape(DOWN_SUFFIX)}")
@@ -72,7 +72,7 @@ def _scan(folder: Path) -> list[LoggerAddress]:
         match = _SOCKET.fullmatch(path.name)
         if match is None or owner_is_gone(path):
             continue
-        mark = dead_mark(path)
+        mark = Beside.DEAD.of(path)
         dead = mark.exists()
         try:
             owner = user_name(path.lstat().st_uid)
@@ -95,6 +95,6 @@ def seen_now(found: LoggerAddress) -> LoggerAddress:
 def _root_of_socket(path: Path) -> keys.Root | None:
     """Return what stands beside a socket; None where an older silo made it, or its owner is ending."""
     try:
-        return keys.root_of(key_file(path).read_text(encoding="utf-8"))
+        return keys.root_of(Beside.KEY.of(path).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None

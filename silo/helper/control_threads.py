@@ -10,7 +10,7 @@ import logging
 import math
 import threading
 from collections.abc import Callable, Iterator
-from typing import Any, NoReturn
+from typing import Any
 
 import msgspec
 import zenoh
@@ -24,7 +24,7 @@ from silo.helper.servers import Servers
 from silo.net.keys import Root, may_use
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Do, GoesOn, Lane, Request, SlowAsk, spoken
-from silo.rpc.refusals import RefusedWhy, RequestRefusedError, answered
+from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from silo.rpc.serving import Answer, Turn
 from silo.state.events import plain
 from silo.state.requests import Hello
@@ -106,7 +106,7 @@ class RequestThreads:
         if isinstance(request, SlowAsk):
             self._wait(query, request, key, len(payload))
         elif request is not None:
-            self._reply(query, key, lambda: self._servers.reply(request))
+            self._reply(query, key, answered(lambda: self._servers.reply(request)))
 
     def _take(self, declared: str, query: zenoh.Query) -> None:
         """Take in what may change something; whether its sender may is looked at when its turn comes."""
@@ -122,11 +122,10 @@ class RequestThreads:
 
     def _decoded(self, query: zenoh.Query, key: str, decode: Callable[[], Request[Any]]) -> Request[Any] | None:
         """Return a request; None for what is none, whose sender is told so."""
-        try:
-            return decode()
-        except RequestRefusedError as error:
-            refused = error
-        self._reply(query, key, lambda: _raise(refused))
+        found = answered(decode)
+        if isinstance(found, Request):
+            return found
+        self._reply(query, key, found)
         return None
 
     def _refuse(self, query: zenoh.Query, key: str, payload: bytes) -> None:
@@ -142,7 +141,7 @@ class RequestThreads:
                 self._authentication.sender(key, b"", who)
             raise AssertionError(key)  # it is a key of those who are refused
 
-        self._reply(query, key, answer)
+        self._reply(query, key, answered(answer))
 
     @contextlib.contextmanager
     def _denying(self, request: Request[Any] | None, who: str) -> Iterator[None]:
@@ -161,18 +160,14 @@ class RequestThreads:
             self._tell_late(one, lane, False)
         elif waiting := self._lanes.put(lane, one):
             text = f"{waiting} requests wait for {lane.value} already; try again in a moment; nothing was changed"
-            self._reply(query, key, lambda: _raise(RequestRefusedError(RefusedWhy.FAILED, text)))
+            self._reply(query, key, Refused(RefusedWhy.FAILED, text))
 
     # ------------------------------------------------------------------------------------------- in a lane's thread
 
     def _do_one(self, one: Waiting) -> None:
-        query, answer = one.query, functools.partial(self._answer, one)
-        if isinstance(one.request, SlowAsk):
-            self._reply(query, one.key, answer)
-            return
-        reply = answered(answer)
-        if one.claim():
-            self._reply(query, one.key, lambda: reply)
+        reply = answered(lambda: self._answer(one))
+        if isinstance(one.request, SlowAsk) or one.claim():
+            self._reply(one.query, one.key, reply)
         elif isinstance(one.request, Do):
             self._servers.tell_end(one.job, one.request, reply, one.by)
 
@@ -200,27 +195,23 @@ class RequestThreads:
             return
         if not begun:
             text = f"its turn did not come in time: it waited for {lane.value}; nothing was changed; try again"
-            self._reply(one.query, one.key, lambda: _raise(RequestRefusedError(RefusedWhy.LATE, text)))
+            self._reply(one.query, one.key, Refused(RefusedWhy.LATE, text))
             return
         one.job = self._servers.number()
         if one.claim():
             name = spoken(one.request)
             told = GoesOn(one.job, f"{name} goes on: it waits for {lane.value}; an event tells how it ends")
-            self._reply(one.query, one.key, lambda: told)
+            self._reply(one.query, one.key, told)
 
-    def _reply(self, query: zenoh.Query, key: str, answer: Callable[[], Answer]) -> None:
+    def _reply(self, query: zenoh.Query, key: str, reply: Answer) -> None:
         """Answer under one of our keys, whatever happens: what breaks something is refused and logged."""
-        body = _encoded(answered(lambda: _encoded(answer())))
+        body = _encoded(answered(lambda: _encoded(reply)))
         try:
             with query:
                 query.reply(key, body)
         except zenoh.ZError as error:
             # the client is gone, or asked for another key than ours
             log.debug("no reply could be sent: %s", error)
-
-
-def _raise(error: RequestRefusedError) -> NoReturn:
-    raise error
 
 
 def _encoded(reply: Answer) -> bytes:

@@ -1,7 +1,7 @@
 """From bytes to a checked request: whatever arrives becomes a request that makes sense, or a refusal in words."""
 
 from itertools import islice
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -14,6 +14,8 @@ from silo.settings.options import MAX_NAME, MAX_PROBLEMS, raw_problems, shorten
 from silo.state.edit_refusals import check_none
 from silo.state.requests import ApplyEdits, Hello
 
+Kind = TypeVar("Kind", bound=Request[Any])
+
 
 class _Kind(msgspec.Struct):
     type: str = ""
@@ -21,46 +23,35 @@ class _Kind(msgspec.Struct):
 
 
 _ask_decoder = msgspec.msgpack.Decoder(AnyAsk)
-_do_decoder = msgspec.msgpack.Decoder(AnyDo | Hello)
+_do_decoder: "msgspec.msgpack.Decoder[AnyDo | Hello]" = msgspec.msgpack.Decoder(AnyDo | Hello)
 _kind_decoder = msgspec.msgpack.Decoder(_Kind)
 
 
 def decode_ask(payload: bytes) -> AnyAsk:
     """Decode a request that reads. Raises RequestRefusedError, as all of these do."""
-    _check_size(payload, Ask.max_bytes)
-    try:
-        request: AnyAsk = _ask_decoder.decode(payload)
-    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
-        raise _not_understood(payload, error) from None
-    _check_protocol(request)
-    return request
+    return _decoded(_ask_decoder, payload, Ask.max_bytes)
 
 
 def decode_do(payload: bytes) -> AnyDo | Hello:
     """Decode a request that changes something (or `Hello`, by which a client finds out whether it gets through)."""
-    _check_size(payload, Do.max_bytes)
-    try:
-        request: AnyDo | Hello = _do_decoder.decode(payload)
-    except msgspec.ValidationError as error:
-        _check_values(payload)
-        raise _not_understood(payload, error) from None
-    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
-        raise _not_understood(payload, error) from None
-    _check_protocol(request)
-    return request
+    return _decoded(_do_decoder, payload, Do.max_bytes)
 
 
-def _check_protocol(request: Request[Any]) -> None:
-    """Refuse a client of another protocol in words that every one of them decodes; a hello is answered."""
-    problem = "" if isinstance(request, Hello) else client_problem(request.protocol)
-    if problem:
-        raise RequestRefusedError(RefusedWhy.FAILED, problem)
-
-
-def _check_size(payload: bytes, limit: int) -> None:
+def _decoded(decoder: "msgspec.msgpack.Decoder[Kind]", payload: bytes, limit: int) -> Kind:
     if len(payload) > limit:
         text = f"a request of {len(payload)} bytes; at most {limit} are read"
         raise RequestRefusedError(RefusedWhy.INVALID, text)
+    try:
+        request = decoder.decode(payload)
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+        if isinstance(error, msgspec.ValidationError):
+            _check_values(payload)
+        raise _not_understood(payload, error) from None
+    # in words that clients of every protocol decode; a hello is answered
+    problem = "" if isinstance(request, Hello) else client_problem(request.protocol)
+    if problem:
+        raise RequestRefusedError(RefusedWhy.FAILED, problem)
+    return request
 
 
 def _not_understood(payload: bytes, error: Exception) -> RequestRefusedError:

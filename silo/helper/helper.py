@@ -43,7 +43,7 @@ from silo.net.access.logins import asks_for_passwords, watch_logins
 from silo.net.configuration import robot_named
 from silo.net.folders import group_folder, share_socket
 from silo.net.keys import Root
-from silo.net.session import close, dead_mark, forget, open_server
+from silo.net.session import Beside, close, forget, open_server
 from silo.recorder.requests import StartRecorder, StopRecorder
 from silo.recorder.server import EndlessRecordings
 from silo.recordings.requests import Save, SaveStarted
@@ -111,7 +111,7 @@ class Helper:
         try:
             session, path = self._open(first)
         except (SiloError, OSError) as error:
-            self._robot.send(LinkReply(READY, Refused(RefusedWhy.FAILED, str(error))))
+            self._robot.tell(LinkReply(READY, Refused(RefusedWhy.FAILED, str(error))))
             return 1
         try:
             self._serve(session, path, first)
@@ -169,7 +169,7 @@ class Helper:
             part.start()
         token = session.liveliness().declare_token(self._root.key("alive"))
         predecessors = OrphanRecovery(replica, events)
-        self._robot.send(LinkReply(READY, Done(str(path))))
+        self._robot.tell(LinkReply(READY, Done(str(path))))
         predecessors.start()
         with contextlib.ExitStack() as at_end:  # the last one first
             for stop in (events.log.stop, marks.stop, publisher.stop):
@@ -262,10 +262,10 @@ class Helper:
         if isinstance(message, RobotState):
             _take_state(message, runs, events)
         elif isinstance(message, Beat):
-            self._robot.send(message)
+            self._robot.tell(message)
         elif isinstance(message, LinkRequest) and 0 < message.request.until_s < clock_s():
             refused = Refused(RefusedWhy.FAILED, "it came too late: the helper process stood still; nothing was done")
-            self._robot.send(LinkReply(message.number, refused, late=True))
+            self._robot.tell(LinkReply(message.number, refused, late=True))
         elif isinstance(message, LetGo):
             runs.let_go(message)
         elif isinstance(message, LinkReply):
@@ -281,9 +281,9 @@ class Helper:
             try:
                 job = saver.prepare(message.request, for_robot=True)
             except RequestRefusedError as error:
-                self._robot.send(LinkReply(message.number, Refused(error.why, str(error))))
+                self._robot.tell(LinkReply(message.number, Refused(error.why, str(error))))
                 return
-            self._robot.send(LinkReply(message.number, SaveStarted(job.number)))
+            self._robot.tell(LinkReply(message.number, SaveStarted(job.number)))
             saver.submit(job)
 
     def _record(self, recording: EndlessRecordings, number: int, request: StartRecorder | StopRecorder) -> None:
@@ -292,7 +292,7 @@ class Helper:
                 return recording.begin(request, anywhere=True)
             return Done(recording.end(request))
 
-        self._robot.send(LinkReply(number, answered(done)))
+        self._robot.tell(LinkReply(number, answered(done)))
 
     # ------------------------------------------------------------------------------------------- after its end
 
@@ -314,7 +314,7 @@ class Helper:
 
 def _tell_death(path: Path, publisher: Publisher) -> None:
     """First of all: who looks for the program may find its next start already, and saving takes time."""
-    dead_mark(path).touch()
+    Beside.DEAD.of(path).touch()
     publisher.summary.die()
 
 

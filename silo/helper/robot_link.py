@@ -10,34 +10,25 @@ from silo.link.channel import LinkChannel
 from silo.link.messages import LinkMessage, LinkReply, LinkRequest
 from silo.rpc.declaring import Do, Done, GoesOn, Reply, Request, spoken
 from silo.rpc.refusals import Refused, RefusedWhy
-from silo.state.handover import RunOffer, taken_runs
 
 
-class RobotLink:
+class RobotLink(LinkChannel):
     """The robot process, as the helper talks to it. Any thread may ask; the main thread receives."""
 
     def __init__(self, sock: socket.socket, runs: socket.socket) -> None:
-        self.socket, self.runs = sock, runs
-        self._channel = LinkChannel(sock)
+        super().__init__(sock)
+        self.runs = runs
         self._sending = threading.Lock()
         self._numbers = itertools.count(1)
         self._pending: dict[int, concurrent.futures.Future[Reply]] = {}
         self._late: dict[int, Request[Any]] = {}  # whose clients were told that they go on
         self._gone = False
 
-    def receive(self) -> LinkMessage | None:
-        """Return the next message, None at the end. For the main thread."""
-        return self._channel.receive()
-
-    def taken_runs(self) -> list[tuple[RunOffer, int]]:
-        """Return the runs that were handed over since the last call, with descriptors to close. For the main thread."""
-        return taken_runs(self.runs)
-
-    def send(self, message: LinkMessage) -> bool:
+    def tell(self, message: LinkMessage) -> bool:
         """Send a message; False if the robot process is gone."""
         with self._sending:
             try:
-                self._channel.send(message)
+                self.send(message)
             except OSError:
                 return False
         return True
@@ -52,7 +43,7 @@ class RobotLink:
         number = self.number()
         future: concurrent.futures.Future[Reply] = concurrent.futures.Future()
         self._pending[number] = future
-        if self._gone or not self.send(LinkRequest(number, request)):
+        if self._gone or not self.tell(LinkRequest(number, request)):
             self._pending.pop(number, None)
             return self._dead()
         try:

@@ -18,7 +18,7 @@ from silo.link.messages import LetGo
 from silo.recorder.server import EndlessRecordings
 from silo.segment.reader import SegmentReader
 from silo.state.events import EventNotifier
-from silo.state.handover import RunOffer
+from silo.state.handover import RunOffer, taken_runs
 from silo.state.held_runs import HeldRuns, tell_left
 from silo.state.replica import LoggerSnapshot, Replica
 
@@ -27,7 +27,7 @@ log = logging.getLogger("silo.helper")
 
 def taken_over(robot: RobotLink, replica: Replica, held: HeldRuns) -> Iterator[RunOffer]:
     """Take over the runs that the robot process handed over, each by itself: it is the present one until the next."""
-    for offer, descriptor in robot.taken_runs():
+    for offer, descriptor in taken_runs(robot.runs):
         try:
             replica.take_run(offer, descriptor)
         except SegmentError:

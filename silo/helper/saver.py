@@ -172,12 +172,12 @@ class Saver:
         self._events.publish(
             EventKind.SAVED, f"saved {describe(files)}", by=by, job=job.number, progress=1.0, files=files
         )
-        self._robot.send(LinkSaved(job.number, files, "", job.reader.schema.run, report.ticks))
+        self._robot.tell(LinkSaved(job.number, files, "", job.reader.schema.run, report.ticks))
 
     def _failed(self, job: _Job, text: str, files: list[SavedFile]) -> None:
         self._events.publish(EventKind.SAVE_FAILED, text, by=job.request.client, job=job.number, files=files)
         if job.for_robot:
-            self._robot.send(LinkSaved(job.number, files, text))
+            self._robot.tell(LinkSaved(job.number, files, text))
 
 
 def _why(request: Save) -> str:

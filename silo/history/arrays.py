@@ -1,5 +1,6 @@
 """Raw samples on the client's side: rows picked apart into arrays, streams of them, and pins."""
 
+import functools
 import threading
 import time
 from collections import Counter, deque
@@ -18,7 +19,7 @@ from silo.history.requests import KeepPin, OpenStream, PinOpened, SampleRows, St
 from silo.history.sampled_rows import SampledName, SampledRows, StreamFrame
 from silo.net.keys import ClientId, Root
 from silo.net.sessions import undeclare
-from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign, understood
+from silo.rpc.foreign import Foreign, understood
 from silo.segment.picking import Packer, shaped
 
 STAMP_BYTES = 16
@@ -244,12 +245,9 @@ class Stream:
 
     def _next(self) -> StreamBatch | None:
         while self._frames:
-            try:
-                self._unread.append(_decoded(self._frames.popleft()))
-            except ConnectionLostError as error:
-                self._foreign.leave_out(f"stream {self.request.stream}", error)
-                continue
-            self._foreign.understood()
+            decode = functools.partial(_decoded, self._frames.popleft())
+            if (read := self._foreign.read(f"stream {self.request.stream}", decode)) is not None:
+                self._unread.append(read)
         while self._opened and self._unread:
             frame = self._unread[0]
             if frame.generation > max(self._opened):
@@ -303,14 +301,9 @@ class Stream:
 
 
 def _decoded(data: bytes) -> StreamFrame:
-    try:
-        frame: StreamFrame = _decoder.decode(data)
-        for rows in frame.rows:
-            _check_rows(rows)
-    except NOT_UNDERSTOOD as error:
-        raise ConnectionLostError(
-            f"the helper process sends frames that this version of silo doesn't understand: {error}"
-        ) from error
+    frame: StreamFrame = _decoder.decode(data)
+    for rows in frame.rows:
+        _check_rows(rows)
     return frame
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.elements import TriggerWord
 from silo.errors import ElementError
 from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
 
@@ -84,16 +85,6 @@ class Capture:
     full: bool = False
 
 
-class TriggerState(str, enum.Enum):
-    """What a trigger does now."""
-
-    DISARMED = "disarmed"
-    ARMED = "armed"
-    FIRING = "firing"
-    HOLDOFF = "holdoff"
-    UNOBSERVABLE = "unobservable"
-
-
 @dataclass
 class Trigger:
     """A trigger over the results of its conditions."""
@@ -157,15 +148,15 @@ class Trigger:
         """Fire no more until `arm`. A capture that began goes on."""
         self.armed, self.turned = False, False
 
-    def state(self, tick: int) -> TriggerState:
+    def state(self, tick: int) -> TriggerWord:
         """What it does at a tick, fit to show."""
         if self.capture is not None and tick <= self.capture.last:
-            return TriggerState.FIRING
+            return TriggerWord.FIRING
         if not self.armed:
-            return TriggerState.DISARMED
+            return TriggerWord.OFF
         if self.now == UNOBSERVABLE and self.tick >= 0:
-            return TriggerState.UNOBSERVABLE
-        return TriggerState.HOLDOFF if tick < self.holdoff_end else TriggerState.ARMED
+            return TriggerWord.BLIND
+        return TriggerWord.HOLDOFF if tick < self.holdoff_end else TriggerWord.ARMED
 
     def holdoff_left(self, tick: int) -> int:
         """Return for how many ticks from this one on turns are ignored."""

@@ -25,7 +25,7 @@ class LinkChannel:
     """
 
     def __init__(self, sock: socket.socket) -> None:
-        self._socket = sock
+        self.socket = sock
 
     def send(self, message: LinkMessage, give_up: Callable[[], bool] | None = None) -> None:
         """Send one message; waits while the other side's buffer is full. Raises OSError if it is gone.
@@ -36,17 +36,17 @@ class LinkChannel:
         body = msgspec.msgpack.encode(message)
         data = memoryview(_LENGTH.pack(len(body)) + body)
         if give_up is None:
-            self._socket.sendall(data)
+            self.socket.sendall(data)
             return
         while data:
-            if self._socket.fileno() < 0:
+            if self.socket.fileno() < 0:
                 raise BrokenPipeError("this end of the link is closed")  # select tells it by a ValueError
-            if select.select([], [self._socket], [], ASKED_EVERY_S)[1]:
+            if select.select([], [self.socket], [], ASKED_EVERY_S)[1]:
                 with contextlib.suppress(BlockingIOError):
-                    data = data[self._socket.send(data, socket.MSG_DONTWAIT) :]
+                    data = data[self.socket.send(data, socket.MSG_DONTWAIT) :]
             elif give_up():
                 with contextlib.suppress(OSError):
-                    self._socket.shutdown(socket.SHUT_RDWR)
+                    self.socket.shutdown(socket.SHUT_RDWR)
                 raise TimeoutError("the other end of the link takes nothing in")
 
     def receive(self) -> LinkMessage | None:
@@ -75,7 +75,7 @@ class LinkChannel:
         done = 0
         while done < size:
             try:
-                count = self._socket.recv_into(view[done:])
+                count = self.socket.recv_into(view[done:])
             except ConnectionResetError:
                 return None
             if count == 0:

@@ -1,6 +1,7 @@
 """The client's end of a topic: every sample of a published element, in batches of arrays."""
 
 import asyncio
+import functools
 import math
 import threading
 import time
@@ -159,12 +160,9 @@ class Topic:
         batches: list[Batch] = []
         with self._lock:
             while self._subscriber is not None and (sample := self._subscriber.try_recv()) is not None:
-                try:
-                    batch = decode_batch(sample)
-                except ConnectionLostError as error:
-                    self._foreign.leave_out(str(sample.key_expr), error)
+                batch = self._foreign.read(str(sample.key_expr), functools.partial(decode_batch, sample))
+                if batch is None:
                     continue
-                self._foreign.understood()
                 if 0 <= self._next < batch.first:
                     self.missed += batch.first - self._next
                 self._next = batch.first + len(batch.time_ns)

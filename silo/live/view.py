@@ -14,7 +14,7 @@ from silo.history.requests import Columns
 from silo.live.requests import OpenView, ViewOpened
 from silo.net.keys import ClientId, Root
 from silo.net.sessions import undeclare
-from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign, understood
+from silo.rpc.foreign import Foreign, understood
 from silo.rpc.frames import Frame
 from silo.rpc.published import ViewFrame
 
@@ -132,12 +132,10 @@ class View:
     def _new_frames(self, subscriber: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]") -> list[ViewFrame]:
         frames: list[ViewFrame] = []
         while (sample := subscriber.try_recv()) is not None:
-            try:
-                frame = _sound(_decoder.decode(sample.payload.to_bytes()))
-            except NOT_UNDERSTOOD as error:
-                self._foreign.leave_out(str(sample.key_expr), error)
+            decode = functools.partial(_sound, sample.payload.to_bytes())
+            frame = self._foreign.read(str(sample.key_expr), decode)
+            if frame is None:
                 continue
-            self._foreign.understood()
             if self._number and frame.number > self._number + 1:
                 self._missed += frame.number - self._number - 1
             self._number = frame.number
@@ -197,8 +195,9 @@ class View:
         self.close()
 
 
-def _sound(frame: ViewFrame) -> ViewFrame:
-    """Return a frame whose numbers can be reckoned with. Raises ValueError."""
+def _sound(data: bytes) -> ViewFrame:
+    """Return a frame whose numbers can be reckoned with. Raises what is NOT_UNDERSTOOD."""
+    frame: ViewFrame = _decoder.decode(data)
     numbers = (frame.number, frame.time_ns, frame.first, frame.since_ns, frame.tick)
     if not all(-LARGEST <= one <= LARGEST for one in numbers) or not 0 <= frame.count <= MAX_COLUMNS:
         raise ValueError("its numbers are out of range")

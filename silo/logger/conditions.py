@@ -24,9 +24,9 @@ from silo.core.elements import (
     join_name,
 )
 from silo.errors import ElementError, SaveError
-from silo.logger.arguments.options import file_types
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
+from silo.settings.file_types import file_types
 
 log = logging.getLogger("silo")
 

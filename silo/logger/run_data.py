@@ -9,17 +9,16 @@ from pathlib import Path
 
 from silo.core.arguments import path, text, texts
 from silo.core.calls import told_class
-from silo.core.elements import FileType, LoggerOptions, SavedFile
+from silo.core.elements import FileType, FileTypes, LoggerOptions, SavedFile
 from silo.core.recording import Recording
 from silo.errors import SegmentError, StateError
-from silo.logger.arguments.keywords import FileTypes
-from silo.logger.arguments.options import file_types
 from silo.logger.conditions import LoggerConditions
 from silo.logger.current_run import CurrentRun
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 from silo.logger.results import LoggedElement, NewValues, NewValuesReader, SavedFiles, look_at
 from silo.loop.run import Run
+from silo.settings.file_types import file_types
 
 log = logging.getLogger("silo")
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from silo.errors import ConnectionLostError
 from silo.net.configuration import FORCED, PATHS, find_file, from_file, written
 from silo.net.found import ADDRESS, LoggerAddress
-from silo.net.session import secret_file
+from silo.net.session import Beside
 
 SCHEME = "silo://"
 
@@ -83,7 +83,7 @@ def zenoh_settings(found: LoggerAddress) -> dict[str, Any]:
         "connect": {"endpoints": [f"unixsock-stream/{found.socket}"]},
         "scouting": scouting,
     }
-    secret = secret_file(Path(found.socket))
+    secret = Beside.SECRET.of(Path(found.socket))
     if secret.exists():
         user, password = secret.read_text().strip().split(":", 1)
         settings["transport"] = {"auth": {"usrpwd": {"user": user, "password": password}}}

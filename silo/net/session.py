@@ -6,6 +6,7 @@ The default `zenoh.Config()` listens on all interfaces and scouts by multicast; 
 """
 
 import contextlib
+import enum
 import fcntl
 import json
 import os
@@ -38,7 +39,6 @@ SOCKET_SUFFIX = ".sock"
 MAX_SOCKET_PATH = 107  # bytes; the kernel's limit is 108 with the closing NUL
 MAX_MESSAGE_BYTES = 8 * 2**20  # about 60,000 edits; a larger message is dropped before it is put together
 OPEN_TRIES = 5
-_BESIDE = (".lock", ".dead", ".secret", ".users", ".own", ".group", ".key")  # what may lie beside a socket
 
 
 # µs, in a client: as long as the lease. A request of 8 MB takes more than the queue holds, and where the robot's
@@ -79,33 +79,20 @@ def owner_is_gone(path: Path) -> bool:
     return True
 
 
-def dead_mark(path: Path) -> Path:
-    """Return the file that says that the robot program behind a socket is dead: only its helper still answers."""
-    return Path(f"{path}.dead")
+class Beside(str, enum.Enum):
+    """What may lie beside a socket, by its ending."""
 
+    LOCK = ".lock"  # of Zenoh, while somebody listens
+    DEAD = ".dead"  # the robot program is dead: only its helper still answers
+    SECRET = ".secret"  # `user:password` for local clients of a logger that asks remote ones for a password
+    USERS = ".users"  # and passwords, of remote ones too
+    OWN = ".own"  # what the robot's own user shows with its changes, where a group shares the socket
+    GROUP = ".group"  # what members of the group show with theirs
+    KEY = ".key"  # where the logger's keys begin: its host, the id that it drew, its name
 
-def secret_file(path: Path) -> Path:
-    """Return `user:password` for local clients of a logger that asks remote ones for a password."""
-    return Path(f"{path}.secret")
-
-
-def key_file(path: Path) -> Path:
-    """Return where the beginning of a logger's keys stands: its host, the id that it drew, its name."""
-    return Path(f"{path}.key")
-
-
-def own_file(path: Path) -> Path:
-    """Return what the robot's own user shows with its changes, where a group shares the socket."""
-    return Path(f"{path}.own")
-
-
-def group_file(path: Path) -> Path:
-    """Return what members of the group show with theirs."""
-    return Path(f"{path}.group")
-
-
-def _users_file(path: Path) -> Path:
-    return Path(f"{path}.users")
+    def of(self, socket: Path) -> Path:
+        """Return where it lies."""
+        return Path(f"{socket}{self.value}")
 
 
 def sweep(folder: Path) -> list[Path]:
@@ -113,13 +100,13 @@ def sweep(folder: Path) -> list[Path]:
 
     Returns the sockets. What this takes from a process that starts just now, `open_server` makes again.
     """
-    ends = [f"{SOCKET_SUFFIX}{end}" for end in ("", *_BESIDE)]
+    ends = [f"{SOCKET_SUFFIX}{end}" for end in ("", *(one.value for one in Beside))]
     names = {path.name.removesuffix(end) for path in folder.iterdir() for end in ends if path.name.endswith(end)}
     return [path for name in sorted(names) if _removed_if_dead(path := folder / f"{name}{SOCKET_SUFFIX}")]
 
 
 def _removed_if_dead(path: Path) -> bool:
-    lock = Path(f"{path}.lock")
+    lock = Beside.LOCK.of(path)
     try:
         descriptor = os.open(lock, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
     except FileNotFoundError:
@@ -156,7 +143,7 @@ def _listens(path: Path) -> bool:
 
 
 def _remove_socket(path: Path) -> None:
-    for stale in (path, *(Path(f"{path}{end}") for end in reversed(_BESIDE))):  # the lock last
+    for stale in (path, *(one.of(path) for one in reversed(Beside))):  # the lock last
         with contextlib.suppress(FileNotFoundError):
             stale.unlink()
 
@@ -191,9 +178,9 @@ def open_server(
         old_mask = os.umask(0o077)
         try:
             if root is not None:
-                key_file(path).write_text(str(root))
+                Beside.KEY.of(path).write_text(str(root))
             if grouped:
-                for file in (own_file(path), group_file(path)):
+                for file in (Beside.OWN.of(path), Beside.GROUP.of(path)):
                     write_private(file, os.urandom(16).hex())
             session = zenoh.open(settings)
             if config is not None:
@@ -222,9 +209,9 @@ def _why_not_listening(path: Path, config: str | None, reason: str) -> str:
 def _is_whole(path: Path, settings: zenoh.Config, root: Root | None, *, grouped: bool) -> bool:
     """Whether a server's files are there, and locked; a sweep beside its start may have taken some."""
     passwords = json.loads(settings.get_json("transport/auth/usrpwd/dictionary_file"))
-    needed = [path, Path(f"{path}.lock"), *([secret_file(path), _users_file(path)] if passwords else [])]
-    needed += [key_file(path)] if root is not None else []
-    needed += [own_file(path), group_file(path)] if grouped else []
+    needed = [path, Beside.LOCK.of(path), *([Beside.SECRET.of(path), Beside.USERS.of(path)] if passwords else [])]
+    needed += [Beside.KEY.of(path)] if root is not None else []
+    needed += [Beside.OWN.of(path), Beside.GROUP.of(path)] if grouped else []
     return all(file.exists() for file in needed) and not owner_is_gone(path)
 
 
@@ -259,9 +246,9 @@ def _let_local_clients_in(settings: zenoh.Config, path: Path) -> None:
     except OSError as error:
         raise ConnectionLostError(f"{users}: can't read the users and passwords: {error.strerror}") from error
     secret = f"local:{os.urandom(16).hex()}\n"
-    for file, text in ((_users_file(path), f"{lines}{secret}"), (secret_file(path), secret)):
+    for file, text in ((Beside.USERS.of(path), f"{lines}{secret}"), (Beside.SECRET.of(path), secret)):
         write_private(file, text)
-    settings.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(_users_file(path))))
+    settings.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(Beside.USERS.of(path))))
 
 
 def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
@@ -311,8 +298,8 @@ def open_client(path: Path | None, config: str | None = None, reached: Reached |
         if not os.access(path, os.W_OK):
             raise ConnectionLostError(f"{path}: user {os.getuid()} may not write to this socket")
         settings.insert_json5("connect/endpoints", json.dumps([f"unixsock-stream/{path}"]))
-        if secret_file(path).exists():
-            user, password = secret_file(path).read_text().strip().split(":", 1)
+        if Beside.SECRET.of(path).exists():
+            user, password = Beside.SECRET.of(path).read_text().strip().split(":", 1)
             insert(settings, {"transport": {"auth": {"usrpwd": {"user": user, "password": password}}}})
     settings.insert_json5("listen/endpoints", "[]")
     try:
@@ -333,9 +320,9 @@ def open_client(path: Path | None, config: str | None = None, reached: Reached |
 
 def forget(path: Path) -> None:
     """Remove what a closed server session leaves beside its socket."""
-    beside = (dead_mark, secret_file, _users_file, own_file, group_file, key_file)
-    for left in (place(path) for place in beside):
-        left.unlink(missing_ok=True)
+    for one in Beside:
+        if one is not Beside.LOCK:
+            one.of(path).unlink(missing_ok=True)
 
 
 def close(session: zenoh.Session) -> None:

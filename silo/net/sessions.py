@@ -20,7 +20,7 @@ from silo.net import keys
 from silo.net.access.probing import REACH_S, reach
 from silo.net.access.senders import group_identity, local_identity
 from silo.net.configuration import find_file, from_file, said_of, user_of
-from silo.net.session import close, group_file, open_client, own_file
+from silo.net.session import Beside, close, open_client
 
 WAITED_TRIPS = 4  # of an answer, beyond the time that it may take where there is no way
 
@@ -100,7 +100,7 @@ def _shown(path: Path) -> tuple[bytes | None, str]:
     identity of this user there.
     """
     name = user_name(os.getuid())
-    for file, identity in ((own_file(path), local_identity(name)), (group_file(path), group_identity(name))):
+    for file, identity in ((Beside.OWN.of(path), local_identity(name)), (Beside.GROUP.of(path), group_identity(name))):
         if os.access(file, os.R_OK):
             return file.read_bytes(), identity
     return None, local_identity(name)

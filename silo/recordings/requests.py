@@ -6,9 +6,9 @@ import msgspec
 
 from silo.core.arguments import text, whole
 from silo.core.calls import told_class
-from silo.core.elements import Conditions, FileType
+from silo.core.elements import Conditions, FileType, FileTypes
 from silo.rpc.declaring import Caller, Do, Lane, Reply, SlowAsk, ask, change, given
-from silo.rpc.words import FileTypes, file_types
+from silo.settings.file_types import file_types
 
 
 class RecordingFile(msgspec.Struct, frozen=True, omit_defaults=True):

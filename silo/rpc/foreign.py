@@ -5,12 +5,15 @@ that listens, or fill its terminal.
 """
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 import msgspec
 
 from silo.errors import ConnectionLostError
+
+T = TypeVar("T")
 
 log = logging.getLogger("silo.client")
 
@@ -23,19 +26,27 @@ MOST = 50  # that may come without one that is understood: then it is another si
 
 
 class Foreign:
-    """What was left out of one kind of messages. `understood` after one that made sense."""
+    """What was left out of one kind of messages."""
 
     def __init__(self, what: str) -> None:
         self.count = 0
         self._what = what
         self._in_a_row = 0
 
-    def understood(self) -> None:
-        """Note that one made sense."""
-        self._in_a_row = 0
+    def read(self, key: str, decode: Callable[[], T]) -> T | None:
+        """Return what one says, None for one that makes no sense.
 
-    def leave_out(self, key: str, error: Exception) -> None:
-        """Note one that makes none; raises ConnectionLostError where nothing else has come for long."""
+        Raises ConnectionLostError where nothing else has come for long.
+        """
+        try:
+            found = decode()
+        except (*NOT_UNDERSTOOD, ConnectionLostError) as error:
+            self._leave_out(key, error)
+            return None
+        self._in_a_row = 0
+        return found
+
+    def _leave_out(self, key: str, error: Exception) -> None:
         self.count += 1
         self._in_a_row += 1
         if self.count == 1:

@@ -1,15 +1,9 @@
-"""What callers of a client write, and what it stands for: types of files, names of elements."""
-
-from collections.abc import Sequence
-from difflib import get_close_matches
-from typing import TypeAlias
+"""What callers of a client write, and what it stands for: names of elements."""
 
 from silo.core.arguments import shown
-from silo.core.elements import FileType, FileTypeWord, State, Status, Table
+from silo.core.elements import State, Status, Table
 from silo.core.names import Names
 from silo.errors import ConnectionLostError, ElementError
-
-FileTypes: TypeAlias = Sequence[FileType | FileTypeWord] | FileType | FileTypeWord
 
 
 def full_name(name: str, status: Status, table: Table) -> str:
@@ -44,27 +38,3 @@ def why_silent(name: str, status: Status, table: Table) -> str:
     if status.state is State.DEAD:
         raise ConnectionLostError(status.reason)
     return ""
-
-
-def file_types(given: object) -> list[FileType]:
-    """The file types to save in, given as members or words. Raises ElementError."""
-    asked = [given] if isinstance(given, str | FileType) else given
-    if isinstance(asked, bytes) or not isinstance(asked, Sequence):
-        raise ElementError(f"types must be a list of {_type_names()}, got {shown(given)}; nothing is saved")
-    return [_file_type(one) for one in asked]
-
-
-def _file_type(given: object) -> FileType:
-    if isinstance(given, FileType):
-        return given
-    words = {kind.name.lower(): kind for kind in FileType}
-    asked = given.strip().lower().lstrip(".") if isinstance(given, str) else ""
-    if asked in words:
-        return words[asked]
-    near = get_close_matches(asked, words, 1) if asked else []
-    hint = f"; did you mean '{near[0]}'?" if near else ""
-    raise ElementError(f"types must be a list of {_type_names()}, got {shown(given)}{hint}; nothing is saved")
-
-
-def _type_names() -> str:
-    return ", ".join(f"FileType.{one.name} ('{one.name.lower()}')" for one in FileType)

@@ -4,8 +4,8 @@ import time
 from collections.abc import Sequence
 
 from silo.conditions.requests import TriggerTried
-from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
-from silo.core.elements import ElementInfo, FileType, TriggerOptions
+from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
+from silo.core.elements import ElementInfo, FileType, TriggerOptions, TriggerWord
 from silo.core.names import Names
 from silo.core.quantities.writing import clock_text, many, size_text
 from silo.expressions.parsing import ExpressionError, names_in, parse

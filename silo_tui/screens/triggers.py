@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, ClassVar
 from rich.text import Text
 from textual.binding import Binding
 
-from silo.conditions.standing import TriggerStatus, TriggerWord
-from silo.core.elements import SavedFile, TriggerOptions
+from silo.conditions.standing import TriggerStatus
+from silo.core.elements import SavedFile, TriggerOptions, TriggerWord
 from silo.core.quantities.writing import many
 from silo.files.formats import kind_of
 from silo_tui.actions import bindings_for

@@ -8,8 +8,8 @@ import silo
 from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
 from silo.client.client import Client
-from silo.conditions.standing import LimitWord, TriggerWord
-from silo.core.elements import SignalLimits, TriggerOptions
+from silo.conditions.standing import LimitWord
+from silo.core.elements import SignalLimits, TriggerOptions, TriggerWord
 from silo.rpc.published import EventKind
 from silo.settings.script import read_script
 from tests.waiting import wait_until

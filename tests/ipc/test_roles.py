@@ -28,7 +28,7 @@ from silo.net.access.rights import (
 )
 from silo.net.configuration import FORCED, insert
 from silo.net.keys import LOCAL_SENDER, Root
-from silo.net.session import close, open_router, open_server, secret_file
+from silo.net.session import Beside, close, open_router, open_server
 from tests.waiting import wait_until
 
 MINE, OTHER = Root("robot3", "anymal", "3fa977b2e0"), Root("robot4", "anymal", "3fa9000000")
@@ -200,8 +200,8 @@ class Hub:
         settings.insert_json5("listen/endpoints", "[]")
         there = f"unixsock-stream/{self.path}" if local else f"tcp/127.0.0.1:{self.port}"
         settings.insert_json5("connect/endpoints", json.dumps([there]))
-        if local and secret_file(self.path).exists():
-            name, password = secret_file(self.path).read_text().strip().split(":", 1)
+        if local and Beside.SECRET.of(self.path).exists():
+            name, password = Beside.SECRET.of(self.path).read_text().strip().split(":", 1)
             settings.insert_json5("transport/auth/usrpwd", json.dumps({"user": name, "password": password}))
         elif user:
             settings.insert_json5("transport/auth/usrpwd", json.dumps({"user": user, "password": "pw"}))

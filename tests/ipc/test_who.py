@@ -21,7 +21,7 @@ from silo.net.access.admission import INSECURE, Admission, admission_of, rules_h
 from silo.net.access.senders import PROVEN, came_by_network, claim_of, local_words, network_words, short_words
 from silo.net.configuration import from_file
 from silo.net.keys import Root
-from silo.net.session import close, group_file, open_router, own_file
+from silo.net.session import Beside, close, open_router
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered
 from silo.rpc.serving import Sender
@@ -236,7 +236,7 @@ def test_a_group_whose_role_is_viewer_looks_and_changes_nothing(shared) -> None:
     with Client.connect("lab") as owner:
         assert owner.hello().may_edit
         owner.start()
-    own_file(Path(serving.socket_path)).unlink()
+    Beside.OWN.of(Path(serving.socket_path)).unlink()
     with Client.connect("lab") as member:
         hello = member.hello()
         assert not hello.may_edit
@@ -250,7 +250,7 @@ def test_a_group_whose_role_is_viewer_looks_and_changes_nothing(shared) -> None:
 @pytest.mark.slow
 def test_a_group_whose_role_is_operator_changes_things_and_events_say_of_which_group(shared) -> None:
     serving = shared.serve(group=GROUP)
-    own_file(Path(serving.socket_path)).unlink()
+    Beside.OWN.of(Path(serving.socket_path)).unlink()
     with Client.connect("lab") as member:
         member.start()
         who = wait_until(lambda: [one.who for one in member.events() if one.kind == "started"])[0]
@@ -260,7 +260,7 @@ def test_a_group_whose_role_is_operator_changes_things_and_events_say_of_which_g
 @pytest.mark.slow
 def test_who_shows_neither_word_of_a_shared_socket_is_refused(shared) -> None:
     serving = shared.serve(group=GROUP)
-    for file in (own_file(Path(serving.socket_path)), group_file(Path(serving.socket_path))):
+    for file in (Beside.OWN.of(Path(serving.socket_path)), Beside.GROUP.of(Path(serving.socket_path))):
         file.unlink()
     with (
         Client.connect("lab") as stranger,
@@ -272,8 +272,8 @@ def test_who_shows_neither_word_of_a_shared_socket_is_refused(shared) -> None:
 @pytest.mark.slow
 def test_only_the_group_may_read_the_word_of_the_group_and_only_the_owner_its_own(shared) -> None:
     path = Path(shared.serve(group=GROUP).socket_path)
-    assert own_file(path).stat().st_mode & 0o777 == 0o600
-    assert group_file(path).stat().st_mode & 0o777 == 0o640
+    assert Beside.OWN.of(path).stat().st_mode & 0o777 == 0o600
+    assert Beside.GROUP.of(path).stat().st_mode & 0o777 == 0o640
 
 
 def test_a_role_or_mode_that_there_is_not_is_refused_with_those_that_there_are(shared) -> None:

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silo.core.elements import TriggerWord
 from silo.errors import ElementError
-from silo.judging.triggers import BufferSpan, Slope, Trigger, TriggerMode, TriggerRule, TriggerState, check_pre
+from silo.judging.triggers import BufferSpan, Slope, Trigger, TriggerMode, TriggerRule, check_pre
 from tests.examples import examples
 
 T, F, U = 1, 0, -1
@@ -160,7 +161,7 @@ def test_a_capture_begins_at_the_first_tick_at_the_earliest():
 def test_single_fires_once_until_it_is_armed_again():
     trigger, captures = fed(TriggerRule(0, 0, mode=TriggerMode.SINGLE), [F, T, F, T])
     assert len(captures) == 1
-    assert trigger.state(3) is TriggerState.DISARMED
+    assert trigger.state(3) is TriggerWord.OFF
     trigger.arm(4)
     assert trigger.feed(np.array([4, 5]), np.zeros(2, np.int64), np.array([F, T], np.int8))[0].fires[0].tick == 5
 
@@ -183,10 +184,10 @@ def test_a_disarmed_trigger_does_not_fire():
 
 def test_states_tell_what_it_does():
     trigger, _ = fed(TriggerRule(0, 1, holdoff=5), [F, T])
-    assert trigger.state(2) is TriggerState.FIRING
-    assert trigger.state(3) is TriggerState.HOLDOFF
-    assert trigger.state(6) is TriggerState.ARMED
-    assert fed(TriggerRule(0, 0), [F, U])[0].state(1) is TriggerState.UNOBSERVABLE
+    assert trigger.state(2) is TriggerWord.FIRING
+    assert trigger.state(3) is TriggerWord.HOLDOFF
+    assert trigger.state(6) is TriggerWord.ARMED
+    assert fed(TriggerRule(0, 0), [F, U])[0].state(1) is TriggerWord.BLIND
 
 
 def test_a_pre_longer_than_a_buffer_is_refused_with_the_size_that_would_do():

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from silo.conditions.standing import TriggerStatus, TriggerWord
+from silo.conditions.standing import TriggerStatus
 from silo.core.elements import (
     Conditions,
     Edit,
@@ -16,6 +16,7 @@ from silo.core.elements import (
     SavedFile,
     State,
     Status,
+    TriggerWord,
 )
 from silo.core.quantities.reading import read_keep, read_split
 from silo.errors import ScriptError

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 
 from silo.conditions.requests import Alarms, Triggers, TriggerTried
-from silo.conditions.standing import TriggerStatus, TriggerWord
+from silo.conditions.standing import TriggerStatus
 from silo.core.elements import (
     Derived,
     SignalLimits,
     TriggerOptions,
+    TriggerWord,
     join_name,
 )
 from silo.errors import ElementError

@@ -3,8 +3,8 @@
 import pytest
 from textual.widgets import Input
 
-from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
-from silo.core.elements import SignalLimits, TriggerOptions
+from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
+from silo.core.elements import SignalLimits, TriggerOptions, TriggerWord
 from silo.errors import ElementError
 from silo_tui.model.conditions import (
     fields_of,

@@ -8,8 +8,8 @@ import warnings
 import pytest
 from textual import events
 
-from silo.conditions.standing import TriggerStatus, TriggerWord
-from silo.core.elements import TriggerOptions
+from silo.conditions.standing import TriggerStatus
+from silo.core.elements import TriggerOptions, TriggerWord
 from silo_tui.screens.recordings import RecordingsScreen
 from silo_tui.screens.settings import SettingsScreen
 from silo_tui.screens.table import TableScreen

@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
-from silo.core.elements import BufferType, Entry, FileType, RecorderState, State, TriggerOptions
+from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
+from silo.core.elements import BufferType, Entry, FileType, RecorderState, State, TriggerOptions, TriggerWord
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.silo.writer import write_silo
 from silo.fleet.member import Member

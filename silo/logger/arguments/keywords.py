@@ -5,12 +5,12 @@ NumPy's numbers, `"*2"`.
 """
 
 import enum
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal, SupportsIndex, TypeAlias, TypedDict, Union
 
 import numpy as np
 
-from silo.core.elements import Action, BufferType, FileType, FileTypeWord, Storage, Threads
+from silo.core.elements import Action, BufferType, Storage, Threads
 
 ActionWord: TypeAlias = Literal["save", "publish", "both", "save_and_publish"]
 BufferWord: TypeAlias = Literal["looping", "fixed", "growing"]
@@ -24,8 +24,6 @@ Number: TypeAlias = SupportsIndex | str  # a whole number, also NumPy's, or word
 Switch: TypeAlias = Union[bool, "np.bool_", SwitchWord]
 AnyAction: TypeAlias = Action | ActionWord
 AnyBuffer: TypeAlias = BufferType | BufferWord
-AnyFileType: TypeAlias = FileType | FileTypeWord
-FileTypes: TypeAlias = Iterable[AnyFileType] | AnyFileType
 AnyStorage: TypeAlias = Storage | StorageWord
 AnyThreads: TypeAlias = Threads | ThreadsWord
 Labels: TypeAlias = type[enum.Enum] | Mapping[int, str]

@@ -10,7 +10,6 @@ import os
 import re
 import secrets
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, SupportsIndex
 
@@ -26,7 +25,6 @@ from silo.core.elements import (
     Edit,
     ElementInfo,
     ElementOptions,
-    FileType,
     LoggerOptions,
     Storage,
     Threads,
@@ -207,46 +205,6 @@ def edits_given(edits: object) -> list[Edit]:
                 f"an edit must be silo.Edit(name, ElementOptions(...)), got {shown(one)}; nothing was changed"
             )
     return found
-
-
-def file_types(given: object) -> list[FileType]:
-    """The file types to save in. Raises ElementError."""
-    if isinstance(given, str | bytes | bool) or not isinstance(given, Iterable):
-        given = [given]
-    return [file_type(one) for one in given]
-
-
-def file_type(given: object) -> FileType:
-    """Return a file type by its name. Raises ElementError."""
-    if isinstance(given, FileType):
-        return given
-    # not before: the control program loads nothing of files until it saves
-    from silo.files import formats
-
-    found = formats.file_type(given) if isinstance(given, str) else None
-    if found is None:
-        raise ElementError(f"unknown file type {shown(given)}; there are {formats.savable()}{_type_hint(given)}")
-    return found
-
-
-def _type_hint(given: object) -> str:
-    from silo.files import formats
-
-    if not isinstance(given, str):
-        return ""
-    word = given.strip().lower()
-    if word == "binary":
-        return "; did you mean 'silo'?"
-    several = [part.strip() for part in re.split("[,; +]+", word) if part.strip()]
-    if len(several) > 1 and all(formats.file_type(part) is not None for part in several):
-        return f"; write {several}"
-    if "." in word.lstrip("."):
-        return f"; the name is an argument of its own: log.save('csv', name={Path(given).stem!r})"
-    other = next((one for one in formats.FORMATS if word.removeprefix(".") in (one.name, one.ending[1:])), None)
-    if other is not None:
-        return f"; silo.open_log(...).save('run{other.ending}') or `silo convert` writes {other.ending} from those"
-    near = get_close_matches(word, formats.SAVED_NAMES, 1)
-    return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def serving_group(given: str | None) -> str | None:

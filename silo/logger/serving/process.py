@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from silo.core.child import ChildProcess
+from silo.core.child import ENDING_S, ChildProcess
 from silo.errors import ConnectionLostError
 from silo.link.channel import LinkChannel
 from silo.link.messages import LinkReply
@@ -24,7 +24,7 @@ HELPER_ENVIRONMENT = {
 }
 
 
-class HelperProcess:
+class HelperProcess(ChildProcess):
     """A helper process: `link` carries messages, `runs` hands runs over."""
 
     def __init__(self, arguments: Sequence[str]) -> None:
@@ -35,20 +35,13 @@ class HelperProcess:
         descriptors = [theirs.fileno(), their_runs.fileno()]
         channels: list[str | int] = ["--fd", descriptors[0], "--runs-fd", descriptors[1]]
         try:
-            self._child = ChildProcess(
-                "silo.helper", [*channels, *arguments], descriptors, environment=HELPER_ENVIRONMENT
-            )
+            super().__init__("silo.helper", [*channels, *arguments], descriptors, environment=HELPER_ENVIRONMENT)
         except BaseException:
             self.let_go()
             raise
         finally:
             theirs.close()
             their_runs.close()
-
-    @property
-    def pid(self) -> int:
-        """Its process id."""
-        return self._child.pid
 
     def wait_until_ready(self) -> str:
         """Return the path of its socket once clients can come. Raises ConnectionLostError with its reason."""
@@ -90,19 +83,19 @@ class HelperProcess:
         self.link.close()
         self.runs.close()
 
-    def end(self) -> int:
+    def end(self, timeout_s: float = ENDING_S) -> int:
         """Let one that ended, or is about to, do so; kill it if it doesn't. Return its exit code."""
         self.let_go()
-        return self._child.end()
+        return super().end(timeout_s)
 
     def kill(self) -> int:
         """End it at once, if it hasn't; return its exit code."""
         self.let_go()
-        return self._child.kill()
+        return super().kill()
 
     def wait(self) -> int:
         """Wait until it ended by itself; kill it if it takes too long. Return its exit code, then 0."""
-        code = self._child.wait_within(READY_TIMEOUT_S)
+        code = self.wait_within(READY_TIMEOUT_S)
         if code is not None:
             return code
         self.kill()

@@ -7,7 +7,7 @@ from silo.bridges.listening import bound, check_installed
 from silo.core.child import PIPE, ChildProcess
 
 
-class FoxgloveProcess:
+class FoxgloveProcess(ChildProcess):
     """Serves a logger to Foxglove, Lichtblick and PlotJuggler on a port of this computer, for reading alone."""
 
     def __init__(self, logger: str, port: int) -> None:
@@ -26,21 +26,16 @@ class FoxgloveProcess:
             self.port: int = listening.getsockname()[1]
             arguments: list[str | int] = ["--fd", listening.fileno(), "--logger", f"{logger}.{os.getpid()}"]
             # standard input is a pipe that ends with this process, whatever ends it
-            self._child = ChildProcess("silo.bridges.foxglove", arguments, [listening.fileno()], stdin=PIPE)
-
-    @property
-    def pid(self) -> int:
-        """Its process id."""
-        return self._child.pid
+            super().__init__("silo.bridges.foxglove", arguments, [listening.fileno()], stdin=PIPE)
 
     def begin(self) -> None:
         """Let it connect to the logger, which can be reached now."""
         with contextlib.suppress(BrokenPipeError):  # it ended; what it said stands in the program's standard error
-            self._child.stdin.write(b"\n")
-            self._child.stdin.flush()
+            self.stdin.write(b"\n")
+            self.stdin.flush()
 
     def close(self) -> None:
         """End it; closing twice is fine."""
         with contextlib.suppress(BrokenPipeError):
-            self._child.stdin.close()
-        self._child.end()
+            self.stdin.close()
+        self.end()
