@@ -74,7 +74,6 @@ class Connection:
         self._attached: set[Attachable] = set()
         self._event_callbacks: list[Callable[[Event], None]] = []
         self._link_callbacks: list[Callable[[bool], None]] = []
-        self._session: zenoh.Session | None = None
         self._borrowed: SessionLease | None = None
         self._dead = False
         self._lost_s = 0.0
@@ -134,21 +133,20 @@ class Connection:
             self._dead = dead
             self._alive, self._events, self._declared = alive, events, declared
             self.mine = mine
-            self._session, self._borrowed = session, borrowed
+            self._borrowed = borrowed
             self._problem = ""
             self.sessions += 1
 
     def _lose(self, *, tell: bool = True) -> None:
         """Let the session go and say so."""
         with self._lock:
-            session, self._session = self._session, None
             borrowed, self._borrowed = self._borrowed, None
             attached = list(self._attached)
         self._lost_s, self._retry_s = time.monotonic(), 0.0
         self._asked = None
         for one in attached:
             one.detach()
-        if session is not None and borrowed is not None:
+        if borrowed is not None:
             if tell:
                 self._call_back(self._link_callbacks, False)
             if borrowed.config:
@@ -165,27 +163,21 @@ class Connection:
     @property
     def connected(self) -> bool:
         """Whether the helper process is there."""
-        return self._session is not None
-
-    def session(self) -> zenoh.Session:
-        """Return the present session. Raises ConnectionLostError while there is none, and once this was closed."""
-        session = self._session
-        self._must_be_open()
-        if session is None and self._problem:
-            raise VersionError(self._problem)
-        if session is None:
-            raise ConnectionLostError(
-                f"no connection to {self.label_of(self.found)} since {time.monotonic() - self._lost_s:.0f} s: its "
-                "helper process is gone or frozen; connecting again by itself"
-            )
-        return session
+        return self._borrowed is not None
 
     def borrowed(self) -> SessionLease:
-        """Return what requests go through. Raises ConnectionLostError while there is no session."""
-        borrowed = self._borrowed
+        """Return what requests go through. Raises ConnectionLostError while there is none, and once this was closed."""
+        borrowed, who = self._borrowed, self.label_of(self.found)
+        if self.closed:
+            address = f"{self.found.host}/{self.found.name}" if self.found.config else self.found.name
+            raise ConnectionLostError(f"this client of {who} is closed; silo.connect('{address}') makes another one")
+        if borrowed is None and self._problem:
+            raise VersionError(self._problem)
         if borrowed is None:
-            self.session()  # raises, with the reason
-            raise ConnectionLostError(f"the connection to {self.label_of(self.found)} ends; try again")
+            raise ConnectionLostError(
+                f"no connection to {who} since {time.monotonic() - self._lost_s:.0f} s: its helper process is gone or "
+                "frozen; connecting again by itself"
+            )
         return borrowed
 
     @property
@@ -205,21 +197,10 @@ class Connection:
         borrowed = self._borrowed
         return borrowed.identity if borrowed is not None else ""
 
-    @property
-    def address(self) -> str:
-        """The logger, as its users type it."""
-        return f"{self.found.host}/{self.found.name}" if self.found.config else self.found.name
-
-    def _must_be_open(self) -> None:
-        if self._stop.is_set():
-            again = f"silo.connect('{self.address}') makes another one"
-            raise ConnectionLostError(f"this client of {self.label_of(self.found)} is closed; {again}")
-
     def exchange(
         self, request: Request[Any], timeout_s: float, *, as_change: bool = False, refused: bool = False
     ) -> AnyReply:
         """Ask and wait. Raises ConnectionLostError."""
-        self._must_be_open()
         mine, root, label = self.borrowed(), self.root, self.label_of(self.found)
         if request.key == Do.key and not self._clock.is_fresh:
             self._learn(exchange(mine, root, Hello(version=VERSION, client=self._who), timeout_s, label))
@@ -239,7 +220,7 @@ class Connection:
 
     def attach(self, one: Attachable) -> None:
         """Subscribe something now and in every later session."""
-        one.attach(self.session(), self.root, self.mine)
+        one.attach(self.borrowed().session, self.root, self.mine)
         with self._lock:
             self._attached.add(one)
 
@@ -272,7 +253,7 @@ class Connection:
         main = threading.main_thread()
         scanned_s, gone = 0.0, False
         while not self._stop.wait(POLL_S) and main.is_alive():
-            if self._session is None:
+            if self._borrowed is None:
                 self._try_again()
                 continue
             last_look = gone  # Zenoh sends by priority: the end of a token may overtake what was told before it

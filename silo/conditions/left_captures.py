@@ -105,7 +105,7 @@ def unseen(reader: SegmentReader) -> JudgeState | None:
     who completes recordings, too.
     """
     schema = reader.schema
-    if not (schema.extras.triggers or schema.extras.limits) or not _was_served(reader):
+    if not schema.extras.judged or not _was_served(reader):
         return None
     seen = {event.kind for event in read_events(schema.folder, schema.logger, schema.run)} - _OF_RECORDINGS
     return None if seen else state_file.begun_state(schema)

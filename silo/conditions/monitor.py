@@ -22,7 +22,7 @@ import msgspec
 from silo.conditions.captures.writer import CaptureWriter
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.arguments import real
-from silo.core.elements import NO_EXTRAS, Conditions, ElementInfo, LoggerOptions, TriggerOptions, TriggerWord
+from silo.core.elements import Conditions, ElementInfo, LoggerOptions, TriggerOptions, TriggerWord
 from silo.core.runtime import runtime_dir
 from silo.errors import ElementError, SegmentError, SiloError
 from silo.rpc.leases import Leases
@@ -116,7 +116,7 @@ class Judge:
         if reader is None:
             return
         with contextlib.closing(reader):
-            if not (left or _has_conditions(reader.schema.extras)):
+            if not (left or reader.schema.extras.judged):
                 return
             from silo.conditions.state_file import note_begun
 
@@ -333,7 +333,7 @@ class Judge:
         if robot.segment != self._replica.segment or (judge is not None and judge.extras == extras):
             return  # of another run, or known
         if judge is None:
-            wanted = _has_conditions(extras) and not self._failed and self._run == self._replica.run
+            wanted = extras.judged and not self._failed and self._run == self._replica.run
             if wanted and (reader := self._held.open(self._run)) is not None:
                 self._begin(reader, extras, since=reader.ticks)
         else:
@@ -355,7 +355,7 @@ class Judge:
     def _go_over(self, reader: SegmentReader) -> None:
         """Judge the run that has just begun."""
         run = reader.schema.run
-        if self._go_on(reader) or not _has_conditions(reader.schema.extras):
+        if self._go_on(reader) or not reader.schema.extras.judged:
             return
         # of a damaged state nobody knows what it had fired for: nothing fires twice
         is_damaged = self._memory is not None and self._memory.was_damaged(run)
@@ -469,10 +469,6 @@ class Judge:
         memory.tell(found, judge)
         for buffer in found.whole:
             self._writer.add(buffer)
-
-
-def _has_conditions(extras: Conditions) -> bool:
-    return extras is not NO_EXTRAS and bool(extras.triggers or extras.limits)
 
 
 def _waiting(one: TriggerStatus, why: str) -> TriggerStatus:

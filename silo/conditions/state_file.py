@@ -133,7 +133,7 @@ def note_begun(schema: SegmentSchema) -> None:
     Nothing where something is stored, or nothing is to be judged, or nothing can be stored. In memory that is full an
     empty file says it, as it needs no room: the run is held by it, and judged from its begin.
     """
-    if not (schema.extras.triggers or schema.extras.limits):
+    if not schema.extras.judged:
         return
     with contextlib.suppress(OSError, SegmentError):  # then a successor judges what it finds in the buffers
         path = state_path(schema.logger, schema.run)

@@ -37,19 +37,14 @@ class ControlLock:
         closed: Callable[[], str] = str,
     ) -> None:
         """`one`: nothing is changed but by who has control; `closed` tells why nothing is from the network, if so."""
-        self.closed = closed
-        self._events, self._replica, self._logger, self._one = events, replica, logger, one
+        self.closed, self.one = closed, one
+        self._events, self._replica, self._logger = events, replica, logger
         self._leases: Leases[str, Control] = Leases()  # of one thing: control
 
     @property
     def control(self) -> Control | None:
         """Who has control now."""
         return self._leases.get(CONTROL)
-
-    @property
-    def one(self) -> bool:
-        """Whether changes need control."""
-        return self._one
 
     def watch(self) -> None:
         """Tell of a lease that ended by itself."""
@@ -61,7 +56,7 @@ class ControlLock:
         if not (isinstance(request, Do) and request.needs_control):
             return
         lease = self._leases.find(CONTROL)
-        if lease is None and self._one:
+        if lease is None and self.one:
             text = (
                 f'changes of {self._logger} need control (the program says so: log.serve(control="one")), and nobody '
                 f"has it: `silo control take {self._logger}`; nothing was changed"

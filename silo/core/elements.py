@@ -232,6 +232,11 @@ class Conditions(msgspec.Struct, frozen=True, omit_defaults=True):
     triggers: tuple[TriggerOptions, ...] = ()
     capture: CaptureFacts | None = None
 
+    @property
+    def judged(self) -> bool:
+        """Whether there is a limit or a trigger."""
+        return bool(self.limits or self.triggers)
+
 
 NO_EXTRAS = Conditions()
 

@@ -95,7 +95,7 @@ def recover(
 def _captures(reader: SegmentReader, folder: str) -> "RecoveredCaptures | None":
     """Write what triggers captured of a run; None where nobody was to look."""
     schema = reader.schema
-    if not (schema.extras.triggers or schema.extras.limits or judge_path(schema.logger, schema.run).exists()):
+    if not (schema.extras.judged or judge_path(schema.logger, schema.run).exists()):
         return None
     from silo.conditions.left_captures import recover_captures
 
@@ -164,7 +164,7 @@ def release_left() -> None:
 
 def _is_unjudged(reader: SegmentReader) -> bool:
     """Whether a run has something to judge, and no helper process ever saw it."""
-    if not (reader.schema.extras.triggers or reader.schema.extras.limits):
+    if not reader.schema.extras.judged:
         return False
     from silo.conditions.left_captures import unseen
 

@@ -11,6 +11,8 @@ from silo.link.messages import LinkMessage, LinkReply, LinkRequest
 from silo.rpc.declaring import Do, Done, GoesOn, Reply, Request, spoken
 from silo.rpc.refusals import Refused, RefusedWhy
 
+DEAD = Refused(RefusedWhy.DEAD, "the robot program is gone; start it again")
+
 
 class RobotLink(LinkChannel):
     """The robot process, as the helper talks to it. Any thread may ask; the main thread receives."""
@@ -45,7 +47,7 @@ class RobotLink(LinkChannel):
         self._pending[number] = future
         if self._gone or not self.tell(LinkRequest(number, request)):
             self._pending.pop(number, None)
-            return self._dead()
+            return DEAD
         try:
             return future.result(timeout_s)
         except concurrent.futures.TimeoutError:
@@ -77,11 +79,7 @@ class RobotLink(LinkChannel):
         for number in list(self._pending):
             future = self._pending.pop(number, None)
             if future is not None:
-                future.set_result(self._dead())
-
-    @staticmethod
-    def _dead() -> Refused:
-        return Refused(RefusedWhy.DEAD, "the robot program is gone; start it again")
+                future.set_result(DEAD)
 
 
 def ending(request: Request[Any], reply: Reply | bytes) -> str:

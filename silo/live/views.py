@@ -49,20 +49,11 @@ def _problem(request: OpenView) -> str:
 
 @dataclass(frozen=True)
 class FrameLayout:
-    """What the arrays of a view's frames mean, by one generation of the table."""
+    """What the arrays of a view's frames mean, by one generation of the table: `opened` tells its client."""
 
-    generation: int
-    counts: list[int]
-    entries: list[str]
+    opened: ViewOpened
+    counts: list[int]  # of entries, by element
     plots: list[tuple[str, int]]  # element and number of its entry; ("", 0) for a name that the table lacks
-    unpublished: list[str]
-    missing: list[str]
-
-    def opened(self, request: OpenView) -> ViewOpened:
-        """The answer to the client."""
-        return ViewOpened(
-            request.view, self.generation, self.entries, list(request.plots), self.unpublished, self.missing
-        )
 
 
 def layout_of(request: OpenView, now: LoggerSnapshot) -> FrameLayout:
@@ -88,7 +79,8 @@ def layout_of(request: OpenView, now: LoggerSnapshot) -> FrameLayout:
         info = now.element(found[0])
         if info is not None and not info.options.enabled:
             unpublished[found[0]] = None
-    return FrameLayout(now.generation, counts, entries, plots, list(unpublished), missing)
+    opened = ViewOpened(request.view, now.generation, entries, list(request.plots), list(unpublished), missing)
+    return FrameLayout(opened, counts, plots)
 
 
 @dataclass
@@ -142,7 +134,7 @@ class ServedView(Feed[OpenView]):
     def frame(self, this: Round) -> tuple[bytes | None, bool]:
         """Return the next frame, encoded; None if nothing moved since the last one."""
         now, reader, now_s, layout = this.logger, this.reader, this.now_s, self._layout
-        if layout is None or layout.generation != now.generation or reader is not self._reader:
+        if layout is None or layout.opened.generation != now.generation or reader is not self._reader:
             layout = self._adopt(now, reader)
         tick = reader.ticks if reader else 0
         if tick == self._sent_tick and now_s - self._sent_s < HEARTBEAT_S:
@@ -158,7 +150,7 @@ class ServedView(Feed[OpenView]):
         frame = msgspec.msgpack.encode(
             ViewFrame(
                 number=self._number,
-                generation=layout.generation,
+                generation=layout.opened.generation,
                 time_ns=reader.last_time_ns if reader else 0,
                 tick=tick,
                 state=now.state,
@@ -249,7 +241,7 @@ class Views(Feeds[OpenView, ServedView]):
             raise self._cant_open(problem)
         layout = layout_of(request, self._replica.now)
         self.renewed(request.view, request)
-        return layout.opened(request)
+        return layout.opened
 
     def _is_same(self, old: OpenView, new: OpenView) -> bool:
         wishes = [(one.values, one.plots, one.rate_hz, one.column_ns) for one in (old, new)]

@@ -49,7 +49,6 @@ from silo.logger.registrations import Registrations
 from silo.logger.results import Elements, LoggedElement, as_html
 from silo.logger.run_data import RunData
 from silo.logger.scripted_table import ScriptedTable
-from silo.logger.serving.consumers import is_wanted
 from silo.logger.unclosed import (
     drop_journals,
     end_namesakes,
@@ -66,6 +65,7 @@ from silo.loop.plan import Element
 from silo.loop.run import Run
 from silo.loop.sources import reads
 from silo.recovery.runs import look_back
+from silo.segment.held_runs import is_due
 from silo.segment.marks import NO_WORDS, Mark, no_mark
 from silo.segment.reasons import STOP_TEXTS, StopReason
 from silo.state.robot import UnsavedWord
@@ -330,7 +330,14 @@ class Logger(metaclass=HidesOtherNames):
             self._life.serving.hand_over()  # before its first tick: whatever happens next, the helper process knows it
 
     def _is_wanted(self, run: Run) -> bool:
-        return is_wanted(run, self._life.serving, self.extras)
+        """Whether a run is to be held that ends now.
+
+        While the helper process is down nobody can tell: its successor looks at it, and lets go of what nobody needs.
+        """
+        server, schema = self._life.serving, run.segment.schema
+        if server is None or is_due(schema):
+            return server is not None
+        return server.alive and (not server.is_up or self.extras.judged or schema.extras.judged)
 
     def _let_go(self, held_alone: bool) -> None:
         if not held_alone:

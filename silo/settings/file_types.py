@@ -41,7 +41,7 @@ def _type_hint(given: object) -> str:
     if len(several) > 1 and all(formats.file_type(part) is not None for part in several):
         return f"; write {several}"
     if "." in word.lstrip("."):
-        return f"; the name is an argument of its own: log.save('csv', name={Path(given).stem!r})"
+        return f"; the name is an argument of its own: save('csv', name={Path(given).stem!r})"
     other = next((one for one in formats.FORMATS if word.removeprefix(".") in (one.name, one.ending[1:])), None)
     if other is not None:
         return f"; silo.open_log(...).save('run{other.ending}') or `silo convert` writes {other.ending} from those"

@@ -24,7 +24,7 @@ from silo.core.elements import FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
 from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.logger.serving.answers import Served, answer, robot_state
-from silo.logger.serving.consumers import has_conditions, has_left
+from silo.logger.serving.consumers import has_left
 from silo.logger.serving.down import DownMark
 from silo.logger.serving.identity import drawn_id
 from silo.logger.serving.patience import FROZEN_ROUNDS, ROUND_S, Patience
@@ -483,7 +483,7 @@ class Serving:
         logger = self._logger_ref()
         if self._parted() or logger is None:
             return
-        if has_left(logger.options) or (logger.ticks and has_conditions(logger.extras)):
+        if has_left(logger.options) or (logger.ticks and logger.extras.judged):
             try:
                 self._spawn()
             except (SiloError, OSError) as error:
