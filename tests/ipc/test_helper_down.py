@@ -204,7 +204,7 @@ def test_what_the_pin_of_a_client_that_is_gone_holds_is_freed_though_nobody_asks
     parts, held = Parts(tmp_path), Held()
     try:
         freed = weakref.ref(held)
-        parts.publisher.pins._pins.set("gone-1", held, 0.05)
+        parts.publisher.pins.set("gone-1", held, 0.05)
         del held
         wait_until(lambda: freed() is None)
     finally:
