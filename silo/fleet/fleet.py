@@ -442,7 +442,7 @@ class FleetLink:
             there = [root_at(mine, self._found, self._plan.answer_s)]
         else:
             there = who_is_there(mine, keys.ANY_ALIVE, self._plan.answer_s)
-        asking: Asking[str] = Asking(mine, self._plan.answer_s)
+        asking = Asking(mine, self._plan.answer_s)
         routers = self._ask_routers(mine)
         self._come(there, asking)
         while asking.count or (routers is not None and not routers.done):
@@ -470,7 +470,7 @@ class FleetLink:
                 declared.append(tokens)
                 news = _history(tokens, there, SETTLED_S + mine.slack_s)
                 _settle(mine, alive, len(there), answer_s)
-            asking: Asking[str] = Asking(mine, answer_s)
+            asking = Asking(mine, answer_s)
             routers = self._ask_routers(mine)
             looked_s = 0.0
             while not self._stop.is_set() and main.is_alive():
@@ -511,7 +511,7 @@ class FleetLink:
             return ConnectionLostError(text)
         return LayerError(Layer.ROLE, _nobody_there(self._name, session))
 
-    def _take_tokens(self, news: list[zenoh.Sample], asking: Asking[str]) -> None:
+    def _take_tokens(self, news: list[zenoh.Sample], asking: Asking) -> None:
         gone = []
         for sample in news:
             root = keys.robot_of(str(sample.key_expr))
@@ -531,7 +531,7 @@ class FleetLink:
             return replace(self._found, host=root.host, id=root.id)
         return LoggerAddress.behind(self._name, root)
 
-    def _come(self, roots: Iterable[keys.Root], asking: Asking[str]) -> None:
+    def _come(self, roots: Iterable[keys.Root], asking: Asking) -> None:
         now_s, changes = time.monotonic(), []
         for root in roots:
             key = self._key(root)
@@ -573,7 +573,7 @@ class FleetLink:
 
     # ------------------------------------------------------------------------------------------------- the questions
 
-    def _ask(self, key: str, asking: Asking[str]) -> None:
+    def _ask(self, key: str, asking: Asking) -> None:
         root = self._here[key]
         if self._question is not None and self._plan.whom(self._found_at(root)):
             asking.add(key, root, self._question)
@@ -590,12 +590,12 @@ class FleetLink:
             self._routers |= found.keys()
             self._told.refused(found)
 
-    def _ask_again(self, asking: Asking[str], now_s: float) -> None:
+    def _ask_again(self, asking: Asking, now_s: float) -> None:
         for key in [key for key, due_s in self._silent.items() if now_s >= due_s]:
             del self._silent[key]
             self._ask(key, asking)
 
-    def _take_answers(self, asking: Asking[str]) -> None:
+    def _take_answers(self, asking: Asking) -> None:
         changes: list[tuple[str, Change]] = []
         for key, payload in asking.poll():
             root = self._here.get(key)

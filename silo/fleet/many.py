@@ -1,9 +1,7 @@
 """Requests whose answers nobody waits for one by one: many at a time, and none holds up the others."""
 
-import time
 from collections import deque
-from collections.abc import Hashable
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import zenoh
 
@@ -16,8 +14,6 @@ from silo.rpc.declaring import Do, Request
 
 AT_ONCE = 256  # a window of 64 cost a fleet of 100 a second round trip
 POLL_S = 0.002
-
-Tag = TypeVar("Tag", bound=Hashable)
 
 
 class Pending:
@@ -50,48 +46,39 @@ class Pending:
         return False, None
 
 
-class Asking(Generic[Tag]):
-    """Requests to many loggers over one session, so many of them under way that a round trip serves them all."""
+class Asking:
+    """Requests to loggers by their keys, so many under way over one session that a round trip serves them all."""
 
-    def __init__(self, mine: SessionLease, timeout_s: float, at_once: int = AT_ONCE) -> None:
-        self._mine, self._timeout_s, self._at_once = mine, timeout_s, at_once
-        self._waiting: deque[tuple[Tag, Root, Request[Any]]] = deque()
-        self._under_way: dict[Tag, Pending] = {}
+    def __init__(self, mine: SessionLease, timeout_s: float) -> None:
+        self._mine, self._timeout_s = mine, timeout_s
+        self._waiting: deque[tuple[str, Root, Request[Any]]] = deque()
+        self._under_way: dict[str, Pending] = {}
 
-    def add(self, tag: Tag, root: Root, request: Request[Any]) -> None:
+    def add(self, key: str, root: Root, request: Request[Any]) -> None:
         """Ask a logger as soon as it is its turn."""
-        self._waiting.append((tag, root, request))
+        self._waiting.append((key, root, request))
         self._send()
 
     def _send(self) -> None:
-        while self._waiting and len(self._under_way) < self._at_once:
-            tag, root, request = self._waiting.popleft()
-            self._under_way[tag] = Pending(self._mine, root, request, self._timeout_s)
+        while self._waiting and len(self._under_way) < AT_ONCE:
+            key, root, request = self._waiting.popleft()
+            self._under_way[key] = Pending(self._mine, root, request, self._timeout_s)
 
     @property
     def count(self) -> int:
         """How many have no answer yet."""
         return len(self._waiting) + len(self._under_way)
 
-    def poll(self) -> list[tuple[Tag, bytes | None]]:
+    def poll(self) -> list[tuple[str, bytes | None]]:
         """Return what has come since: None for who gave no answer. Raises ConnectionLostError."""
         found = []
         try:
-            for tag, pending in list(self._under_way.items()):
+            for key, pending in list(self._under_way.items()):
                 done, payload = pending.poll()
                 if done:
-                    del self._under_way[tag]
-                    found.append((tag, payload))
+                    del self._under_way[key]
+                    found.append((key, payload))
             self._send()
         except zenoh.ZError as error:
             raise ConnectionLostError(f"the session ended while loggers were asked: {error}") from error
-        return found
-
-    def wait(self) -> dict[Tag, bytes | None]:
-        """Return all answers, as soon as the last one came or was given up. Raises ConnectionLostError."""
-        found: dict[Tag, bytes | None] = {}
-        while self.count:
-            found.update(self.poll())
-            if self.count:
-                time.sleep(POLL_S)
         return found
