@@ -149,7 +149,7 @@ COMMANDS: tuple[Command, ...] = (
             typed=Typed(("mark",))),
     Command("mark_shown", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Find and mark",
             _TABLES, 13),
-    Command("range", "V", "Range", "begin a range, move, V again to mark it", "Find and mark", _TABLES),
+    Command("range", "V", "Range", "begin a range, move, the same key marks it", "Find and mark", _TABLES),
     Command("sort", "o", "Order", "choose an order; its letter again turns it round", "Find and mark", _TABLES, 3,
             typed=Typed(("sort",), "sorts", ":sort div", "order by a column", 6)),
     Command("fold", "z", "Fold", "fold a name space, or unfold a vector into its entries", "Find and mark", _TABLES, 4),
@@ -258,7 +258,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("list_order", "o", "Order", "choose an order; its letter again turns it round", "Lists", _ORDERED, 9),
     Command("list_mark", "space", "Mark", "mark or unmark, and move on", "Lists", _MARKED, 2),
     Command("list_mark_all", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Lists", _MARKED),
-    Command("list_range", "V", "Range", "begin a range, move, V again to mark it", "Lists", _MARKED),
+    Command("list_range", "V", "Range", "begin a range, move, the same key marks it", "Lists", _MARKED),
     Command("list_read", "r", "Read again", "ask for the list again", "Lists", _ASIDE, asks=True, retries=True),
     # -------------------------------------------------------------------------------------------------- events
     Command("set_marker", "M", "Marker", "mark the tick on the screen (paused: at cursor A) with some words", "Events",
@@ -365,6 +365,12 @@ COMMANDS: tuple[Command, ...] = (
 )
 # fmt: on
 
+NOT_EDITED = "a saved file: nothing to edit"
+# what people call screens, where that isn't their scope
+PLACES = {
+    "monitor": "plots", "scope": "scope", "detail": "large plot", "file_monitor": "plots of a file",
+    "file_detail": "large plot of a file", "loggers": "list of loggers",
+}  # fmt: skip
 TYPED_ON_FILES = ("goto", "unmark", "theme", "picture")
 # what commands of lists were called while each list had its own, for keys that users gave them; till 0.5
 _ONCE = {
@@ -397,6 +403,26 @@ def with_keys(keys: Mapping[str, str], command: Command) -> Command:
     return replace(command, keys=keys[command.id], shown_key="") if command.id in keys else command
 
 
+_own: dict[str, str] = {}  # the user's keys, by command: what is said names these
+
+
+def use_keys(keys: Mapping[str, str]) -> None:
+    """Let what is said name the user's keys."""
+    _own.clear()
+    _own.update(keys)
+
+
+def key_of(command: str, *, last: bool = False) -> str:
+    """Return the key of a command as the user has it, the first or the last of several, to be named in a sentence."""
+    own = with_keys(_own, BY_ID[command])
+    return own.key_text.split()[-1] if last else own.footer_key
+
+
+def key_that_retries(scope: str) -> str:
+    """Return the key that looks for a lost link on a screen; empty where none does."""
+    return next((key_of(each.id) for each in commands_for(scope) if each.retries), "")
+
+
 def commands_like(scope: str, keys: Mapping[str, str] = NO_KEYS) -> list[Command]:
     """Return what can be done where a screen belongs to: on loggers, or on a file."""
     on_file = scope in FILE_SCOPES
@@ -417,6 +443,18 @@ def edits_by(key: str, scope: str, keys: Mapping[str, str] = NO_KEYS) -> bool:
     like = scope.replace("file_", "").replace("file", "table")
     there = [command for command in commands_for(like, keys) if command.writes or command.group == "Edit"]
     return scope in FILE_SCOPES and any(key in command.keys.split(",") for command in there)
+
+
+def why_no_use(key: str, scope: str, keys: Mapping[str, str] = NO_KEYS) -> str:
+    """Return why a key does nothing on a screen, and where it does something."""
+    if edits_by(key, scope, keys):
+        return NOT_EDITED
+    there = [command for command in commands_like(scope, keys) if key in command.keys.split(",")]
+    if not there:
+        return f"{key_text(key)} is no key of silo-tui; {key_of('help')} shows those that are"
+    places = dict.fromkeys(PLACES.get(each, each) for command in there for each in command.scopes)
+    label, more = there[0].label, " and others" if len(places) > 3 else ""
+    return f"{key_text(key)} ({label}) has no use here: it is a key of {', '.join(list(places)[:3])}{more}"
 
 
 def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:

@@ -12,7 +12,7 @@ from textual.command import CommandPalette
 from silo.net.access.senders import is_by
 from silo.rpc.published import Event, EventKind
 from silo_tui import terminal, theme
-from silo_tui.actions import FILE_SCOPES
+from silo_tui.actions import FILE_SCOPES, use_keys
 from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider
@@ -75,7 +75,7 @@ class SiloApp(Guarded, App[None]):
         )
         self.context.came_back = self._catch_up
         self.context.take_up = lambda: self.context.run_flow(flows.take_up_edits(self.context))
-        self.set_keymap(dict(settings.keys))
+        self._take_keys(settings)
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz, view)
         self.context.left = self._opener.quit
@@ -317,6 +317,10 @@ class SiloApp(Guarded, App[None]):
         else:
             self.push_screen(SettingsScreen(self.take_settings))
 
+    def _take_keys(self, settings: Settings) -> None:
+        self.set_keymap(dict(settings.keys))
+        use_keys(settings.keys)
+
     def take_settings(self, settings: Settings) -> None:
         """Let everything follow other settings at once."""
         old, self.context.settings = self.context.settings, settings
@@ -326,7 +330,7 @@ class SiloApp(Guarded, App[None]):
         if settings.mouse != old.mouse:
             terminal.take_mouse(self, wanted=terminal.mouse_wanted(settings.mouse))
         if settings.keys != old.keys:
-            self.set_keymap(dict(settings.keys))
+            self._take_keys(settings)
         if settings.rate != old.rate and self._file is None:
             self._opener.rate_hz = self._rate_hz = settings.rate
             self._polling.stop()

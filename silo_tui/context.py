@@ -14,7 +14,7 @@ from textual.app import App
 from silo.errors import RefusedError, SiloError
 from silo.net.access.senders import read_only_words
 from silo.rpc.frames import Frame
-from silo_tui.actions import BY_ID, Command, edits_by
+from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, why_no_use
 from silo_tui.modal import Dialog, Leaving, run_alone
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
@@ -23,8 +23,6 @@ from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import SettingsProblem
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
-
-NOT_EDITED = "a saved file: nothing to edit"
 
 
 class Held(Dialog[None]):
@@ -138,7 +136,9 @@ class Context:
         if command.retries:
             self.try_link()
         else:
-            self.say(f"{command.label}: no link to {self.session.name}; r tries now")
+            retries = key_that_retries(screen.scope) if (screen := self.upper_screen) is not None else ""
+            tries = f"; {retries} tries now" if retries else ""
+            self.say(f"{command.label}: no link to {self.session.name}{tries}")
         return False
 
     def try_link(self) -> None:
@@ -205,7 +205,8 @@ class Context:
         """Say once what of the settings file was left out."""
         if self.settings_problems:
             more = len(self.settings_problems) - 1
-            self.say(f"{self.settings_problems[0]}{f' ({more} more: F2)' if more else ''}")
+            rest = f" ({more} more: {key_of('settings')})" if more else ""
+            self.say(f"{self.settings_problems[0]}{rest}")
 
     def fail(self, words: str) -> None:
         """Show an error; behind a dialog, its first line stays on the screen below."""
@@ -315,9 +316,9 @@ class SiloScreen(Leaving[None]):
         cast(Any, self.app).begin_command(word)
 
     def on_key(self, event: events.Key) -> None:
-        """Say of a key that edits on a logger's screen why it doesn't here; keys with a meaning don't come here."""
-        if edits_by(event.key, self.scope, self.context.settings.keys):
-            self.context.say(NOT_EDITED)
+        """Say of a key why it does nothing here; keys with a meaning don't come here."""
+        if not isinstance(self.focused, Fleeting):
+            self.context.say(why_no_use(event.key, self.scope, self.context.settings.keys))
 
     # ---------------------------------------------------------------------------------------------- the key bar
 

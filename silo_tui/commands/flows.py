@@ -13,6 +13,7 @@ from silo.core.quantities.writing import duration, many
 from silo.errors import RefusedError
 from silo.rpc.refusals import RefusedWhy
 from silo.state.requests import EditsApplied, Unsaved
+from silo_tui.actions import key_of
 from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.model.changes import cost_of
@@ -37,9 +38,11 @@ async def start_stop(context: Context) -> None:
             return
         await session.start(unsaved)
         context.say("started")
-    elif await confirmed(context.app, "Stop logging?", "What was logged stays in memory; w saves it.", "Stop"):
+    elif await confirmed(
+        context.app, "Stop logging?", f"What was logged stays in memory; {key_of('save_data')} saves it.", "Stop"
+    ):
         await session.stop()
-        context.say("stopped; w saves the data")
+        context.say(f"stopped; {key_of('save_data')} saves the data")
     context.status_changed()
 
 
@@ -122,7 +125,8 @@ async def _stop_and_save(context: Context) -> bool:
     context.status_changed()
     if await _save_all(context):
         return True
-    context.say("stopped and not saved: nothing else was done, the data is still there (w saves it)")
+    saves = f"{key_of('save_data')} saves it"
+    context.say(f"stopped and not saved: nothing else was done, the data is still there ({saves})")
     return False
 
 
@@ -154,7 +158,7 @@ async def apply(context: Context) -> None:
         if answer == "discard":
             session.table.discard(list(range(len(session.table))))
             context.table_changed()
-            context.say("all pending edits discarded; u brings them back")
+            context.say(f"all pending edits discarded; {key_of('undo')} brings them back")
         if answer not in {"apply", "save", "drop"}:
             return
         if answer == "save" and not await _stop_and_save(context):
@@ -233,9 +237,10 @@ async def _settle_conflicts(context: Context) -> bool:
     if len(conflicts) > 200:
         body.append(f"and {len(conflicts) - 200} more\n")
     choices = [
-        Choice("back", "Decide later (look at each: x takes theirs)"), Choice("theirs", "Take theirs", "t"),
+        Choice("back", f"Decide later (look at each: {key_of('discard')} takes theirs)"),
+        Choice("theirs", "Take theirs", "t"),
         Choice("mine", "Keep yours", "y"),
-    ]  # fmt: skip
+    ]
     answer = await context.app.push_screen_wait(Question(f"{many(len(conflicts), 'conflict')}", body, choices))
     if answer not in {"theirs", "mine"}:
         return False
@@ -404,5 +409,5 @@ async def take_up_edits(context: Context) -> None:
     if answer == "take":
         taken = session.table.take_up(edits)
         context.table_changed()
-        context.say(f"{many(taken, 'edit')} pending again; u takes them back")
+        context.say(f"{many(taken, 'edit')} pending again; {key_of('undo')} takes them back")
     context.keep_edits()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich.text import Text
 
 from silo.core.quantities.writing import many
+from silo_tui.actions import key_of
 from silo_tui.context import Context
 from silo_tui.modal import run_aside
 from silo_tui.model import fleet
@@ -47,7 +48,7 @@ class Many:
         body = Text("\n".join(fleet.asked_line(one, now_ns) for one in targets) + "\n")
         able = [one for one in targets if one.can_be_asked]
         if not able:
-            self._context.say("none of them is there: r looks again")
+            self._context.say(f"none of them is there: {key_of('look_again')} looks again")
             return
         asks: dict[str, Callable[[Sequence[fleet.LoggerLine], Text], Any]] = {
             "start_stop": self._start_or_stop, "restart": self._restart, "save": self._save, "load": self._load,

@@ -8,7 +8,7 @@ from functools import partial
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
-from silo_tui.actions import COMMANDS, FILE_SCOPES, commands_for, typed_on_file
+from silo_tui.actions import COMMANDS, FILE_SCOPES, commands_for, key_of, typed_on_file
 from silo_tui.context import SiloScreen
 
 
@@ -68,4 +68,4 @@ class CommandProvider(Provider):
 
     def _lead(self, screen: SiloScreen, way: str, note: str) -> None:
         screen.action_command(way)
-        screen.context.say(note if way == "detail" else f"{note}: Enter makes it so")
+        screen.context.say(note if way == "detail" else f"{note}: {key_of('detail')} makes it so")

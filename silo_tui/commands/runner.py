@@ -11,9 +11,9 @@ from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
 from silo.rpc.refusals import RefusedWhy
 from silo.settings.typed import ElementSettings, completions, read_settings
-from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
+from silo_tui.actions import BY_WORD, FILE_SCOPES, NOT_EDITED, Command, key_of, typed_on_file
 from silo_tui.commands import flows
-from silo_tui.context import NOT_EDITED, Context, SiloScreen
+from silo_tui.context import Context, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout, read, write
 from silo_tui.modal import run_alone
@@ -151,7 +151,7 @@ class CommandRunner:
             return
         context.table_changed()
         context.say(
-            f"{many(changed, 'field')} changed; u takes {'it' if changed == 1 else 'them'} back"
+            f"{many(changed, 'field')} changed; {key_of('undo')} takes {'it' if changed == 1 else 'them'} back"
             if changed
             else "nothing to change"
         )
@@ -169,7 +169,9 @@ class CommandRunner:
     def word_open(self, spelled: command_line.Spelled) -> None:
         """Carry out `:open FILE`."""
         if not spelled.arguments:
-            raise ValueError("open which file? for example `:open logs/run.silo`; F lists what is on the robot")
+            raise ValueError(
+                f"open which file? for example `:open logs/run.silo`; {key_of('recordings')} lists what is on the robot"
+            )
         if not self._context.has_session:
             raise RefusedError("no logger is open: leave silo-tui, and open the file by `silo-tui FILE`")
         run_alone(self._context.app, "opening", self._open, " ".join(spelled.arguments))

@@ -95,7 +95,7 @@ class Marks:
         """Begin a range at a line, or end it there and mark it; return what to say."""
         if self.anchor is None or self.anchor not in shown:
             self.anchor = key
-            return "a range begins here; V again ends it"
+            return "a range begins here; the same key ends it"
         first, last = sorted((shown.index(self.anchor), shown.index(key)))
         self.keys |= set(shown[first : last + 1])
         self.anchor = None

@@ -10,7 +10,7 @@ from textual.binding import Binding
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import SignalLimits
 from silo.errors import ElementError, RefusedError
-from silo_tui.actions import bindings_for
+from silo_tui.actions import bindings_for, key_of
 from silo_tui.model.conditions import alarms_words, limit_head, limit_row
 from silo_tui.model.limit_line import HOW, limits_line, read_limits
 from silo_tui.model.lists import Order
@@ -70,7 +70,11 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         if one is not None and one.why:
             return f"{one.name} is blind: {one.why}"
         if not self.all:
-            return f"Nothing over its limits. {watched} watched, 0 blind" if watched else "No limits. N gives some"
+            return (
+                f"Nothing over its limits. {watched} watched, 0 blind"
+                if watched
+                else f"No limits. {key_of('alarm_new')} gives some"
+            )
         count = len(self._found)
         more = f"the first {MOST_LINES} of {count} │ " if count > MOST_LINES else ""
         return more + alarms_words(self.session.limits)
@@ -83,7 +87,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
             self.context.run_flow(self._told(lambda client: client.acknowledge(names)))
 
     def command_alarm_worst(self) -> None:
-        one = self.chosen
+        one = self.here()
         if one is None:
             return
         monitor = self._plot(one)
@@ -111,7 +115,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return monitor
 
     def command_alarm_limits(self) -> None:
-        one = self.chosen
+        one = self.here()
         if one is not None:
             self.ask_limits(self.session.short_name(one.limits).lstrip("/"), one.limits)
 

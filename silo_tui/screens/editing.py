@@ -9,7 +9,7 @@ import msgspec
 from silo.core.elements import TriggerOptions
 from silo.core.quantities.writing import many
 from silo.settings.typed import examples
-from silo_tui.actions import BY_ID
+from silo_tui.actions import BY_ID, key_of
 from silo_tui.model import derived
 from silo_tui.model.fields import Field, next_value, parse_change, phrase_for
 from silo_tui.model.table_columns import STEADY
@@ -177,7 +177,7 @@ class Editing(ElementsScreen):
     def _open_editor(self, value: str, *, select: bool) -> None:
         field, count = self.table.field, len(self.session.rows.targets())
         self.query_one(CellEditor).open(field, self.table.cell_region(), value, select=select)
-        hidden = "" if field in self.table.field_spans() else " (its column is not shown: C)"
+        hidden = "" if field in self.table.field_spans() else f" (its column is not shown: {key_of('columns')})"
         self.info.ask(f"{field.label} of {many(count, 'element')}{hidden}: {examples(field.option)}")
         self.query_one(KeyBar).show_instead(EDITOR_KEYS)
 
@@ -229,7 +229,11 @@ class Editing(ElementsScreen):
 
     def _discard(self) -> None:
         count = self.session.table.discard(self.session.rows.targets())
-        self._edited(f"{many(count, 'edit')} discarded; u brings them back" if count else "nothing is pending here")
+        self._edited(
+            f"{many(count, 'edit')} discarded; {key_of('undo')} brings them back"
+            if count
+            else "nothing is pending here"
+        )
 
     def _take_cell(self, value: str) -> bool:
         """Edit as typed; False, with the reason, when that can't be."""

@@ -201,15 +201,26 @@ class ElementsScreen(SiloScreen):
         self.info.display = False
         self._show_filter()
 
+    def _is_empty(self) -> bool:
+        """Return whether there is no row that a key could be about, and say so."""
+        if not len(self.session.rows.shown):
+            self.say("no element is here")
+        return not len(self.session.rows.shown)
+
     def command_mark(self) -> None:
+        if self._is_empty():
+            return
         self.session.rows.toggle_mark()
         self.command_down()
 
     def command_mark_shown(self) -> None:
-        self.session.rows.mark_shown()
-        self._marks_changed()
+        if not self._is_empty():
+            self.session.rows.mark_shown()
+            self._marks_changed()
 
     def command_range(self) -> None:
+        if self._is_empty():
+            return
         rows = self.session.rows
         if rows.anchor is None:
             rows.begin_range()

@@ -14,7 +14,7 @@ from silo.core.elements import LoggedEvent
 from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.files.atomic import atomic_file
-from silo_tui.actions import bindings_for
+from silo_tui.actions import bindings_for, key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches, words
 from silo_tui.model.paths import typed_file
@@ -94,7 +94,8 @@ class EventsScreen(ListScreen[LoggedEvent]):
 
     def going_on(self) -> Sequence[str]:
         count = many(len(self.all), "event")
-        return [f"{count}, {'follows' if self._following else 'g follows'}" if self.all else "nothing happened yet"]
+        follows = "follows" if self._following else f"{key_of('list_top')} follows"
+        return [f"{count}, {follows}" if self.all else "nothing happened yet"]
 
     def follow(self, known: str, place: int | None) -> int | None:
         return (0 if self.shown else None) if self._following else super().follow(known, place)
@@ -155,7 +156,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
         self.command_go_to_event()
 
     def command_go_to_event(self) -> None:
-        event = self.chosen
+        event = self.here()
         if event is None:
             return
         if not event.at_ns or event.tick < 0:
@@ -164,7 +165,8 @@ class EventsScreen(ListScreen[LoggedEvent]):
         stack = [each for each in self.app.screen_stack if isinstance(each, Searching)]
         plots = next((each for each in reversed(stack) if each.session is self.session), None)
         if plots is None:
-            self.say("no plots are open: m in the table plots what is marked, then E and Enter")
+            keys = f"{key_of('monitor')} in the table plots what is marked, then {key_of('events')} and"
+            self.say(f"no plots are open: {keys} {key_of('go_to_event')}")
             return
         while self.app.screen is not plots:
             self.app.pop_screen()

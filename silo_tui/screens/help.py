@@ -13,7 +13,7 @@ from textual.containers import VerticalScroll
 from textual.widgets import Input, Static
 
 from silo.settings.typed import help_rows
-from silo_tui.actions import COMMANDS, FILE_SCOPES, NO_KEYS, commands_for, commands_like
+from silo_tui.actions import COMMANDS, FILE_SCOPES, NO_KEYS, PLACES, commands_for, commands_like
 from silo_tui.modal import Dialog
 from silo_tui.model.facts import MEANINGS
 from silo_tui.model.filter import TERMS
@@ -21,10 +21,6 @@ from silo_tui.widgets.inputs import Fleeting, Line
 
 THREE_FROM, TWO_FROM = 120, 72
 GAP = 2
-PLACES = {
-    "monitor": "plots", "scope": "scope", "detail": "large plot", "file_monitor": "plots of a file",
-    "file_detail": "large plot of a file", "loggers": "list of loggers",
-}  # fmt: skip
 LAST_GROUPS = ("Logger", "Go")
 
 SIGNS = (

@@ -183,6 +183,12 @@ class ListScreen(SiloScreen, Generic[LineT]):
         place = self.lines.highlighted
         return self.shown[place] if place is not None and place < len(self.shown) else None
 
+    def here(self) -> LineT | None:
+        """Return the line under the cursor for a key that is about it; says so where there is none."""
+        if (one := self.chosen) is None:
+            self.say("no line is here")
+        return one
+
     @property
     def chosen_key(self) -> str:
         """The key of the line under the cursor; empty where there is none."""
@@ -251,17 +257,18 @@ class ListScreen(SiloScreen, Generic[LineT]):
     # ------------------------------------------------------------------------------------------ marks, order, filter
 
     def command_list_mark(self) -> None:
-        if self.chosen_key:
+        if self.here() is not None:
             self.marks.toggle(self.chosen_key)
             self._step(1)
             self.show()
 
     def command_list_mark_all(self) -> None:
-        self.marks.toggle_all(self.shown_keys)
-        self.show()
+        if self.here() is not None:
+            self.marks.toggle_all(self.shown_keys)
+            self.show()
 
     def command_list_range(self) -> None:
-        if self.chosen_key:
+        if self.here() is not None:
             self.say(self.marks.range_to(self.chosen_key, self.shown_keys))
             self.show()
 

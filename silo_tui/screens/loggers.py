@@ -16,7 +16,7 @@ from textual.widgets import Static
 
 from silo.fleet.member import Member
 from silo.net.found import LoggerAddress
-from silo_tui.actions import bindings_for
+from silo_tui.actions import bindings_for, key_of
 from silo_tui.model import fleet
 from silo_tui.screens.list_screen import ListScreen
 from silo_tui.sessions.finder import FoundLogger
@@ -29,7 +29,7 @@ Start one:
     silo host          this computer: load, memory, temperatures
     your own program   log.serve()
 
-or press D for the demo. q quits."""
+or press {demo} for the demo. {quit} quits."""
 
 
 STARTING = "The demo is starting: a simulated legged robot, which opens here by itself."
@@ -65,7 +65,8 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
     ) -> None:
         """Show what was found; `starting`: the demo is on its way."""
         self._found = tuple(found)
-        advice = STARTING if starting else "" if found else WAITING
+        waiting = WAITING.format(demo=key_of("demo"), quit=key_of("quit"))
+        advice = STARTING if starting else "" if found else waiting
         if len(found) > 1 and self._wanted and all(one.is_meant_by(self._wanted) for one in found):
             last = found[-1]
             one = f"{last.name}.{last.pid}" if last.pid else last.where
@@ -78,7 +79,7 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
             no_file = (
                 ", and there is no file of that path" if "/" in self._wanted and not Path(self._wanted).exists() else ""
             )
-            advice = f"Waiting for the logger {self._wanted!r}: it doesn't run{no_file}.\n\n{WAITING}"
+            advice = f"Waiting for the logger {self._wanted!r}: it doesn't run{no_file}.\n\n{waiting}"
         notes = [note for note in (problem, *forbidden) if note]
         self._notes = "\n\n".join([advice, *notes]).strip() if not found else "\n".join(filter(None, [advice, *notes]))
         self.show()
@@ -145,7 +146,7 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
                 if one.is_there:
                     self._choose(one)
                 else:
-                    self.say(f"{one.address} is not there any more; r looks again")
+                    self.say(f"{one.address} is not there any more; {key_of('look_again')} looks again")
 
     def command_open_logger(self) -> None:
         self.enter()

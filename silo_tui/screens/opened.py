@@ -9,6 +9,7 @@ from silo.core.elements import SavedFile
 from silo.core.quantities.writing import size_text
 from silo.errors import SiloError
 from silo.recordings.requests import RecordingFile
+from silo_tui.actions import key_of
 from silo_tui.context import Context
 from silo_tui.model.overlay import overlay_of
 from silo_tui.model.paths import typed_path
@@ -76,7 +77,8 @@ async def overlay_recording(context: Context, session: Session, folder: str, fil
     found = await _opened(context, session, folder, file)
     if found is not None:
         session.overlay = overlay_of(name, found[1].source)
-        context.say(f"{name} lies over the plots, with data {session.overlay.extent}; O again lifts it")
+        lifts = f"{key_of('overlay_recording')} again lifts it"
+        context.say(f"{name} lies over the plots, with data {session.overlay.extent}; {lifts}")
 
 
 async def _opened(
@@ -122,7 +124,7 @@ async def open_saved(
     died = [one for one in listed.recordings if one.why.startswith("program died")]
     found = [one for one in listed.recordings if names & {file.name for file in one.files}] if names else died
     if not found:
-        context.say(f"it is not in {listed.folder}; F lists what is there")
+        context.say(f"it is not in {listed.folder}; {key_of('recordings')} lists what is there")
         return
     newest = max(found, key=begun_ns)
     await open_recording(context, session, listed.folder, best_file(newest), plotted)

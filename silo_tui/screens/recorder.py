@@ -6,6 +6,7 @@ from silo.core.names import matching
 from silo.core.quantities.reading import read_keep, read_split
 from silo.core.quantities.writing import duration, many, size_text
 from silo.recorder.requests import RecorderInfo
+from silo_tui.actions import key_of
 from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.model.changes import cost_of
@@ -113,7 +114,7 @@ async def end(context: Context, session: Session) -> None:
     """Ask which recording is to end, and have it end."""
     await _look(session)
     if not session.recorders:
-        context.say("nothing is being recorded; N begins it")
+        context.say(f"nothing is being recorded; {key_of('record')} begins it")
         return
     harmless = Choice("", "Record on" if any(not one.state.over for one in session.recorders) else "Leave them")
     choices = [harmless] + [

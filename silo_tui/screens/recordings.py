@@ -15,7 +15,7 @@ from silo.core.quantities.writing import many, size_text
 from silo.errors import SiloError
 from silo.recordings.requests import Recordings, SavedRecording
 from silo.rpc.frames import Frame
-from silo_tui.actions import bindings_for
+from silo_tui.actions import bindings_for, key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import recorders
 from silo_tui.model import recordings as rows
@@ -103,7 +103,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
             return f"Asking {self.session.name} …"
         if self.found.recordings:
             return f"No recording has {self.asked!r}. Esc clears the filter."
-        return f"Nothing is saved in {self.found.folder} yet. w in the table or the plots saves what is held."
+        return f"Nothing is saved in {self.found.folder} yet. {key_of('save_data')} in the table saves what is held."
 
     def may_be(self, one: SavedRecording) -> bool:
         """Return whether it is finished."""
@@ -224,7 +224,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
         self.read_again()
 
     def command_open_recording(self) -> None:
-        one = self.chosen
+        one = self.here()
         if one is None or self.found is None:
             return
         if one.unfinished:

@@ -14,6 +14,7 @@ from silo.core.quantities.writing import size_text
 from silo.errors import SiloError
 from silo.files.formats import SAVED, SAVED_NAMES
 from silo.rpc.published import Event, EventKind
+from silo_tui.actions import key_of
 from silo_tui.context import Context
 from silo_tui.modal import Dialog, run_alone, run_aside
 from silo_tui.widgets.check_line import CheckLine
@@ -156,7 +157,9 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
         elif event is not None and event.kind is EventKind.SAVE_FAILED:
             self.context.fail(f"not saved: {event.text}")
         else:
-            self.context.fail("the link was lost during the save; it goes on without us: F lists what is there")
+            self.context.fail(
+                f"the link was lost during the save; it goes on without us: {key_of('recordings')} lists what is there"
+            )
 
     def _follow(self, event: Event | None, *, lost: bool) -> None:
         """Show how far the save is; what is said of it comes as events."""

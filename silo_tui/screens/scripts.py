@@ -9,6 +9,7 @@ from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.scripts.requests import ScriptDiff, Scripts
 from silo.settings.conditions_diff import NONE
+from silo_tui.actions import key_of
 from silo_tui.model import text
 from silo_tui.screens.dialogs import Choice, Question, groups_text
 from silo_tui.sessions.link import Link
@@ -24,7 +25,7 @@ def scripts_question(link: Link, scripts: Scripts) -> Question:
             return Text(f"It can't be loaded:\n{error}")
 
     current = text.file_name(scripts.current)
-    none = "" if scripts.names else " There is none yet: W saves the table as one."
+    none = "" if scripts.names else f" There is none yet: {key_of('save_script')} saves the table as one."
     choices = [Choice(name, f"{name}  (current)" if name == current else name) for name in scripts.names]
     body = f"in {scripts.folder}, on the robot. Enter loads it.{none}"
     return Question("Load a script", body, choices, current, preview)

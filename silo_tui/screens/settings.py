@@ -15,7 +15,7 @@ from textual.containers import Vertical
 from textual.widgets import Static
 
 from silo.errors import SiloError
-from silo_tui.actions import BY_ID, COMMANDS, bindings_for, key_text, with_keys
+from silo_tui.actions import BY_ID, COMMANDS, bindings_for, key_of, key_text, with_keys
 from silo_tui.modal import Dialog
 from silo_tui.model.lists import Order
 from silo_tui.screens.list_screen import ListScreen
@@ -129,12 +129,12 @@ class SettingsScreen(ListScreen[SettingRow]):
 
     def _change(self, words: str, **fields: Any) -> None:
         self._take(replace(self.context.settings, **fields))
-        self.say(f"{words}; w keeps it")
+        self.say(f"{words}; {key_of('write_settings')} keeps it")
 
     # ------------------------------------------------------------------------------------------------ changing
 
     def command_change_setting(self) -> None:
-        row = self.chosen
+        row = self.here()
         if row is None:
             return
         if row.command:
@@ -159,14 +159,14 @@ class SettingsScreen(ListScreen[SettingRow]):
     def _choose(self, step: int) -> None:
         option = row.option if (row := self.chosen) is not None else None
         if option is None or not option.words or option.several:
-            self.say("e changes this one")
+            self.say(f"{key_of('change_setting')} changes this one")
             return
         place = option.words.index(getattr(self.context.settings, option.name))
         word = option.words[(place + step) % len(option.words)]
         self._change(f"{option.name}: {word}", **{option.name: word})
 
     def command_default_setting(self) -> None:
-        row, settings = self.chosen, self.context.settings
+        row, settings = self.here(), self.context.settings
         if row is None:
             return
         if row.command:
@@ -218,7 +218,8 @@ class SettingsScreen(ListScreen[SettingRow]):
     def leave(self) -> None:
         super().leave()
         if self.context.settings != self.context.saved_settings:
-            self.context.say("the settings count until you quit; F2 w keeps them")
+            keys = f"{key_of('settings')} {key_of('write_settings')}"
+            self.context.say(f"the settings count until you quit; {keys} keeps them")
 
 
 class KeyDialog(Dialog[str | None]):

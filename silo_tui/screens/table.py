@@ -11,7 +11,7 @@ from textual.timer import Timer
 
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
-from silo_tui.actions import bindings_for
+from silo_tui.actions import bindings_for, key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
@@ -176,7 +176,8 @@ class TableScreen(Editing):
         return known
 
     def statistics_words(self) -> str:
-        return f" of every sample since {text.clock(self.session.table.facts.since_ns)}; Z from now"
+        since = text.clock(self.session.table.facts.since_ns)
+        return f" of every sample since {since}; {key_of('zero')} from now"
 
     def command_zero(self) -> None:
         self._reset_wanted, self._survey_s = True, 0.0
@@ -271,6 +272,8 @@ class TableScreen(Editing):
             under_cursor = names[rows.row] if rows.row is not None else ""
             plotted = [names[int(row)] for row in chosen]
             self.app.push_screen(MonitorScreen(self.session, self.source, plotted, under_cursor))
+        else:
+            self.say("nothing to plot here")
 
     # --------------------------------------------------------------------------------------------- typed lines
 

@@ -12,7 +12,7 @@ from silo.conditions.standing import TriggerStatus
 from silo.core.elements import SavedFile, TriggerOptions, TriggerWord
 from silo.core.quantities.writing import many
 from silo.files.formats import kind_of
-from silo_tui.actions import bindings_for
+from silo_tui.actions import bindings_for, key_of
 from silo_tui.modal import run_alone
 from silo_tui.model.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row
 from silo_tui.model.lists import Order
@@ -77,12 +77,12 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     def words(self) -> str:
         one = self.chosen
         if one is None:
-            return "" if self.all else "No triggers. N makes one; on a plot it takes its level"
+            return "" if self.all else f"No triggers. {key_of('trigger_new')} makes one; on a plot it takes its level"
         name = one.options.name
         if one.state is TriggerWord.BLIND:
             return f"{name} is blind: {one.why}" + ("; switch it on in the table" if one.why.endswith("is off") else "")
         if one.state is TriggerWord.FIRED:
-            return f"{name} has fired (mode single): t arms it again"
+            return f"{name} has fired (mode single): {key_of('trigger_toggle')} arms it again"
         if one.state is TriggerWord.WAITING:
             return f"{name} waits for the logger to run"
         if one.files:
@@ -117,13 +117,15 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         kept = f"{many(sum(each.fires for each in targets), 'fire')} in this run"
         lines = [f"{each.options.name}: {each.options.when}" for each in targets]
         lines += [f"{kept}; {'its' if one else 'their'} captures stay where they are."]
-        lines += [f"t switches {'it' if one else 'them'} off and keeps {'it' if one else 'them'}."]
+        lines += [
+            f"{key_of('trigger_toggle')} switches {'it' if one else 'them'} off and keeps {'it' if one else 'them'}."
+        ]
         title = f"Remove {f'trigger {names[0]}' if one else f'{len(names)} triggers'} of {self.session.name}?"
         if await confirmed(self.app, title, "\n".join(lines), "Remove", f"Keep {'it' if one else 'them'}"):
             await self.carry_out(lambda client: "; ".join([client.remove_trigger(name) for name in names]))
 
     def command_trigger_edit(self) -> None:
-        one = self.chosen
+        one = self.here()
         if one is not None:
             self.edit(one.options, is_new=False)
 

@@ -12,7 +12,7 @@ from silo.core.elements import State
 from silo.core.quantities.writing import clock_text, many
 from silo.core.stalls import idle_words, is_stalled
 from silo.rpc.quantities import SLOW_SHARE
-from silo_tui.actions import BY_ID, Command, commands_for, footer_for, with_keys
+from silo_tui.actions import BY_ID, Command, commands_for, footer_for, key_of, key_that_retries, with_keys
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words
 from silo_tui.model.people import head_words as people_head
@@ -25,12 +25,7 @@ from silo_tui.unforeseen import Guarded
 STATISTICS = ("max", "min", "mean", "std")
 LONG = 10  # digits from which on a column may not have room for a whole number
 # how what a dead program left is opened: Enter has a meaning of its own on most screens
-OPENS = {
-    "table": " Enter opens it.",
-    "monitor": " Enter opens it.",
-    "recordings": " It is in this list.",
-    "": " F lists it.",
-}
+OPENS = {"table": "edit", "monitor": "detail"}
 MODE_RANK, LAST_RANK = 7, 9  # of what stands in the head; the mode is shortened, not left out
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 
@@ -213,15 +208,25 @@ class Banner(Guarded, Widget):
         if session.link is None:
             return ""
         if session.lost_s is not None:
+            retries = key_that_retries(getattr(self.screen, "scope", ""))
+            tries = f" {retries} tries now." if retries else ""
             kept = ", pending edits are kept" if session.table.pending_count[0] else ""
-            return f"No link to {session.name}. Values are {since_words(session.lost_s)} old{kept}. r tries now."
+            return f"No link to {session.name}. Values are {since_words(session.lost_s)} old{kept}.{tries}"
         if session.dead:
             reason = session.status.reason
-            opens = OPENS.get(getattr(self.screen, "scope", ""), OPENS[""]) if left_a_file(session) else ""
+            opens = f" {self._opens()}" if left_a_file(session) else ""
             return f"{session.name} died: {reason or 'nothing is known of why'}{opens}"
         if len(session.table) and not session.table.live.any() and session.running:
-            return "Nothing is logged, every element is off: mark elements, press t, then a to apply."
+            keys = f"press {key_of('toggle')}, then {key_of('apply')} to apply"
+            return f"Nothing is logged, every element is off: mark elements, {keys}."
         return ""
+
+    def _opens(self) -> str:
+        """Return how what a dead program left is opened."""
+        scope = getattr(self.screen, "scope", "")
+        if scope == "recordings":
+            return "It is in this list."
+        return f"{key_of(OPENS[scope], last=True)} opens it." if scope in OPENS else f"{key_of('recordings')} lists it."
 
 
 def _cursor_words(session: Session) -> str:
@@ -283,7 +288,7 @@ class InfoLine(Guarded, Widget):
             parts.append(f"{rows.marked_count} marked{hidden}")
         fields, elements = session.table.pending_count
         if fields:
-            way = " (stop to apply)" if session.running else " (a to apply)"
+            way = " (stop to apply)" if session.running else f" ({key_of('apply')} to apply)"
             parts.append(f"{fields} pending in {many(elements, 'row')}{way}")
         conflicts = int(session.table.conflicts.sum())
         if conflicts:

@@ -7,6 +7,7 @@ from rich.text import Text
 from textual.widgets import Static
 
 from silo.expressions.span import Between
+from silo_tui.actions import key_of
 from silo_tui.model import text
 from silo_tui.unforeseen import Guarded
 
@@ -31,7 +32,8 @@ class BetweenTable(Guarded, Static):
             lines.append(f"\n {head + text.shorten_left(name, name_width - len(head)):<{name_width}}")
             lines.append("".join(f"{word:>{column}}" for word in words_of(found, column)))
         if len(facts) > MOST_LINES:
-            lines.append(f"\n {len(facts) - MOST_LINES} more signals: I isolates one, x takes one away")
+            isolates, removes = f"{key_of('isolate_plot')} isolates one", f"{key_of('drop_plot')} takes one away"
+            lines.append(f"\n {len(facts) - MOST_LINES} more signals: {isolates}, {removes}")
         if partly:
             lines.append(f"\n {partly}")
         self.update(lines)

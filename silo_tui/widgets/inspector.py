@@ -16,6 +16,7 @@ from textual.widget import Widget
 from silo.core.elements import ElementInfo
 from silo.core.quantities.writing import many
 from silo.rpc.published import NOT_LIVE_TEXTS
+from silo_tui.actions import key_of
 from silo_tui.model import braille, text
 from silo_tui.model.columns import ColumnStore, hold_piece
 from silo_tui.model.fields import Field, phrase_for
@@ -210,11 +211,12 @@ class Inspector(Guarded, Widget):
     def _values(self, pane: InspectorLines, element: ElementInfo, row: int, reading: Reading | None) -> None:
         pane.append("\n")
         if not self.session.table.server[Field.ENABLED, row]:
-            words = "not computed" if element.expression else "not logged; t switches it on"
+            words = "not computed" if element.expression else f"not logged; {key_of('toggle')} switches it on"
             pane.append(f"{words}\n", style=self._quiet)
             return
         if reading is None or not reading.held:
-            pane.append("no values yet\n" if self.session.running else "not running; S starts it\n", style=self._quiet)
+            words = "no values yet" if self.session.running else f"not running; {key_of('start_stop')} starts it"
+            pane.append(f"{words}\n", style=self._quiet)
             return
         if reading.why is not None:
             pane.append(f"{NOT_LIVE_TEXTS[reading.why]}\n", style=self._quiet)

@@ -13,6 +13,7 @@ from textual.geometry import Region, Size
 from textual.strip import Strip
 
 from silo.core.arrays.columns import Gap
+from silo_tui.actions import key_of
 from silo_tui.model import braille, lanes, text
 from silo_tui.model.columns import ColumnPiece, ColumnStore
 from silo_tui.model.dots import BLANK
@@ -135,7 +136,7 @@ class PlotStack(PanelList):
     def _body(self, at: int, line: int, height: int) -> list[Segment]:
         panel = self.panels[at]
         if panel[0].numeric and not any(self.source.is_live(plotted.element.name) for plotted in panel):
-            words = " " * AXIS + " off: t in the table switches it on"
+            words = " " * AXIS + f" off: {key_of('toggle')} in the table switches it on"
             return [Segment(words if line == 0 else "", self._style("plot--quiet"))]
         if has_curves(panel):
             return self._curve(at, line)

@@ -1,8 +1,13 @@
 """The law of keys, as data: which key does what, on which screens; every screen is held against it."""
 
+import ast
+import re
+from pathlib import Path
+
 import pytest
 
-from silo_tui.actions import COMMANDS, commands_for
+import silo_tui
+from silo_tui.actions import COMMANDS, commands_for, key_of, key_that_retries, use_keys, why_no_use
 
 # T table, P plots, D large plot, G triggers, A alarms, R recordings, E events, L loggers, H settings; each on a logger,
 # and, where there is one, on a file
@@ -172,3 +177,36 @@ def test_every_screen_is_held_against_the_law():
     assert {scope for command in COMMANDS for scope in command.scopes} - {"any", "scope"} == set(
         SCOPES
     )  # the scope has keys of its own
+
+
+def test_a_key_without_a_use_says_where_it_has_one():
+    assert why_no_use("V", "monitor") == "V (Range) has no use here: it is a key of table, file, triggers and others"
+    assert why_no_use("P", "table") == "P is no key of silo-tui; ? shows those that are"
+    assert why_no_use("t", "file") == "a saved file: nothing to edit"
+
+
+def test_what_is_said_names_the_users_keys():
+    assert key_of("refresh") == "r"
+    use_keys({"refresh": "ctrl+f", "list_read": "f5,f6"})
+    try:
+        assert (key_of("refresh"), key_of("list_read"), key_of("list_read", last=True)) == ("^f", "F5", "F6")
+        assert [key_that_retries(scope) for scope in ("table", "monitor", "events", "settings")] == [
+            "^f",
+            "r",
+            "F5",
+            "",
+        ]
+    finally:
+        use_keys({})
+
+
+def test_no_sentence_names_a_key_by_its_letter():
+    verbs = "tries saves lists brings looks keeps makes begins arms switches takes changes starts gives isolates"
+    letter = re.compile(rf"\b([b-zB-Z]|F\d|\^[a-z]) (again |then )?({verbs.replace(' ', '|')}|from now)\b")
+    found = []
+    for path in sorted(Path(silo_tui.__file__).parent.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            said = node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
+            if letter.search(said) and path.name != "cli.py":  # of Ctrl+C
+                found.append((path.name, said[:80]))
+    assert found == []

@@ -36,7 +36,7 @@ def test_marking_all_again_unmarks_them_and_leaves_what_is_hidden():
 @pytest.mark.parametrize(("begin", "end"), [("b", "d"), ("d", "b")])
 def test_a_range_is_marked_whichever_end_it_begins_at(begin, end):
     marks = Marks()
-    assert "V again" in marks.range_to(begin, SHOWN)
+    assert "the same key ends it" in marks.range_to(begin, SHOWN)
     assert marks.range_to(end, SHOWN) == "range of 3 marked"
     assert marks.keys == {"b", "c", "d"}
     assert marks.anchor is None

@@ -8,6 +8,7 @@ from textual.widgets import Input
 import silo
 from silo_tui.actions import commands_for
 from silo_tui.commands.runner import CommandRunner
+from silo_tui.context import Context
 from silo_tui.widgets.inputs import Fleeting
 from tests.stand_ins.fake_signals import array_of_one, scalar
 
@@ -133,3 +134,37 @@ async def test_strange_lines_of_commands(kind, new_fake, opened, monkeypatch, tm
             await screen.leave()
             assert screen.app.is_running, line
             assert not screen.app.unforeseen.errors, line
+
+
+# they move; open an empty pane; begin what takes its time
+QUIET = {"back", "refresh", "next_event", "previous_event", "inspector", "demo"}
+MOVES = {"list_down", "list_up", "list_top", "list_bottom", "list_page_down", "list_page_up", "list_read"}
+
+
+@pytest.mark.parametrize("scope", ["table", "triggers", "alarms", "events", "recordings", "settings", "loggers"])
+async def test_no_key_is_silent_where_there_is_nothing_that_it_could_be_about(scope, new_fake, opened, monkeypatch):
+    said = []
+    monkeypatch.setattr(Context, "say", lambda context, words: said.append(words))
+    async with opened(new_fake([]), size=(100, 30), ready=False) as screen:
+        await screen.until(lambda: screen.app.context.has_session, "the table")
+        way = {**SCREENS, "loggers": ("ctrl+l",)}[scope]
+        await screen.press(*way)
+        upper = screen.app.context.upper_screen
+        monkeypatch.setattr(type(upper), "say", lambda screen, words: said.append(words))
+        silent = []
+        for command in commands_for(scope):
+            if command.id in ENDS | QUIET | MOVES or command.group == "Move":
+                continue
+            said.clear()
+            before = screen.text
+            await screen.press(command.keys.split(",")[0])
+            if not said and screen.text == before:
+                silent.append(command.id)
+            await screen.press("escape")
+            while screen.app.screen is not upper and len(screen.app.screen_stack) > 2:
+                screen.app.pop_screen()
+                await screen.pilot.pause()
+            if screen.app.context.upper_screen is not upper:
+                await screen.press(*way)
+                upper = screen.app.context.upper_screen
+        assert silent == []
