@@ -1,13 +1,14 @@
 """Everything that can be done, once: keys, key bar, help, command palette and `:` words are made from this list.
 
-A command with id `x` is carried out by the method `command_x` of the screen, or of the app; typed with a word whose
-meaning differs from the key's, by `word_x` in `commands/runner.py`. A new one touches its entry, that method and its
-test. Keys avoid what terminals eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports nothing of `silo_tui`.
+A command with id `x` is carried out by the method `command_x` of the screen, else of `CommandRunner`, else of the app:
+by key, by word and from the palette. A new one touches its entry, that method and its test. Keys avoid what terminals
+eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports nothing of `silo_tui`.
 """
 
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
 from textual.binding import Binding
@@ -21,7 +22,8 @@ class Typed:
     """How a command is typed after `:`.
 
     `completes` names what its argument may be (see `CommandRunner.choices`). `usage` and `help` are its line on the
-    help page, `place` the order of these lines; without a usage it has none.
+    help page, `place` the order of these lines; without a usage it has none. `reads`: its method is told what was
+    typed, as a `Spelled`.
     """
 
     words: tuple[str, ...]
@@ -29,6 +31,7 @@ class Typed:
     usage: str = ""
     help: str = ""
     place: int = 0
+    reads: bool = False
 
 
 @dataclass(frozen=True)
@@ -123,6 +126,9 @@ _LISTS = _ORDERED + _SETTINGS
 FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL + _FILE_EVENTS
 
 
+_read = partial(Typed, reads=True)
+
+
 def _typed(option: str) -> str:
     return f"type a {OPTION[option].label}: {', '.join(OPTION[option].examples)}"
 
@@ -144,14 +150,14 @@ COMMANDS: tuple[Command, ...] = (
     Command("right", "l,right,tab", "Field right", "next field", "Move", _TABLE, hidden=True),
     # ------------------------------------------------------------------------------------------ finding, marking
     Command("filter", "slash", "Filter", "show only some elements", "Find and mark", _TABLES, 2,
-            typed=Typed(("filter",))),
+            typed=_read(("filter",))),
     Command("mark", "space", "Mark", "mark or unmark, and move on", "Find and mark", _TABLES, 1,
-            typed=Typed(("mark",))),
+            typed=_read(("mark",))),
     Command("mark_shown", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Find and mark",
             _TABLES, 13),
     Command("range", "V", "Range", "begin a range, move, the same key marks it", "Find and mark", _TABLES),
     Command("sort", "o", "Order", "choose an order; its letter again turns it round", "Find and mark", _TABLES, 3,
-            typed=Typed(("sort",), "sorts", ":sort div", "order by a column", 6)),
+            typed=_read(("sort",), "sorts", ":sort div", "order by a column", 6)),
     Command("fold", "z", "Fold", "fold a name space, or unfold a vector into its entries", "Find and mark", _TABLES, 4),
     Command("component", "n", "Entry", "norm of a vector, its first entry, the next ...", "Look", _TABLES),
     Command("columns", "C", "Columns", "settings or values, statistics, timing", "Look", _TABLES),
@@ -172,15 +178,15 @@ COMMANDS: tuple[Command, ...] = (
             "Edit", _TABLE, typed=Typed(("discard",))),
     # -------------------------------------------------------------------------------------------------- logger
     Command("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _BOTH, 8, writes=True, asks=True,
-            typed=Typed(("start", "stop"))),
+            typed=_read(("start", "stop"))),
     Command("restart", "R", "Restart", "stop and start again", "Logger", _BOTH, writes=True, asks=True,
             typed=Typed(("restart",))),
     Command("save_data", "w", "Save", "write the logged data to files", "Logger", _TABLE, 9, writes=True, asks=True,
-            typed=Typed(("data",), "types", ":data silo csv bag NAME", "save data", 4)),
+            typed=_read(("data",), "types", ":data silo csv bag NAME", "save data", 4)),
     Command("load_script", "L", "Load script", "choose a script on the robot", "Logger", _TABLE,
-            writes=True, asks=True, typed=Typed(("load",), "scripts", ":load x.yaml", "load a script", 1)),
+            writes=True, asks=True, typed=_read(("load",), "scripts", ":load x.yaml", "load a script", 1)),
     Command("save_script", "W", "Save script", "store the table as a script on the robot", "Logger", _TABLE,
-            writes=True, asks=True, typed=Typed(("save",), "scripts", ":save x.yaml", "save the table as a script", 2)),
+            writes=True, asks=True, typed=_read(("save",), "scripts", ":save x.yaml", "save the table as a script", 2)),
     Command("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE, asks=True,
             retries=True, typed=Typed(("refresh",))),
     # ------------------------------------------------------------------------------------------------- looking
@@ -294,7 +300,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("delete_recording", "x", "Delete", "delete it on the robot, after a question", "Recordings", _RECORDINGS,
             4, writes=True, asks=True),
     Command("record", "N", "Record", "a new recording of all, marked or named signals, for days", "Recordings",
-            _RECORDINGS, 5, writes=True, asks=True, typed=Typed(("record",))),
+            _RECORDINGS, 5, writes=True, asks=True, typed=_read(("record",))),
     Command("stop_recording", "t", "Stop", "end a recording that runs; its parts stay", "Recordings", _RECORDINGS, 6,
             writes=True, asks=True),
     # -------------------------------------------------------------------------------------- triggers and alarms
@@ -344,24 +350,24 @@ COMMANDS: tuple[Command, ...] = (
     Command("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",), hidden=True, typed=Typed(("q!",))),
     # ----------------------------------------------------------------------------------------------- only typed
     Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
-            typed=Typed(("set",), "settings", ":set div=5 size=10s", "edit what is marked, by these words:", 3)),
+            typed=_read(("set",), "settings", ":set div=5 size=10s", "edit what is marked, by these words:", 3)),
     Command("control", "", "Control", "who is connected; take, release or give away control", "Edit", (), asks=True,
-            typed=Typed(("control",), "control", ":control take|release|give NAME",
+            typed=_read(("control",), "control", ":control take|release|give NAME",
                         "one operator at a time; without words, who is connected", 9)),
     Command("derive", "", "Derive", "make or change a signal that is computed from others; x on its row forgets it",
             "Look", (), writes=True, asks=True,
-            typed=Typed(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),
+            typed=_read(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),
     Command("goto", "", "Go to", "put the cursor on an element", "Move", (),
-            typed=Typed(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
+            typed=_read(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
     Command("unmark", "", "Unmark", "unmark everything", "Find and mark", (), typed=Typed(("unmark",))),
-    Command("theme", "", "Theme", "choose other colours", "Go", (), typed=Typed(("theme",), "themes")),
+    Command("theme", "", "Theme", "choose other colours", "Go", (), typed=_read(("theme",), "themes")),
     Command("view", "", "View", "what is on the screen, kept by a name", "Look", (),
-            typed=Typed(("view",), "views", ":view [save] NAME",
+            typed=_read(("view",), "views", ":view [save] NAME",
                         "put a view on the screen, or keep it; robot:NAME is on the robot", 8)),
     Command("open", "", "Open a file", "look into a saved log of this machine; Esc comes back", "Go", (),
-            typed=Typed(("open",), "logs", ":open FILE", "look into a saved log of this machine", 9)),
+            typed=_read(("open",), "logs", ":open FILE", "look into a saved log of this machine", 9)),
     Command("picture", "", "Picture", "the screen as a picture", "Go", (),
-            typed=Typed(("picture",), "", ":picture FILE.svg", "the screen as a picture", 7)),
+            typed=_read(("picture",), "", ":picture FILE.svg", "the screen as a picture", 7)),
 )
 # fmt: on
 

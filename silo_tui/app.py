@@ -73,6 +73,7 @@ class SiloApp(Guarded, App[None]):
         self.context = Context(
             self, Holding, read_only=read_only, settings=settings, settings_problems=settings_problems
         )
+        self.context.runner = CommandRunner(self.context)
         self.context.came_back = self._catch_up
         self.context.take_up = lambda: self.context.run_flow(flows.take_up_edits(self.context))
         self._take_keys(settings)
@@ -253,29 +254,6 @@ class SiloApp(Guarded, App[None]):
 
     # ----------------------------------------------------------------------------------------------------- commands
 
-    def command_start_stop(self) -> None:
-        self.context.run_flow(flows.start_stop(self.context))
-
-    def command_restart(self) -> None:
-        self.context.run_flow(flows.restart(self.context))
-
-    def command_apply(self) -> None:
-        self.context.run_flow(flows.apply(self.context))
-
-    def command_load_script(self) -> None:
-        self.context.run_flow(flows.load_script(self.context))
-
-    def command_save_script(self) -> None:
-        self.context.run_flow(flows.save_script(self.context))
-
-    def command_save_data(self) -> None:
-        from silo_tui.screens.save_data import SaveDialog
-
-        self.push_screen(SaveDialog(self.context))
-
-    def command_try_link(self) -> None:
-        self.context.try_link()
-
     def command_suspend(self) -> None:
         self.action_suspend_process()
 
@@ -406,16 +384,14 @@ class SiloApp(Guarded, App[None]):
         """Open the command line over any screen, with a word typed already."""
         from silo_tui.screens.command_line import CommandLine
 
-        runner = CommandRunner(self.context)
-
         def run(line: str | None) -> None:
             if line and line.strip(": "):
-                runner.run(line)
+                self.context.runner.run(line)
 
         screen = self.context.upper_screen
         on_file = screen is not None and screen.scope in FILE_SCOPES
         words = "goto filter sort picture theme help quit" if on_file else "view theme start stop help quit"
-        self.push_screen(CommandLine(runner.complete, words, f"{word} " if word else ""), run)
+        self.push_screen(CommandLine(self.context.runner.complete, words, f"{word} " if word else ""), run)
 
     def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):

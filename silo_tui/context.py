@@ -16,6 +16,7 @@ from silo.net.access.senders import read_only_words
 from silo.rpc.frames import Frame
 from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, why_no_use
 from silo_tui.modal import Dialog, Leaving, run_alone
+from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
@@ -47,6 +48,7 @@ class Context:
         self.app = app
         self.holding = holding  # makes what owns the keys while a flow is under way
         self.read_only = read_only
+        self.runner: Any = None  # the `CommandRunner`, which imports this
         self.take_up: Callable[[], None] = lambda: None  # asks what becomes of edits that were kept
         self.settings = settings or Settings()
         self.settings_problems = tuple(settings_problems)
@@ -301,14 +303,16 @@ class SiloScreen(Leaving[None]):
         typing = isinstance(self.focused, Fleeting) and self.focused.display
         return not typing or parameters == ("quit_now",)
 
-    def action_command(self, command_id: str) -> None:
+    def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Do what a key, a click, the palette or the command line asks for."""
-        if not self.context.allows(BY_ID[command_id]):
+        command = BY_ID[command_id]
+        if not self.context.allows(command):
             return
-        method = f"command_{command_id}"
-        handler: Callable[[], Any] | None = getattr(self, method, None) or getattr(self.app, method, None)
+        places = (self, self.context.runner, self.app)
+        found = (getattr(place, f"command_{command_id}", None) for place in places)
+        handler: Callable[..., Any] | None = next(filter(None, found), None)
         if handler is not None:
-            handler()
+            handler(*([typed] if command.typed is not None and command.typed.reads else []))
         self.update_keys()
 
     def begin_command(self, word: str) -> None:

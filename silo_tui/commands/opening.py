@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo_tui.commands import flows
 from silo_tui.commands.many import Many
-from silo_tui.commands.runner import LOST, CommandRunner, view_shown
+from silo_tui.commands.runner import LOST, view_shown
 from silo_tui.context import Context
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
@@ -130,8 +130,7 @@ class Opener:
         session.address = logger.addresses[-1] if logger.alike and logger.addresses else ""
         self._view_is_there = False
         context.take_session(session)
-        runner = CommandRunner(context)
-        screen = TableScreen(session, runner.run, runner.complete, read_only=context.read_only)
+        screen = TableScreen(session, read_only=context.read_only)
         while len(app.screen_stack) > 2:
             await app.pop_screen()
         await app.switch_screen(screen)

@@ -1,4 +1,5 @@
-"""What the words of the `:` line do where they take arguments, or mean something else than the command's key."""
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""The `:` line, and the commands that need no screen."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -10,7 +11,7 @@ from silo.core.quantities.writing import many
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
 from silo.rpc.refusals import RefusedWhy
-from silo.settings.typed import ElementSettings, completions, read_settings
+from silo.settings.typed import completions
 from silo_tui.actions import BY_WORD, FILE_SCOPES, NOT_EDITED, Command, key_of, typed_on_file
 from silo_tui.commands import flows
 from silo_tui.context import Context, SiloScreen
@@ -18,13 +19,13 @@ from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout, read, write
 from silo_tui.modal import run_alone
 from silo_tui.model import command_line
+from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.model.paths import typed_file
 from silo_tui.model.people import people_words
 from silo_tui.screens import recorder
 from silo_tui.screens.dialogs import confirmed
 from silo_tui.screens.exporting import picture
 from silo_tui.screens.opened import open_path
-from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.live import why
 from silo_tui.settings.themes import THEMES
 from silo_tui.theme import theme_name
@@ -38,7 +39,7 @@ PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
 
 
 class CommandRunner:
-    """Carries out command lines and completes them; `word_x` is the command `x` as it is typed."""
+    """Carries out and completes command lines; has the commands that need no screen."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -47,7 +48,7 @@ class CommandRunner:
         """Return whole lines that `line` may become."""
         command = BY_WORD.get(line.lstrip(":").partition(" ")[0])
         choices = self.choices(command, line.rpartition(" ")[2]) if command is not None else ()
-        words = [word for word, one in BY_WORD.items() if self._file_screen is None or typed_on_file(one)]
+        words = [word for word, one in BY_WORD.items() if not self._on_file or typed_on_file(one)]
         return command_line.complete(line, sorted(words), choices)
 
     def choices(self, command: Command, begun: str = "") -> Sequence[str]:
@@ -78,103 +79,74 @@ class CommandRunner:
         except (ValueError, SiloError) as error:
             self._context.fail(str(error))
 
-    def _run(self, spelled: command_line.Spelled) -> None:
+    def _run(self, spelled: Spelled) -> None:
         command = BY_WORD.get(spelled.word)
         if command is None:
             near = [known for known in sorted(BY_WORD) if known.startswith(spelled.word[:2])]
             hint = f"; did you mean {', '.join(near)}?" if near else "; `:help` shows what there is"
             raise ValueError(f"there is no command {spelled.word!r}{hint}")
-        file = self._file_screen
-        if file is not None and not typed_on_file(command):
+        if self._on_file and not typed_on_file(command):
             raise RefusedError(f":{spelled.word}: {NOT_EDITED}, no logger to command")
-        handler: Callable[[command_line.Spelled], None] | None = getattr(self, f"word_{command.id}", None)
-        if handler is None:
-            (file or self._screen_for(command)).action_command(command.id)
-        elif self._context.allows(command):
-            handler(spelled)
+        self._screen_for(command).action_command(command.id, spelled)
 
     @property
-    def _file_screen(self) -> SiloScreen | None:
-        """The screen of a file, where that is the uppermost."""
-        screen = self._context.upper_screen
-        return screen if screen is not None and screen.scope in FILE_SCOPES else None
+    def _on_file(self) -> bool:
+        """Whether the uppermost screen is of a file."""
+        return (screen := self._context.upper_screen) is not None and screen.scope in FILE_SCOPES
 
     def _screen_for(self, command: Command) -> SiloScreen:
-        """Return the table, or the list of loggers for what needs none. RefusedError when there is none."""
-        screen = self._context.upper_screen
-        return screen if screen is not None and "any" in command.scopes else self._table_screen
+        """Return the uppermost screen that carries it out, else the table, or any for what needs none."""
+        stack = [each for each in self._context.app.screen_stack[::-1] if isinstance(each, SiloScreen)]
+        stack = [each for each in stack if (each.scope in FILE_SCOPES) == self._on_file]
+        if command.scopes and "any" not in command.scopes and not self._on_file:
+            tables = [each for each in stack if each.scope == "table"]
+        else:
+            tables = stack[:1]
+        found = [each for each in stack if hasattr(each, f"command_{command.id}")] or tables
+        if not found:
+            raise RefusedError("no logger is open")
+        return found[0]
 
-    @property
-    def _table_screen(self) -> TableScreen:
-        """The table of the logger that is open. RefusedError when there is none."""
-        for screen in self._context.app.screen_stack:
-            if isinstance(screen, TableScreen):
-                return screen
-        raise RefusedError("no logger is open")
-
-    def word_start_stop(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:start` or `:stop`, which `S` is both."""
+    def command_start_stop(self, typed: Spelled) -> None:
         running = self._context.session.running
-        if running == (spelled.word == "start"):
+        if typed is not BY_KEY and running == (typed.word == "start"):
             self._context.say(f"it is {'running' if running else 'stopped'} already")
         else:
-            self._table_screen.action_command("start_stop")
+            self._context.run_flow(flows.start_stop(self._context))
 
-    def word_load_script(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:load [NAME]`; without a name, ask for one."""
-        self._context.run_flow(flows.load_script(self._context, spelled.arguments[0] if spelled.arguments else ""))
+    def command_restart(self) -> None:
+        self._context.run_flow(flows.restart(self._context))
 
-    def word_save_script(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:save [NAME]`; without a name, to the logger's own script."""
-        self._context.run_flow(flows.save_script(self._context, spelled.arguments[0] if spelled.arguments else ""))
+    def command_apply(self) -> None:
+        self._context.run_flow(flows.apply(self._context))
 
-    def word_save_data(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:data [TYPE ...] [NAME]`; without arguments, ask."""
+    def command_load_script(self, typed: Spelled) -> None:
+        self._context.run_flow(flows.load_script(self._context, typed.first))
+
+    def command_save_script(self, typed: Spelled) -> None:
+        """Store the table; by its word without a name, as the logger's own script."""
+        self._context.run_flow(flows.save_script(self._context, None if typed is BY_KEY else typed.first))
+
+    def command_save_data(self, typed: Spelled) -> None:
         from silo_tui.screens.save_data import SaveDialog
 
-        types, name = command_line.read_save(spelled.arguments)
-        self._context.app.push_screen(SaveDialog(self._context, types, name, at_once=bool(spelled.arguments)))
+        types, name = command_line.read_save(typed.arguments)
+        self._context.app.push_screen(SaveDialog(self._context, types, name, at_once=bool(typed.arguments)))
 
-    def word_set(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:set div=5 size=10s ...` for all targets."""
-        if not spelled.arguments:
-            raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
-        wanted = read_settings(spelled.arguments)
-        self._table_screen.sure_of_hidden(lambda: self._set(wanted))
+    def command_try_link(self) -> None:
+        self._context.try_link()
 
-    def _set(self, wanted: ElementSettings) -> None:
-        context = self._context
-        try:
-            changed = context.session.change(wanted)
-        except (ValueError, SiloError) as error:
-            context.fail(str(error))
-            return
-        context.table_changed()
-        context.say(
-            f"{many(changed, 'field')} changed; {key_of('undo')} takes {'it' if changed == 1 else 'them'} back"
-            if changed
-            else "nothing to change"
-        )
+    def command_record(self, typed: Spelled) -> None:
+        self._context.run_flow(recorder.begin(self._context, self._context.session, 0, typed.rest))
 
-    def word_record(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:record [PATTERN ...]`; without a pattern, ask what."""
-        context = self._context
-        self._context.run_flow(recorder.begin(context, context.session, 0, " ".join(spelled.arguments)))
-
-    def word_derive(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:derive [NAME [EXPRESSION]]`; what isn't typed is asked for."""
-        name, expression = (*spelled.arguments[:1], "")[0], " ".join(spelled.arguments[1:])
-        self._table_screen.command_derive(name, expression.removeprefix("= "))
-
-    def word_open(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:open FILE`."""
-        if not spelled.arguments:
+    def command_open(self, typed: Spelled) -> None:
+        if not typed.arguments:
             raise ValueError(
                 f"open which file? for example `:open logs/run.silo`; {key_of('recordings')} lists what is on the robot"
             )
         if not self._context.has_session:
             raise RefusedError("no logger is open: leave silo-tui, and open the file by `silo-tui FILE`")
-        run_alone(self._context.app, "opening", self._open, " ".join(spelled.arguments))
+        run_alone(self._context.app, "opening", self._open, typed.rest)
 
     async def _open(self, path: str) -> None:
         self._context.say(f"reading {path} …")
@@ -183,68 +155,22 @@ class CommandRunner:
         except (SiloError, OSError) as error:
             self._context.fail(f"{path} can't be opened: {error}")
 
-    def word_filter(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:filter [TERM ...]`."""
-        self._context.session.rows.set_filter(" ".join(spelled.arguments))
-        self._context.table_changed()
-
-    def word_goto(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:goto NAME`; a part of a name is enough."""
-        context, name = self._context, " ".join(spelled.arguments)
-        table, rows = context.session.table, context.session.rows
-        row = table.row(name)
-        if row is None:
-            found = [each for each, folded in enumerate(table.folded) if name.casefold() in folded]
-            if not found or not name:
-                raise ValueError(f"no element has {name!r} in its name")
-            row = found[0]
-        if not rows.move_to_row(row):
-            rows.set_filter("")
-            rows.move_to_row(row)
-        context.table_changed()
-
-    def word_sort(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:sort COLUMN`."""
-        if len(spelled.arguments) != 1 or spelled.arguments[0] not in self._context.session.rows.orders:
-            raise ValueError(f"sort by one of {', '.join(self._context.session.rows.orders)}")
-        self._context.session.rows.order_by(spelled.arguments[0])
-        self._context.table_changed()
-
-    def word_mark(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:mark [TERM ...]`; without terms, mark all that are shown."""
-        rows = self._context.session.rows
-        if spelled.arguments:
-            from silo_tui.model.filter import parse
-
-            rows.marked |= parse(" ".join(spelled.arguments)).mask(self._context.session.table, rows.marked)
-        else:
-            rows.marked[rows.shown] = True
-        self._context.table_changed()
-
-    def word_unmark(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:unmark`."""
-        self._context.session.rows.clear_marks()
-        self._context.table_changed()
-
-    def word_theme(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:theme NAME`."""
-        words, known = spelled.arguments, self._context.app.available_themes
+    def command_theme(self, typed: Spelled) -> None:
+        words, known = typed.arguments, self._context.app.available_themes
         name = theme_name(words[0]) if len(words) == 1 and words[0] in THEMES else " ".join(words)
         if name not in known:
             others = ", ".join(sorted(each for each in known if not each.startswith("silo-")))
             raise ValueError(f"themes: {', '.join(THEMES)}; Textual's: {others}")
         self._context.app.theme = name
 
-    def word_control(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:control take|force|release|give NAME`; without words, tell who is there."""
-        self._context.run_flow(control_flow(self._context, spelled.arguments))
+    def command_control(self, typed: Spelled) -> None:
+        self._context.run_flow(control_flow(self._context, typed.arguments))
 
-    def word_view(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:view NAME`, `:view save NAME`; without a name, tell those that there are."""
-        if spelled.arguments[:1] == ("save",) and len(spelled.arguments) > 1:
-            self._save_view(" ".join(spelled.arguments[1:]))
-        elif spelled.arguments:
-            self._context.run_flow(open_view(self._context, " ".join(spelled.arguments)))
+    def command_view(self, typed: Spelled) -> None:
+        if typed.arguments[:1] == ("save",) and len(typed.arguments) > 1:
+            self._save_view(" ".join(typed.arguments[1:]))
+        elif typed.arguments:
+            self._context.run_flow(open_view(self._context, typed.rest))
         else:
             self._context.run_flow(tell_views(self._context))
 
@@ -261,9 +187,8 @@ class CommandRunner:
         files.save(file, layout)
         self._context.say(f"view {name} {'written over' if again else 'kept'}{plots}; silo-tui --view {name} opens it")
 
-    def word_picture(self, spelled: command_line.Spelled) -> None:
-        """Carry out `:picture [FILE]`."""
-        given = spelled.arguments[0] if spelled.arguments else "silo-tui.svg"
+    def command_picture(self, typed: Spelled) -> None:
+        given = typed.arguments[0] if typed.arguments else "silo-tui.svg"
         path = typed_file("the picture", given, ".svg")
         if path.suffix != ".svg":  # an SVG in a .png is a picture that nothing opens
             path = path.with_name(f"{path.stem if path.suffix.lower() in PICTURES else path.name}.svg")

@@ -17,6 +17,19 @@ class Spelled:
     word: str
     arguments: tuple[str, ...]
 
+    @property
+    def first(self) -> str:
+        """The first argument; empty without any."""
+        return next(iter(self.arguments), "")
+
+    @property
+    def rest(self) -> str:
+        """All arguments, as one."""
+        return " ".join(self.arguments)
+
+
+BY_KEY = Spelled("", ())  # what a command is told whose key was pressed
+
 
 def read(line: str) -> Spelled:
     """Split a command line as a shell would. ValueError for an open quote or an empty line."""

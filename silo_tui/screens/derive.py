@@ -71,7 +71,7 @@ class DeriveDialog(Form[Derived]):
         return " " * max(0, blank + first + at) + "^" * (end - at)
 
 
-async def derive(context: Context, session: Session, one: Derived) -> None:
+async def ask_derived(context: Context, session: Session, one: Derived) -> None:
     """Ask what is to be derived, have it derived, and go to its row."""
     is_new = not any(known.name == one.name for known in derived.present(session.table))
     made, problem, said = one, "", ""

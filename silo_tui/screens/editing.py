@@ -8,12 +8,14 @@ import msgspec
 
 from silo.core.elements import TriggerOptions
 from silo.core.quantities.writing import many
-from silo.settings.typed import examples
+from silo.errors import SiloError
+from silo.settings.typed import ElementSettings, examples, read_settings
 from silo_tui.actions import BY_ID, key_of
 from silo_tui.model import derived
+from silo_tui.model.command_line import Spelled
 from silo_tui.model.fields import Field, next_value, parse_change, phrase_for
 from silo_tui.model.table_columns import STEADY
-from silo_tui.screens.derive import derive, forget
+from silo_tui.screens.derive import ask_derived, forget
 from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.elements import ElementsScreen
 from silo_tui.widgets.bars import KeyBar
@@ -48,7 +50,7 @@ class Editing(ElementsScreen):
 
     def command_edit(self) -> None:
         if (row := self._derived_row) is not None:
-            self.command_derive(self.session.table.names[row])
+            self.derive(self.session.table.names[row])
         elif self._field_chosen:
             self.edit_field(self.table.field)
         elif self._targets_known():
@@ -62,11 +64,14 @@ class Editing(ElementsScreen):
         targets = self.session.rows.targets()
         return int(targets[0]) if len(targets) == 1 and self.session.table.derived[targets[0]] else None
 
-    def command_derive(self, name: str = "", expression: str = "") -> None:
-        """Make a derived signal, or change the one of that name."""
+    def command_derive(self, typed: Spelled) -> None:
+        self.derive(typed.first, " ".join(typed.arguments[1:]).removeprefix("= "))
+
+    def derive(self, name: str = "", expression: str = "") -> None:
+        """Make a derived signal, or change the one of that name; what isn't said is asked for."""
         one = derived.named(self.session.table, name)
         one = msgspec.structs.replace(one, expression=expression) if expression else one
-        self.context.run_flow(derive(self.context, self.session, one))
+        self.context.run_flow(ask_derived(self.context, self.session, one))
 
     def command_new_of_row(self) -> None:
         row = self.session.rows.row
@@ -96,7 +101,7 @@ class Editing(ElementsScreen):
             self.app.push_screen(triggers)
             triggers.call_after_refresh(triggers.edit, made, is_new=True)
         elif answer == "derived":
-            self.command_derive("", self.session.short_name(name).lstrip("/"))
+            self.derive("", self.session.short_name(name).lstrip("/"))
         elif answer == "limits":
             alarms = AlarmsScreen(self.session)
             self.app.push_screen(alarms)
@@ -204,6 +209,21 @@ class Editing(ElementsScreen):
         targets = self.session.rows.targets()
         changed = self.session.table.edit(targets, field, value)
         self._edited(f"{field.label} {phrase_for(field, value)}: {changed} changed" if changed else "nothing to change")
+
+    def command_set(self, typed: Spelled) -> None:
+        if not typed.arguments:
+            raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
+        wanted = read_settings(typed.arguments)
+        self.sure_of_hidden(lambda: self._set_all(wanted))
+
+    def _set_all(self, wanted: ElementSettings) -> None:
+        try:
+            changed = self.session.change(wanted)
+        except (ValueError, SiloError) as error:
+            self.context.fail(str(error))
+            return
+        takes = f"{key_of('undo')} takes {'it' if changed == 1 else 'them'} back"
+        self._edited(f"{many(changed, 'field')} changed; {takes}" if changed else "nothing to change")
 
     def _edited(self, words: str) -> None:
         if self.session.rows.filter.text or self.session.rows.sort not in STEADY:

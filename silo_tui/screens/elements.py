@@ -13,6 +13,7 @@ from textual.widgets import Input, Static
 from silo.rpc.frames import Frame
 from silo_tui.context import SiloScreen
 from silo_tui.model import filter as filters
+from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, InfoLine, KeyBar, StatusBar
 from silo_tui.widgets.element_table import ElementTable, TableHead
@@ -195,7 +196,10 @@ class ElementsScreen(SiloScreen):
 
     # ------------------------------------------------------------------------------------ filter, marks, order
 
-    def command_filter(self) -> None:
+    def command_filter(self, typed: Spelled = BY_KEY) -> None:
+        if typed is not BY_KEY:
+            self._filter_by(typed.rest)
+            return
         self.query_one(KeyBar).show_instead(FILTER_KEYS)
         self.query_one("#filter-line", Line).begin(self.session.rows.filter.text)
         self.info.display = False
@@ -207,8 +211,14 @@ class ElementsScreen(SiloScreen):
             self.say("no element is here")
         return not len(self.session.rows.shown)
 
-    def command_mark(self) -> None:
+    def command_mark(self, typed: Spelled = BY_KEY) -> None:
         if self._is_empty():
+            return
+        rows = self.session.rows
+        if typed is not BY_KEY:
+            mask = filters.parse(typed.rest).mask(rows.table, rows.marked) if typed.arguments else rows.shown
+            rows.marked[mask] = True
+            self.table_changed()
             return
         self.session.rows.toggle_mark()
         self.command_down()
@@ -232,10 +242,33 @@ class ElementsScreen(SiloScreen):
         self.table.live_changed()
         self.info.refresh()
 
-    def command_sort(self) -> None:
+    def command_unmark(self) -> None:
+        self.session.rows.clear_marks()
+        self.context.table_changed()
+
+    def command_goto(self, typed: Spelled) -> None:
+        """Go to an element; a part of its name is enough."""
+        table, rows, name = self.session.table, self.session.rows, typed.rest
+        row = table.row(name)
+        if row is None:
+            found = [each for each, folded in enumerate(table.folded) if name.casefold() in folded]
+            if not found or not name:
+                raise ValueError(f"no element has {name!r} in its name")
+            row = found[0]
+        if not rows.move_to_row(row):
+            rows.set_filter("")
+            rows.move_to_row(row)
+        self.context.table_changed()
+
+    def command_sort(self, typed: Spelled = BY_KEY) -> None:
         from silo_tui.screens.order import OrderDialog
 
         rows = self.session.rows
+        if typed is not BY_KEY:
+            if typed.rest not in rows.orders:
+                raise ValueError(f"sort by one of {', '.join(rows.orders)}")
+            self._order_by(typed.rest)
+            return
         self.app.push_screen(OrderDialog(list(rows.orders.values()), rows.sort, rows.arrow), self._order_by)
 
     def _order_by(self, order: str | None) -> None:

@@ -11,6 +11,7 @@ from textual.binding import Binding
 from silo_tui.actions import bindings_for
 from silo_tui.modal import run_alone
 from silo_tui.model.columns import ColumnStore
+from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.model.facts import NOTHING
 from silo_tui.model.table_columns import FILE_COLUMNS
 from silo_tui.screens.elements import ElementsScreen
@@ -114,10 +115,10 @@ class FileTableScreen(ElementsScreen):
         self._top_wanted = self.session.rows.live
         self._lay_out(self.app.size.width)
 
-    def action_command(self, command_id: str) -> None:
+    def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Do what a key asks for; who moved on isn't taken to the top any more."""
         self._top_wanted = False
-        super().action_command(command_id)
+        super().action_command(command_id, typed)
 
     def statistics_words(self) -> str:
         return " of every sample in the file"

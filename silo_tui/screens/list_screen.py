@@ -11,6 +11,7 @@ from textual.app import ComposeResult
 from textual.widgets import Static
 
 from silo_tui.context import SiloScreen
+from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.model.lists import Marks, Order, arranged, passes
 from silo_tui.screens.order import OrderDialog
 from silo_tui.widgets.bars import KeyBar
@@ -213,10 +214,10 @@ class ListScreen(SiloScreen, Generic[LineT]):
         self._said = words
         self.show_words()
 
-    def action_command(self, command_id: str) -> None:
+    def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Let what was said go, and do what a key asks for."""
         self._said = ""
-        super().action_command(command_id)
+        super().action_command(command_id, typed)
         self.show_words()
 
     def on_lines_cursor_moved(self, event: Lines.CursorMoved) -> None:

@@ -23,6 +23,7 @@ from silo_tui.actions import bindings_for
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
+from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.model.find import Search, What, places_of
 from silo_tui.model.overlay import SIGN
 from silo_tui.model.plots import SECOND_NS, PlotWindow, plots_of
@@ -235,13 +236,13 @@ class MonitorScreen(Pausing):
             if not events or events[-1][1] != word:
                 events.append((frame.time_ns, word))
 
-    def action_command(self, command_id: str) -> None:
+    def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Do what a key asks for; of a dead robot that left a file, Enter opens that, with the same plots."""
         if command_id == "detail" and left_a_file(self.session):
             names = list(dict.fromkeys(plotted.element.name for plotted in self.stack.plots))
             self.post_message(self.OpenLeft(names))
             return
-        super().action_command(command_id)
+        super().action_command(command_id, typed)
 
     def status_changed(self) -> None:
         """Follow a change of state or link."""

@@ -19,6 +19,7 @@ from silo_tui.actions import bindings_for, key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import recorders
 from silo_tui.model import recordings as rows
+from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.model.paths import typed_path
 from silo_tui.screens import recorder
 from silo_tui.screens.dialogs import Choice, Prompt, Question
@@ -286,9 +287,9 @@ class RecordingsScreen(ListScreen[SavedRecording]):
 
     # --------------------------------------------------------------------------------------------------- recording
 
-    def command_record(self) -> None:
+    def command_record(self, typed: Spelled = BY_KEY) -> None:
         free = self.found.free_bytes if self.found is not None else 0
-        self.context.run_flow(self._then_look(recorder.begin(self.context, self.session, free)))
+        self.context.run_flow(self._then_look(recorder.begin(self.context, self.session, free, typed.rest)))
 
     def command_stop_recording(self) -> None:
         self.context.run_flow(self._then_look(recorder.end(self.context, self.session)))

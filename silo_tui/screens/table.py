@@ -2,7 +2,6 @@
 """The table of a logger: its elements with their live columns, and everything that edits them."""
 
 import time
-from collections.abc import Callable
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -15,6 +14,7 @@ from silo_tui.actions import bindings_for, key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
+from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.model.fields import Field
 from silo_tui.model.table_columns import LIVE_COLUMNS
 from silo_tui.screens.editing import Editing
@@ -46,14 +46,7 @@ class TableScreen(Editing):
     filter_hint = ""
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("table")
 
-    def __init__(
-        self,
-        session: Session,
-        run_command: Callable[[str], None],
-        complete_command: Callable[[str], list[str]],
-        *,
-        read_only: bool,
-    ) -> None:
+    def __init__(self, session: Session, *, read_only: bool) -> None:
         self._key_s = 0.0  # monotonic, of the last key
         self._top_wanted = False
         self._offered = False
@@ -71,12 +64,10 @@ class TableScreen(Editing):
             read_only=read_only,
         )
         self.source = LiveSource(session)
-        self._run_command = run_command
-        self._complete_command = complete_command
 
     def lines(self) -> ComposeResult:
         """Yield the command line and the editor that lies over a cell."""
-        yield Line(self._complete_command, "load save set goto sort data start stop help quit", "command-line")
+        yield Line(self.context.runner.complete, "load save set goto sort data start stop help quit", "command-line")
         yield CellEditor(self._take_cell)
 
     def inspector_width(self, width: int) -> int:
@@ -152,14 +143,14 @@ class TableScreen(Editing):
         self.table.live_changed()
         self.info.refresh()
 
-    def action_command(self, command_id: str) -> None:
+    def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Do what a key asks for; rows don't move under it."""
         self._key_s = time.monotonic()
         self._top_wanted = False
         if command_id == "edit" and self.session.dead:  # nothing is edited any more; what it logged is to be seen
             self._open_left()
             return
-        super().action_command(command_id)
+        super().action_command(command_id, typed)
 
     def order_changed(self) -> None:
         """Show the order at once, with what is known; and measure what it needs."""
@@ -286,4 +277,4 @@ class TableScreen(Editing):
     def line_entered(self, event: Fleeting.Entered) -> None:
         """Carry out what was entered in the command line."""
         if event.line.id == "command-line" and event.value.strip(": "):
-            self._run_command(event.value)
+            self.context.runner.run(event.value)
