@@ -15,7 +15,7 @@ import time
 import weakref
 from pathlib import Path
 from types import TracebackType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -43,6 +43,8 @@ log = logging.getLogger("silo")
 
 _Result = TypeVar("_Result")
 SaveFuture = concurrent.futures.Future[list[SavedFile]]
+
+_LATE_RECORDING = "what it had not begun by then it won't do; `silo record` tells"
 
 LOOK_S = 1.0  # between looks at what the program holds: 2 ms of processor time for 10,000 arrays
 PAUSE_S = 0.0005  # which the loop has between two slices of a look
@@ -97,9 +99,8 @@ class Serving:
         self._sending = threading.Lock()
         self._waking = threading.Lock()  # held for the write of 8 bytes only
         self._numbers = itertools.count(1)
-        self._replies: dict[int, concurrent.futures.Future[SaveFuture]] = {}
+        self._answers: dict[int, concurrent.futures.Future[tuple[AnyReply, SaveFuture]]] = {}
         self._saves: dict[int, SaveFuture] = {}
-        self._answers: dict[int, concurrent.futures.Future[AnyReply]] = {}
         self._beats = 0  # that were answered
         self._table_sent = -1
         self._by = ""
@@ -213,20 +214,16 @@ class Serving:
                     future.set_result(message.files)
 
     def _replied(self, message: LinkReply) -> None:
-        asked = self._answers.pop(message.number, None)
-        if asked is not None:
-            asked.set_result(message.reply)
+        asked, reply, saving = self._answers.pop(message.number, None), message.reply, SaveFuture()
+        if asked is None:
             return
-        future = self._replies.pop(message.number, None)
-        if future is None:
+        if isinstance(reply, Refused):
+            asked.set_exception(HelperFrozenError(reply.text) if message.late else SaveError(reply.text))
             return
-        if isinstance(message.reply, SaveStarted):
+        if isinstance(reply, SaveStarted):
             # registered here, in the thread that will read the LinkSaved, so that it can't come first
-            saved = self._saves[message.reply.job] = concurrent.futures.Future()
-            future.set_result(saved)
-        else:
-            text = message.reply.text if isinstance(message.reply, Refused | Done) else repr(message.reply)
-            future.set_exception(HelperFrozenError(text) if message.late else SaveError(text))
+            self._saves[reply.job] = saving
+        asked.set_result((reply, saving))
 
     def _push_state(self) -> None:
         logger = self._logger_ref()
@@ -324,14 +321,10 @@ class Serving:
         return True
 
     def _fail_pending(self, reason: str) -> None:
-        for reply in list(self._replies.values()):
-            reply.set_exception(SaveError(reason))
-        for save in list(self._saves.values()):
-            save.set_exception(SaveError(reason))
-        for asked in list(self._answers.values()):
-            asked.set_exception(SaveError(reason))
+        pending: list[concurrent.futures.Future[Any]] = [*self._answers.values(), *self._saves.values()]
+        for waiting in pending:
+            waiting.set_exception(SaveError(reason))
         self._answers.clear()
-        self._replies.clear()
         self._saves.clear()
 
     # ------------------------------------------------------------------------------------------- for the logger
@@ -378,27 +371,11 @@ class Serving:
         Raises:
             SaveError: it failed, with the reason.
         """
-        number = next(self._numbers)
-        started: concurrent.futures.Future[SaveFuture] = concurrent.futures.Future()
-        self._replies[number] = started
         logger = self._logger_ref()
         # what was derived just now may not have been told yet
         extras = logger.extras if logger is not None else None
-        try:
-            request = Save(
-                types=types,
-                name=name,
-                folder=folder,
-                extras=extras,
-                client="the robot program",
-                until_s=clock_s() + LISTENED_S,
-            )
-            self._send(LinkRequest(number, request))
-        except TimeoutError as error:
-            raise HelperFrozenError("the helper process takes nothing in: it is frozen") from error
-        except OSError as error:
-            raise SaveError("the helper process died before it could save: call save() again") from error
-        saving = self._wait(started, "it saves nothing later")
+        request = Save(types=types, name=name, folder=folder, extras=extras, client="the robot program")
+        _, saving = self._asked(request, SaveStarted, "it saves nothing later")
         return self._wait(saving, "it had begun to save, and goes on when it wakes")
 
     def record(self, request: StartRecorder) -> RecorderStarted:
@@ -413,10 +390,7 @@ class Serving:
         Raises:
             SaveError: it can't record, with the reason, or the helper process died.
         """
-        reply = self._asked(request)
-        if not isinstance(reply, RecorderStarted):
-            raise SaveError(reply.text if isinstance(reply, Refused) else repr(reply))
-        return reply
+        return self._asked(request, RecorderStarted, _LATE_RECORDING)[0]
 
     def stop_recording(self, name: str) -> str:
         """Finish an endless recording; waits up to 5 s for the end of its last part.
@@ -430,22 +404,27 @@ class Serving:
         Raises:
             SaveError: there is none, or none of that name, or several without a name; or the helper process died.
         """
-        reply = self._asked(StopRecorder(name=name, client="the robot program"))
-        if not isinstance(reply, Done):
-            raise SaveError(reply.text if isinstance(reply, Refused) else repr(reply))
-        return reply.text
+        return self._asked(StopRecorder(name=name, client="the robot program"), Done, _LATE_RECORDING)[0].text
 
-    def _asked(self, request: StartRecorder | StopRecorder) -> AnyReply:
+    def _asked(
+        self, request: Save | StartRecorder | StopRecorder, wanted: type[_Result], then: str
+    ) -> tuple[_Result, SaveFuture]:
+        """Return the helper process's answer, with what a save that is begun comes to. Raises SaveError."""
         number = next(self._numbers)
-        asked: concurrent.futures.Future[AnyReply] = concurrent.futures.Future()
+        asked: concurrent.futures.Future[tuple[AnyReply, SaveFuture]] = concurrent.futures.Future()
         self._answers[number] = asked
         until_s = clock_s() + LISTENED_S
         try:
             self._send(LinkRequest(number, msgspec.structs.replace(request, until_s=until_s)))
         except OSError as error:
             self._answers.pop(number, None)
+            if isinstance(error, TimeoutError):
+                raise HelperFrozenError("the helper process takes nothing in: it is frozen") from error
             raise SaveError("the helper process died just now, a new one is being started: try again") from error
-        return self._wait(asked, "what it had not begun by then it won't do; `silo record` tells")
+        reply, saving = self._wait(asked, then)
+        if not isinstance(reply, wanted):
+            raise SaveError(repr(reply))
+        return reply, saving
 
     def close(self) -> None:
         """End the helper process: clients are told that the logger was closed. The logger goes on."""
