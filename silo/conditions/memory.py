@@ -51,7 +51,7 @@ class JudgeMemory:
     def look(self) -> None:
         """Read what predecessors left, and tell what they did not come to tell."""
         with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
-            for path in state_file.left_states(self._logger):
+            for path in state_file.all_states(self._logger):
                 self._look_at(path)
 
     def _look_at(self, path: Path) -> None:

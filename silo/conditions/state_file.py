@@ -5,9 +5,7 @@ written before anything is told: what was told is never told anew, and what was 
 """
 
 import contextlib
-import os
 import zlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -162,14 +160,7 @@ def read_state(path: Path) -> JudgeState:
         raise SegmentError(f"{path}: the state of the triggers is damaged ({error})") from error
 
 
-def all_states() -> list[Path]:
-    """Return the files that judges of all loggers left. Raises SegmentError without a runtime folder."""
-    return sorted(path for path in runtime_dir().iterdir() if path.suffix == SUFFIX and not path.name.startswith("."))
-
-
-def left_states(logger: str) -> Iterator[Path]:
-    """Return the files that judges of this logger left."""
-    for name in sorted(os.listdir(runtime_dir())):  # noqa: PTH208  # a name may hold what a pattern would read otherwise
-        run = name.removeprefix(f"{logger}.").removesuffix(SUFFIX)
-        if name == f"{logger}.{run}{SUFFIX}" and run.isalnum():
-            yield runtime_dir() / name
+def all_states(logger: str = "") -> list[Path]:
+    """Return the files that judges left, of a logger or of all. Raises SegmentError without a runtime folder."""
+    found = sorted(path for path in runtime_dir().iterdir() if path.suffix == SUFFIX and not path.name.startswith("."))
+    return [path for path in found if logger in ("", path.stem.rpartition(".")[0])]

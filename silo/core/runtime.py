@@ -231,6 +231,15 @@ def _open_new(path: Path) -> int:
 # that shares the folder, and is another one than the `flock` of who saves a segment.
 
 
+def sync(path: Path) -> None:
+    """Return when a file's data, or the names in a folder, would survive a power cut. Raises OSError."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
 def lock_as_writer(descriptor: int) -> bool:
     """Mark a file as being written until it is closed; False if another process has marked it.
 

@@ -19,7 +19,7 @@ from typing import BinaryIO
 
 from silo.core.child import end_abandoned_holder
 from silo.core.quantities.writing import size_text
-from silo.core.runtime import disk_room
+from silo.core.runtime import disk_room, sync
 from silo.errors import SaveError
 
 PART_ENDING = ".part"
@@ -68,8 +68,8 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         with _made_part(part):
             yield part
             for file in sorted(part.rglob("*")):
-                _sync(file)
-            _sync(part)
+                sync(file)
+            sync(part)
             part.rename(final)
     except SaveError:
         _remove(part)
@@ -374,15 +374,7 @@ def _sync_name(final: Path) -> None:
 def _sync_folder(folder: Path) -> None:
     """Make the rename itself durable; some network file systems refuse that, and the data is safe without."""
     try:
-        _sync(folder)
+        sync(folder)
     except OSError as error:
         if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EACCES):
             raise
-
-
-def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+from silo.core.runtime import sync
+
 
 class Disk:
     """Files and folders as the system has them. Every method raises OSError where it refuses."""
@@ -31,11 +33,7 @@ class Disk:
 
     def sync_folder(self, path: Path) -> None:
         """Return when the names in a folder would survive a power cut."""
-        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        sync(path)
 
     def remove(self, path: Path) -> None:
         """Delete a file."""

@@ -11,6 +11,8 @@ import os
 import time
 from pathlib import Path
 
+from silo.core.runtime import sync
+
 JOURNALS = "journals"
 RECORDINGS = "recordings"  # of recorders: what a kill left open is found as journals are
 _FILES = {JOURNALS: ".*.journal", RECORDINGS: "*.mcap.part"}
@@ -41,11 +43,7 @@ def remember_folder(folder: Path, kind: str = JOURNALS) -> None:
         link.symlink_to(target)
     # the link, and the folders that may have been made for it
     for place in (links, links.parent, links.parent.parent):
-        descriptor = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        sync(place)
 
 
 def remembered_folders(kind: str = JOURNALS) -> list[Path]:

@@ -11,6 +11,7 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import msgspec
@@ -21,7 +22,7 @@ from silo.core.quantities.writing import many
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
 from silo.files.event_log import newest_number
-from silo.files.manifest import Ledger, RunEntry
+from silo.files.manifest import ClosedPart, Ledger, RunEntry
 from silo.files.parts.metadata import EVENTS_RING
 from silo.journal.derived_rows import with_derived
 from silo.recorder.event_tail import EventTail
@@ -40,7 +41,7 @@ from silo.recorder.orders import (
 from silo.recorder.parts.layout import ending, layout_of
 from silo.recorder.ring_cursor import DROPPED, MOST_PERIOD_S, Drained, RingCursor
 from silo.recorder.writing import RecorderDisk, Writing
-from silo.recovery.parts import Closing, fewer_rows, left_rows
+from silo.recovery.parts import close_parts, fewer_rows, left_rows
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows
 
@@ -83,7 +84,8 @@ class Recorder:
         self._missed: list[RunEntry] = []  # and in the ledger
         self._last_number = 0  # of the newest run that was begun with
         self._first = True
-        self._closing: Closing | None = None
+        self._closer = ThreadPoolExecutor(1, "closing")
+        self._closing: Future[tuple[list[ClosedPart], list[str]]] | None = None
         self._settled = False
         self._begun_s = time.monotonic()
         self._next_since_s = 0.0
@@ -290,15 +292,15 @@ class Recorder:
             caught_up = self._pending.complete and self._writing.is_idle and self._drain is not None
             if caught_up or time.monotonic() - self._begun_s > CATCH_UP_S:
                 self._calm_down()
-                self._closing = Closing(self._ledger.folder)
-        elif not self._settled and self._closing.is_over:
+                self._closing = self._closer.submit(close_parts, self._ledger.folder)
+        elif not self._settled and self._closing.done():
             self._settle()
 
     def _settle(self) -> None:
         if self._settled:
             return
         self._settled = True
-        closed, problems = (self._closing or Closing(self._ledger.folder)).result()
+        closed, problems = self._closing.result() if self._closing else close_parts(self._ledger.folder)
         for text in [*(part.text for part in closed), *problems]:
             self._tell_clients(text)
         if lost := fewer_rows(closed, self._order.name, *self._left):

@@ -11,7 +11,6 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from silo.core.elements import LoggerOptions
 from silo.core.runtime import boot_id, has_writer, is_at, lock_as_writer, open_own, pid_namespace, process_start
 from silo.errors import SegmentError, StateError
 from silo.journal.format import (
@@ -36,24 +35,19 @@ def is_journal(path: str | os.PathLike[str]) -> bool:
     return (Path(path) / SCHEMA_FILE).is_file()
 
 
-def find_stale_journals(folder: str | os.PathLike[str], options: LoggerOptions | None = None) -> list[LeftRun]:
+def find_stale_journals(folder: str | os.PathLike[str], logger: str = "*") -> list[LeftRun]:
     """Journals in a log folder whose logger and segment are gone, of each run the one that proves most.
 
-    With `options` only those of that very logger. A damaged one is told as such.
+    Of one `logger`, by their names, or of all. A damaged one is told as such.
     """
     found: dict[str, LeftRun] = {}
-    for path in list_journals(folder, options.name if options else "*"):
+    for path in list_journals(folder, logger):
         stale = _look(path)
-        if stale is not None and (options is None or _is_of(stale, options)):
+        if stale is not None:
             run = stale.schema.run if stale.schema else str(path)
             if run not in found or found[run].ticks < stale.ticks:
                 found[run] = stale
     return list(found.values())
-
-
-def _is_of(stale: LeftRun, options: LoggerOptions) -> bool:
-    schema = stale.schema
-    return schema is not None and (schema.logger, schema.folder) == (options.name, options.folder)
 
 
 def _look(path: Path) -> LeftRun | None:

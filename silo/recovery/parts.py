@@ -10,7 +10,6 @@ import contextlib
 import mmap
 import os
 import struct
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ import msgspec
 import zstandard
 from mcap.exceptions import McapError
 
+from silo.core.runtime import sync
 from silo.errors import FileFormatError, SaveError
 from silo.files.atomic import reason, sweep_parts
 from silo.files.manifest import ClosedPart, Ledger, number_of
@@ -104,7 +104,8 @@ def close_part(path: Path) -> ClosedPart:
             mcap.finish(scan.counts, scan.start_ns, scan.end_ns)
         os.fsync(file.fileno())
         path.rename(final)
-        sync_folder(final.parent)
+        with contextlib.suppress(OSError):  # some network file systems refuse that
+            sync(final.parent)
         found = os.fstat(file.fileno())
         return ClosedPart(final, found.st_size, samples, run, recorder, scan.next_rows, found.st_ino, rows_of(scan))
 
@@ -150,47 +151,7 @@ def _scanned(file: BinaryIO, path: Path) -> PartScan:
     return scan
 
 
-def sync_folder(folder: Path) -> None:
-    """Make the names in a folder durable; some network file systems refuse that."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        with contextlib.suppress(OSError):
-            os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
 # -------------------------------------------------------------------------------------------- going on after one
-
-
-class Closing:
-    """A thread that closes what killed recorders left in a folder."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._found: tuple[list[ClosedPart], list[str]] = ([], [])
-        self._error: BaseException | None = None
-        self._over = threading.Event()
-        threading.Thread(target=self._run, name="closing", daemon=True).start()
-
-    def _run(self) -> None:
-        try:
-            self._found = close_parts(self._folder)
-        except BaseException as error:  # noqa: BLE001  # it is raised where it is waited for
-            self._error = error
-        self._over.set()
-
-    @property
-    def is_over(self) -> bool:
-        """Whether all is closed."""
-        return self._over.is_set()
-
-    def result(self) -> tuple[list[ClosedPart], list[str]]:
-        """Wait for it; returns what was closed, and in words what could not be."""
-        self._over.wait()
-        if self._error is not None:
-            raise self._error
-        return self._found
 
 
 def left_rows(ledger: Ledger) -> tuple[str, dict[int, int]]:

@@ -14,7 +14,6 @@ from silo.recovery.left import LeftRun, RunReader
 from silo.recovery.segments import (
     claimed_segment,
     find_stale,
-    predecessors,
     release_segment,
     segment_folder,
     sweep_segments,
@@ -45,8 +44,10 @@ def sweep(options: LoggerOptions) -> None:
 
 def left_of(options: LoggerOptions) -> Iterator[LeftRun]:
     """Yield what earlier processes of this very logger (its name, its folder) left that is in no file."""
-    yield from predecessors(options)
-    yield from find_stale_journals(options.folder, options)
+    segments = [one for one in find_stale(segment_folder(options), options.name) if one.ticks]
+    for one in [*segments, *find_stale_journals(options.folder, options.name)]:
+        if one.schema and (one.schema.logger, one.schema.folder) == (options.name, options.folder):
+            yield one
 
 
 def look_back(options: LoggerOptions, *, served: bool) -> None:

@@ -23,12 +23,13 @@ from silo.segment.reader import SegmentReader
 log = logging.getLogger("silo")
 
 
-def find_stale(folder: Path | None = None) -> list[LeftRun]:
+def find_stale(folder: Path | None = None, logger: str = "") -> list[LeftRun]:
     """Segments of processes that ended without saving: in the runtime folder, and in `folder` (`storage="file"`).
 
-    A damaged one is told as such and keeps none of the others.
+    Of one `logger`, by their names, or of all. A damaged one is told as such and keeps none of the others.
     """
-    return [stale for path in list_segments(folder) if (stale := _look(path)) is not None]
+    paths = [path for path in list_segments(folder) if not logger or path.name.lstrip(".").startswith(f"{logger}.")]
+    return [stale for path in paths if (stale := _look(path)) is not None]
 
 
 def _look(path: Path) -> LeftRun | None:
@@ -56,15 +57,6 @@ def _unreadable(path: Path, schema: SegmentSchema | None, error: SegmentError) -
     if "update silo" not in text:
         text += f"; it stays, and keeps no other from being saved; to free its memory: rm {path}"
     return LeftRun(path, schema, None, text)
-
-
-def predecessors(options: LoggerOptions) -> list[LeftRun]:
-    """What earlier processes of this very logger (its name, its folder) left with ticks that are in no file."""
-    paths = list_segments(segment_folder(options))
-    own = [path for path in paths if path.name.lstrip(".").startswith(f"{options.name}.")]
-    found = [stale for path in own if (stale := _look(path)) is not None and stale.ticks]
-    key = (options.name, options.folder)
-    return [one for one in found if one.schema and (one.schema.logger, one.schema.folder) == key]
 
 
 def segment_folder(options: LoggerOptions) -> Path | None:

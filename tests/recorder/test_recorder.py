@@ -15,7 +15,6 @@ from silo.files.parts.metadata import PART_ENDING
 from silo.recorder.orders import Finish, Follow, RecordOrder, encode
 from silo.recorder.recorder import Recorder
 from silo.recorder.ring_cursor import Drained, RingCursor
-from silo.recovery import parts as left
 from silo.recovery.parts import close_parts, left_parts
 from tests.waiting import wait_until
 
@@ -131,7 +130,7 @@ def test_a_recorder_goes_on_before_what_a_killed_one_left_is_closed(
     recorder.kill()
     robot.ticks(1500)
     may_close = threading.Event()
-    monkeypatch.setattr(left, "close_parts", lambda folder: may_close.wait() and close_parts(folder))
+    monkeypatch.setattr("silo.recorder.recorder.close_parts", lambda folder: may_close.wait() and close_parts(folder))
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     again = Recorder(order(tmp_path, resume=True), theirs)
     thread = threading.Thread(target=again.run)

@@ -1,5 +1,6 @@
 """One part while it is written: an MCAP file that grows by chunks, and gets its name when it is whole."""
 
+import contextlib
 import fcntl
 import os
 import time
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from silo.core.elements import LoggedEvent
 from silo.core.recording import RecordedElement
+from silo.core.runtime import sync
 from silo.files.bags.message_groups import group_samples
 from silo.files.bags.writer import MAX_STAMP_NS, metadata_yaml, write_windows
 from silo.files.manifest import part_path
@@ -21,7 +23,6 @@ from silo.files.naming import log_path, next_run_number
 from silo.files.parts.events import event_messages
 from silo.files.parts.metadata import LOST_METADATA, PART_ATTACHMENT, TOTALS_METADATA, pack_part
 from silo.recorder.parts.layout import ChannelLayout
-from silo.recovery.parts import sync_folder
 from silo.segment.rows import Rows
 
 SYNC_S, SYNC_BYTES = 5.0, 64 << 20  # how often what was written is put on the disk: a power cut loses no more
@@ -144,7 +145,8 @@ class OpenPart:
             self._file.truncate(self._mcap.size_bytes)  # what a full disk left of a chunk
             os.fsync(self._file.fileno())
             self.path.rename(self.final)
-        sync_folder(self.final.parent)
+        with contextlib.suppress(OSError):  # some network file systems refuse that
+            sync(self.final.parent)
         return self._mcap.size_bytes
 
     def leave(self) -> None:
