@@ -24,7 +24,7 @@ import msgspec
 
 from silo.core.child import end_abandoned_holder, note_holder
 from silo.core.elements import Conditions
-from silo.core.quantities.writing import size_text
+from silo.core.quantities.writing import many, size_text
 from silo.core.runtime import open_own, read_own
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, reason
@@ -294,7 +294,7 @@ class RecordedTotals(msgspec.Struct):
     def text(self) -> str:
         """All of it, fit to show."""
         more = f", and the end of {self.gone} runs" if self.gone > 1 else ", and the end of a run" if self.gone else ""
-        return f"{self.parts} files, {self.samples} samples, {self.lost} lost{more}"
+        return f"{many(self.parts, 'file')}, {many(self.samples, 'sample')}, {self.lost} lost{more}"
 
 
 class Written(msgspec.Struct):
@@ -462,8 +462,8 @@ class Ledger:
         entry = self.written.entry(run)
         if entry is None or (rows and all(end.get(ring, 0) <= entry.begin.get(ring, 0) for ring in rows)):
             return
-        for ring, many in rows.items():
-            entry.rows[ring] = entry.rows.get(ring, 0) + many
+        for ring, count in rows.items():
+            entry.rows[ring] = entry.rows.get(ring, 0) + count
         for ring, row in end.items():
             entry.end[ring] = max(entry.end.get(ring, 0), row)
         entry.parts += 1
@@ -497,8 +497,8 @@ class Ledger:
         for one in self.written.runs:
             more = dict(self.expected.get(one.run, {}))
             if one.run == run:
-                for ring, many in (rows or {}).items():
-                    more[ring] = more.get(ring, 0) + many
+                for ring, count in (rows or {}).items():
+                    more[ring] = more.get(ring, 0) + count
             if more:
                 sums.lost += one.lost(more, dict(end) if end and one.run == run else one.end) - one.lost()
         return sums

@@ -107,6 +107,15 @@ def cut_middle(name: str, width: int) -> str:
     return f"{name[: width - 1 - end]}…{name[-end:]}"
 
 
+def told(one: LoggerLine) -> str:
+    """Return what a filter looks in: names, state, what is the matter, who is there."""
+    member, summary = one.member, one.member.summary
+    state = f"{member.word} {STATES.get(member.word, '')} {member.sign} {member.problem}"
+    more = [f"REC {summary.recorders}"] if summary is not None and summary.recorders else []
+    more += ["DENIED"] if summary is not None and summary.denied else []
+    return " ".join([one.address, one.where, state, *more, one.answer, *member.people])
+
+
 def total(lines: Sequence[LoggerLine]) -> str:
     """Return how many there are, and in which states."""
     words = [one.member.word for one in lines if one.member.word != "..."]

@@ -10,7 +10,7 @@ from datetime import datetime
 from silo.core.elements import FileType
 from silo.core.quantities.writing import size_text
 from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
-from silo_tui.model import lists, text
+from silo_tui.model import text
 from silo_tui.model.lists import Order
 
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
@@ -33,10 +33,10 @@ ORDERS: tuple[Order[SavedRecording], ...] = (
 )
 
 
-def passes(one: SavedRecording, words: str) -> bool:
-    """Whether a recording has all these words in name, why, types or logger; `a|b` either, `-a` not."""
+def told(one: SavedRecording) -> str:
+    """Return what a filter looks in: name, why, types, logger."""
     types = " ".join(file.type.name for file in one.files)
-    return lists.passes(f"{one.stem} {one.why} {types} {one.logger}{' part' if one.unfinished else ''}", words)
+    return f"{one.stem} {one.why} {types} {one.logger}{' part' if one.unfinished else ''}"
 
 
 def best_file(one: SavedRecording) -> RecordingFile:

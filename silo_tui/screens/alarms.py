@@ -58,6 +58,9 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         element = self._element_of(one)
         return [element] if element is not None else []
 
+    def told(self, one: LimitStatus) -> str:
+        return f"{one.word.value} {self.session.short_name(one.name)} {'NEW' if one.alarm else one.seen_by} {one.why}"
+
     def row_of(self, one: LimitStatus, width: int) -> Text:
         line = Text(limit_row(one, self.session.short_name(one.name), width))
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)

@@ -78,16 +78,16 @@ class EventsScreen(ListScreen[LoggedEvent]):
         return f"{one.run} {one.number} {one.time_ns} {one.kind} {one.text}"
 
     def row_of(self, one: LoggedEvent, width: int) -> Text:
-        shown = Text(line(one, self._told(one), width - 2, self.session.status.logger))
+        shown = Text(line(one, self.told(one), width - 2, self.session.status.logger))
         if letter(one) in "MTX":
             shown.stylize("bold")
         return shown
 
     def passes(self, one: LoggedEvent) -> bool:
-        return matches(one, self.asked, self._told(one))
+        return matches(one, self.asked, self.told(one))
 
-    def _told(self, event: LoggedEvent) -> str:
-        return words(event, self.session.table.shown)
+    def told(self, one: LoggedEvent) -> str:
+        return words(one, self.session.table.shown)
 
     def head(self, width: int) -> str:
         return "  time                tick   what"

@@ -92,9 +92,13 @@ class ListScreen(SiloScreen, Generic[LineT]):
     def prepare(self, found: Sequence[LineT], width: int) -> None:
         """Make ready for a look at all lines: what a row needs to know of the others."""
 
+    @abstractmethod
+    def told(self, one: LineT) -> str:
+        """Return what a filter looks in: the facts of a line, whatever of them the screen has room for."""
+
     def passes(self, one: LineT) -> bool:
         """Return whether a line passes the filter."""
-        return passes(self.row_of(one, self.size.width).plain, self.asked)
+        return passes(self.told(one), self.asked)
 
     def follow(self, known: str, place: int | None) -> int | None:
         """Return where the cursor goes, which was on the line of a key, at a place."""

@@ -114,6 +114,9 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
     def named(self, key: str) -> str:
         return next((one.address for one in self._all if one.key == key), "what was there")
 
+    def told(self, one: fleet.LoggerLine) -> str:
+        return fleet.told(one)
+
     def _line_of(self, one: FoundLogger) -> fleet.LoggerLine:
         member = one.member or Member(LoggerAddress(one.name, one.pid, one.key, one.user, host=one.host, dead=one.dead))
         return fleet.LoggerLine(one.key, one.address, one.where, member, self.answers.get(one.key, ""))

@@ -49,6 +49,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
         self.found: Recordings | None = None
         self._deleted_here: set[str] = set()
         self._most = FIRST
+        self._asking = False  # for the older ones
 
     def above(self) -> ComposeResult:
         """Yield status, banner, what runs."""
@@ -79,8 +80,8 @@ class RecordingsScreen(ListScreen[SavedRecording]):
             words.stylize("dim")
         return words
 
-    def passes(self, one: SavedRecording) -> bool:
-        return rows.passes(one, self.asked)
+    def told(self, one: SavedRecording) -> str:
+        return rows.told(one)
 
     def follow(self, known: str, place: int | None) -> int | None:
         found = super().follow(known, place)
@@ -95,7 +96,8 @@ class RecordingsScreen(ListScreen[SavedRecording]):
         return rows.summary(self.found) if self.found is not None else ""
 
     def going_on(self) -> Sequence[str]:
-        return [fetching.words for fetching in self.session.fetches.values()]
+        asking = ["asking for the older ones …"] if self._asking else []
+        return [*asking, *(fetching.words for fetching in self.session.fetches.values())]
 
     def advice(self) -> str:
         if self.shown:
@@ -122,10 +124,11 @@ class RecordingsScreen(ListScreen[SavedRecording]):
             try:
                 found = await self.session.recordings(self._most)
             except SiloError as error:
+                self._asking = False
                 self.say(f"the list can't be read: {error}")
                 return
             self.found = found
-            self._said = "" if self._said.startswith("asking") else self._said
+            self._asking = False
             self.show()
             if not any(one.unread for one in found.recordings):
                 break
@@ -198,7 +201,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
         """Ask for all of them, where only the newest are here."""
         if self.found is not None and len(self.found.recordings) < self.found.count and self._most < MOST:
             self._most = MOST
-            self.say("asking for the older ones …")
+            self._asking = True
             self.read_again()
 
     def move(self, place: int) -> None:

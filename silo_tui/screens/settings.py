@@ -48,8 +48,8 @@ def all_rows(problems: Sequence[str], width: int) -> list[SettingRow]:
     return rows + [SettingRow(f"key {each.id}", command=each.id) for each in COMMANDS if each.keys]
 
 
-def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int) -> Text:
-    """Return a line; `*` in front: not written yet."""
+def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int | None) -> Text:
+    """Return a line of so many cells, None: all that there is to say; `*` in front: not written yet."""
     if row.option is not None:
         option = row.option
         is_new = getattr(settings, option.name) != getattr(saved, option.name)
@@ -68,7 +68,7 @@ def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int
     return Text(row.words, style="bold")
 
 
-def _values(line: Text, option: Option, value: Any, width: int) -> Text:
+def _values(line: Text, option: Option, value: Any, width: int | None) -> Text:
     if not option.words:
         return line.append(typed(value), style="bold").append(f"   {option.meaning}, {option.range_text}")
     chosen = value if option.several else (value,)
@@ -80,8 +80,8 @@ def _values(line: Text, option: Option, value: Any, width: int) -> Text:
     notes = [notes[place] for notes in (option.samples, option.meanings) if notes and place >= 0 and notes[place]]
     if option.several and not value:
         notes = ["none chosen: all"]
-    for note in notes or [option.meaning]:
-        if line.cell_len + len(note) < width - 4:
+    for note in [*notes, option.meaning] if width is None else notes or [option.meaning]:
+        if width is None or line.cell_len + len(note) < width - 4:
             line.append(f"{note}  ")
     return line
 
@@ -97,6 +97,7 @@ class SettingsScreen(ListScreen[SettingRow]):
     def __init__(self, take: Callable[[Settings], None]) -> None:
         super().__init__()
         self._take = take
+        self._typed_of: Option | None = None  # what is typed in the line is of
 
     def above(self) -> ComposeResult:
         """Yield the title."""
@@ -118,6 +119,9 @@ class SettingsScreen(ListScreen[SettingRow]):
     def key_of(self, one: SettingRow) -> str:
         return one.id
 
+    def told(self, one: SettingRow) -> str:
+        return row_text(one, self.context.settings, self.context.saved_settings, width=None).plain
+
     def row_of(self, one: SettingRow, width: int) -> Text:
         return row_text(one, self.context.settings, self.context.saved_settings, width=width)
 
@@ -138,11 +142,12 @@ class SettingsScreen(ListScreen[SettingRow]):
         if row is None:
             return
         if row.command:
-            self.app.push_screen(KeyDialog(row.command, self.context.settings), self._take_key)
+            command = row.command
+            self.app.push_screen(KeyDialog(command, self.context.settings), lambda key: self._take_key(command, key))
         elif row.option is not None and row.option.words and not row.option.several:
             self._choose(1)
         elif row.option is not None:
-            value = getattr(self.context.settings, row.option.name)
+            self._typed_of, value = row.option, getattr(self.context.settings, row.option.name)
             self.query_one(KeyBar).show_instead(TYPING_KEYS)
             self.query_one("#settings-value", Line).begin(" ".join(value) if row.option.several else typed(value))
 
@@ -179,11 +184,9 @@ class SettingsScreen(ListScreen[SettingRow]):
             value = getattr(Settings(), row.option.name)
             self._change(f"{row.option.name}: {typed(value) if value else 'all'}", **{row.option.name: value})
 
-    def _take_key(self, key: str | None) -> None:
-        row = self.chosen
-        if row is not None and key:
-            keys = {**self.context.settings.keys, row.command: key}
-            self._change(f"{row.command}: {key_text(key)}", keys=keys)
+    def _take_key(self, command: str, key: str | None) -> None:
+        if key:
+            self._change(f"{command}: {key_text(key)}", keys={**self.context.settings.keys, command: key})
 
     def command_write_settings(self) -> None:
         context = self.context
@@ -199,14 +202,13 @@ class SettingsScreen(ListScreen[SettingRow]):
     # --------------------------------------------------------------------------------------------- typed lines
 
     def _completions(self, line: str) -> list[str]:
-        option = row.option if (row := self.chosen) is not None else None
         head, _, last = line.rpartition(" ")
-        words = option.words if option is not None else ()
+        words = self._typed_of.words if self._typed_of is not None else ()
         return [f"{head} {word}".lstrip() for word in words if word.startswith(last) and word != last]
 
     def entered(self, value: str) -> None:
         """Take what was typed; it is read as the file is, so the words are the same."""
-        option = row.option if (row := self.chosen) is not None else None
+        option = self._typed_of
         if option is not None:
             line = f"[{', '.join(value.replace(',', ' ').split())}]" if option.several else value
             found, problems = read(f"{option.name}: {line}\n")

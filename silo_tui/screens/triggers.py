@@ -67,6 +67,9 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     def signals_of(self, one: TriggerStatus) -> Sequence[str]:
         return named_in(one.options.when, self.session.table.elements, self.session.table.prefix)
 
+    def told(self, one: TriggerStatus) -> str:
+        return f"{one.state.value} {one.options.name} {one.options.when} {one.why}"
+
     def row_of(self, one: TriggerStatus, width: int) -> Text:
         name = "error" if one.state in LOUD else "warning" if one.state in CAUTION else "success"
         line = Text(trigger_row(one, width, name=self._names[one.options.name]))

@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from silo.files.manifest import PartEntry, Written, written_path
+from silo.files.manifest import PartEntry, RecordedTotals, Written, written_path
 from silo.recordings.recorded_parts import part_named, parts_below
 
 MANY = 50
@@ -63,3 +63,8 @@ def test_a_file_that_somebody_put_in_the_place_of_a_part_is_none(place, tmp_path
     part.with_suffix(".new").replace(part)
     assert part_named(place, part.name) is None
     assert len(list(parts_below(place))) == 2 * MANY - 1
+
+
+def test_what_became_of_a_recording_counts_one_file_as_one():
+    assert RecordedTotals(1, 1, 0).text == "1 file, 1 sample, 0 lost"
+    assert RecordedTotals(2, 0, 3, gone=1).text == "2 files, 0 samples, 3 lost, and the end of a run"

@@ -19,7 +19,7 @@ from silo.rpc.published import EventKind
 from silo_tui.screens.file_monitor import FileMonitorScreen
 from silo_tui.screens.file_table import FileTableScreen
 from silo_tui.screens.monitor import MonitorScreen
-from silo_tui.screens.recordings import RecordingsScreen
+from silo_tui.screens.recordings import FIRST, RecordingsScreen
 from silo_tui.screens.table import TableScreen
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -583,3 +583,23 @@ async def test_what_is_being_written_is_neither_deleted_nor_fetched(key, opened,
         await screen.shows("nothing to delete here" if key == "x" else "nothing to fetch here")
         await screen.press("*", key)
         assert not screen.app.screen.is_modal
+
+
+async def test_while_the_older_ones_are_asked_for_a_filter_says_so(opened, fake, logs, monkeypatch):
+    told, answers = fake.recordings, threading.Event()
+
+    def recordings(most=1000):
+        if most > FIRST:
+            assert answers.wait(60)
+        return msgspec.structs.replace(told(most), count=FIRST + 1)
+
+    monkeypatch.setattr(fake, "recordings", recordings)
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("/")
+        await screen.type("rob")
+        await screen.shows("asking for the older ones")
+        await screen.press("enter")
+        assert "asking for the older ones" in screen.text
+        answers.set()
+        await screen.until(lambda: "asking" not in screen.text)

@@ -1,0 +1,65 @@
+"""A filter of a list looks in what is known of its lines, not in what the screen has room for."""
+
+import pytest
+
+from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
+from silo.core.elements import TriggerOptions
+from silo_tui.screens.list_screen import ListScreen
+from silo_tui.settings.options import Settings
+
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
+LONG = "left_front_hip_flexion_extension_motor_drive_temperature_overcurrent_guard"
+OPTIONS = TriggerOptions(LONG, f"abs({LONG}) > 0.6 and controller/mode == SWING", 5, 1)
+TRIGGER = TriggerStatus(OPTIONS, TriggerWord.ARMED)
+LIMIT = LimitStatus(f"/log/legs/{LONG}", LONG, LimitWord.RED_HIGH, "degC", 84.2, 80.0, 86.3, count=1, alarm=True)
+
+
+async def filtered(screen, words):
+    await screen.until(lambda: isinstance(screen.app.screen, ListScreen) and screen.app.screen.all, "lines")
+    await screen.press("/")
+    await screen.type(words)
+    await screen.press("enter")
+    return screen.app.screen
+
+
+@pytest.mark.parametrize("width", [60, 200])
+@pytest.mark.parametrize(
+    ("key", "words"), [("T", "extension_motor mode"), ("A", "extension_motor"), ("f2", "key write_settings next time")]
+)
+async def test_a_filter_finds_the_same_at_any_width(fake, opened, key, words, width):
+    fake.trigger_statuses, fake.limit_statuses = [TRIGGER], [LIMIT]
+    async with opened(fake, size=(width, 24)) as screen:
+        await screen.press(key)
+        shown = await filtered(screen, words)
+        assert len(shown.shown) == 1
+
+
+@pytest.mark.parametrize("width", [60, 200])
+async def test_a_logger_is_found_by_the_middle_of_its_name(new_fake, opened, width):
+    async with opened(new_fake(name=LONG), new_fake(name="arm"), size=(width, 24), ready=False) as screen:
+        await screen.shows("arm")
+        shown = await filtered(screen, "motor_drive")
+        assert [one.address for one in shown.shown] == [LONG]
+
+
+async def test_a_value_is_of_the_setting_that_it_was_begun_for_wherever_the_cursor_is(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("f2", "j", "j", "j", "e", "ctrl+u")
+        await screen.type("2")
+        screen.app.screen.lines.move(0)
+        await screen.press("enter")
+        await screen.shows("rate: 2")
+        assert screen.app.context.settings == Settings(rate=2.0)
+
+
+async def test_a_key_is_of_the_command_that_it_was_asked_for_wherever_the_cursor_is(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("f2", "/")
+        await screen.type("key filter")
+        await screen.press("enter", "e")
+        await screen.shows("Press the key of filter (Filter)")
+        screen.app.screen_stack[-2].filter_by("key")
+        screen.app.screen_stack[-2].lines.move(0)
+        await screen.press("f")
+        assert screen.app.context.settings.keys == {"filter": "f"}
