@@ -28,7 +28,7 @@ from silo.analysis.compute.spectra import (
 from silo.core.arrays.values import as_floats
 from silo.core.quantities.writing import duration
 from silo.errors import SiloError
-from silo_tui.actions import bindings_for
+from silo_tui.actions import bindings_for, key_of
 from silo_tui.modal import run_alone
 from silo_tui.model import big_plot, text
 from silo_tui.model.big_plot import BigPlot
@@ -265,7 +265,7 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         elif self.mode == MODES[0]:
             self.command_log_axis()
         else:
-            self.say("Y is for signals over time and for spectra: Tab leads there")
+            self.say(f"{key_of('level')} is for signals over time and for spectra: {key_of('mode')} leads there")
 
     def command_find(self) -> None:
         """Find in what is drawn: moments over time, peaks in a spectrum."""

@@ -28,7 +28,7 @@ def scripts_question(link: Link, scripts: Scripts) -> Question:
     none = "" if scripts.names else f" There is none yet: {key_of('save_script')} saves the table as one."
     choices = [Choice(name, f"{name}  (current)" if name == current else name) for name in scripts.names]
     body = f"in {scripts.folder}, on the robot. Enter loads it.{none}"
-    return Question("Load a script", body, choices, current, preview)
+    return Question("Load a script", body, choices, current, preview if choices else None)
 
 
 def _extras_text(extras: Sequence[FieldChange]) -> Text:

@@ -317,7 +317,7 @@ class Session:
         one = self.table.elements[rows[0]]
         others = f" and {len(rows) - 1} more are" if len(rows) > 1 else " is"
         name = self.short_name(one.name).lstrip("/")
-        return f"{name}{others} derived: divider, buffer and action are those of its signals; e edits what it is"
+        return f"{name}{others} derived: divider, buffer and action are those of its signals; edit its row to change it"
 
     def watch(self, request: ViewRequest) -> None:
         """Say what the screen shows from now on."""

@@ -282,7 +282,7 @@ class InfoLine(Guarded, Widget):
         parts: list[str] = []
         found = f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}" if rows.filter.text else ""
         if rows.anchor is not None:
-            parts.append(f"range of {len(rows.range_rows())} (V marks it)")
+            parts.append(f"range of {len(rows.range_rows())} ({key_of('range')} marks it)")
         if rows.marked_count:
             hidden = f", {rows.hidden_marked} not shown" if rows.hidden_marked else ""
             parts.append(f"{rows.marked_count} marked{hidden}")

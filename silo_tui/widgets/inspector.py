@@ -233,7 +233,9 @@ class Inspector(Guarded, Widget):
             pane.append(entry.suffix[:left].ljust(left), style=self._quiet)
             pane.append(f"{word:>{room}}\n", style=style)
         if len(element.entries) > MAX_VALUES:
-            pane.append(f"and {len(element.entries) - MAX_VALUES} more; m plots them\n", style=self._quiet)
+            pane.append(
+                f"and {len(element.entries) - MAX_VALUES} more; {key_of('monitor')} plots them\n", style=self._quiet
+            )
 
     def _plots(self, row: int, width: int, room: int) -> list[Line]:
         """Return the plots of the element, drawn once a second: they are most of what a frame sends."""
