@@ -14,9 +14,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import silo
 from silo.cli.group import cli
-from silo.files.bags.index import read_index
 from silo.files.bags.metadata import pack_times, unpack_facts, unpack_times
 from silo.files.mcap import chunks as mcap_chunks
+from silo.files.mcap.index import read_index
 
 START = 1_700_000_000 * 10**9
 STEP = 10**7
@@ -67,7 +67,7 @@ def floats(count, topic="/good"):
 
 
 def chunks(path):
-    return [place for place, _, _ in read_index(memoryview(path.read_bytes())).chunks]
+    return [chunk.at for chunk in read_index(memoryview(path.read_bytes())).chunks]
 
 
 def flip(path, *places):

@@ -208,3 +208,14 @@ def test_dividers_and_first_ticks_stay_with_missing_samples(tmp_path, ending):
 def test_an_element_without_one_value_is_all_missing(tmp_path, ending):
     values = np.ma.masked_array(np.zeros(9, np.int64), True)
     assert silo.open_log(recording(values).save(tmp_path / f"run{ending}"))["x"].values.tolist() == [None] * 9
+
+
+@pytest.mark.parametrize("ending", (*FORMATS, ".npz"))
+def test_raw_bytes_that_are_missing_are_no_zeros(tmp_path, ending):
+    raw = np.array([bytes([at, 0, 255 - at]) for at in range(12)], "V3")
+    missing = np.isin(np.arange(12), (0, 4, 5, 11))
+    kept = silo.open_log(recording(np.ma.masked_array(raw, missing)).save(tmp_path / f"run{ending}"))
+    again = silo.open_log(kept.save(tmp_path / f"again{ending}"))  # as they are read, they are written
+    for found in (kept["x"].values, again["x"].values):
+        assert np.ma.getmaskarray(found).tolist() == missing.tolist()
+        assert np.ma.getdata(found)[~missing].tobytes() == raw[~missing].tobytes()

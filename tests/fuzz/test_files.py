@@ -31,10 +31,9 @@ from silo.core.elements import BufferType, Entry
 from silo.core.kinds import struct_text
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import FileFormatError, SiloError
-from silo.files.bags.index import read_index, record_at
 from silo.files.bags.metadata import FACTS_ATTACHMENT, RecordingFacts, unpack_facts
 from silo.files.formats import FORMATS, writer_for
-from silo.files.parts.scan import attachment
+from silo.files.mcap.index import attachment, read_index, record_at
 from tests.rows_csv import write_rows
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))

@@ -13,15 +13,18 @@ import pytest
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
+import silo
 from silo.cli.main import run
 from silo.core.elements import RecorderState
 from silo.core.quantities.reading import read_keep, read_split
 from silo.errors import ElementError, SaveError
 from silo.files.atomic import write_all
 from silo.files.bag_reader import read_bag
+from silo.files.bags.index import BagElements
 from silo.files.bags.writer import write_bag
 from silo.files.manifest import Ledger
-from silo.files.parts.scan import part_records, rows_after, scan_part
+from silo.files.mcap.index import indexed_records
+from silo.files.parts.scan import rows_after, scan_part
 from silo.recorder.orders import RecordOrder
 from silo.recorder.writing import MOST_INDEX_BYTES, QUEUE_BYTES, RecorderDisk, is_long, left_free
 from silo.recovery.parts import close_part, close_parts, finished_part, left_parts, left_rows
@@ -270,6 +273,24 @@ def test_what_a_kill_left_is_read_as_it_is(killed, truth, capsys) -> None:
     assert "4 elements, 400 ticks" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("closed", [True, False])
+def test_of_a_part_a_signal_reads_its_own_messages_and_names_and_counts_read_none(killed, truth, monkeypatch, closed):
+    path = close_part(killed).path if closed else killed
+    passes = []
+    real = BagElements._read
+    monkeypatch.setattr(BagElements, "_read", lambda self, places: passes.append(places) or real(self, places))
+    log = silo.open_log(path)
+    assert [(one.name, one.count) for one in log.recording.elements] == [
+        (one.name, one.count) for one in read_bag(path).elements
+    ]
+    assert passes == [list(range(len(log)))]  # of the one that reads all
+    passes.clear()
+    assert len(log.recording.time_ns) == 400
+    assert len(log["x"].values) == 400
+    (x,) = (place for place, one in enumerate(log.recording.elements) if one.name == "/log/x")
+    assert passes == [[x]]
+
+
 def test_a_part_that_is_being_written_is_not_closed_by_others(robot, tmp_path, truth) -> None:
     robot.start()
     direct = truth.direct(robot, order(tmp_path))
@@ -295,7 +316,7 @@ def test_damage_ends_a_part_or_costs_it_what_is_damaged(killed, truth, where) ->
 
 def test_what_comes_behind_a_damaged_chunk_is_kept(killed, truth) -> None:
     data = bytearray(killed.read_bytes())
-    chunks = [record for record in part_records(memoryview(bytes(data))) if record.opcode == Opcode.CHUNK]
+    chunks = [record for record in indexed_records(memoryview(bytes(data))) if record.opcode == Opcode.CHUNK]
     hurt = chunks[len(chunks) // 2]
     data[(hurt.at + hurt.end) // 2] ^= 0x55
     killed.write_bytes(data)

@@ -30,10 +30,7 @@ class Values:
 
     def __init__(self, facts: PlacedElement, messages: int, ticks: int = 0) -> None:
         self.facts = facts
-        self.reserve(most_samples(facts, messages, ticks))
-
-    def reserve(self, room: int) -> None:
-        """Begin anew, with room for so many samples."""
+        room = most_samples(facts, messages, ticks)
         self.arrays = [np.zeros(room, dtype=entry_dtype(entry)) for entry in self.facts.entries]
         self.filled = [0] * len(self.facts.entries)
         self.missing = np.zeros(room, bool)
@@ -43,6 +40,7 @@ class Values:
     def add(self, index: int, values: NDArray[Any]) -> None:
         """Append values of one entry."""
         start = self.filled[index]
+        values = values[: len(self.missing) - start]  # of a file that was cut off, an entry may have more than others
         self.arrays[index][start : start + len(values)] = values
         self.filled[index] = start + len(values)
 

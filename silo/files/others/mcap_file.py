@@ -9,17 +9,16 @@ import struct
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from silo.files.bags.index import DAMAGE, DamageNotes, read_index, record_at, told_damage
+from silo.files.bags.index import DAMAGE, DamageNotes, told_damage
 from silo.files.mcap.chunks import INDEX_ENTRY, RECORD, records, unpack_chunk, walked
+from silo.files.mcap.index import entries_at, parsed, read_index, record_at
 from silo.files.mcap.writer import MAGIC
 from silo.files.others.topics import SOME, Bad, Equal, FileTopic
 
@@ -92,15 +91,13 @@ class McapFile:
         index = read_index(self._data)
         if index is None or not index.chunks:
             return None
-        start = struct.unpack_from("<Q", self._data, len(self._data) - len(MAGIC) - 20)[0]
-        for opcode, _, body in records(self._data, start):
+        for opcode, body in index.definitions:
             self._learn(opcode, body)
         blocks = []
-        for place, _, offsets in index.chunks:
-            if not len(offsets):
+        for chunk in index.chunks:
+            if not len(chunk.offsets):
                 return None  # a writer without message indices
-            places = dict(zip(offsets["channel"].tolist(), offsets["offset"].tolist(), strict=True))
-            blocks.append(_Block(place, places, {}))
+            blocks.append(_Block(chunk.at, dict(chunk.offsets.tolist()), {}))
         known = {channel for block in blocks for channel in block.indices}
         return blocks if known <= self._channels.keys() else None
 
@@ -148,10 +145,10 @@ class McapFile:
         """Take in a description; of one that is damaged, the messages stay without."""
         try:
             if opcode == Opcode.SCHEMA:
-                schema = Schema.read(ReadDataStream(BytesIO(body)))
+                schema = parsed(Schema, body)
                 self._schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
-                channel = Channel.read(ReadDataStream(BytesIO(body)))
+                channel = parsed(Channel, body)
                 self._channels[channel.id] = channel
         except DAMAGE as error:
             self._told.add(f"'{self.path.name}': a description of a topic can't be read ({told_damage(error)})")
@@ -162,22 +159,11 @@ class McapFile:
         """Return the index entries of a channel in a block; of an index that is damaged, by the messages themselves."""
         one = self._blocks[block]
         if channel not in one.entries and channel in one.indices:
-            found = self._index_at(one.indices[channel], channel)
-            if found is None:
+            try:
+                return entries_at(self._data, one.indices[channel], channel)
+            except ValueError:
                 one.entries[channel] = self._searched(one, channel)
-            else:
-                return found
         return one.entries.get(channel, np.empty(0, INDEX_ENTRY))
-
-    def _index_at(self, place: int, channel: int) -> Entries | None:
-        try:
-            body = record_at(self._data, place, Opcode.MESSAGE_INDEX)
-            found, size = struct.unpack_from("<HI", body)
-            if found == channel and size == len(body) - 6:
-                return np.frombuffer(body[6:], INDEX_ENTRY)
-        except DAMAGE:
-            pass
-        return None
 
     def _searched(self, block: _Block, channel: int) -> Entries:
         try:

@@ -8,6 +8,7 @@ import struct
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from silo.core.elements import LoggedEvent
 from silo.files.bags.events import event_index, event_record
@@ -44,13 +45,11 @@ def last_number(chunk: bytes, index: memoryview, begin: int) -> int:
     return row_of(_HEAD.unpack_from(chunk, offset)[3], begin)
 
 
-def events_of(chunk: bytes, index: memoryview, begin: int, tick: int, run: str) -> list[LoggedEvent]:
-    """Return the events of a chunk. `tick` is one of the part: ticks in messages count in 32 bits.
+def events_of(chunk: bytes, offsets: NDArray[np.uint64], begin: int, tick: int, run: str) -> list[LoggedEvent]:
+    """Return the events at these places of a chunk. `tick` is one of the part: ticks in messages count in 32 bits.
 
     Raises ValueError or struct.error for damaged bytes.
     """
-    (size,) = struct.unpack_from("<I", index, 2)
-    offsets = np.frombuffer(index[6 : 6 + size], INDEX_ENTRY)["offset"]
     return [_event(chunk, offset, begin, tick, run) for offset in offsets.tolist()]
 
 

@@ -48,6 +48,11 @@ class PartFacts(msgspec.Struct, frozen=True):
         """The rings whose rows are samples."""
         return [ring for ring in self.rings if ring.ring != EVENTS_RING]
 
+    def ring_of(self, channel: int, channels: int) -> RingFacts | None:
+        """The ring whose rows a chunk with messages of so many channels, this one first, holds; None if not of all."""
+        ring = next((ring for ring in self.rings if channel in ring.channels), None)
+        return ring if ring is not None and len(ring.channels) == channels else None
+
     def samples(self, counts: Mapping[int, int]) -> int:
         """How many of these messages, by channel, are samples."""
         return sum(counts.get(channel, 0) for ring in self.value_rings for channel in ring.channels)

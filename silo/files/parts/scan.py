@@ -4,27 +4,23 @@ Each chunk counts with its message index behind it, or not at all. Every checksu
 may hold zeros where its size says that there is data.
 """
 
-import io
 import struct
-import zlib
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Schema
 from numpy.typing import NDArray
 
 from silo.errors import FileFormatError
-from silo.files.mcap.chunks import INDEX_ENTRY, unpack_chunk
+from silo.files.mcap.chunks import INDEX_ENTRY, RECORD, records, unpack_chunk
+from silo.files.mcap.index import IndexedRecord, attachment, indexed_records, parsed
 from silo.files.mcap.writer import MAGIC, Begun, chunk_index
 from silo.files.parts.events import last_number
 from silo.files.parts.metadata import EVENTS_RING, PART_ATTACHMENT, PartFacts, RingFacts, row_of, unpack_part
 
-_PREFIX = 9  # opcode and length of a record
-_SEQUENCE_AT = 11  # in a message record
+SEQUENCE_AT = 11  # in a message record
 _MESSAGE = np.dtype(
     {"names": ["opcode", "channel", "time"], "formats": ["u1", "<u2", "<u8"], "offsets": [0, 9, 15], "itemsize": 23}
 )
@@ -59,58 +55,10 @@ class PartScan:
             stretches.append((first, end))
 
 
-@dataclass
-class PartRecord:
-    """A record of a part, of a chunk with the message index behind it: `index` has a body per channel."""
-
-    opcode: int
-    body: memoryview
-    at: int
-    end: int
-    index: list[memoryview] = field(default_factory=list)
-    index_end: int = 0
-
-
-def part_records(data: memoryview) -> Iterator[PartRecord]:
-    """The whole records of a part; the index of the last chunk may be cut off."""
-    chunk: PartRecord | None = None
-    at = len(MAGIC)
-    while at + _PREFIX <= len(data):
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        end = at + _PREFIX + length
-        if end > len(data):
-            break
-        record = PartRecord(opcode, data[at + _PREFIX : end], at, end)
-        at = end
-        if opcode == Opcode.MESSAGE_INDEX and chunk is not None:
-            chunk.index.append(record.body)
-            chunk.index_end = end
-            continue
-        if chunk is not None:
-            yield chunk
-            chunk = None
-        if opcode == Opcode.CHUNK:
-            record.index_end = end
-            chunk = record
-        else:
-            yield record
-    if chunk is not None:
-        yield chunk
-
-
-def ring_of(facts: PartFacts, chunk: PartRecord) -> RingFacts | None:
-    """The ring whose rows a chunk holds; None where its index is not whole."""
-    if not chunk.index:
-        return None
-    (channel,) = struct.unpack_from("<H", chunk.index[0])
-    ring = next((ring for ring in facts.rings if channel in ring.channels), None)
-    return ring if ring is not None and len(chunk.index) == len(ring.channels) else None
-
-
 def first_row(ring: RingFacts, chunk: bytes, index: memoryview) -> int:
     """The row of the first message of a chunk."""
     (offset,) = struct.unpack_from("<Q", index, _ENTRIES_AT + 8)
-    (sequence,) = struct.unpack_from("<I", chunk, offset + _SEQUENCE_AT)
+    (sequence,) = struct.unpack_from("<I", chunk, offset + SEQUENCE_AT)
     return row_of(sequence, ring.begin)
 
 
@@ -127,7 +75,7 @@ def scan_part(data: memoryview) -> PartScan:
     if bytes(data[: len(MAGIC)]) != MAGIC:
         raise FileFormatError("not an MCAP file: it doesn't start with the MCAP mark")
     scan.begun.size = len(MAGIC)
-    for record in part_records(data):
+    for record in indexed_records(data):
         if record.opcode == Opcode.CHUNK:
             # one that is damaged ends the file where nothing whole comes behind it; the first one has the definitions
             if not _take_chunk(scan, record) and not scan.begun.channels:
@@ -138,7 +86,7 @@ def scan_part(data: memoryview) -> PartScan:
         elif record.opcode == Opcode.ATTACHMENT:
             _take_attachment(scan, record)
         elif record.opcode == Opcode.METADATA:
-            name = Metadata.read(ReadDataStream(io.BytesIO(record.body))).name
+            name = parsed(Metadata, record.body).name
             scan.begun.metadata.append(MetadataIndex(record.at, record.end - record.at, name))
             scan.begun.size = record.end
         elif record.opcode == Opcode.HEADER:
@@ -156,46 +104,39 @@ def rows_after(data: memoryview) -> tuple[PartFacts, dict[int, int]] | None:
     facts: PartFacts | None = None
     last: dict[int, tuple[RingFacts, memoryview, memoryview]] = {}
     at = len(MAGIC)
-    while at + _PREFIX <= len(data):
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        body, end = data[at + _PREFIX : at + _PREFIX + length], at + _PREFIX + length
-        if end > len(data):
-            break
+    while (record := next(records(data, at), None)) is not None:
+        opcode, at, body = record
+        at += RECORD.size + len(body)
         if opcode == Opcode.CHUNK:
-            found = _indexed(facts, data, end)
-            if found is None:
+            index = next(records(data, at), None)
+            if facts is None or index is None or index[0] != Opcode.MESSAGE_INDEX:
                 break
-            ring, index, end = found
-            last[ring.ring] = ring, body, index
+            (channel,) = struct.unpack_from("<H", index[2])
+            ring = next((ring for ring in facts.rings if channel in ring.channels), None)
+            if ring is None:
+                break
+            at += (RECORD.size + len(index[2])) * len(ring.channels)  # all channels of a ring have as many messages
+            if at > len(data):
+                break
+            last[ring.ring] = ring, body, index[2]
         elif opcode == Opcode.ATTACHMENT:
             name, _, content = attachment(body)
             facts = unpack_part(content) if name == PART_ATTACHMENT else facts
         elif opcode not in (Opcode.METADATA, Opcode.HEADER):
             break
-        at = end
     if facts is None:
         return None
     rows = {ring.ring: ring.begin for ring in facts.rings}
-    for ring, body, index in last.values():
-        rows[ring.ring] = _row_after(ring, bytes(unpack_chunk(body)), index)
+    for ring, body, first in last.values():
+        rows[ring.ring] = _row_after(ring, bytes(unpack_chunk(body)), first)
     return facts, rows
 
 
-def _indexed(facts: PartFacts | None, data: memoryview, at: int) -> tuple[RingFacts, memoryview, int] | None:
-    """Whose chunk ends here, the first body of its index, and where that index ends; None where it is not whole."""
-    if facts is None or at + _PREFIX + _ENTRIES_AT > len(data):
-        return None
-    opcode, length, channel = struct.unpack_from("<BQH", data, at)
-    ring = next((ring for ring in facts.rings if channel in ring.channels), None)
-    if opcode != Opcode.MESSAGE_INDEX or ring is None:
-        return None
-    end = at + (_PREFIX + length) * len(ring.channels)  # all channels of a ring have as many messages
-    return (ring, data[at + _PREFIX : at + _PREFIX + length], end) if end <= len(data) else None
-
-
-def _take_chunk(scan: PartScan, record: PartRecord) -> bool:
+def _take_chunk(scan: PartScan, record: IndexedRecord) -> bool:
     """Take in a chunk with its index; False if it is damaged."""
-    ring = ring_of(scan.facts, record) if scan.facts is not None else None
+    if scan.facts is None or not record.index:
+        return False
+    ring = scan.facts.ring_of(struct.unpack_from("<H", record.index[0])[0], len(record.index))
     if ring is None:
         return False
     try:
@@ -211,7 +152,7 @@ def _take_chunk(scan: PartScan, record: PartRecord) -> bool:
         channel, entry_bytes = struct.unpack_from("<HI", one)
         scan.counts[channel] = scan.counts.get(channel, 0) + entry_bytes // INDEX_ENTRY.itemsize
         offsets += struct.pack("<HQ", channel, place)
-        place += _PREFIX + len(one)
+        place += RECORD.size + len(one)
     index = record.index[0]
     scan.add_rows(ring.ring, first_row(ring, data, index), _row_after(ring, data, index))
     start_ns, end_ns, size, _, length = struct.unpack_from("<QQQII", record.body)
@@ -247,35 +188,16 @@ def _is_right(chunk: bytes, index: list[memoryview]) -> bool:
 
 def _take_definitions(scan: PartScan, data: bytes) -> None:
     """Schemas and channels, which stand before the messages of the first chunk."""
-    at = 0
-    while at + _PREFIX <= len(data) and data[at] in _IN_CHUNK:
-        (length,) = struct.unpack_from("<Q", data, at + 1)
-        stream = ReadDataStream(io.BytesIO(data[at + _PREFIX : at + _PREFIX + length]))
-        if data[at] == Opcode.SCHEMA:
-            scan.begun.schemas.append(Schema.read(stream))
-        else:
-            scan.begun.channels.append(Channel.read(stream))
-        at += _PREFIX + length
+    for opcode, _, body in records(data):
+        if opcode not in _IN_CHUNK:
+            break
+        kind, found = (Schema, scan.begun.schemas) if opcode == Opcode.SCHEMA else (Channel, scan.begun.channels)
+        found.append(parsed(kind, body))
 
 
-def _take_attachment(scan: PartScan, record: PartRecord) -> None:
+def _take_attachment(scan: PartScan, record: IndexedRecord) -> None:
     name, media, content = attachment(record.body)
     scan.begun.attachments.append(AttachmentIndex(record.at, record.end - record.at, 0, 0, len(content), name, media))
     if name == PART_ATTACHMENT:
         scan.facts = unpack_part(content)
     scan.begun.size = record.end
-
-
-def attachment(body: memoryview) -> tuple[str, str, bytes]:
-    """Name, media type and content. Raises ValueError for one that is damaged."""
-    at, texts = 16, []
-    for _ in range(2):
-        (length,) = struct.unpack_from("<I", body, at)
-        texts.append(bytes(body[at + 4 : at + 4 + length]).decode())
-        at += 4 + length
-    (size,) = struct.unpack_from("<Q", body, at)
-    content = bytes(body[at + 8 : at + 8 + size])
-    (checksum,) = struct.unpack_from("<I", body, at + 8 + size)
-    if zlib.crc32(body[:-4]) != checksum:
-        raise ValueError(f"attachment {texts[0]!r} is damaged: wrong checksum")
-    return texts[0], texts[1], content

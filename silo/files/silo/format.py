@@ -83,13 +83,15 @@ class TableRow(msgspec.Struct, frozen=True):
 
 
 class Missing(msgspec.Struct, frozen=True, omit_defaults=True):
-    """How a column of numbers tells which are missing, of a type that has no NaN.
+    """How a column tells which values are missing, of a type that has no NaN.
 
-    `dtype` is the type as logged, `fill` what stands in their place, None for NaN (`silo.files.silo.missing`).
+    `dtype` is the type as logged, `fill` what stands in their place, None for NaN (`silo.files.silo.missing`). Raw
+    bytes have neither: `spans` are the stretches of samples that are missing, both ends included.
     """
 
     dtype: str
     fill: int | None = None
+    spans: tuple[tuple[int, int], ...] = ()
 
     def type_of(self, stored: np.dtype[Any]) -> np.dtype[Any]:
         """The type as it was logged, of values of this type in the file; that itself where it can't be."""
@@ -100,8 +102,16 @@ class Missing(msgspec.Struct, frozen=True, omit_defaults=True):
         dtype = dtype_from(self.dtype)
         return dtype if dtype is not None and dtype.kind in "biu" and stored.kind in "biuf" else None
 
-    def masked(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return the values as they were logged; those of a damaged file that can't be it as they are."""
+    def masked(self, values: NDArray[Any], skipped: int = 0) -> NDArray[Any]:
+        """Return the values as they were logged; those of a damaged file that can't be it as they are.
+
+        They begin `skipped` behind the first of their column.
+        """
+        if values.dtype.kind == "V":
+            missing = np.zeros(len(values), bool)
+            for first, last in self.spans:
+                missing[max(first - skipped, 0) : max(last + 1 - skipped, 0)] = True
+            return masked(values, missing)
         dtype = self._logged(values.dtype)
         if dtype is None:
             return values

@@ -2,8 +2,8 @@
 
 Floats have NaN and dates NaT; a recording has a mask for all else. Files that have none get doubles with NaN where
 these hold all the others, which every reader understands; columns that are to stay integers, and 64-bit integers that
-doubles can't hold, get a number that no sample is. `silo_format.Missing`, in the facts of the file, makes the mask of
-either again.
+doubles can't hold, get a number that no sample is, raw bytes get zeros. `Missing`, in the facts of the file, makes the
+mask of each again.
 """
 
 from collections.abc import Callable, Sequence
@@ -52,8 +52,14 @@ def _without_masks(
             made.append(entry)
             continue
         (values,), fill = change([column]) if together is None else ([together[0][number]], together[1])
-        made.append(FilledEntry(entry.name, entry.entry, values, Missing(column.dtype.str, fill)))
+        spans = _stretches(np.ma.getmaskarray(column)) if column.dtype.kind == "V" else ()
+        made.append(FilledEntry(entry.name, entry.entry, values, Missing(column.dtype.str, fill, spans)))
     return alike(RecordedElement, element, entries=tuple(made))
+
+
+def _stretches(mask: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
+    return tuple(zip(edges[::2].tolist(), (edges[1::2] - 1).tolist(), strict=True))
 
 
 def _doubles(columns: Columns) -> tuple[Columns, None] | None:

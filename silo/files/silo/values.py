@@ -59,7 +59,7 @@ def file_entry(
     """An entry of so many values that begin at this byte of the file, `skipped` behind the first of its column."""
     missing, dashes = facts.missing, facts.dashes if stored.kind == "S" else None
     at = {place - skipped: number for place, number in (dashes or {}).items() if 0 <= place - skipped < count}
-    load = partial(_loaded, data, offset, count, stored, logged, at, missing)
+    load = partial(_loaded, data, offset, count, stored, logged, at, missing, skipped)
     if missing is not None:
         entry = Entry(entry.suffix, missing.dtype, entry.labels)
     return lazy_entry(name, entry, load, logged if missing is None else missing.type_of(logged), count)
@@ -73,13 +73,14 @@ def _loaded(
     logged: Type,
     dashes: Mapping[int, int],
     missing: form.Missing | None,
+    skipped: int,
 ) -> NDArray[Any]:
     values = stored_values(data, stored, count, offset)
     if stored is not logged:
         values = _as_logged(values, logged)
     for at, number in dashes.items():
         values[at] += b"-" * min(number, stored.itemsize)
-    return values if missing is None else missing.masked(values)
+    return values if missing is None else missing.masked(values, skipped)
 
 
 def file_recording(load_time: Callable[[], NDArray[np.int64]], about: object = None, **facts: Any) -> Recording:

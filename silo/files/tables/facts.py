@@ -121,7 +121,8 @@ def _entry(
             values = arrays(place, element, count)
             if len(values) != count:
                 raise FileFormatError(f"'{path}': '{facts.name}' has {len(values)} samples, not {count}")
-            return facts.missing.masked(values) if facts.missing is not None else _as_logged(values, dtype)
+            values = _as_logged(values, dtype)
+            return values if facts.missing is None else facts.missing.masked(values)
 
     return lazy_entry(facts.name or "", entry, load, logged, count)
 
