@@ -79,7 +79,7 @@ def test_the_page_of_threads_has_each_file_that_makes_a_lock() -> None:
 def test_the_page_of_the_runtime_folder_has_each_ending() -> None:
     endings = {value for name, value in vars(runtime).items() if name.endswith("_SUFFIX")}
     endings |= {session.SOCKET_SUFFIX, state_file.SUFFIX}
-    endings |= {session.SOCKET_SUFFIX + end for end in session._BESIDE}
+    endings |= {session.SOCKET_SUFFIX + one.value for one in session.Beside}
     assert [one for one in sorted(endings) if f"{one}`" not in FOLDER] == []
 
 
