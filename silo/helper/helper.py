@@ -37,7 +37,7 @@ from silo.helper.robot_link import RobotLink, ending
 from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
 from silo.helper.servers import Servers
-from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
+from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.live.publisher import Publisher
 from silo.net.access.logins import asks_for_passwords, watch_logins
 from silo.net.configuration import robot_named
@@ -53,9 +53,9 @@ from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from silo.state.event_log import EventLog
 from silo.state.events import EventNotifier, plain
+from silo.state.handover import RobotState
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import LoggerSnapshot, Replica
-from silo.state.robot_state import RobotState
 
 READY = 0  # number of the LinkReply that says that clients can come, or why they can't
 TERM_GRACE_S = 5.0

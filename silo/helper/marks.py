@@ -87,7 +87,7 @@ class MarkReader:
             self._unheld |= found.keys()
             if not fresh:
                 return
-        logged = {event.text for event in self._events.log.of_run(run) if event.kind == EventKind.UNHELD}
+        logged = self._events.log.texts(EventKind.UNHELD.value, run)
         for name in fresh[:MOST_UNHELD]:
             text = f"{name}: {unheld_text(found[name])}"
             if text not in logged:  # else a helper process before this one told it

@@ -6,8 +6,7 @@ import socket
 import threading
 from typing import Any
 
-from silo.link.channel import LinkChannel
-from silo.link.messages import LinkMessage, LinkReply, LinkRequest
+from silo.link.channel import LinkChannel, LinkMessage, LinkReply, LinkRequest
 from silo.rpc.declaring import Do, Done, GoesOn, Reply, Request, spoken
 from silo.rpc.refusals import Refused, RefusedWhy
 

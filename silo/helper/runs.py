@@ -14,7 +14,7 @@ from silo.core.elements import State
 from silo.errors import SegmentError
 from silo.helper.marks import MarkReader
 from silo.helper.robot_link import RobotLink
-from silo.link.messages import LetGo
+from silo.link.channel import LetGo
 from silo.recorder.server import EndlessRecordings
 from silo.segment.reader import SegmentReader
 from silo.state.events import EventNotifier

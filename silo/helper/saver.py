@@ -10,7 +10,7 @@ from silo.core.elements import Conditions, SavedFile
 from silo.errors import SegmentError, SiloError
 from silo.files.saving import describe
 from silo.helper.robot_link import RobotLink
-from silo.link.messages import LinkSaved
+from silo.link.channel import LinkSaved
 from silo.recordings.heap import trim_heap
 from silo.recordings.requests import Save, SaveStarted
 from silo.rpc.published import EventKind

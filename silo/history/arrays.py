@@ -15,8 +15,16 @@ from numpy.typing import NDArray
 
 from silo.core.calls import told_class
 from silo.errors import ConnectionLostError, RefusedError
-from silo.history.requests import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
-from silo.history.sampled_rows import SampledName, SampledRows, StreamFrame
+from silo.history.requests import (
+    KeepPin,
+    OpenStream,
+    PinOpened,
+    SampledName,
+    SampledRows,
+    SampleRows,
+    StreamFrame,
+    StreamOpened,
+)
 from silo.net.keys import ClientId, Root
 from silo.net.sessions import undeclare
 from silo.rpc.foreign import Foreign, understood

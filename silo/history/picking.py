@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType
-from silo.history.requests import By
-from silo.history.sampled_rows import SampledEntry, SampledName
+from silo.history.requests import By, SampledEntry, SampledName
 from silo.segment.layout import ElementSchema, EntrySchema, SegmentSchema
 from silo.segment.picking import STAMPS, moved, words_with
 from silo.segment.rows import Rows, Words, stored_type

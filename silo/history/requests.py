@@ -2,9 +2,57 @@
 
 import enum
 
+import msgspec
+
 from silo.errors import RefusedError
-from silo.history.sampled_rows import SampledName, SampledRows
 from silo.rpc.declaring import Ask, Done, Reply, SlowAsk
+
+
+class SampledEntry(msgspec.Struct, frozen=True, array_like=True):
+    """One scalar: `offset` bytes from the begin of its row; `swapped`: big-endian there."""
+
+    suffix: str
+    dtype: str
+    offset: int
+    swapped: bool = False
+
+
+class SampledName(msgspec.Struct, frozen=True):
+    """Where the samples of a name stand: in rows of the group `group`, one at every `divider` ticks.
+
+    A name may have two groups: its own buffer, and what came after that was full. `shape` is that of the element, empty
+    for a single entry.
+    """
+
+    name: str
+    group: int
+    divider: int
+    shape: tuple[int, ...]
+    entries: list[SampledEntry]
+
+
+class SampledRows(msgspec.Struct, frozen=True):
+    """Rows `first ... first + count - 1` since start, without a gap.
+
+    Each row opens with its tick and its time stamp in ns, both int64; the words of its entries follow, as they stand in
+    a ring: its memory is copied once, however many elements are asked for. All little-endian.
+    """
+
+    group: int
+    first: int
+    count: int
+    data: bytes
+
+
+class StreamFrame(msgspec.Struct, frozen=True):
+    """What came since the last frame of a stream: put on `.../stream/<id>`; `generation` is that of `StreamOpened`.
+
+    A row number beyond the one that was expected is a loss; a smaller one with another `run` is a new start.
+    """
+
+    generation: int
+    run: str
+    rows: list[SampledRows]
 
 
 class Columns(Reply, frozen=True, omit_defaults=True):
@@ -27,7 +75,7 @@ class Columns(Reply, frozen=True, omit_defaults=True):
 
 
 class SampleRows(Reply, frozen=True, omit_defaults=True):
-    """Raw rows of some names, see `silo.history.sampled_rows`. `rows` has at most one stretch per group.
+    """Raw rows of some names, of which `rows` has at most one stretch per group.
 
     `resume` has for each group the row to go on with and the row to end before; both are equal where nothing is left.
     Ask again with it and with `run` until then. `names` explains the rows, and comes with the first reply only.

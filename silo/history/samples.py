@@ -2,8 +2,7 @@
 
 from silo.history.picking import RingSource, RowSelection, bounds, pick, unknown_name
 from silo.history.pinned_rows import PinnedRows
-from silo.history.requests import GetSamples, SampleRows
-from silo.history.sampled_rows import SampledRows
+from silo.history.requests import GetSamples, SampledRows, SampleRows
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.state.replica import LoggerSnapshot
 

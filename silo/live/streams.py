@@ -10,8 +10,7 @@ import msgspec
 import zenoh
 
 from silo.history.picking import RingGroup, pick, unknown_name
-from silo.history.requests import OpenStream, StreamOpened
-from silo.history.sampled_rows import SampledRows, StreamFrame
+from silo.history.requests import OpenStream, SampledRows, StreamFrame, StreamOpened
 from silo.history.samples import MAX_NAMES, unknown
 from silo.live.feeds import Feed, Feeds, Round
 from silo.net import keys

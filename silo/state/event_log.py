@@ -87,6 +87,10 @@ class EventLog:
         with self._lock:
             return [event for event in self._events if event.run == run]
 
+    def texts(self, kind: str, run: str) -> set[str]:
+        """Return what stands there of a kind, of a run."""
+        return {event.text for event in self.of_run(run) if event.kind == kind}
+
     def marks_of(self, run: str) -> set[tuple[int, int, str]]:
         """Return wall clock, tick and text of the marks of a run that are in the log."""
         return {(event.time_ns, event.tick, event.text) for event in self.of_run(run) if event.kind == MARKER}

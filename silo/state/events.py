@@ -84,7 +84,7 @@ class EventNotifier:
     def is_started(self) -> bool:
         """Whether it is told that the present run was started."""
         run = self._replica.run
-        return bool(run) and any(event.kind == EventKind.STARTED.value for event in self.log.of_run(run))
+        return bool(run and self.log.texts(EventKind.STARTED.value, run))
 
     def _stamp_of(self, tick: int, run: str, status: Status) -> int:
         """Return the time stamp of a tick of a run, 0 where only who tells of it may know it: the run is over."""

@@ -1,4 +1,6 @@
-"""Runs on their way to the helper process: each is handed over as an open file before its first tick.
+"""What the robot program pushes to its helper process: how its logger stands, and its runs.
+
+Each run is handed over as an open file before its first tick.
 
 A channel of its own beside the link, of whole packets, because descriptors can't travel among framed messages. The
 kernel keeps a packet when the robot program dies right after it: the helper process takes in all of them before it does
@@ -10,6 +12,7 @@ import socket
 
 import msgspec
 
+from silo.core.elements import NO_EXTRAS, Conditions, State, Table
 from silo.errors import ConnectionLostError
 
 MAX_OFFER_BYTES = 16_384
@@ -24,6 +27,24 @@ class RunOffer(msgspec.Struct, frozen=True):
     run: str
     segment: str
     named: bool = True
+
+
+class RobotState(msgspec.Struct, frozen=True, tag=True):
+    """Robot to helper: pushed at connection and after every change. `table` only when its revision changed."""
+
+    logger: str
+    pid: int
+    state: State
+    revision: int
+    options_json: bytes  # LoggerOptions
+    folder: str  # absolute
+    script: str  # absolute
+    segment: str  # path of the current or last segment, empty before the first start
+    reason: str
+    by: str
+    table: Table | None = None
+    extras: Conditions = NO_EXTRAS
+    saved: str = ""  # where the run before this one was saved, if its start did that; fit to show
 
 
 _decoder = msgspec.msgpack.Decoder(RunOffer)

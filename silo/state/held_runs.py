@@ -167,7 +167,7 @@ def tell_left(reader: SegmentReader, events: EventNotifier) -> None:
     """Tell what nobody told of a run that began, or ended too, while there was no helper process."""
     tell_start(reader, events)
     run = reader.schema.run
-    if not reader.running and not _is_told(EventKind.STOPPED, run, events):
+    if not reader.running and not events.log.texts(EventKind.STOPPED.value, run):
         text = reader.stop_reason or "stopped"
         events.publish(EventKind.STOPPED, text, tick=reader.ticks - 1, stamp_ns=reader.last_time_ns, run=run)
 
@@ -175,12 +175,8 @@ def tell_left(reader: SegmentReader, events: EventNotifier) -> None:
 def tell_start(reader: SegmentReader, events: EventNotifier) -> None:
     """Tell that a run was started, if nobody did."""
     run, begun_ns = reader.schema.run, reader.schema.started_ns
-    if not _is_told(EventKind.STARTED, run, events):
+    if not events.log.texts(EventKind.STARTED.value, run):
         events.publish(EventKind.STARTED, "started", tick=0, stamp_ns=reader.stamp_of(0), run=run, time_ns=begun_ns)
-
-
-def _is_told(kind: EventKind, run: str, events: EventNotifier) -> bool:
-    return any(event.kind == kind.value for event in events.log.of_run(run))
 
 
 def _held(reader: SegmentReader) -> Path:

@@ -25,9 +25,8 @@ from silo.journal.holdings import Holdings, RetainedAlike, kept_alike, segment_h
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import lost_samples
-from silo.state.handover import RunOffer
+from silo.state.handover import RobotState, RunOffer
 from silo.state.requests import TableReply
-from silo.state.robot_state import RobotState
 
 MOST_CLIENTS = 20
 FAILED_NAMES = 10  # of the status, which goes with every event

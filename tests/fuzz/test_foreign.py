@@ -18,8 +18,16 @@ from silo.errors import ConnectionLostError, SiloError
 from silo.fleet.exchange import decode_reply
 from silo.history.arrays import Gathering, Stream
 from silo.history.found_moments import found_of
-from silo.history.requests import Columns, OpenStream, SampleRows, StreamOpened
-from silo.history.sampled_rows import SampledEntry, SampledName, SampledRows, StreamFrame
+from silo.history.requests import (
+    Columns,
+    OpenStream,
+    SampledEntry,
+    SampledName,
+    SampledRows,
+    SampleRows,
+    StreamFrame,
+    StreamOpened,
+)
 from silo.history.search_requests import FoundIn, MomentsFound
 from silo.live.requests import OpenView, ViewOpened
 from silo.live.topic import batch_of

@@ -51,8 +51,7 @@ from silo.history.requests import (
     OpenStream,
 )
 from silo.history.search_requests import FindMoments, MeasureSpan
-from silo.link.channel import LinkChannel
-from silo.link.messages import LinkReply, LinkRequest
+from silo.link.channel import LinkChannel, LinkReply, LinkRequest
 from silo.live.publisher import Publisher
 from silo.live.requests import CloseView, GetSurvey, OpenView, ViewOpened
 from silo.logger.serving.answers import answer, robot_state
@@ -101,11 +100,10 @@ from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered
 from silo.state.event_log import EventLog
 from silo.state.events import EventNotifier
-from silo.state.handover import handover_pair
+from silo.state.handover import RobotState, handover_pair
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica
 from silo.state.requests import ApplyEdits, GetSummary, Hello, HelloReply, StatusReply, TableReply, Unsaved
-from silo.state.robot_state import RobotState
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 NASTY: list[Any] = [

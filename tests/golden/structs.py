@@ -21,9 +21,9 @@ from silo.files.csv.metadata import CsvFacts
 from silo.files.manifest import CaptureEntry, Written
 from silo.files.parts.metadata import PartFacts
 from silo.files.silo.format import ElementFacts, LogFacts
-from silo.history.sampled_rows import StreamFrame
+from silo.history.requests import StreamFrame
 from silo.journal.format import Commit, Head
-from silo.link.messages import LinkMessage
+from silo.link.channel import LinkMessage
 from silo.recorder.orders import Command, RecordOrder, Report
 from silo.recorder.process import RecorderHandover
 from silo.recordings.writing import WriteOrder, WriteReport

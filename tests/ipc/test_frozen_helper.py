@@ -10,11 +10,10 @@ import pytest
 import silo
 from silo.core.elements import State
 from silo.errors import SaveError
-from silo.link.channel import LinkChannel
-from silo.link.messages import Beat, Goodbye
+from silo.link.channel import Beat, Goodbye, LinkChannel
 from silo.logger.serving import patience
 from silo.logger.serving.patience import DEAF_ROUNDS, FROZEN_ROUNDS, Patience
-from silo.state.robot_state import RobotState
+from silo.state.handover import RobotState
 from tests.stand_ins.ticking import collect
 from tests.waiting import freeze, wait_until
 

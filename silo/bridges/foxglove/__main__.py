@@ -6,8 +6,7 @@ import os
 import socket
 import sys
 
-from silo.bridges.foxglove.program import run
-from silo.bridges.foxglove.server import Terms
+from silo.bridges.foxglove.server import Terms, run
 from silo.client.client import Client
 
 

@@ -4,6 +4,8 @@ import asyncio
 import contextlib
 import json
 import logging
+import os
+import signal
 import socket
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +21,7 @@ from silo.bridges.foxglove.protocol import Frames, Offer, ServiceCall, StatusLev
 from silo.bridges.foxglove.viewer import Viewer
 from silo.bridges.listening import LOOPBACK
 from silo.bridges.messages import live_topics
-from silo.bridges.services import Call
+from silo.bridges.services import Call, Connect
 from silo.core.elements import ElementInfo
 from silo.errors import SiloError
 from silo.history.arrays import SampleArrays
@@ -238,3 +240,21 @@ class ViewerServer:
         self._tell(text)
         for viewer in self._viewers:
             viewer.tell(StatusLevel.WARNING, text)
+
+
+def run(
+    terms: Terms, connect: Connect, listening: socket.socket, tell: Callable[[str], None], ends_with: int | None = None
+) -> None:
+    """Serve on a socket until Ctrl-C or SIGTERM, or until `ends_with`, a descriptor, is at its end."""
+
+    async def serve_it() -> None:
+        ended = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, ended.set)
+        if ends_with is not None:
+            loop.add_reader(ends_with, lambda: None if os.read(ends_with, 1) else ended.set())
+        with contextlib.closing(listening):
+            await ViewerServer(terms, lambda listener: LoggerFollower(connect, listener), tell).serve(listening, ended)
+
+    asyncio.run(serve_it())

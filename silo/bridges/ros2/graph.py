@@ -5,7 +5,6 @@ subscribes to is not read from the logger: the router tells whether somebody doe
 """
 
 import contextlib
-import json
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,6 +21,7 @@ from silo.bridges.services import Call, trigger_response
 from silo.core.elements import ElementInfo
 from silo.errors import ConnectionLostError, SiloError
 from silo.history.arrays import SampleArrays
+from silo.net.configuration import FORCED, insert, reason_of
 from silo.net.lingering import releasing
 from silo.net.session import close
 
@@ -36,22 +36,13 @@ def joined(router: str) -> Iterator[zenoh.Session]:
     """Open a session as a client of a router, `tcp/localhost:7447`. Raises ConnectionLostError where there is none."""
     config = zenoh.Config()
     try:
-        for key, value in {
-            "mode": "client",
-            "connect/endpoints": [router],
-            "connect/timeout_ms": OPEN_MS,
-            "scouting/multicast/enabled": False,
-            "scouting/gossip/enabled": False,
-            "transport/shared_memory/enabled": False,
-        }.items():
-            config.insert_json5(key, json.dumps(value))
+        insert(config, {"mode": "client", "connect": {"endpoints": [router], "timeout_ms": OPEN_MS}, **FORCED})
         session = zenoh.open(config)
         releasing.begin(session)
     except zenoh.ZError as error:
-        why = str(error).split(" at /", 1)[0].strip()  # behind it stands a place in Zenoh's sources
         raise ConnectionLostError(
             f"no Zenoh router answers at {router}: start one with `ros2 run rmw_zenoh_cpp rmw_zenohd`, or say where "
-            f"it is with --router ({why})"
+            f"it is with --router ({reason_of(error)})"
         ) from error
     try:
         yield session

@@ -30,8 +30,7 @@ def foxglove(logger: str | None, port: int, bind: str, control: bool, token: boo
       silo foxglove anymal --control    (start, stop and save from the panel "Service Call")
     """
     check_installed("websockets", "foxglove")
-    from silo.bridges.foxglove.program import run
-    from silo.bridges.foxglove.server import Terms
+    from silo.bridges.foxglove.server import Terms, run
     from silo.bridges.services import pinned, services
     from silo.client.client import Client
 

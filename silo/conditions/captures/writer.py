@@ -230,5 +230,5 @@ class CaptureWriter:
         return self._listed
 
     def _was_told(self, buffer: "CaptureBuffer", files: list[SavedFile]) -> bool:
-        told = [event.text for event in self._events.log.of_run(buffer.run) if event.kind == EventKind.CAPTURED.value]
+        told = self._events.log.texts(EventKind.CAPTURED.value, buffer.run)
         return any(file.path in text for file in files for text in told)

@@ -16,8 +16,8 @@ from silo.loop.run import Run
 from silo.rpc.declaring import Reply, Request
 from silo.rpc.refusals import WHYS, RefusedWhy, RequestRefusedError, answered
 from silo.rpc.serving import Dispatch, Turn
+from silo.state.handover import RobotState
 from silo.state.robot import StateOfLogger, StateRobot
-from silo.state.robot_state import RobotState
 
 
 class Served(StateOfLogger, ConditionsOfLogger, Protocol):

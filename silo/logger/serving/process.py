@@ -8,8 +8,7 @@ from pathlib import Path
 
 from silo.core.child import ENDING_S, ChildProcess
 from silo.errors import ConnectionLostError
-from silo.link.channel import LinkChannel
-from silo.link.messages import LinkReply
+from silo.link.channel import LinkChannel, LinkReply
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused
 from silo.state.handover import handover_pair

@@ -22,7 +22,7 @@ import msgspec
 from silo.core.calls import told_class
 from silo.core.elements import FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
-from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
+from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.logger.serving.answers import Served, answer, robot_state
 from silo.logger.serving.consumers import has_left
 from silo.logger.serving.down import DownMark
@@ -36,8 +36,7 @@ from silo.requests import AnyReply
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused
-from silo.state.handover import RunOffer, offer_run
-from silo.state.robot_state import RobotState
+from silo.state.handover import RobotState, RunOffer, offer_run
 
 log = logging.getLogger("silo")
 
