@@ -7,7 +7,6 @@ it draws of a file are the same.
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -32,11 +31,6 @@ class LiveTopic:
     element: str
     channel: Channel
 
-    @cached_property
-    def message_bytes(self) -> int:
-        """Length of a message; of one that ends with a text, without the text's letters."""
-        return self.channel.size
-
     def message_dtype(self, head: Head = ()) -> "np.dtype[np.void]":
         """Return the fields of a message of fixed length, behind fields of the caller's own."""
         fields: list[tuple[str, Any, int]] = []
@@ -55,7 +49,7 @@ class LiveTopic:
             wire: Any = part.wire if part.count == 1 else (part.wire, (part.count,))
             fields.append((f"value{k}", wire, at + part.offset))
         names, formats, offsets = zip(*fields, strict=True)
-        return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at + self.message_bytes})
+        return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at + self.channel.size})
 
     def fill(self, messages: "NDArray[np.void]", samples: SampleArrays) -> None:
         """Write samples into an array of `message_dtype`, zero before, as long as they are."""

@@ -81,11 +81,11 @@ class Client(
         self._name = client_name()
         self._surveyed = ClientId.drawn()  # what its statistics are called after, whatever becomes of the link
         self._saves = Saves()
-        self._connection = Connection(found, timeout_s, self._name, self._renew)
+        self._connection = Connection(found, timeout_s, self._name)
         self._leases = Renewals(self._connection, lambda: self._name)
-        self._connection.on_event(self._saves.note)
-        self._connection.on_link(self._saves.note_link)
-        self._connection.watch()
+        self.on_event(self._saves.note)
+        self.on_link(self._saves.note_link)
+        self._connection.watch(self._leases.renew)
 
     @classmethod
     def connect(
@@ -164,7 +164,7 @@ class Client(
         Args:
             callback: must not wait long.
         """
-        self._connection.on_event(callback)
+        self._connection.event_callbacks.append(callback)
 
     def on_link(self, callback: Callable[[bool], None]) -> None:
         """Call back when the connection is lost or there again.
@@ -172,7 +172,7 @@ class Client(
         Args:
             callback: gets False when the helper process is gone, True when one is there again.
         """
-        self._connection.on_link(callback)
+        self._connection.link_callbacks.append(callback)
 
     def try_now(self) -> None:
         """Look for the helper process at once, where the link is lost.
@@ -188,9 +188,6 @@ class Client(
                 self.release_control()
         self._connection.close()
         self._saves.wake()
-
-    def _renew(self) -> None:
-        self._leases.renew()  # which need the connection first
 
     def __enter__(self) -> "Client":
         return self

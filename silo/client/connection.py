@@ -64,16 +64,16 @@ class Attachable(Protocol):
 class Connection:
     """A watched session to one logger."""
 
-    def __init__(self, found: LoggerAddress, timeout_s: float, who: str, on_round: Callable[[], None]) -> None:
-        """Connects. Raises ConnectionLostError, VersionError. `on_round` is called 20 times a second after `watch`."""
+    def __init__(self, found: LoggerAddress, timeout_s: float, who: str) -> None:
+        """Connects. Raises ConnectionLostError, VersionError."""
         self.found = found
         self._who = who
-        self._on_round = on_round
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._attached: set[Attachable] = set()
-        self._event_callbacks: list[Callable[[Event], None]] = []
-        self._link_callbacks: list[Callable[[bool], None]] = []
+        # called in its thread: for every event; with False when the link is lost, with True when it is there again
+        self.event_callbacks: list[Callable[[Event], None]] = []
+        self.link_callbacks: list[Callable[[bool], None]] = []
         self._borrowed: SessionLease | None = None
         self._dead = False
         self._lost_s = 0.0
@@ -87,10 +87,10 @@ class Connection:
         self._known: set[str] = set()  # who was there when we came: other robots, whatever their names
         self._open(found, timeout_s)
         self._known = {_mark(other) for other in self._namesakes()} | {_mark(self.found)}
-        self._thread = threading.Thread(target=self._watch, name="silo-client")
 
-    def watch(self) -> None:
-        """Begin to watch the link, in a thread: what it calls may need the connection, which its owner has by now."""
+    def watch(self, on_round: Callable[[], None]) -> None:
+        """Begin to watch the link, in a thread that calls `on_round` 20 times a second: it may need the connection."""
+        self._thread = threading.Thread(target=self._watch, args=(on_round,), name="silo-client")
         self._thread.start()
 
     # -------------------------------------------------------------------------------------------- one session
@@ -148,7 +148,7 @@ class Connection:
             one.detach()
         if borrowed is not None:
             if tell:
-                self._call_back(self._link_callbacks, False)
+                self._call_back(self.link_callbacks, False)
             if borrowed.config:
                 undeclare(*self._declared)  # others may go on with it
             give_back(borrowed)  # takes 2.5 s if it is closed and the other side is frozen
@@ -233,14 +233,6 @@ class Connection:
         """Look for the helper process in the next round, where it is gone; nothing waits."""
         self._retry_s = 0.0
 
-    def on_event(self, callback: Callable[[Event], None]) -> None:
-        """Call back for every event, in the thread of the connection."""
-        self._event_callbacks.append(callback)
-
-    def on_link(self, callback: Callable[[bool], None]) -> None:
-        """Call back with False when the connection is lost, with True when it is there again."""
-        self._link_callbacks.append(callback)
-
     def close(self) -> None:
         """End the thread and the session; closing twice is fine."""
         self._stop.set()
@@ -249,7 +241,7 @@ class Connection:
 
     # ------------------------------------------------------------------------------------------------- the thread
 
-    def _watch(self) -> None:
+    def _watch(self, on_round: Callable[[], None]) -> None:
         main = threading.main_thread()
         scanned_s, gone = 0.0, False
         while not self._stop.wait(POLL_S) and main.is_alive():
@@ -267,7 +259,7 @@ class Connection:
             if self._dead and time.monotonic() - scanned_s > DEAD_SCAN_S:
                 scanned_s = time.monotonic()
                 self._look_for_successor()
-            _call(lambda _: self._on_round(), True)
+            _call(lambda _: on_round(), True)
         self._lose(tell=False)
 
     def _is_gone(self) -> bool:
@@ -301,7 +293,7 @@ class Connection:
                 continue
             if event.status is not None:
                 self._dead = event.status.state is State.DEAD
-            self._call_back(self._event_callbacks, event)
+            self._call_back(self.event_callbacks, event)
 
     def _event_of(self, sample: zenoh.Sample) -> Event | None:
         try:
@@ -325,7 +317,7 @@ class Connection:
                 log.debug("not yet: %s", error)
                 continue
             self._known.add(_mark(self.found))
-            self._call_back(self._link_callbacks, True)
+            self._call_back(self.link_callbacks, True)
             return
         self._retry_s = time.monotonic() + RETRY_S
 

@@ -31,8 +31,8 @@ class ControlLease:
 
     refused = ""
 
-    def __init__(self, renewal: TakeControl, on_lost: Callable[[str], None] | None) -> None:
-        self.renewal, self._on_lost = renewal, on_lost
+    def __init__(self, request: TakeControl, on_lost: Callable[[str], None] | None) -> None:
+        self.request, self._on_lost = request, on_lost
 
     def refuse(self, why: str) -> None:
         """Somebody else has it."""
@@ -79,12 +79,12 @@ class Renewals:
             self._connection.ask_later(self._signed(request), 1.0)
 
     def _closing(self, leased: "View | Stream | Pin") -> Request[Done]:
-        renewal = leased.renewal
-        if isinstance(renewal, OpenView):
-            return CloseView(view=renewal.view, proof=renewal.proof)
-        if isinstance(renewal, OpenStream):
-            return CloseStream(stream=renewal.stream, proof=renewal.proof)
-        return ClosePin(pin=renewal.pin)
+        request = leased.request
+        if isinstance(request, OpenView):
+            return CloseView(view=request.view, proof=request.proof)
+        if isinstance(request, OpenStream):
+            return CloseStream(stream=request.stream, proof=request.proof)
+        return ClosePin(pin=request.pin)
 
     def _signed(self, request: Request[Any]) -> Request[Any]:
         return msgspec.structs.replace(request, client=self._name())
@@ -112,7 +112,7 @@ class Renewals:
                     self._renewals.pop(view, None)
                 self._take_renewal(view, payload)
         for view in due:
-            request = view.renewal
+            request = view.request
             pending = self._connection.ask_later(self._signed(request), request.timeout_s)
             with self._lock:
                 if view in self._due_s:
@@ -128,7 +128,7 @@ class Renewals:
             accept: Callable[[ViewOpened | StreamOpened], None] | None = getattr(view, "accept", None)
             if accept is not None:
                 accept(reply)
-        elif isinstance(reply, Refused) and not isinstance(view.renewal, TakeControl | KeepPin):
+        elif isinstance(reply, Refused) and not isinstance(view.request, TakeControl | KeepPin):
             view.refuse(reply.text)  # asked for again and again: what it shows may be there again
         elif isinstance(reply, Refused) and reply.why in GONE:
             view.refuse(reply.text)

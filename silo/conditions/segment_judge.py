@@ -85,7 +85,7 @@ class SegmentJudge:
         self._rows = JudgedRows(reader, table)
         self._watched: dict[str, _Watched] = {}
         self.limits = LimitJudge(self._rows)
-        self._until, self._steps = since, 0
+        self.judged, self._steps = since, 0  # ticks; looks
         self._buffers: list[CaptureBuffer] = []
         self._numbers: dict[str, int] = {}  # captures of each name so far: they stand in names of files
         self._off: set[str] = set()  # elements in conditions that are off
@@ -102,7 +102,7 @@ class SegmentJudge:
         self._watched = {one.name: self._taken(one, before.get(one.name), anew=anew) for one in extras.triggers}
         self.limits.adopt(extras.limits, self.problems, anew=anew)
         columns = [column for one in self._watched.values() for bound in one.expressions for column in bound.columns]
-        self._rows.want([*columns, *self.limits.columns], self._until)
+        self._rows.want([*columns, *self.limits.columns], self.judged)
 
     def _taken(self, options: TriggerOptions, before: _Watched | None, *, anew: bool) -> _Watched:
         """A trigger with these options: the same one, the same with other words about it, or one that begins now."""
@@ -153,11 +153,6 @@ class SegmentJudge:
         return max(0.005, min(LONGEST_WAIT_S, self._rows.shortest_s / 4))
 
     @property
-    def judged(self) -> int:
-        """How many ticks are judged."""
-        return self._until
-
-    @property
     def active(self) -> bool:
         """Whether there is anything to judge."""
         return bool(self._watched or self._buffers) or self.limits.active
@@ -171,7 +166,7 @@ class SegmentJudge:
 
     def _arm(self, watched: _Watched, *, armed: bool) -> None:
         if armed:
-            watched.trigger.arm(self._until)
+            watched.trigger.arm(self.judged)
         else:
             watched.trigger.disarm()
 
@@ -182,7 +177,7 @@ class SegmentJudge:
         if not self.reader.ticks:
             raise ElementError(f"trigger '{name}' can't fire: nothing was logged yet; nothing was changed")
         found = self.step()
-        tick, watched = self._until - 1, self._watched[name]
+        tick, watched = self.judged - 1, self._watched[name]
         rows = self.reader.rows(TIME_RING, tick, 1)
         time_ns = int(rows.time_ns[0]) if len(rows) else self.reader.last_time_ns
         for capture in watched.trigger.force(tick, time_ns):
@@ -195,7 +190,7 @@ class SegmentJudge:
         return [self._status(one) for one in self._watched.values()]
 
     def _status(self, one: _Watched) -> TriggerStatus:
-        trigger, tick = one.trigger, self._until
+        trigger, tick = one.trigger, self.judged
         state, why = trigger.state(tick), one.why or one.note
         if state is TriggerWord.OFF:
             over = one.options.mode == TriggerMode.SINGLE.value and one.options.armed
@@ -220,18 +215,18 @@ class SegmentJudge:
         self._found = found = JudgedStep()
         # the time ring's head is written last: rows of all ticks before it stand in every ring
         ticks = self.reader.ticks
-        while self._until < ticks and self.active:
+        while self.judged < ticks and self.active:
             if is_late():
                 found.blind.append(
-                    f"triggers and limits did not judge the last {ticks - self._until} ticks: there was no time before "
+                    f"triggers and limits did not judge the last {ticks - self.judged} ticks: there was no time before "
                     "the end, as something fires too often; give it a holdoff"
                 )
                 break
-            until = min(ticks, self._until + BATCH_TICKS)
+            until = min(ticks, self.judged + BATCH_TICKS)
             self._judge(until, found)
-            self._until = until
+            self.judged = until
             self._copy(until, found)
-        self._until = ticks
+        self.judged = ticks
         if self.limits.active:
             found.blind += self.limits.check_silent()
             self.limits.check_stale(self.reader.last_time_ns)
@@ -368,7 +363,7 @@ class SegmentJudge:
         ]
         under_way = [KeptCapture(buffer.options, buffer.capture, buffer.ended) for buffer in self._buffers]
         return JudgeState(
-            schema.run, schema.pid, schema.pid_start, self._until, self.extras, self._rows.cursors, triggers,
+            schema.run, schema.pid, schema.pid_start, self.judged, self.extras, self._rows.cursors, triggers,
             self.limits.memory(), self._numbers, [*under_way, *waiting], list(untold), closed,
             off=self._rows.infos_of(self._off), program=program_of(schema), folder=schema.folder,
         )  # fmt: skip
@@ -397,7 +392,7 @@ class SegmentJudge:
         for capture in state.captures:
             buffer = CaptureBuffer(capture.options, capture.capture, self.reader, self.extras)
             buffer.ended = capture.ended
-            is_whole = buffer.append(self._until)
+            is_whole = buffer.append(self.judged)
             (whole if is_whole or capture.ended else self._buffers).append(buffer)
         return whole
 

@@ -187,11 +187,6 @@ class Stream:
         self._closed = False
         self._foreign = Foreign("a frame")
 
-    @property
-    def renewal(self) -> OpenStream:
-        """What renews its lease."""
-        return self.request
-
     def attach(self, session: zenoh.Session, root: Root, client: ClientId) -> None:
         """Subscribe in a session; the one before is closed already."""
         name = f"{client.id}-{self._place}"
@@ -333,7 +328,7 @@ class Pin:
     ) -> None:
         self.names = tuple(names)
         self.opened = opened
-        self.renewal = renewal  # what renews its lease
+        self.request = renewal  # what renews its lease
         self.refused = ""  # why it is no more
         self._on_close = on_close
 

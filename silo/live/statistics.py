@@ -27,7 +27,7 @@ from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.layout import ElementSchema, EntrySchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader
-from silo.segment.rows import Rows, Words
+from silo.segment.rows import Rows
 from silo.state.replica import Replica
 from silo.state.run_follower import RunFollower
 
@@ -63,14 +63,10 @@ class _Columns:
                     wanted[number, place] = entry
                     self.entries.append((number, place))
         self._picker = RowPicker(wanted)
+        self.words = self._picker.words  # of rows that are read
 
     def __len__(self) -> int:
         return len(self.entries) + len(self.norms)
-
-    @property
-    def words(self) -> Words:
-        """The words of rows that are read."""
-        return self._picker.words
 
     def of(self, rows: Rows) -> Floats:
         """Return shape `(len(rows), len(self))`."""

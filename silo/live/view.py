@@ -63,15 +63,10 @@ class View:
         self._unread: list[ViewFrame] = []
         self._merged_number = 0
         self._cut = True  # whether the next frame doesn't continue the one that was handed out last
-        self._refused = ""
+        self.refused = ""  # why the helper process no longer feeds this view; empty if it does
         self._foreign = Foreign("a frame")
 
     # ---------------------------------------------------------------------------------------------- by the client
-
-    @property
-    def renewal(self) -> OpenView:
-        """What renews its lease."""
-        return self.request
 
     def attach(self, session: zenoh.Session, root: Root, client: ClientId) -> None:
         """Subscribes in a session; the one before is closed already."""
@@ -94,19 +89,14 @@ class View:
         """How to read the frames from now on."""
         with self._lock:
             self._opened = opened
-            self._refused = ""
+            self.refused = ""
 
     def refuse(self, text: str) -> None:
         """The helper process would not renew the view."""
         with self._lock:
-            self._refused = text
+            self.refused = text
 
     # ------------------------------------------------------------------------------------------------ by the user
-
-    @property
-    def refused(self) -> str:
-        """Why the helper process no longer feeds this view; empty if it does."""
-        return self._refused
 
     def frame(self) -> Frame | None:
         """All that came since the last call as one frame, None if nothing did.

@@ -134,7 +134,7 @@ class RecordingRequests(Caller):
         Returns:
             The number of the job for `wait_saved`.
         """
-        return self._call(Save(types=file_types(types), name=name)).job
+        return self._call(Save(types=file_types(types, "client.save"), name=name)).job
 
     @ask("ListRecordings", slow=True)
     def recordings(self, most: int = 1000) -> Recordings:

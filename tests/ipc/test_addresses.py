@@ -264,7 +264,7 @@ def test_machines_are_told_addresses_that_tell_the_two_apart(fleet, capsys) -> N
 def test_clients_of_one_configuration_share_one_session(fleet) -> None:
     first, second = (Client.connect(found) for found in fleet.found())
     with first, second:
-        assert first._connection.session().zid() == second._connection.session().zid()
+        assert first._connection.borrowed().session.zid() == second._connection.borrowed().session.zid()
         assert open_configurations() == {fleet.desk: 2}
         with first.view(["/log/x"], rate_hz=30), second.topic("x"):
             first.close()
@@ -312,7 +312,7 @@ def test_clients_come_back_when_their_router_does(fleet) -> None:
         fleet.router = fleet.open_router()
         wait_until(lambda: first.connected and second.connected)
         assert first.status().state is State.STOPPED
-        assert first._connection.session().zid() == second._connection.session().zid()
+        assert first._connection.borrowed().session.zid() == second._connection.borrowed().session.zid()
 
 
 @pytest.mark.slow

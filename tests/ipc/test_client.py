@@ -43,10 +43,10 @@ def test_the_link_is_watched_once_its_owner_is_ready(bench, until) -> None:
     (found,) = discover().loggers
     ready = False
     rounds = []
-    connection = Connection(found, DEADLINE_S, "a test", lambda: rounds.append(ready))
+    connection = Connection(found, DEADLINE_S, "a test")
     try:
         ready = True
-        connection.watch()
+        connection.watch(lambda: rounds.append(ready))
         until(lambda: rounds)
     finally:
         connection.close()

@@ -104,7 +104,7 @@ def test_nobody_answers_or_publishes_or_is_there_in_the_name_of_a_robot(site, at
                 operator.start("discard")
                 session.put(root.key("event"), b"\x01")
                 session.put(root.key("summary"), b"\x01")
-                session.put(root.key("view", view.renewal.view), b"\x01")
+                session.put(root.key("view", view.request.view), b"\x01")
                 operator.status()
                 operator.stop()
             view.frame()

@@ -75,7 +75,7 @@ def test_bytes_of_somebody_end_no_view_no_stream_no_topic_and_no_list(network, c
         events = []
         client.on_event(events.append)
         for _ in range(10):
-            for key in ("event", "summary", f"view/{view.renewal.view}", f"stream/{stream.renewal.stream}"):
+            for key in ("event", "summary", f"view/{view.request.view}", f"stream/{stream.request.stream}"):
                 somebody.put(root.key(key), b"\x01")
             somebody.put(root.topic("/log/x"), b"\x01\x02\x03", encoding="silo/samples;dtype=<f8;shape=3")
         network.logger.start()

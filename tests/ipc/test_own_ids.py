@@ -31,7 +31,7 @@ def test_nobody_else_replaces_or_closes_a_view_or_a_stream(bench, client, kind) 
     bench.ticks(5)
     with silo.connect("bot") as other:
         mine = client.view(["/log/x"], rate_hz=30) if kind == "view" else client.stream(["/log/x"])
-        name = mine.renewal.view if kind == "view" else mine.renewal.stream
+        name = mine.request.view if kind == "view" else mine.request.stream
         forged = [OpenView(view=name), CloseView(view=name), CloseView(view=name, proof=other._connection.mine.proof)]
         if kind == "stream":
             forged = [OpenStream(stream=name, names=["/log/x"]), CloseStream(stream=name)]

@@ -170,7 +170,7 @@ class Frames:
 
 def _records(topic: LiveTopic, samples: SampleArrays) -> "NDArray[np.void]":
     """One structured array is the frames of all samples: nothing is done per message."""
-    start = frame_head(13 + topic.message_bytes)
+    start = frame_head(13 + topic.channel.size)
     head = [("frame", f"V{len(start)}"), ("opcode", "u1"), ("subscription", "<u4"), ("time", "<u8")]
     records = np.zeros(len(samples), topic.message_dtype(head))
     topic.fill(records, samples)

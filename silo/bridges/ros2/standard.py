@@ -122,7 +122,7 @@ def _aligned(data: bytes, size: int) -> bytes:
 def _as_it_is(topic: LiveTopic, samples: SampleArrays) -> Stamped:
     messages = np.zeros(len(samples), topic.message_dtype())
     topic.fill(messages, samples)
-    data, size = messages.tobytes(), topic.message_bytes
+    data, size = messages.tobytes(), topic.channel.size
     return samples.time_ns, [data[at : at + size] for at in range(0, len(data), size)]
 
 
