@@ -1,5 +1,6 @@
 """What a bridge with `--control` lets others do to a logger: start, stop, save."""
 
+import functools
 import struct
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -12,7 +13,6 @@ if TYPE_CHECKING:
 
 Connect = Callable[[], "Client"]
 Call = Callable[[str], str]  # takes who calls, in words; says what came of it
-SERVICES = ("start", "stop", "save")
 
 
 def services(connect: Connect, prefix: str) -> dict[str, Call]:
@@ -21,22 +21,17 @@ def services(connect: Connect, prefix: str) -> dict[str, Call]:
     Events name both: the user of the bridge, who is known to the robot, and for whom it was done.
     """
 
-    def start(caller: str) -> str:
+    def call(do: "Callable[[Client], str]", caller: str) -> str:
         with connect() as client:
             client.act_for(caller)
-            return f"{client.found.label} is {client.start().state.value}"
+            return do(client)
 
-    def stop(caller: str) -> str:
-        with connect() as client:
-            client.act_for(caller)
-            return f"{client.found.label} is {client.stop().state.value}"
-
-    def save(caller: str) -> str:
-        with connect() as client:
-            client.act_for(caller)
-            return "saved " + ", ".join(file.path for file in client.wait_saved(client.save()))
-
-    return {f"/{prefix}/{name}": call for name, call in zip(SERVICES, (start, stop, save), strict=True)}
+    what: dict[str, Callable[[Client], str]] = {
+        "start": lambda client: f"{client.found.label} is {client.start().state.value}",
+        "stop": lambda client: f"{client.found.label} is {client.stop().state.value}",
+        "save": lambda client: "saved " + ", ".join(file.path for file in client.wait_saved(client.save())),
+    }
+    return {f"/{prefix}/{name}": functools.partial(call, do) for name, do in what.items()}
 
 
 def pinned(connect: "Callable[[str], Client]", wanted: str) -> tuple[str, Connect]:

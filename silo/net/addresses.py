@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from silo.errors import ConnectionLostError
 from silo.net.configuration import FORCED, PATHS, find_file, from_file, written
 from silo.net.found import ADDRESS, LoggerAddress
-from silo.net.session import Beside
+from silo.net.session import leading_to
 
 SCHEME = "silo://"
 
@@ -78,16 +78,7 @@ def zenoh_settings(found: LoggerAddress) -> dict[str, Any]:
         for key in PATHS:
             _make_absolute(given, key.split("/"), json.loads(absolute.get_json(key)))
         return {**given, "mode": "client", "scouting": scouting}
-    settings: dict[str, Any] = {
-        "mode": "client",
-        "connect": {"endpoints": [f"unixsock-stream/{found.socket}"]},
-        "scouting": scouting,
-    }
-    secret = Beside.SECRET.of(Path(found.socket))
-    if secret.exists():
-        user, password = secret.read_text().strip().split(":", 1)
-        settings["transport"] = {"auth": {"usrpwd": {"user": user, "password": password}}}
-    return settings
+    return {"mode": "client", **leading_to(Path(found.socket)), "scouting": scouting}
 
 
 def _make_absolute(settings: dict[str, Any], names: list[str], path: str | None) -> None:

@@ -297,10 +297,7 @@ def open_client(path: Path | None, config: str | None = None, reached: Reached |
             raise ConnectionLostError(f"{path}: nobody listens there any more")
         if not os.access(path, os.W_OK):
             raise ConnectionLostError(f"{path}: user {os.getuid()} may not write to this socket")
-        settings.insert_json5("connect/endpoints", json.dumps([f"unixsock-stream/{path}"]))
-        if Beside.SECRET.of(path).exists():
-            user, password = Beside.SECRET.of(path).read_text().strip().split(":", 1)
-            insert(settings, {"transport": {"auth": {"usrpwd": {"user": user, "password": password}}}})
+        insert(settings, leading_to(path))
     settings.insert_json5("listen/endpoints", "[]")
     try:
         session = zenoh.open(settings)
@@ -316,6 +313,15 @@ def open_client(path: Path | None, config: str | None = None, reached: Reached |
     if config is not None:
         releasing.begin(session)
     return session
+
+
+def leading_to(socket: Path) -> dict[str, Any]:
+    """Return what a client sets for a local socket, with the password where one is asked for."""
+    found: dict[str, Any] = {"connect": {"endpoints": [f"unixsock-stream/{socket}"]}}
+    if (secret := Beside.SECRET.of(socket)).exists():
+        user, password = secret.read_text().strip().split(":", 1)
+        found["transport"] = {"auth": {"usrpwd": {"user": user, "password": password}}}
+    return found
 
 
 def forget(path: Path) -> None:
