@@ -24,7 +24,7 @@ from silo.errors import ConnectionLostError, ElementError, RefusedError, SiloErr
 from silo.fleet.discovery import discover
 from silo.fleet.exchange import NoAnswerError, client_name
 from silo.history.found_moments import SearchRequests
-from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream, by_of
+from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream
 from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
 from silo.net.found import LoggerAddress
@@ -34,7 +34,7 @@ from silo.recordings.requests import RecordingRequests
 from silo.requests import AnyReply
 from silo.rpc.declaring import Ask, Do, ReplyT, Request
 from silo.rpc.published import Event
-from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked
+from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked, meant
 from silo.rpc.words import full_name, why_silent
 from silo.scripts.requests import ScriptRequests
 from silo.state.requests import EventRequests, Hello, HelloReply, StateRequests, TableRequests
@@ -551,7 +551,7 @@ class Client(
             names=texts("names", names, "['/log/joints/q']"),
             start=start,
             end=end,
-            by=by_of(by),
+            by=meant(By, "by", by, "nothing was asked"),
             reply_bytes=reply_bytes,
             pin=pin.id if pin is not None else "",
         )

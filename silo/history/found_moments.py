@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from silo.core.arguments import texts
 from silo.core.calls import told_class
 from silo.core.elements import Sought
-from silo.errors import ConnectionLostError, RefusedError
+from silo.errors import ConnectionLostError
 from silo.history.search_requests import (
     FindMoments,
     FoundIn,
@@ -17,6 +17,7 @@ from silo.history.search_requests import (
 )
 from silo.rpc.declaring import Caller
 from silo.rpc.foreign import NOT_UNDERSTOOD
+from silo.rpc.refusals import meant
 
 if TYPE_CHECKING:
     from silo.expressions.search import FoundMoments
@@ -65,11 +66,7 @@ class SearchRequests(Caller):
             RefusedError: a name or `what` is unknown, a number out of range, or a pin is no more.
             ElementError: the names are no list of texts; nothing was asked.
         """
-        try:
-            sought = Sought(what)
-        except ValueError:
-            words = ", ".join(f"'{one.value}'" for one in Sought)
-            raise RefusedError(f"one can look for {words}, got {what!r}; nothing was asked") from None
+        sought = meant(Sought, "what", what, "nothing was asked")
         request = FindMoments(
             names=texts("names", names, "['/log/joints/q_0']"), what=sought, level=level, direction=direction,
             bounds=list(bounds), start_ns=start_ns, end_ns=end_ns, around_ns=around_ns, most=most,

@@ -4,7 +4,6 @@ import enum
 
 import msgspec
 
-from silo.errors import RefusedError
 from silo.rpc.declaring import Ask, Done, Reply, SlowAsk
 
 
@@ -121,14 +120,6 @@ class By(str, enum.Enum):
     TIME = "time"  # ns
     TICK = "tick"  # since start
     ROW = "row"  # samples since start, of each element its own
-
-
-def by_of(word: By | str) -> By:
-    """Return what a word means. Raises RefusedError for one that means nothing."""
-    try:
-        return By(word)
-    except ValueError:
-        raise RefusedError(f"by must be 'time', 'tick' or 'row', got {word!r}; nothing was asked") from None
 
 
 class GetHistory(SlowAsk[Columns], frozen=True):

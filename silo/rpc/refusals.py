@@ -23,6 +23,7 @@ from silo.errors import (
 from silo.rpc.declaring import GoesOn, Reply, ReplyT, Request, reply_type
 
 T = TypeVar("T")
+Word = TypeVar("Word", bound=enum.Enum)
 
 log = logging.getLogger("silo")
 
@@ -71,6 +72,15 @@ WHYS: Mapping[type[Exception], RefusedWhy] = {
     SaveError: RefusedWhy.INVALID,
     SiloError: RefusedWhy.FAILED,
 }
+
+
+def meant(kind: type[Word], argument: str, value: object, outcome: str) -> Word:
+    """Return what a word means. Raises RefusedError for one that means nothing."""
+    try:
+        return kind(value)
+    except ValueError:
+        words = ", ".join(repr(one.value) for one in kind)
+        raise RefusedError(f"{argument} must be one of {words}, got {value!r}; {outcome}") from None
 
 
 def answered(do: Callable[[], T], whys: Mapping[type[Exception], RefusedWhy] = WHYS) -> T | Refused | GoesOn:

@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 from silo.core.arguments import line, shown, whole
 from silo.core.calls import told_class
 from silo.core.elements import Conditions, Edit, LoggedEvent, Status, Table
-from silo.errors import ElementError, RefusedError
+from silo.errors import ElementError
 from silo.rpc.declaring import Ask, Caller, Reply, RobotRequest, ask, change
 from silo.rpc.published import Summary
+from silo.rpc.refusals import meant
 
 
 class HelloReply(Reply, frozen=True):
@@ -63,15 +64,6 @@ class Unsaved(str, enum.Enum):
     REFUSE = "refuse"  # then nothing is cleared
     SAVE = "save"
     DISCARD = "discard"
-
-
-def unsaved_of(word: Unsaved | str) -> Unsaved:
-    """Return what a word means. Raises RefusedError for one that means nothing."""
-    try:
-        return Unsaved(word)
-    except ValueError:
-        words = ", ".join(repr(one.value) for one in Unsaved)
-        raise RefusedError(f"unsaved must be one of {words}, got {word!r}; nothing was changed") from None
 
 
 class TableReply(Reply, frozen=True):
@@ -135,7 +127,7 @@ class StateRequests(Caller):
             RefusedError: it runs already, or holds unsaved data.
             GoesOnError: the robot program takes longer.
         """
-        return _status(self._start(unsaved_of(unsaved)), told)
+        return _status(self._start(meant(Unsaved, "unsaved", unsaved, "nothing was changed")), told)
 
     def stop(self) -> Status:
         """Stop the logger; stopping a stopped one succeeds.
@@ -159,7 +151,7 @@ class StateRequests(Caller):
             RefusedError: it holds unsaved data.
             GoesOnError: the robot program takes longer.
         """
-        return _status(self._restart(unsaved_of(unsaved)), told)
+        return _status(self._restart(meant(Unsaved, "unsaved", unsaved, "nothing was changed")), told)
 
     @ask()
     def _get_status(self) -> StatusReply:
