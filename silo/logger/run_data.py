@@ -17,6 +17,7 @@ from silo.logger.current_run import CurrentRun
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 from silo.logger.results import LoggedElement, NewValues, NewValuesReader, SavedFiles, look_at
+from silo.logger.unclosed import save_run
 from silo.loop.run import Run
 from silo.settings.file_types import file_types
 
@@ -141,17 +142,8 @@ class RunData:
         self.look_for_unheld()
         saved = self._saved_by_helper(chosen, name, str(where.resolve()) if folder else "")
         if saved is None:
-            from silo.files import LogOfRun, write_run
-
-            saved = write_run(
-                self.snapshot(),
-                where,
-                self._options.name,
-                chosen,
-                name or None,
-                why="saved by the robot program",
-                events=LogOfRun(self._options.folder, run.id),
-            )
+            why, extras = "saved by the robot program", self._conditions.extras
+            saved = save_run(run, self._options, why, extras, chosen, name, where)
         with self._life.lock:
             self._present.mark_saved(run, ticks)
         return SavedFiles(saved)

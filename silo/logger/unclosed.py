@@ -5,9 +5,10 @@ import os
 import sys
 import weakref
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Protocol
 
-from silo.core.elements import Conditions, LoggerOptions, SavedFile, Storage
+from silo.core.elements import Conditions, FileType, LoggerOptions, SavedFile, Storage
 from silo.errors import SiloError
 from silo.journal.format import list_journals, remove_journal
 from silo.journal.holdings import segment_holdings
@@ -63,15 +64,24 @@ def _forked() -> None:
 os.register_at_fork(after_in_child=_forked)
 
 
-def save_run(run: Run, options: LoggerOptions, why: str, extras: Conditions) -> list[SavedFile]:
-    """Save a run as `.silo` in this process, with what the event log says of it. Raises SaveError.
+def save_run(
+    run: Run,
+    options: LoggerOptions,
+    why: str,
+    extras: Conditions,
+    types: Sequence[FileType] = (FileType.SILO,),
+    name: str = "",
+    folder: Path | None = None,
+) -> list[SavedFile]:
+    """Save a run in this process, with what the event log says of it. Raises SaveError.
 
     `extras` are derived signals, limits and triggers as they are now, not as they were when it began.
     """
     from silo.files import LogOfRun, write_run
 
-    told = LogOfRun(options.folder, run.id)
-    return write_run(run.reader.snapshot(), options.folder, options.name, why=why, events=told, extras=extras)
+    where, told = folder or options.folder, LogOfRun(options.folder, run.id)
+    recording = run.reader.snapshot()
+    return write_run(recording, where, options.name, types, name or None, why=why, events=told, extras=extras)
 
 
 def save_at_end(run: Run, options: LoggerOptions, extras: Conditions) -> bool:

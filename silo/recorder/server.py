@@ -95,7 +95,7 @@ class EndlessRecordings:
             try:
                 self._spawn(msgspec.structs.replace(kept, order=order, program=self._program))
             except OSError as error:
-                self._failed(f"the recording '{kept.order.name}' could not go on: {error.strerror}", kept.by)
+                self._tell(f"the recording '{kept.order.name}' could not go on: {error.strerror}", kept.by, failed=True)
         if older:
             self._older.unlink(missing_ok=True)
         self._thread.start()
@@ -401,7 +401,7 @@ class EndlessRecordings:
         # are of something else
         run = last.told_run if last.state.over else ""
         tick = last.told_tick if run and last.told_tick >= 0 else None
-        self._failed(told, recorder.kept.by, run, tick) if failed else self._tell(told)
+        self._tell(told, recorder.kept.by, run=run, tick=tick, failed=True) if failed else self._tell(told)
         recorder.reported.set()
         recorder.ended.set()
         with self._lock:
@@ -432,13 +432,10 @@ class EndlessRecordings:
         """Leave what is under way for who comes after, and what is ending as long as it is not over."""
         store(self._kept, self._living())
 
-    def _tell(self, text: str, by: str = "", *, run: str = "", tick: int | None = None) -> None:
-        log.info("%s", text)
-        self._events.publish(EventKind.RECORDING, text, by=by, run=run, tick=tick)
-
-    def _failed(self, text: str, by: str, run: str = "", tick: int | None = None) -> None:
-        log.warning("%s", text)
-        self._events.publish(EventKind.RECORDING_FAILED, text, by=by, run=run, tick=tick)
+    def _tell(self, text: str, by: str = "", *, run: str = "", tick: int | None = None, failed: bool = False) -> None:
+        log.log(logging.WARNING if failed else logging.INFO, "%s", text)
+        kind = EventKind.RECORDING_FAILED if failed else EventKind.RECORDING
+        self._events.publish(kind, text, by=by, run=run, tick=tick)
 
 
 def _info(recorder: RecorderProcess) -> RecorderInfo:

@@ -73,18 +73,18 @@ def _write(reader: RunReader, order: WriteOrder, progress: Callable[[float], Non
     try:
         recording = reader.snapshot()
         damaged = missing(reader) if order.of_dead else ()
+        events = LogOfRun(reader.schema.folder, reader.schema.run) if order.of_dead else order.events
         files = write_run(
             recording, order.folder, order.logger, order.types, order.name or None, progress, order.why,
-            events=_log_of(reader) if order.of_dead else order.events, extras=order.extras, damage=damaged,
+            events=events, extras=order.extras, damage=damaged,
         )  # fmt: skip
     except SiloError as error:
-        saved = list(error.saved) if isinstance(error, PartlySavedError) else []
-        return WriteReport(1.0, True, 0, saved, str(error))
+        return _failed(error)
     return WriteReport(1.0, True, recording.offset, files, damage=damaged)
 
 
-def _log_of(reader: RunReader) -> LogOfRun:
-    return LogOfRun(reader.schema.folder, reader.schema.run)
+def _failed(error: SiloError) -> WriteReport:
+    return WriteReport(1.0, True, 0, list(error.saved) if isinstance(error, PartlySavedError) else [], str(error))
 
 
 def save_apart(reader: RunReader, folder: str, extras: Conditions | None) -> tuple[list[SavedFile], Holdings]:
@@ -140,8 +140,7 @@ def _written(order: WriteOrder, progress: Callable[[float], None]) -> WriteRepor
         recording = read_recording(Path(order.log))
         files = write(recording, order.folder, order.logger, order.types, order.name or None, progress)
     except SiloError as error:
-        saved = list(error.saved) if isinstance(error, PartlySavedError) else []
-        return WriteReport(1.0, True, 0, saved, str(error))
+        return _failed(error)
     return WriteReport(1.0, True, recording.offset, files)
 
 

@@ -76,15 +76,14 @@ class CaptureBuffer:
             stop = -(-end // self._divider(ring))
             if stop <= self._next[ring]:
                 continue
-            rows = self._reader.rows(ring, self._next[ring], stop - self._next[ring])
+            rows = self._reader.rows(ring, self._next[ring], stop - self._next[ring]).part(self._next[ring], stop)
             if rows.first > self._next[ring]:
                 # they were overwritten before: what is whole begins here
                 lost_from = max(self._next[ring] * self._divider(ring), self.capture.first)
                 self._missing = max(self._missing, rows.first * self._divider(ring) - lost_from)
                 self._parts[ring] = []
-                rows = self._reader.rows(ring, rows.first, max(stop - rows.first, 0))
             if len(rows):
-                self._parts[ring].append(Rows(rows.ring, rows.first, rows.words))
+                self._parts[ring].append(rows)
                 self._next[ring] = rows.first + len(rows)
         return until > self.capture.last
 
