@@ -275,9 +275,10 @@ def _needed_journals(folder: Path) -> set[Path]:
 def _litter(folder: Path) -> list[str]:
     """What is neither a file that was saved nor a recording."""
     kept = {*_segments(folder), *_needed_journals(folder)}
-    counter = re.compile(r"\.\w+_fileNumber$")  # the number of the next file, kept between programs
+    # the number of the next file, kept between programs, and what happened, which outlives them
+    own = re.compile(r"\.\w+(_fileNumber|\.events(\.1)?\.jsonl)$")
     hidden = [path for path in (folder / "logs").iterdir() if path.name.startswith(".") or ".part" in path.name]
-    hidden = [path for path in hidden if not counter.match(path.name)]
+    hidden = [path for path in hidden if not own.match(path.name)]
     found = [*(folder / "run").iterdir(), *hidden]
     return [str(path.relative_to(folder)) for path in found if path not in kept]
 
