@@ -94,7 +94,7 @@ def test_the_writing_process_knows_whether_the_robot_program_waits(new_logger, m
     saver = Saver(
         replica,
         SimpleNamespace(publish=lambda *_, **__: None, log=SimpleNamespace(of_run=lambda _: [])),
-        SimpleNamespace(send=lambda _: None),
+        SimpleNamespace(tell=lambda _: None),
     )
     job = saver.prepare(Save(types=[FileType.BAG], name="", client="x"), for_robot=for_robot)
     saver.submit(job)
