@@ -7,7 +7,7 @@ told to have begun. Who reads the present run by itself looks for another one by
 import contextlib
 import logging
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from silo.conditions.monitor import Judge
 from silo.core.elements import State
@@ -16,7 +16,6 @@ from silo.helper.marks import MarkReader
 from silo.helper.robot_link import RobotLink
 from silo.link.channel import LetGo
 from silo.recorder.server import EndlessRecordings
-from silo.segment.reader import SegmentReader
 from silo.state.events import EventNotifier
 from silo.state.handover import RunOffer, taken_runs
 from silo.state.held_runs import HeldRuns, tell_left
@@ -80,7 +79,8 @@ class Runs:
 
     def look(self, *, at_end: bool = False) -> None:
         """Let go of runs that nobody needs any more, and take in those that came by no message."""
-        self._take_left(self._held.find())
+        for run in self._held.find():
+            self._take_left(run)
         self._held.tell_starts(self._events, at_end=at_end)
         self._held.release()
 
@@ -99,22 +99,19 @@ class Runs:
         """
         self._held.find()
         for run in self._held.ids():
-            with contextlib.suppress(SegmentError):
-                reader = self._held.open(run)
-                if reader is None:
-                    continue
-                with contextlib.closing(reader):
-                    if run != self.replica.run:
-                        self._take_left([reader])
-                        continue
-                    self._judge.take(run)  # also should the run be over before the judge looks
-                    tell_left(reader, self._events)
+            self._take_left(run)
 
-    def _take_left(self, left: Iterable[SegmentReader]) -> None:
-        """Have runs read that ended while there was no helper process."""
-        for reader in left:
-            # first: what was told to have begun is judged by a successor, too
-            self._judge.take(reader.schema.run, left=True)
-            tell_left(reader, self._events)
-            self._marks.take_left(reader)
+    def _take_left(self, run: str) -> None:
+        """Have a run read that began, and ended but for the present one, while there was no helper process."""
+        left = run != self.replica.run
+        with contextlib.suppress(SegmentError):
+            reader = self._held.open(run)
+            if reader is None:
+                return
+            with contextlib.closing(reader):
+                self._judge.take(run, left=left)  # first: what was told to have begun is judged by a successor, too
+                tell_left(reader, self._events)
+                if left:
+                    self._marks.take_left(reader)
+        if left:
             self.recording.follow_present()

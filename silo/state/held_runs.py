@@ -55,8 +55,8 @@ class HeldRuns:
         if self._replica.run and robot.segment == self._replica.segment:
             self._extras[self._replica.run] = robot.extras
 
-    def find(self) -> list[SegmentReader]:
-        """Return runs of this logger that no helper process took over, oldest first; they are kept, too."""
+    def find(self) -> list[str]:
+        """Return the ids of runs of this logger that no helper process took over, oldest first; they are kept, too."""
         with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
             if all(path in self._looked for path in list_held()):
                 return []
@@ -71,7 +71,7 @@ class HeldRuns:
                     reader.close()
                 else:
                     self._add(reader)
-                    found.append(reader)
+                    found.append(reader.schema.run)
             return found
         return []
 
