@@ -33,7 +33,7 @@ def calls_of_threading(*names: str) -> Iterator[tuple[str, ast.Call]]:
         if "programs" in path.parts:
             continue
         for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) in [f"threading.{name}" for name in names]:
+            if isinstance(node, ast.Call) and ast.unparse(node.func).removeprefix("threading.") in names:
                 yield str(path.relative_to(ROOT)), node
 
 
@@ -45,6 +45,8 @@ def thread_names() -> set[str]:
         for keyword in call.keywords
         if keyword.arg == "name" and isinstance(keyword.value, ast.Constant)
     }
+    pools = (call.args[1] for _, call in calls_of_threading("ThreadPoolExecutor") if len(call.args) > 1)
+    given |= {str(name.value) for name in pools if isinstance(name, ast.Constant)}
     return given | {f"lane {lane.name.lower()}" for lane in Lane}
 
 
