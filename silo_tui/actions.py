@@ -9,7 +9,6 @@ import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
 
 from textual.binding import Binding
 from textual.keys import REPLACED_KEYS
@@ -394,33 +393,34 @@ _ONCE = {
     "list_range": "range_of_loggers range_of_recordings range_of_conditions",
 }
 RENAMED = {old: new for new, names in _ONCE.items() for old in names.split()}
-NO_KEYS: Mapping[str, str] = MappingProxyType({})
 BY_ID = {command.id: command for command in COMMANDS}
 BY_WORD = {word: command for command in COMMANDS if command.typed is not None for word in command.typed.words}
-
-
-def commands_for(scope: str, keys: Mapping[str, str] = NO_KEYS) -> list[Command]:
-    """Return what can be done with keys on a screen; `keys` are the user's own, by command."""
-    return [with_keys(keys, command) for command in COMMANDS if scope in command.scopes or "any" in command.scopes]
-
-
-def with_keys(keys: Mapping[str, str], command: Command) -> Command:
-    """Return a command with the user's own keys, if it has some."""
-    return replace(command, keys=keys[command.id], shown_key="") if command.id in keys else command
-
-
-_own: dict[str, str] = {}  # the user's keys, by command: what is said names these
+_own: dict[str, str] = {}  # the user's keys, by command
 
 
 def use_keys(keys: Mapping[str, str]) -> None:
-    """Let what is said name the user's keys."""
+    """Let all that is shown and said name the user's keys."""
     _own.clear()
     _own.update(keys)
 
 
+def with_keys(command: Command) -> Command:
+    """Return a command with the user's own keys, if it has some."""
+    return replace(command, keys=_own[command.id], shown_key="") if command.id in _own else command
+
+
+def _of(scope: str) -> list[Command]:
+    return [command for command in COMMANDS if scope in command.scopes or "any" in command.scopes]
+
+
+def commands_for(scope: str) -> list[Command]:
+    """Return what can be done with keys on a screen."""
+    return list(map(with_keys, _of(scope)))
+
+
 def key_of(command: str, *, last: bool = False) -> str:
     """Return the key of a command as the user has it, the first or the last of several, to be named in a sentence."""
-    own = with_keys(_own, BY_ID[command])
+    own = with_keys(BY_ID[command])
     return own.key_text.split()[-1] if last else own.footer_key
 
 
@@ -429,11 +429,11 @@ def key_that_retries(scope: str) -> str:
     return next((key_of(each.id) for each in commands_for(scope) if each.retries), "")
 
 
-def commands_like(scope: str, keys: Mapping[str, str] = NO_KEYS) -> list[Command]:
+def commands_like(scope: str) -> list[Command]:
     """Return what can be done where a screen belongs to: on loggers, or on a file."""
     on_file = scope in FILE_SCOPES
     return [
-        with_keys(keys, command)
+        with_keys(command)
         for command in COMMANDS
         if any(each == "any" or (each in FILE_SCOPES) == on_file for each in command.scopes)
     ]
@@ -444,18 +444,18 @@ def typed_on_file(command: Command) -> bool:
     return command.id in TYPED_ON_FILES or any(scope == "any" or scope in FILE_SCOPES for scope in command.scopes)
 
 
-def edits_by(key: str, scope: str, keys: Mapping[str, str] = NO_KEYS) -> bool:
+def edits_by(key: str, scope: str) -> bool:
     """Return whether a key edits, or commands the logger, on the screen of a logger that is like that of a file."""
     like = scope.replace("file_", "").replace("file", "table")
-    there = [command for command in commands_for(like, keys) if command.writes or command.group == "Edit"]
+    there = [command for command in commands_for(like) if command.writes or command.group == "Edit"]
     return scope in FILE_SCOPES and any(key in command.keys.split(",") for command in there)
 
 
-def why_no_use(key: str, scope: str, keys: Mapping[str, str] = NO_KEYS) -> str:
+def why_no_use(key: str, scope: str) -> str:
     """Return why a key does nothing on a screen, and where it does something."""
-    if edits_by(key, scope, keys):
+    if edits_by(key, scope):
         return NOT_EDITED
-    there = [command for command in commands_like(scope, keys) if key in command.keys.split(",")]
+    there = [command for command in commands_like(scope) if key in command.keys.split(",")]
     if not there:
         return f"{key_text(key)} is no key of silo-tui; {key_of('help')} shows those that are"
     places = dict.fromkeys(PLACES.get(each, each) for command in there for each in command.scopes)
@@ -471,11 +471,11 @@ def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str,
     """
     return [
         Binding(command.keys, f"command('{command.id}')", command.label, show=False, priority=True, id=command.id)
-        for command in commands_for(scope)
+        for command in _of(scope)  # the user's keys come over these
     ]
 
 
-def footer_for(scope: str, *, read_only: bool = False, keys: Mapping[str, str] = NO_KEYS) -> list[Command]:
+def footer_for(scope: str, *, read_only: bool = False) -> list[Command]:
     """Return what the key bar shows, most wanted first."""
-    shown = [command for command in commands_for(scope, keys) if command.footer and not (read_only and command.writes)]
+    shown = [command for command in commands_for(scope) if command.footer and not (read_only and command.writes)]
     return sorted(shown, key=lambda command: command.footer)

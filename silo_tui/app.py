@@ -375,7 +375,7 @@ class SiloApp(Guarded, App[None]):
 
         screen = self.context.upper_screen
         if screen is not None and not isinstance(self.screen, HelpScreen):
-            self.push_screen(HelpScreen(screen.scope, self.context.settings.keys, screen.action_command))
+            self.push_screen(HelpScreen(screen.scope, screen.action_command))
 
     def command_command(self) -> None:
         self.begin_command("")

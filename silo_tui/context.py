@@ -322,7 +322,7 @@ class SiloScreen(Leaving[None]):
     def on_key(self, event: events.Key) -> None:
         """Say of a key why it does nothing here; keys with a meaning don't come here."""
         if not isinstance(self.focused, Fleeting):
-            self.context.say(why_no_use(event.key, self.scope, self.context.settings.keys))
+            self.context.say(why_no_use(event.key, self.scope))
 
     # ---------------------------------------------------------------------------------------------- the key bar
 

@@ -33,7 +33,7 @@ class CommandProvider(Provider):
         screen = self.screen
         if not isinstance(screen, SiloScreen):
             return
-        known = [command for command in commands_for(screen.scope, screen.context.settings.keys) if not command.hidden]
+        known = [command for command in commands_for(screen.scope) if not command.hidden]
         for command in known:
             yield f"{command.label}  ({command.key_text})", command.help, partial(screen.action_command, command.id)
         if not any(command.id == "command" for command in known):
@@ -53,13 +53,12 @@ class CommandProvider(Provider):
         screen = self.screen
         if not isinstance(screen, SiloScreen):
             return
-        keys = screen.context.settings.keys
-        here = {command.id for command in commands_for(screen.scope, keys)}
+        here = {command.id for command in commands_for(screen.scope)}
         way = next((id_ for id_ in ("detail", "monitor", "plot") if id_ in here), "")
         large = "file_detail" if screen.scope in FILE_SCOPES else "detail"
         if not way or screen.scope == large:
             return
-        for command in commands_for(large, keys):
+        for command in commands_for(large):
             if command.group != "Detail plot" or command.id in here or command.hidden:
                 continue
             steps = f"large plot, {command.key_text}"

@@ -1,6 +1,6 @@
 """Help, made from the list of commands: columns that fill the screen, searched with `/`, all screens by Tab."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -13,7 +13,7 @@ from textual.containers import VerticalScroll
 from textual.widgets import Input, Static
 
 from silo.settings.typed import help_rows
-from silo_tui.actions import COMMANDS, FILE_SCOPES, NO_KEYS, PLACES, commands_for, commands_like
+from silo_tui.actions import COMMANDS, FILE_SCOPES, PLACES, commands_for, commands_like
 from silo_tui.modal import Dialog
 from silo_tui.model.facts import MEANINGS
 from silo_tui.model.filter import TERMS
@@ -56,13 +56,13 @@ class HelpLine:
         return all(word in own for word in words)
 
 
-def entries(scope: str, keys: Mapping[str, str], *, everywhere: bool) -> list[HelpLine]:
+def entries(scope: str, *, everywhere: bool) -> list[HelpLine]:
     """Return the lines of help: those of a screen, or of all screens, that one first."""
-    here = commands_for(scope, keys)
+    here = commands_for(scope)
     commands = list(here)
     if everywhere:
         known = {command.id for command in here}
-        commands += [command for command in commands_like(scope, keys) if command.id not in known]
+        commands += [command for command in commands_like(scope) if command.id not in known]
     found = []
     # what every screen has comes last
     for group in sorted(dict.fromkeys(command.group for command in commands), key=LAST_GROUPS.count):
@@ -172,11 +172,9 @@ class HelpScreen(Dialog[None]):
         Binding("G,end", "end(1)", show=False),
     ]
 
-    def __init__(
-        self, scope: str, keys: Mapping[str, str] = NO_KEYS, do: Callable[[str], None] = lambda command: None
-    ) -> None:
+    def __init__(self, scope: str, do: Callable[[str], None] = lambda command: None) -> None:
         super().__init__()
-        self._scope, self._keys, self._do = scope, keys, do
+        self._scope, self._do = scope, do
         self._everywhere = not commands_for(scope)
         self._words = ""
         self._chosen = 0
@@ -200,11 +198,11 @@ class HelpScreen(Dialog[None]):
 
     def _show(self) -> None:
         words = self._words.casefold().split()
-        here = entries(self._scope, self._keys, everywhere=self._everywhere)
+        here = entries(self._scope, everywhere=self._everywhere)
         found = [entry for entry in here if entry.holds(words)]
         where = "all screens" if self._everywhere else f"the {PLACES.get(self._scope, self._scope)}"
         if words and not found and not self._everywhere:  # what isn't here may be elsewhere
-            here = entries(self._scope, self._keys, everywhere=True)
+            here = entries(self._scope, everywhere=True)
             found = [entry for entry in here if entry.holds(words)]
             where = "all screens"
         self._found = found

@@ -15,7 +15,7 @@ from textual.containers import Vertical
 from textual.widgets import Static
 
 from silo.errors import SiloError
-from silo_tui.actions import BY_ID, COMMANDS, bindings_for, key_of, key_text, with_keys
+from silo_tui.actions import BY_ID, COMMANDS, bindings_for, key_of, key_text
 from silo_tui.modal import Dialog
 from silo_tui.model.lists import Order
 from silo_tui.screens.list_screen import ListScreen
@@ -60,7 +60,7 @@ def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int
         own = row.command in settings.keys
         is_new = settings.keys.get(row.command) != saved.keys.get(row.command)
         line = Text(f"{'*' if is_new else ' '} {'key ' + row.command:<{NAMES}} ")
-        line.append(with_keys(settings.keys, command).key_text, style="bold")
+        line.append(replace(command, keys=settings.keys.get(row.command, command.keys)).key_text, style="bold")
         if own:
             line.append(f"  (yours; was {command.key_text})")
         line.append(f"  {command.label}: {command.help}" if command.help != command.label else f"  {command.label}")

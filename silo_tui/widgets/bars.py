@@ -366,14 +366,13 @@ class KeyBar(Guarded, Widget):
 
     def _commands(self) -> list[Command]:
         """Return what is shown, most wanted first: what the screen's mode asks for, then the rest."""
-        app, screen = cast(Any, self.app), cast(Any, self.screen)
-        keys = app.context.settings.keys
-        in_mode = [replace(with_keys(keys, BY_ID[each]), label=label) for each, label in screen.mode_keys()]
+        screen = cast(Any, self.screen)
+        in_mode = [replace(with_keys(BY_ID[each]), label=label) for each, label in screen.mode_keys()]
         if getattr(screen, "session", None) is not None and screen.session.lost_s is not None:
-            tries = [command for command in commands_for(self._scope, keys) if command.retries]
+            tries = [command for command in commands_for(self._scope) if command.retries]
             in_mode = [*(replace(command, label="Try now") for command in tries), *in_mode]
         known = {command.id for command in in_mode}
-        shown = footer_for(self._scope, read_only=self._read_only, keys=keys)
+        shown = footer_for(self._scope, read_only=self._read_only)
         return [*in_mode, *(command for command in shown if command.id not in known)]
 
     def render(self) -> RenderResult:

@@ -16,6 +16,7 @@ from textual.keys import REPLACED_KEYS, _character_to_key, _get_unicode_name_fro
 from textual.screen import ModalScreen
 
 from silo.core.elements import Action, ElementInfo
+from silo_tui.actions import use_keys
 from silo_tui.app import SiloApp
 from silo_tui.model.fields import Field, phrase_for
 from silo_tui.screens.file_table import FileTableScreen
@@ -57,6 +58,13 @@ def state_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     return tmp_path / "state"
+
+
+@pytest.fixture(autouse=True)
+def keys_of_nobody() -> Iterator[None]:
+    """What keys a test gave commands counts for no other."""
+    yield
+    use_keys({})
 
 
 @pytest.fixture

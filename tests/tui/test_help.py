@@ -16,7 +16,7 @@ SCOPES = sorted({scope for command in COMMANDS for scope in command.scopes} - {"
 @pytest.mark.parametrize("width", [40, 79, 120, 160])
 @pytest.mark.parametrize("scope", SCOPES)
 def test_no_word_of_help_is_out_of_sight(scope, width):
-    found = entries(scope, {}, everywhere=True)
+    found = entries(scope, everywhere=True)
     text = page(found, width).plain
     assert all(cell_len(line) <= width for line in text.split("\n"))
     shown = " ".join(text.split())
@@ -32,12 +32,12 @@ def test_there_are_three_columns_from_120(width, count):
 
 @pytest.mark.parametrize("scope", SCOPES)
 def test_every_key_of_a_screen_stands_there(scope):
-    found = {entry.command for entry in entries(scope, {}, everywhere=False)}
+    found = {entry.command for entry in entries(scope, everywhere=False)}
     assert {command.id for command in commands_for(scope)} <= found
 
 
 def test_the_words_of_options_and_filter_are_those_of_their_tables():
-    text = " ".join(f"{entry.left} {entry.right}" for entry in entries("table", {}, everywhere=True))
+    text = " ".join(f"{entry.left} {entry.right}" for entry in entries("table", everywhere=True))
     for option in OPTIONS:
         assert all(word.word in text for word in option.words)
     assert all(term.names[0] in text for term in TERMS)
@@ -45,7 +45,7 @@ def test_the_words_of_options_and_filter_are_those_of_their_tables():
 
 
 def test_every_sign_of_the_table_is_explained():
-    signs = [entry for entry in entries("table", {}, everywhere=False) if entry.group == "Signs"]
+    signs = [entry for entry in entries("table", everywhere=False) if entry.group == "Signs"]
     explained = {letters: entry.right for entry in signs for letters in entry.left.split()}
     assert all(explained[letters] for letters in (*(letters for _, letters in SIGNS), OLD))
 

@@ -188,16 +188,13 @@ def test_a_key_without_a_use_says_where_it_has_one():
 def test_what_is_said_names_the_users_keys():
     assert key_of("refresh") == "r"
     use_keys({"refresh": "ctrl+f", "list_read": "f5,f6"})
-    try:
-        assert (key_of("refresh"), key_of("list_read"), key_of("list_read", last=True)) == ("^f", "F5", "F6")
-        assert [key_that_retries(scope) for scope in ("table", "monitor", "events", "settings")] == [
-            "^f",
-            "r",
-            "F5",
-            "",
-        ]
-    finally:
-        use_keys({})
+    assert (key_of("refresh"), key_of("list_read"), key_of("list_read", last=True)) == ("^f", "F5", "F6")
+    assert [key_that_retries(scope) for scope in ("table", "monitor", "events", "settings")] == [
+        "^f",
+        "r",
+        "F5",
+        "",
+    ]
 
 
 def test_no_sentence_names_a_key_by_its_letter():
