@@ -2,7 +2,7 @@
 """Edits of a table: of the field under the cursor, of derived signals, of what is marked; all wait to be applied."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import msgspec
 
@@ -40,6 +40,11 @@ class Editing(ElementsScreen):
     def command_right(self) -> None:
         self._field_chosen = True
         self._choose_field(self.table.field_beside(1))
+
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return what applies edits too, where a mode would leave it out."""
+        keys = super().mode_keys()
+        return (*keys, ("apply", "Apply")) if keys and self.session.table.pending_count[0] else keys
 
     def _choose_field(self, field: Field) -> None:
         self.table.field = field

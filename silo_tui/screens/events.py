@@ -25,7 +25,6 @@ from silo_tui.sessions.live import Session
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, StatusBar
 from silo_tui.widgets.lines import Lines
-from silo_tui.widgets.recorded import FileBanner, FileBar
 
 
 class EventsScreen(ListScreen[LoggedEvent]):
@@ -43,12 +42,8 @@ class EventsScreen(ListScreen[LoggedEvent]):
         self._following = True
         self._all: Sequence[LoggedEvent] = ()  # as they are shown
 
-    def bars(self) -> tuple[StatusBar, Banner]:
-        """Return the lines above."""
-        return StatusBar(self.session, read_only=self.context.read_only), Banner(self.session)
-
     def above(self) -> ComposeResult:
-        self._bar, self._banner = self.bars()
+        self._bar, self._banner = StatusBar(self.session, read_only=self.context.read_only), Banner(self.session)
         yield self._bar
         yield self._banner
 
@@ -184,7 +179,3 @@ class FileEventsScreen(EventsScreen, inherit_bindings=False):
     session: FileSession
     scope = "file_events"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file_events")
-
-    def bars(self) -> tuple[StatusBar, Banner]:
-        """Return facts of the file, and what is wrong with it."""
-        return FileBar(self.session), FileBanner(self.session)

@@ -16,7 +16,7 @@ from silo_tui.model.source import HeldRows
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar
-from silo_tui.widgets.recorded import FileBanner, FileBar, RecordedLine, RecordedStack
+from silo_tui.widgets.recorded import RecordedStack
 
 
 class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
@@ -37,7 +37,8 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
 
     def bars(self) -> tuple[StatusBar, Banner, MonitorLine]:
         """Return facts of the file, what is wrong with it, and the line of facts."""
-        return FileBar(self.file), FileBanner(self.file), RecordedLine(self.window, self._words)
+        line = MonitorLine(self.window, self._words)
+        return StatusBar(self.file, read_only=False), Banner(self.file), line
 
     def _words(self) -> Sequence[str]:
         clock = f" ({self.file.clock})" if self.file.clock and self.size.width >= 100 else ""

@@ -16,8 +16,9 @@ from silo_tui.model.facts import NOTHING
 from silo_tui.model.table_columns import FILE_COLUMNS
 from silo_tui.screens.elements import ElementsScreen
 from silo_tui.sessions.recorded import FileSession
+from silo_tui.widgets.bars import Banner, StatusBar
 from silo_tui.widgets.element_table import TREND, ElementTable
-from silo_tui.widgets.recorded import FileBanner, FileBar, RecordedInspector
+from silo_tui.widgets.inspector import Inspector
 
 VALUES = 96  # from this width values stand beside the table
 TELLS_AFTER_S = 0.3
@@ -31,12 +32,10 @@ class FileTableScreen(ElementsScreen):
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file")
 
     def __init__(self, session: FileSession, leave: Callable[[], None] | None = None) -> None:
-        inspector: RecordedInspector = RecordedInspector(session)
-        bars = FileBar(session), FileBanner(session)
-        super().__init__(session, ElementTable(session, FILE_COLUMNS), inspector, bars, read_only=True)
+        bars = StatusBar(session, read_only=False), Banner(session)
+        super().__init__(session, ElementTable(session, FILE_COLUMNS), Inspector(session), bars, read_only=True)
         self.file = session
         self._top_wanted = False  # by who chose an order, until it is known
-        self.plots = inspector
         self._leave = leave  # to what it was opened from
 
     def on_mount(self) -> None:
@@ -72,7 +71,7 @@ class FileTableScreen(ElementsScreen):
             begin, end = source.extent_ns([table.names[row]])
             names = self.inspector.plot_names() if end > begin else ()  # nothing to see of one sample
             store = _empty_store(names, 2 * max(8, self.inspector.plot_width), begin, end)
-            if not _alike(store, self.plots.store):
+            if not _alike(store, self.inspector.store):
                 run_alone(self, "plots", self._read_plots, store, begin, end)
         self.table_head.refresh()
         self.table.live_changed()
@@ -132,7 +131,7 @@ class FileTableScreen(ElementsScreen):
 
     async def _read_plots(self, store: ColumnStore, begin_ns: int, end_ns: int) -> None:
         await self._read(store, begin_ns, end_ns)
-        self.plots.store = store
+        self.inspector.store = store
         self.inspector.refresh()
 
     async def _read(self, store: ColumnStore, begin_ns: int, end_ns: int) -> None:

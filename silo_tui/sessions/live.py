@@ -114,6 +114,14 @@ class Session:
         """The moment of a file whose values are shown; None of a logger, whose values are the newest."""
         return None
 
+    def facts_words(self, width: int, *, wide: bool) -> list[tuple[int, str, str]]:
+        """Return what the bar says of a file, as much of its name as fits; nothing of a logger."""
+        return []
+
+    def trouble(self, room: int) -> str:
+        """Return what a file lacks, in so many letters."""
+        return ""
+
     def trends(self, rows: Sequence[int], width: int) -> dict[int, str]:
         """Return the newest columns of the first entry of each row, drawn in so many cells."""
         drawn = [row for row in rows if self.table.is_live(row) and self.table.entry_names(row)]

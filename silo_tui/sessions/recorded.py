@@ -18,9 +18,11 @@ from silo.analysis.log import Log, LogWarning
 from silo.analysis.opening import open_log
 from silo.core.arrays.columns import coarser
 from silo.core.elements import ElementInfo, State, Status, Table
+from silo.core.quantities.writing import many, size_text
 from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, FileFormatError
 from silo.judging.definitions import bind_limits, scalar_names, table_catalogue
+from silo_tui.model import text
 from silo_tui.model.columns import ColumnPiece
 from silo_tui.model.facts import Facts
 from silo_tui.model.file_facts import FileFacts
@@ -72,6 +74,26 @@ class FileSession(Session):
     def at_s(self) -> float:
         """The moment whose values are shown."""
         return self.seconds
+
+    def facts_words(self, width: int, *, wide: bool) -> list[tuple[int, str, str]]:
+        """Return name, duration, ticks, what was lost."""
+        report = self.report
+        facts = f"  {text.span(report.duration_s)}  {text.count(report.ticks)} ticks"
+        facts += f"  {many(len(report.elements), 'element')}" if wide else ""
+        facts += f"  {report.rate_hz:.4g} Hz" if report.rate_hz else ""
+        facts += f"  {size_text(report.size_bytes)}" if wide and report.size_bytes else ""
+        lost = f"  lost {text.count(report.lost)}"
+        silo = "silo " if wide else ""  # on a small screen the file's name is worth more
+        name = text.shorten_left(self.name, max(8, width - len(silo) - 5 - len(facts) - len(lost)))
+        return [
+            (0, silo, "bold"), (0, "FILE", "reverse"), (0, f" {name}{facts}", ""),
+            (0, lost, "error" if report.lost else ""),
+        ]  # fmt: skip
+
+    def trouble(self, room: int) -> str:
+        """Return what is missing or damaged in the file."""
+        words, rest = "; ".join(text.clean(warning) for warning in self.warnings), " … (all: silo info FILE)"
+        return words if len(words) <= room else words[: room - len(rest)] + rest
 
     def trends(self, rows: Sequence[int], width: int) -> dict[int, str]:
         """Return all columns that there are, drawn together until they fit."""

@@ -1,9 +1,11 @@
 """The lines around the table: status on top, banner, information, keys at the bottom."""
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
+from rich.cells import cell_len
 from rich.text import Text
 from textual.app import RenderResult
 from textual.widget import Widget
@@ -26,13 +28,57 @@ STATISTICS = ("max", "min", "mean", "std")
 LONG = 10  # digits from which on a column may not have room for a whole number
 # how what a dead program left is opened: Enter has a meaning of its own on most screens
 OPENS = {"table": "edit", "monitor": "detail"}
-MODE_RANK, LAST_RANK = 7, 9  # of what stands in the head; the mode is shortened, not left out
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 
 
-class StatusBar(Guarded, Widget):
-    """The logger at a glance: who, what state, how long, how many, how fast, what was lost."""
+@dataclass(frozen=True)
+class Part:
+    """Words of a line. The lowest `rank` gives way first, for one of `shorter` where there is one; 0 never does."""
 
+    rank: int
+    words: str
+    style: str = ""
+    shorter: tuple[str, ...] = ()
+
+
+def fitting(parts: Sequence[Part], room: int, between: str = "") -> list[Part]:
+    """Return the parts of which so many cells have room."""
+    kept = [part for part in parts if part.words]
+    while sum(cell_len(part.words) for part in kept) + len(between) * (len(kept) - 1) > room:
+        at = min((at for at, part in enumerate(kept) if part.rank), key=lambda at: kept[at].rank, default=None)
+        if at is None:
+            break
+        part = kept[at]
+        less = [replace(part, rank=part.rank * (len(part.shorter) > 1), words=each) for each in part.shorter[:1]]
+        kept[at : at + 1] = [replace(each, shorter=part.shorter[1:]) for each in less]
+    return kept
+
+
+class FittingLine(Guarded, Widget):
+    """One line of parts, as many as there is room for."""
+
+    BETWEEN = " │ "
+
+    @abstractmethod
+    def parts(self) -> list[Part]:
+        """Return what there is to say, from left to right."""
+
+    def line(self, room: int) -> Text:
+        """Return what of it has room, the last one cut where even what must stay has none."""
+        line = Text(no_wrap=True, overflow="ellipsis")
+        for place, part in enumerate(fitting(self.parts(), room, self.BETWEEN)):
+            line.append(self.BETWEEN if place else "").append(part.words, style=part.style)
+        return line
+
+    def render(self) -> RenderResult:
+        """Return the line."""
+        return self.line(self.content_size.width)
+
+
+class StatusBar(FittingLine):
+    """A logger, or a file, at a glance: who, what state, how long, how many, how fast, what was lost."""
+
+    BETWEEN = ""
     DEFAULT_CSS = "StatusBar { height: 1; }"
 
     def __init__(self, session: Session, *, read_only: bool) -> None:
@@ -55,43 +101,26 @@ class StatusBar(Guarded, Widget):
 
     def _line(self) -> Text:
         """As much as there is room for: what is as always gives way first, an alarm and a loss never."""
-        parts, mode = self._parts(), self.mode
+        width = self.content_size.width
         thinly = len(thin_head(self.app, 0))
-        room = self.size.width - (thinly + 2 if thinly else 0)
-        for rank in range(1, LAST_RANK + 1):
-            if sum(part.cell_len for _, part in parts) <= room:
-                break
-            if rank == MODE_RANK:
-                short = [
-                    words
-                    for words in (
-                        mode.partition(",")[0],
-                        " ".join(some.split()[0] for some in mode.split("  ") if some.strip()),
-                    )
-                    if words
-                ]
-                for mode in short:
-                    parts = [(at, _mode_words(mode) if at == MODE_RANK else part) for at, part in parts]
-                    if sum(part.cell_len for _, part in parts) <= room:
-                        break
-            else:
-                parts = [(at, part) for at, part in parts if at != rank]
-        line = Text(no_wrap=True, overflow="ellipsis")
-        for _, part in parts:
-            line.append_text(part)
-        if thin := thin_head(self.app, self.size.width - line.cell_len - 2):
+        line = self.line(width - (thinly + 2 if thinly else 0))
+        if thin := thin_head(self.app, width - line.cell_len - 2):
             line.append(f"  {thin}", style=color(self.app.theme_variables, "warning"))
         return line
 
-    def _parts(self) -> list[tuple[int, Text]]:
-        """What there is to say, from left to right; the number says what gives way first, 0 never does."""
+    def parts(self) -> list[Part]:
+        """Return what is as always before what gives way last."""
         session, status, wide = self.session, self.session.status, self.size.width >= 100
         variables = self.app.theme_variables
+        if session.at_s is not None:
+            red = f"bold {color(variables, 'error')}"
+            told = session.facts_words(self.content_size.width, wide=wide)
+            return [Part(rank, words, red if style == "error" else style) for rank, words, style in told]
         host = f"{status.host}/" if status.host and self.size.width >= 60 else ""
-        parts = [(8, Text("silo ", style="bold")), (0, Text(f"{session.address or host + session.name}  "))]
+        parts = [Part(8, "silo ", "bold"), Part(0, f"{session.address or host + session.name}  ")]
 
         def add(rank: int, words: str, style: str = "") -> None:
-            parts.append((rank, Text(words, style=style)))
+            parts.append(Part(rank, words, style))
 
         if not session.link or status.helper_pid == 0:
             add(0, "connecting …")
@@ -104,7 +133,9 @@ class StatusBar(Guarded, Widget):
             add(0, STATE_SIGNS[status.state], f"bold {color(variables, name)}")
             add(6, f" {clock_text(session.run_seconds)}" if status.started_ns else "")
         if self.mode:
-            parts.append((MODE_RANK, _mode_words(self.mode)))
+            initials = " ".join(some.split()[0] for some in self.mode.split("  ") if some.strip())
+            shorter = tuple(f" {words} " for words in (self.mode.partition(",")[0], initials) if words)
+            parts += [Part(0, "  "), Part(7, f" {self.mode} ", "reverse", shorter)]
         if session.connected:
             self._add_pace(add, wide=wide)
         if lost := session.lost_total:
@@ -114,26 +145,25 @@ class StatusBar(Guarded, Widget):
         alarm, is_red, watching = head_words(session.triggers, session.limits)
         if alarm:
             add(0, f"  {alarm}", f"bold {color(variables, 'error' if is_red else 'warning')}")
-        if watching:
-            add(9, f"  {watching}")
-        return parts + self._beside()
+        add(9, f"  {watching}" if watching else "")
+        self._add_others(add)
+        return parts
 
-    def _beside(self) -> list[tuple[int, Text]]:
-        """What records, how much is durable, who may change something, and who is there."""
+    def _add_others(self, add: Callable[[int, str, str], None]) -> None:
+        """Add what records, how much is durable, who may change something, and who is there."""
         session, status, variables = self.session, self.session.status, self.app.theme_variables
-        caution, parts = color(variables, "warning"), []
+        caution = color(variables, "warning")
         if status.recorders:
-            parts.append((0, Text(f"  REC {status.recorders}", style=f"bold {color(variables, 'error')}")))
+            add(0, f"  REC {status.recorders}", f"bold {color(variables, 'error')}")
         if status.durable_ticks >= 0:  # storage="disk"
-            parts.append((1, Text(f"  durable to tick {text.count(status.durable_ticks)}")))
+            add(1, f"  durable to tick {text.count(status.durable_ticks)}", "")
         if not session.may_edit or self._read_only:
-            parts.append((0, Text("  read-only", style=caution)))
+            add(0, "  read-only", caution)
         controlling, others = people_head(session.status, session.identity)
         if controlling:
-            parts.append((0, Text(f"  {controlling}", style="" if session.has_control else caution)))
+            add(0, f"  {controlling}", "" if session.has_control else caution)
         if others:
-            parts.append((7, Text(f"  {others}")))
-        return parts
+            add(10, f"  {others}", "")
 
     def _add_pace(self, add: Callable[[int, str, str], None], *, wide: bool) -> None:
         """Add how much is logged how fast."""
@@ -156,10 +186,6 @@ class StatusBar(Guarded, Widget):
             add(5, f"  {rate:.4g} Hz" if measured else f"  {nominal}", "")
         if wide:
             add(1, f"  {text.count(session.ticks)} ticks", "")
-
-
-def _mode_words(mode: str) -> Text:
-    return Text("  ").append(f" {mode} ", style="reverse")
 
 
 def color(variables: dict[str, str], name: str) -> str:
@@ -205,6 +231,8 @@ class Banner(Guarded, Widget):
 
     def _words(self) -> str:
         session = self.session
+        if session.at_s is not None:
+            return session.trouble(2 * self.app.size.width - 16)  # two lines, and what breaking at words costs
         if session.link is None:
             return ""
         if session.lost_s is not None:
@@ -246,7 +274,7 @@ def _cursor_words(session: Session) -> str:
     return " │ ".join(parts)
 
 
-class InfoLine(Guarded, Widget):
+class InfoLine(FittingLine):
     """Marks, pending edits, filter, and what was done last."""
 
     DEFAULT_CSS = "InfoLine { height: auto; min-height: 1; max-height: 6; padding: 0 1; }"
@@ -278,67 +306,62 @@ class InfoLine(Guarded, Widget):
             return Text(self._prompt, no_wrap=True, overflow="ellipsis")
         if self._whole:
             return Text(self._said, style=f"bold {color(self.app.theme_variables, 'error')}")
-        session, rows = self.session, self.session.rows
-        parts: list[str] = []
-        found = f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}" if rows.filter.text else ""
+        return super().render()
+
+    def parts(self) -> list[Part]:
+        """Return what was said last, whole; of the rest what is pending and how many passed the filter stay longest."""
+        session, rows, said = self.session, self.session.rows, self._said
+        parts: list[Part] = []
         if rows.anchor is not None:
-            parts.append(f"range of {len(rows.range_rows())} ({key_of('range')} marks it)")
+            parts.append(Part(3, f"range of {len(rows.range_rows())} ({key_of('range')} marks it)"))
         if rows.marked_count:
             hidden = f", {rows.hidden_marked} not shown" if rows.hidden_marked else ""
-            parts.append(f"{rows.marked_count} marked{hidden}")
+            parts.append(Part(4, f"{rows.marked_count} marked{hidden}"))
         fields, elements = session.table.pending_count
         if fields:
             way = " (stop to apply)" if session.running else f" ({key_of('apply')} to apply)"
-            parts.append(f"{fields} pending in {many(elements, 'row')}{way}")
-        conflicts = int(session.table.conflicts.sum())
-        if conflicts:
-            parts.append(f"! {many(conflicts, 'conflict')}")
-        if found:
-            parts.append(found)
-            parts += [f"? {problem}" for problem in rows.filter.problems[:1]]
+            parts.append(Part(8, f"{fields} pending in {many(elements, 'row')}{way}", "", (f"{fields} pending",)))
+        if conflicts := int(session.table.conflicts.sum()):
+            parts.append(Part(7, f"! {many(conflicts, 'conflict')}"))
+        if rows.filter.text:
+            parts.append(Part(6, f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}"))
+            parts += [Part(5, f"? {problem}") for problem in rows.filter.problems[:1]]
         if rows.sort not in STEADY or rows.turned:
             since_ns = session.table.facts.since_ns  # 0 of a file: its statistics are of all
             since = f" since {text.clock(since_ns)}" if rows.sort in STATISTICS and since_ns else ""
-            parts.append(f"by {rows.sort} {rows.arrow}{since}")
-        if self._said:
-            parts.append(self._said)
-        if not parts and len(rows.tree.lines):
+            parts.append(Part(2, f"by {rows.sort} {rows.arrow}{since}"))
+        if not parts and not said and len(rows.tree.lines):
             branches = len(rows.tree.branches)
-            parts.append(
-                f"{len(rows.shown)} in {many(branches, 'name space')}"
-                if branches
-                else f"{rows.place} of {len(rows.shown)}"
-            )
-        parts += [words for words in [_cursor_words(session)] if words and not self._said]
-        while self._said and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
-            # what was said last is read whole; of the others, how many passed the filter stays longest
-            parts.pop(1 if parts[0] == found and len(parts) > 2 else 0)
-        return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
+            in_spaces = f"{len(rows.shown)} in {many(branches, 'name space')}"
+            parts.append(Part(2, in_spaces if branches else f"{rows.place} of {len(rows.shown)}"))
+        return [*parts, Part(0, said) if said else Part(1, _cursor_words(session))]
 
 
-class MonitorLine(Guarded, Widget):
-    """Span, pause, cursor and scale of the monitor."""
+class MonitorLine(FittingLine):
+    """Span, pause, cursor and scale of plots; what was said last is read whole."""
 
     DEFAULT_CSS = "MonitorLine { height: 1; padding: 0 1; }"
 
     def __init__(
         self, window: PlotWindow, words: Callable[[], Sequence[str]], state: Callable[[], str] | None = None
     ) -> None:
+        """`state` returns whether plots stand still; None of a file, which always does."""
         super().__init__()
         self._window = window
         self._words = words
         self._state = state
 
-    def render(self) -> RenderResult:
-        """Return the line."""
+    def parts(self) -> list[Part]:
+        """Return what is shown of what, then what was said."""
         window = self._window
-        state = self._state() if self._state is not None else "PAUSED" if window.paused else "live"
-        parts = [f"{text.span(window.span_s)} shown", state]
-        parts.append("y held" if window.fixed_scale else "y follows")
-        parts += (words := self._words())
-        while words and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
-            parts.pop(0)  # what was said last is read whole
-        return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
+        whole = self._state is None and window.span_s == window.spans[-1]
+        words = ["whole file" if whole else f"{text.span(window.span_s)} shown"]
+        if self._state is not None:
+            words += [self._state(), "y held" if window.fixed_scale else "y follows"]
+        elif window.fixed_scale:
+            words.append("y held")
+        words += self._words()
+        return [Part((place + 1) * (place < len(words) - 1), each) for place, each in enumerate(words)]
 
 
 class KeyBar(Guarded, Widget):

@@ -139,8 +139,8 @@ class CellEditor(Fleeting):
     def open(self, field: Field, region: Region, value: str, *, select: bool) -> None:
         """Appear over a cell of the screen."""
         self.field = field
-        width = max(region.width + 2, 8)
-        self.styles.width = width
-        self.styles.offset = (max(0, region.x + region.width - width), region.y)
+        # what stands before it stays: a blank is all that lies under it on the left
+        self.styles.width = max(region.width + 2, 6)
+        self.styles.offset = (max(0, region.x - 1), region.y)
         self.select_on_focus = select
         self.begin(value)

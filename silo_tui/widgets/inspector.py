@@ -18,6 +18,7 @@ from silo.core.quantities.writing import many
 from silo.rpc.published import NOT_LIVE_TEXTS
 from silo_tui.actions import key_of
 from silo_tui.model import braille, text
+from silo_tui.model.cells import span_words, type_word
 from silo_tui.model.columns import ColumnStore, hold_piece
 from silo_tui.model.fields import Field, phrase_for
 from silo_tui.model.live import Reading, entry_text, fill_share
@@ -29,6 +30,7 @@ from silo_tui.widgets.bars import color
 
 MAX_PLOTS = 6
 MAX_VALUES = 16
+MAX_LABELS = 8
 BESIDE_FROM = 54  # cells from which a pane below the table has values and plots beside the facts: of rows it has few
 
 
@@ -73,6 +75,7 @@ class Inspector(Guarded, Widget):
     def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session
+        self.store = ColumnStore((), 1, 1)  # of a file
         self.below = False  # the table, not beside it
         self._lines: list[Line] | None = None  # None: to be made anew
         self._lines_fit = self.content_size
@@ -83,8 +86,8 @@ class Inspector(Guarded, Widget):
 
     @property
     def columns(self) -> ColumnStore:
-        """What the small plots show."""
-        return self.session.columns
+        """What the small plots show; of a file the time that the element has samples of."""
+        return self.session.columns if self.session.at_s is None else self.store
 
     @property
     def spread(self) -> bool:
@@ -172,6 +175,9 @@ class Inspector(Guarded, Widget):
         return [*title, *beside(facts.lines, right, width // 2)]
 
     def _facts(self, pane: InspectorLines, element: ElementInfo, row: int, reading: Reading | None) -> None:
+        if self.session.at_s is not None:
+            self._facts_of_file(pane, element)
+            return
         quiet = self._quiet
         shape = " x ".join(str(side) for side in element.shape)
         dtype = element.entries[0].dtype.lstrip("<>|=") if element.entries else ""
@@ -208,15 +214,45 @@ class Inspector(Guarded, Widget):
             if reading.failed:
                 pane.append(f"{'not read':<12} at {many(reading.failed, 'tick')}\n", style=self._error)
 
+    def _facts_of_file(self, pane: InspectorLines, element: ElementInfo) -> None:
+        report = self.session.rows_of[element.name]
+        if element.description:
+            pane.append(element.description + "\n", style=self._quiet)
+        facts = [
+            ("kind", element.kind), ("type", type_word(element, report)), ("unit", element.unit),
+            ("divider", str(report.divider)), ("samples", text.count(report.samples)),
+            ("span s", span_words(report, wide=True)),
+            ("rate", f"{report.rate_hz:.5g} Hz" if report.rate_hz else "-"),
+            ("buffer", report.buffer), ("lost", text.count(report.lost)),
+        ]  # fmt: skip
+        if report.failures.count:
+            facts.append(("not read", f"at {many(report.failures.count, 'tick')}"))
+        for label, words in facts:
+            style = self._error if label == "not read" or (label == "lost" and report.lost) else ""
+            pane.append(f"{label:<9} ", style=self._quiet)
+            pane.append(words + "\n", style=style)
+        if report.labels:
+            shown = [f"{number} {word}" for number, word in list(report.labels.items())[:MAX_LABELS]]
+            more = ", …" if len(report.labels) > MAX_LABELS else ""
+            pane.append(", ".join(shown) + more + "\n", style=self._quiet)
+
+    def _why_no_value(self, element: ElementInfo, row: int, reading: Reading | None) -> str:
+        """Return why there is none, empty where there is one."""
+        session, held = self.session, reading is not None and reading.held > 0
+        if session.at_s is not None:
+            none = "no sample yet" if session.rows_of[element.name].samples else "no samples in this file"
+            return "" if held else none
+        if not session.table.server[Field.ENABLED, row]:
+            return "not computed" if element.expression else f"not logged; {key_of('toggle')} switches it on"
+        none = "no values yet" if session.running else f"not running; {key_of('start_stop')} starts it"
+        return "" if held else none
+
     def _values(self, pane: InspectorLines, element: ElementInfo, row: int, reading: Reading | None) -> None:
-        pane.append("\n")
-        if not self.session.table.server[Field.ENABLED, row]:
-            words = "not computed" if element.expression else f"not logged; {key_of('toggle')} switches it on"
-            pane.append(f"{words}\n", style=self._quiet)
-            return
-        if reading is None or not reading.held:
-            words = "no values yet" if self.session.running else f"not running; {key_of('start_stop')} starts it"
-            pane.append(f"{words}\n", style=self._quiet)
+        at_s = self.session.at_s
+        pane.append("\n" if at_s is None else f"\nat {at_s:.6g} s:\n", style=self._quiet)
+        why = self._why_no_value(element, row, reading)
+        if why or reading is None:
+            pane.append(f"{why}\n", style=self._quiet)
             return
         if reading.why is not None:
             pane.append(f"{NOT_LIVE_TEXTS[reading.why]}\n", style=self._quiet)

@@ -1,0 +1,57 @@
+"""What a line leaves out where it has no room, and what it never does."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from silo_tui.model.fields import Field
+from silo_tui.widgets.bars import Part, fitting
+
+PART = st.builds(Part, st.integers(0, 9), st.text("abc", max_size=9))
+PARTS = st.lists(PART, max_size=8, unique_by=lambda part: part.words)
+
+
+def words(parts):
+    return [part.words for part in parts]
+
+
+@given(PARTS, st.integers(0, 60))
+def test_what_is_left_out_is_of_a_lower_rank_than_what_stays(parts, room):
+    kept = fitting(parts, room, " │ ")
+    left_out = [part for part in parts if part.words and part not in kept]
+    assert [part for part in parts if part in kept and part.words][: len(kept)] == kept
+    assert all(part.rank for part in left_out)
+    if left_out:
+        assert max(part.rank for part in left_out) <= min((part.rank for part in kept if part.rank), default=9)
+    elif any(part.rank for part in kept):
+        assert len(" │ ".join(words(kept))) <= room
+
+
+def test_shorter_words_come_before_none_and_the_last_of_them_stays():
+    mode = Part(2, " paused, 3 s ", "reverse", (" paused ", " P "))
+    parts = [Part(1, "first"), mode, Part(0, "alarm")]
+    assert [words(fitting(parts, room)) for room in (30, 18, 13, 0)] == [
+        ["first", " paused, 3 s ", "alarm"], [" paused, 3 s ", "alarm"], [" paused ", "alarm"], [" P ", "alarm"],
+    ]  # fmt: skip
+
+
+@pytest.mark.slow
+async def test_a_filter_hides_neither_what_is_pending_nor_the_key_that_applies_it(fake, opened):
+    async with opened(fake, size=(80, 24)) as screen:
+        await screen.press("*")
+        screen.session.table.edit(range(4), Field.DIVIDER, 7)
+        await screen.press("/")
+        await screen.type("a_filter_of_many_letters|LF|joints|motors|torques|velocity")
+        await screen.press("enter")
+        screen.app.context.say("what was said last, in a sentence that takes half of the line")
+        await screen.shows("4 pending")
+        assert "a Apply" in screen.text
+        assert "half of the line" in screen.text
+
+
+@pytest.mark.slow
+async def test_the_editor_of_a_cell_leaves_the_columns_before_it_in_sight(fake, opened):
+    async with opened(fake, size=(80, 24)) as screen:
+        await screen.press("j", "d")
+        line = screen.text.split("\n")[2 + screen.session.rows.position]
+        assert "[x]" in line
