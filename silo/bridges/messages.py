@@ -16,12 +16,11 @@ from silo.core.arrays.wide import to_wire
 from silo.core.elements import BufferType, ElementInfo
 from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import SaveError
-from silo.files.bags.ros_types import ENCAPSULATION, STRING, Channel, channels_of
+from silo.files.bags.ros_types import ENCAPSULATION, Channel, channels_of, fill_constants
 from silo.files.bags.writer import utf8_entry
 from silo.history.arrays import SampleArrays
 
 SECOND_NS = 1_000_000_000
-Head = Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -31,34 +30,11 @@ class LiveTopic:
     element: str
     channel: Channel
 
-    def message_dtype(self, head: Head = ()) -> "np.dtype[np.void]":
-        """Return the fields of a message of fixed length, behind fields of the caller's own."""
-        fields: list[tuple[str, Any, int]] = []
-        at = 0
-        for name, kind in head:
-            fields.append((name, kind, at))
-            at += np.dtype(kind).itemsize
-        fields += [
-            ("encapsulation", "<u4", at),
-            ("sec", "<i4", at + 4),
-            ("nanosec", "<u4", at + 8),
-            ("frame_id", "<u4", at + 12),  # a text of one letter, the NUL that ends it
-        ]
-        fields += [(f"fixed{k}", "<u4", at + offset) for k, (offset, _) in enumerate(self.channel.fixed)]
-        for k, part in enumerate(self.channel.parts):
-            wire: Any = part.wire if part.count == 1 else (part.wire, (part.count,))
-            fields.append((f"value{k}", wire, at + part.offset))
-        names, formats, offsets = zip(*fields, strict=True)
-        return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at + self.channel.size})
-
     def fill(self, messages: "NDArray[np.void]", samples: SampleArrays) -> None:
         """Write samples into an array of `message_dtype`, zero before, as long as they are."""
-        messages["encapsulation"] = np.frombuffer(ENCAPSULATION, dtype="<u4")[0]
+        fill_constants(messages, self.channel)
         messages["sec"] = samples.time_ns // SECOND_NS
         messages["nanosec"] = samples.time_ns % SECOND_NS
-        messages["frame_id"] = 1
-        for k, (_, value) in enumerate(self.channel.fixed):
-            messages[f"fixed{k}"] = value
         for k, part in enumerate(self.channel.parts):
             messages[f"value{k}"] = to_wire(entry_values(samples, part.entry), part.wire, part.count)
 
@@ -100,11 +76,6 @@ def live_topics(elements: Sequence[ElementInfo]) -> tuple[list[LiveTopic], dict[
         recorded.append(element)
     topics = [LiveTopic(recorded[channel.element].name, channel) for channel in channels_of(recorded)]
     return topics, left_out
-
-
-def is_texts(topic: LiveTopic) -> bool:
-    """Whether the messages of a topic differ in length."""
-    return topic.channel.parts[0].wire == STRING
 
 
 def _without_samples(info: ElementInfo) -> RecordedElement:

@@ -1,12 +1,11 @@
 """What a bridge with `--control` lets others do to a logger: start, stop, save."""
 
 import functools
-import struct
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from silo.errors import ConnectionLostError
-from silo.files.bags.ros_types import ENCAPSULATION
+from silo.files.bags.ros_types import ENCAPSULATION, add_text
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -60,5 +59,6 @@ def pinned(connect: "Callable[[str], Client]", wanted: str) -> tuple[str, Connec
 
 def trigger_response(text: str, *, success: bool) -> bytes:
     """Return the answer of a `std_srvs/srv/Trigger`, in CDR."""
-    letters = text.encode() + b"\0"
-    return ENCAPSULATION + bytes([success, 0, 0, 0]) + struct.pack("<I", len(letters)) + letters
+    body = bytearray([success])
+    add_text(body, text)
+    return ENCAPSULATION + body

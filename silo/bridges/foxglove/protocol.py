@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from websockets.typing import Subprotocol
 
-from silo.bridges.messages import LiveTopic, is_texts
+from silo.bridges.messages import LiveTopic
 from silo.bridges.services import trigger_response
+from silo.files.bags.ros_types import message_dtype
 from silo.history.arrays import SampleArrays
 
 SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
@@ -154,8 +155,8 @@ class Frames:
 
     def __init__(self, topic: LiveTopic, samples: SampleArrays) -> None:
         self.count = len(samples)
-        self._texts = list(topic.texts(samples)) if is_texts(topic) else []
-        self._records = None if is_texts(topic) else _records(topic, samples)
+        self._texts = list(topic.texts(samples)) if topic.channel.is_string else []
+        self._records = None if topic.channel.is_string else _records(topic, samples)
 
     def for_subscription(self, number: int) -> bytes:
         """Return all frames, one behind the other."""
@@ -172,7 +173,7 @@ def _records(topic: LiveTopic, samples: SampleArrays) -> "NDArray[np.void]":
     """One structured array is the frames of all samples: nothing is done per message."""
     start = frame_head(13 + topic.channel.size)
     head = [("frame", f"V{len(start)}"), ("opcode", "u1"), ("subscription", "<u4"), ("time", "<u8")]
-    records = np.zeros(len(samples), topic.message_dtype(head))
+    records = np.zeros(len(samples), message_dtype(topic.channel, head))
     topic.fill(records, samples)
     records["frame"] = np.void(start)
     records["opcode"] = MESSAGE_DATA

@@ -12,10 +12,10 @@ from math import prod
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.bridges.messages import SECOND_NS, LiveTopic, entry_values, is_texts, live_topics
+from silo.bridges.messages import SECOND_NS, LiveTopic, entry_values, live_topics
 from silo.core.arrays.wide import to_wire
 from silo.core.elements import ElementInfo
-from silo.files.bags.ros_types import ENCAPSULATION, FieldPlace, MessageType, free_topic
+from silo.files.bags.ros_types import ENCAPSULATION, FieldPlace, MessageType, add_text, align, free_topic, message_dtype
 from silo.history.arrays import SampleArrays
 
 Stamped = tuple[NDArray[np.int64], list[bytes]]  # time stamps, and as many messages
@@ -64,7 +64,7 @@ def outlets_of(elements: Sequence[ElementInfo], prefix: str) -> tuple[list[Outle
 
 def _outlets(topic: LiveTopic) -> Iterable[Outlet]:
     channel, element = topic.channel, (topic.element,)
-    if is_texts(topic):
+    if topic.channel.is_string:
         yield Outlet(channel.topic, STRING_TYPE, element, lambda samples: _texts(topic, samples[0]))
     elif channel.type.name.startswith("geometry_msgs/"):
         yield Outlet(channel.topic, channel.type, element, lambda samples: _as_it_is(topic, samples[0]))
@@ -103,24 +103,18 @@ def _numbers(
 
 def _array_head(sizes: Sequence[tuple[str, int]], count: int, item_bytes: int) -> bytes:
     """All of a `MultiArray` before its numbers: the layout, and how many they are."""
-    head = struct.pack("<I", len(sizes))
+    head = bytearray(struct.pack("<I", len(sizes)))
     for place, (label, size) in enumerate(sizes):
-        head += _text(label, len(head))
-        head = _aligned(head, 4) + struct.pack("<II", size, prod(length for _, length in sizes[place:]))
-    return ENCAPSULATION + _aligned(head + struct.pack("<II", 0, count), item_bytes)
-
-
-def _text(text: str, at: int) -> bytes:
-    letters = text.encode() + b"\0"
-    return b"\0" * (-at % 4) + struct.pack("<I", len(letters)) + letters
-
-
-def _aligned(data: bytes, size: int) -> bytes:
-    return data + b"\0" * (-len(data) % size)
+        add_text(head, label)
+        align(head, 4)
+        head += struct.pack("<II", size, prod(length for _, length in sizes[place:]))
+    head += struct.pack("<II", 0, count)
+    align(head, item_bytes)
+    return ENCAPSULATION + head
 
 
 def _as_it_is(topic: LiveTopic, samples: SampleArrays) -> Stamped:
-    messages = np.zeros(len(samples), topic.message_dtype())
+    messages = np.zeros(len(samples), message_dtype(topic.channel))
     topic.fill(messages, samples)
     data, size = messages.tobytes(), topic.channel.size
     return samples.time_ns, [data[at : at + size] for at in range(0, len(data), size)]
@@ -160,9 +154,9 @@ def _is_row_of_floats(info: ElementInfo) -> bool:
 
 
 def _joint_state(group: str, count: int, alike: Sequence[ElementInfo | None]) -> Outlet:
-    named = struct.pack("<I", count)
+    named = bytearray(struct.pack("<I", count))
     for number in range(count):
-        named += _text(f"joint{number}", len(named))
+        add_text(named, f"joint{number}")
     elements = tuple(one.name for one in alike if one)
     lengths = [count if one else 0 for one in alike]
 
@@ -174,12 +168,14 @@ def _joint_state(group: str, count: int, alike: Sequence[ElementInfo | None]) ->
 
     def message_of(time_ns: int, values: Sequence[NDArray[np.float64]]) -> bytes:
         sec, nanosec = divmod(time_ns, SECOND_NS)
-        body = _aligned(struct.pack("<iIIB", sec & 0x7FFFFFFF, nanosec, 1, 0), 4) + named
+        body = bytearray(struct.pack("<iIII", sec & 0x7FFFFFFF, nanosec, 1, 0)) + named
         rest = iter(values)
         for length in lengths:
-            body = _aligned(body, 4) + struct.pack("<I", length)
+            align(body, 4)
+            body += struct.pack("<I", length)
             if length:
-                body = _aligned(body, 8) + next(rest).astype("<f8").tobytes()
+                align(body, 8)
+                body += next(rest).astype("<f8").tobytes()
         return ENCAPSULATION + body
 
     return Outlet(free_topic(f"{group}/joint_states", ()), JOINT_STATE, elements, encode)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from silo.core.elements import LoggedEvent
 from silo.core.recording import Recording
 from silo.files.bags.message_groups import RECORD_HEAD
-from silo.files.bags.ros_types import ENCAPSULATION, Channel, MessageType, free_topic
+from silo.files.bags.ros_types import ENCAPSULATION, Channel, MessageType, add_text, align, free_topic
 from silo.files.mcap.writer import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
 
 LEVELS = ("DEBUG=10", "INFO=20", "WARN=30", "ERROR=40", "FATAL=50")
@@ -45,14 +45,10 @@ def log_message(event: LoggedEvent, logger: str, stamp_ns: int) -> bytes:
     """One event as a `rcl_interfaces/msg/Log`: who did it is its name, the kind its function, the tick its line."""
     body = bytearray(struct.pack("<iIB", stamp_ns // _SECOND, stamp_ns % _SECOND, _LEVEL_OF.get(event.kind, INFO)))
     for text in (event.who or logger, f"{event.kind}: {event.text}", "", event.kind):
-        _append_text(body, text)
-    body += bytes(-len(body) % 4) + struct.pack("<I", max(event.tick, 0) % 2**32)
+        add_text(body, text)
+    align(body, 4)
+    body += struct.pack("<I", max(event.tick, 0) % 2**32)
     return ENCAPSULATION + bytes(body)
-
-
-def _append_text(body: bytearray, text: str) -> None:
-    data = text.encode("utf-8", "backslashreplace").replace(b"\0", b"") + b"\0"
-    body += bytes(-len(body) % 4) + struct.pack("<I", len(data)) + data
 
 
 class EventGroup:

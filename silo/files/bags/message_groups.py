@@ -15,11 +15,15 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.wide import to_wire
 from silo.core.recording import RecordedElement, Recording
-from silo.files.bags.ros_types import ENCAPSULATION, STRING, Channel, FieldPlace
+from silo.files.bags.ros_types import Channel, fill_constants, message_dtype
 from silo.files.mcap.writer import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
 from silo.files.silo.format import FilledEntry
 
-# of a message record: opcode 1, length 8, channel 2, sequence 4, log time 8, publish time 8
+# of a message record
+_HEAD = (
+    ("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("log_time", "<u8"),
+    ("publish_time", "<u8"),
+)  # fmt: skip
 RECORD_HEAD = 31
 _NOT_COUNTED = 9  # opcode and length itself
 _SECOND = 1_000_000_000
@@ -77,7 +81,7 @@ def group_samples(
             channel = channels[number]
             entries = elements[channel.element].entries
             values.append([entries[part.entry].values for part in channel.parts])
-        groups.append(MessageGroup(key, channels[members[0]].parts, members, values, numbered_from))
+        groups.append(MessageGroup(key, channels[members[0]], members, values, numbered_from))
     return groups
 
 
@@ -87,7 +91,7 @@ class MessageGroup:
     def __init__(
         self,
         key: _Key,
-        parts: Sequence[FieldPlace],
+        channel: Channel,
         channels: Sequence[int],
         values: Sequence[Sequence[NDArray[Any]]],
         numbered_from: int,
@@ -97,12 +101,11 @@ class MessageGroup:
         self.first = key.first
         self.count = key.count
         self._ids = np.array(channels, dtype="<u2")
-        self._parts = parts
+        self._channel, self._parts = channel, channel.parts
         self._values = values
         self._text_size = key.text_size
-        self._is_string = parts[0].wire == STRING
-        self._dtype = _record_dtype(key, parts)
-        self._fixed = key.fixed
+        self._is_string = channel.is_string
+        self._dtype = message_dtype(channel, _HEAD, key.text_size)
         self._scratch = np.zeros((0, len(channels)), dtype=self._dtype)
         self._records = self._scratch
         self._lengths: NDArray[np.int64] | None = None
@@ -126,10 +129,7 @@ class MessageGroup:
         scratch["opcode"] = MESSAGE_OPCODE
         scratch["length"] = self._dtype.itemsize - _NOT_COUNTED
         scratch["channel"] = self._ids
-        scratch["encapsulation"] = np.frombuffer(ENCAPSULATION, dtype="<u4")[0]
-        scratch["frame_id"] = 1
-        for k, (_, value) in enumerate(self._fixed):
-            scratch[f"fixed{k}"] = value
+        fill_constants(scratch, self._channel)
         self._scratch = scratch
 
     def build(self, begin: int, times: NDArray[np.int64]) -> None:
@@ -230,29 +230,3 @@ def _scatter(buffer: NDArray[np.uint8], places: NDArray[np.int64], records: NDAr
     size = records.dtype.itemsize
     items = as_strided(buffer[:size].view(records.dtype), shape=(len(buffer) - size + 1,), strides=(1,))
     items[places] = records
-
-
-def _record_dtype(key: _Key, parts: Sequence[FieldPlace]) -> np.dtype[np.void]:
-    fields: list[tuple[str, Any, int]] = [
-        ("opcode", "u1", 0),
-        ("length", "<u8", 1),
-        ("channel", "<u2", 9),
-        ("sequence", "<u4", 11),
-        ("log_time", "<u8", 15),
-        ("publish_time", "<u8", 23),
-        ("encapsulation", "<u4", RECORD_HEAD),
-        ("sec", "<i4", RECORD_HEAD + 4),
-        ("nanosec", "<u4", RECORD_HEAD + 8),
-        ("frame_id", "<u4", RECORD_HEAD + 12),
-    ]
-    fields += [(f"fixed{k}", "<u4", RECORD_HEAD + offset) for k, (offset, _) in enumerate(key.fixed)]
-    for k, part in enumerate(parts):
-        at = RECORD_HEAD + part.offset
-        if part.wire == STRING:
-            # its length comes first; the NUL at its end is the zero behind it
-            fields += [("text_length", "<u4", at), (f"value{k}", f"S{key.text_size}", at + 4)]
-        else:
-            fields.append((f"value{k}", part.wire if part.count == 1 else (part.wire, (part.count,)), at))
-    names, formats, offsets = zip(*fields, strict=True)
-    size = RECORD_HEAD + key.size + key.text_size
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})

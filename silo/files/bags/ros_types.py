@@ -1,16 +1,18 @@
 """Which ROS 2 message carries an element, and where in it each entry stands.
 
-Pure rules, no files: `silo.files.bags.writer` turns elements into channels with them. A channel's message has a fixed
-layout (CDR, little-endian), so that thousands of messages are one NumPy structured array; only a string has a length of
-its own, and it is always the last field of its message.
+Pure rules, no files, for bags, parts, events and bridges. A channel's message has a fixed layout (CDR, little-endian),
+so that thousands of messages are one NumPy structured array; only a string has a length of its own, and it is always
+the last field of its message.
 """
 
 import hashlib
 import json
 import math
 import re
+import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,6 +134,51 @@ class _Wire:
     @property
     def ros_field(self) -> str:
         return self.ros if self.count == 1 else f"{self.ros}[{self.count}]"
+
+
+def message_dtype(channel: Channel, head: Sequence[tuple[str, str]] = (), text_bytes: int = 0) -> "np.dtype[np.void]":
+    """The fields of a message, behind those of a head; a text has room for so many bytes, and a NUL behind them."""
+    fields: list[tuple[str, Any, int]] = []
+    at = 0
+    for name, kind in head:
+        fields.append((name, kind, at))
+        at += np.dtype(kind).itemsize
+    fields += [
+        ("encapsulation", "<u4", at),
+        ("sec", "<i4", at + 4),
+        ("nanosec", "<u4", at + 8),
+        ("frame_id", "<u4", at + 12),  # a text of one letter, the NUL that ends it
+    ]
+    fields += [(f"fixed{k}", "<u4", at + offset) for k, (offset, _) in enumerate(channel.fixed)]
+    for k, part in enumerate(channel.parts):
+        start = at + part.offset
+        if part.wire == STRING:
+            fields += [("text_length", "<u4", start), (f"value{k}", f"S{text_bytes}", start + 4)]
+        else:
+            fields.append((f"value{k}", part.wire if part.count == 1 else (part.wire, (part.count,)), start))
+    names, formats, offsets = zip(*fields, strict=True)
+    itemsize = at + channel.size + text_bytes
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": itemsize})
+
+
+def fill_constants(messages: "NDArray[np.void]", channel: Channel) -> None:
+    """Write what is the same in every message into an array of `message_dtype`, zero before."""
+    messages["encapsulation"] = np.frombuffer(ENCAPSULATION, dtype="<u4")[0]
+    messages["frame_id"] = 1
+    for k, (_, value) in enumerate(channel.fixed):
+        messages[f"fixed{k}"] = value
+
+
+def add_text(body: bytearray, text: str) -> None:
+    """Append a text to the fields of a message."""
+    data = text.encode("utf-8", "backslashreplace").replace(b"\0", b"") + b"\0"
+    align(body, 4)
+    body += struct.pack("<I", len(data)) + data
+
+
+def align(body: bytearray, size: int) -> None:
+    """Pad the fields of a message to where a value of this size may stand."""
+    body += bytes(-len(body) % size)
 
 
 # by NumPy kind and size; what is not here travels as its bytes
