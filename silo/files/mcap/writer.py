@@ -72,38 +72,34 @@ class McapWriter:
     """Writes one MCAP file front to back into an open unbuffered file; `finish` writes the summary."""
 
     def __init__(
-        self, file: BinaryIO, schemas: Sequence[Schema], channels: Sequence[Channel], write: Write | None = None
+        self,
+        file: BinaryIO,
+        schemas: Sequence[Schema],
+        channels: Sequence[Channel],
+        write: Write | None = None,
+        begun: "Begun | None" = None,
     ) -> None:
         self._descriptor = file.fileno()
-        self._write_all = write
-        self._position = 0
+        self._write_all = write or write_all
         self._schemas = schemas
         self._channels = channels
-        self._undefined = b"".join(map(_bytes, [*schemas, *channels]))
         self._compressors = [zstandard.ZstdCompressor(level=level) for level in _ZSTD_LEVELS]
         self._best = self._compressors[0]
-        self._chunk_indexes: list[bytes] = []
-        self._index_bytes = 0
-        self._attachments: list[AttachmentIndex] = []
-        self._metadata: list[MetadataIndex] = []
-        self._write(file_start())
+        self._undefined = b"" if begun else b"".join(map(_bytes, [*schemas, *channels]))
+        begun = begun or Begun()
+        self._position = begun.size
+        self._chunk_indexes = begun.chunk_indexes
+        self._index_bytes = sum(map(len, begun.chunk_indexes))
+        self._attachments = begun.attachments
+        self._metadata = begun.metadata
+        if not begun.size:
+            self._write(file_start())
 
     @classmethod
     def continued(cls, file: BinaryIO, begun: "Begun") -> "McapWriter":
         """A file that was begun and not finished, to be finished; it is cut behind what is whole of it."""
-        found = cls.__new__(cls)
-        found._descriptor = file.fileno()
-        found._write_all = None
-        found._position = begun.size
-        found._schemas, found._channels = begun.schemas, begun.channels
-        found._undefined = b""
-        found._compressors = [zstandard.ZstdCompressor(level=level) for level in _ZSTD_LEVELS]
-        found._best = found._compressors[0]
-        found._index_bytes = sum(map(len, begun.chunk_indexes))
-        found._chunk_indexes = begun.chunk_indexes
-        found._attachments, found._metadata = begun.attachments, begun.metadata
         file.truncate(begun.size)
-        return found
+        return cls(file, begun.schemas, begun.channels, begun=begun)
 
     @property
     def size_bytes(self) -> int:
@@ -200,7 +196,7 @@ class McapWriter:
 
     def _write(self, *buffers: bytes | memoryview) -> None:
         views = [memoryview(buffer) for buffer in buffers]
-        (self._write_all or write_all)(self._descriptor, views, self._position)
+        self._write_all(self._descriptor, views, self._position)
         self._position += sum(view.nbytes for view in views)
 
 

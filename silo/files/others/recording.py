@@ -6,10 +6,11 @@ all elements of the topic. `stamped_by_header` gives the same by the stamps in t
 
 import mmap
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path as FilePath
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import yaml
@@ -41,9 +42,10 @@ def open_others(path: FilePath) -> Recording:
     told = DamageNotes(path)
     with damage_told(path):
         topics: dict[str, list[tuple[FilePath, FileTopic]]] = {}
-        for file in _files(path, told):
+        for file, packed in _files(path, told):
             for topic in file.topics():
-                topics.setdefault(topic.name, []).append((file.path, topic))
+                one = replace(topic, stored=Unpacked(topic.stored)) if packed else topic
+                topics.setdefault(topic.name, []).append((file.path, one))
         if not topics:
             raise FileFormatError(f"'{path}' is no log of silo, and holds no message{_because(told)}")
         unknown: dict[str, str] = {}
@@ -117,34 +119,8 @@ def _some(words: Sequence[str]) -> str:
 # --------------------------------------------------------------------------------------------------------------- files
 
 
-class _File(Protocol):
-    """A file of a bag."""
-
-    @property
-    def path(self) -> FilePath:
-        """Where it is."""
-
-    def topics(self) -> list[FileTopic]:
-        """Return what it has messages of."""
-
-
-@dataclass(frozen=True)
-class _Packed:
-    """A file whose messages are compressed one by one."""
-
-    file: _File
-
-    @property
-    def path(self) -> FilePath:
-        """Where it is."""
-        return self.file.path
-
-    def topics(self) -> list[FileTopic]:
-        """Return what it has messages of."""
-        return [replace(topic, stored=Unpacked(topic.stored)) for topic in self.file.topics()]
-
-
-def _files(path: FilePath, told: DamageNotes) -> list[_File]:
+def _files(path: FilePath, told: DamageNotes) -> list[tuple[McapFile | SqliteFile, bool]]:
+    """The files of a bag, and of each whether its messages are compressed one by one."""
     about: dict[str, Any] = {}
     paths = [path]
     if path.is_dir():
@@ -157,7 +133,7 @@ def _files(path: FilePath, told: DamageNotes) -> list[_File]:
     if not paths:
         raise FileFormatError(f"'{path}' is a folder without a bag in it: there is neither an .mcap nor a .db3 file")
     by_message = str(about.get("compression_mode") or "").lower() == "message"
-    found: list[_File] = []
+    found: list[tuple[McapFile | SqliteFile, bool]] = []
     for one in paths:
         try:
             file = _file(one, told)
@@ -166,7 +142,7 @@ def _files(path: FilePath, told: DamageNotes) -> list[_File]:
                 raise
             told.add(f"'{one.name}' can't be read, the other files of the bag are: {error}")
             continue
-        found.append(_Packed(file) if by_message else file)
+        found.append((file, by_message))
     return found
 
 
@@ -345,7 +321,6 @@ class TopicReader:
         told: DamageNotes,
         joints: Sequence[str] = (),
         empty: Sequence[Path] = (),  # arrays without a value in all messages that were looked at
-        headed: "TopicReader | None" = None,
     ) -> None:
         self.name = name
         self.path = path
@@ -356,23 +331,15 @@ class TopicReader:
         self._told = told
         self._joints = joints
         self._empty = empty
-        self._read = headed  # whose columns these are, in another order
+        self._read: TopicReader | None = None  # whose columns these are, in another order
 
     def by_header(self) -> "TopicReader":
         """Return the same with the stamps of the headers."""
-        if not any(one.name == _HEADER for one in self._wanted):
+        if self._read is not None or not any(one.name == _HEADER for one in self._wanted):
             return self
-        return TopicReader(
-            self.name,
-            self.path,
-            self._parts,
-            self._message,
-            self._wanted,
-            self.left,
-            self._told,
-            self._joints,
-            headed=self,
-        )
+        made = copy(self)
+        made._read = self
+        return made
 
     def elements(self) -> "list[TopicElement]":
         """Return the elements; their values and stamps are read when they are asked for."""
