@@ -146,7 +146,12 @@ def _written(order: WriteOrder, progress: Callable[[float], None]) -> WriteRepor
 
 def main() -> None:
     """The writing process: the segment's file descriptor as argument, the order on standard input."""
-    order = msgspec.json.decode(sys.stdin.buffer.read(), type=WriteOrder)
+    try:
+        order = msgspec.json.decode(sys.stdin.buffer.read(), type=WriteOrder)
+    except msgspec.ValidationError:
+        raise
+    except msgspec.DecodeError:
+        sys.exit(1)  # the helper was killed before it had said all of it, and nobody is left to be told
     if HOLD in sys.argv:
         parent, *claims = map(int, sys.argv[sys.argv.index(HOLD) + 1 :])
         for claim in claims:

@@ -1,6 +1,9 @@
 """Saves that get a process of their own, and what is said when it dies."""
 
 import io
+import os
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import msgspec
@@ -16,6 +19,7 @@ from silo.recordings.requests import Save
 from silo.recordings.writing import WriteOrder, WriteReport, write_log
 from silo.segment.reader import SegmentReader
 from silo.state.replica import Replica
+from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow
 
@@ -101,3 +105,10 @@ def test_the_writing_process_knows_whether_the_robot_program_waits(new_logger, m
     saver.start()
     saver.stop()
     assert [order.awaited for order in orders] == [for_robot]
+
+
+@pytest.mark.parametrize("said", [b"", b'{"folder": "/tm'])
+def test_a_writing_process_whose_helper_was_killed_before_it_said_all_ends_without_a_word(said):
+    command = [sys.executable, "-m", "silo.recordings.writing", "--hold", str(os.getpid())]
+    done = subprocess.run(command, input=said, capture_output=True, timeout=DEADLINE_S, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (1, b"", b"")
