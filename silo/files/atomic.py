@@ -327,7 +327,7 @@ def write_all(file_descriptor: int, buffers: list[memoryview], offset: int) -> N
 
 def reason(error: OSError) -> str:
     """Why the system refused: `No space left on device`."""
-    return error.strerror or str(error)
+    return error.strerror or str(error).strip()  # libraries end theirs with a line break
 
 
 def _refused(final: Path, error: OSError, left: str = "nothing was left under that name") -> SaveError:

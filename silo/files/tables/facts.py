@@ -56,7 +56,7 @@ def told_of(path: Path) -> Iterator[None]:
     except FileNotFoundError as error:
         raise LogNotFoundError(f"there is no file '{path}'") from error
     except Exception as error:  # each library has its own
-        words = reason(error) if isinstance(error, OSError) else str(error) or type(error).__name__
+        words = reason(error) if isinstance(error, OSError) else str(error).strip() or type(error).__name__
         raise FileFormatError(f"'{path}' can't be read: {words}") from error
 
 
@@ -83,12 +83,19 @@ def restored(
         raise FileFormatError(
             f"'{path}' has {count:,} time stamps, and says that it has {facts.ticks:,}: it is damaged"
         )
+    entries_told = sum(len(one.entries) for one in facts.elements)
+    if len(facts.places) != entries_told:
+        raise FileFormatError(
+            f"'{path}' says where {len(facts.places):,} entries stand, and has {entries_told:,}: it is damaged"
+        )
     places = iter(facts.places)
     elements = []
     for number, one in enumerate(facts.elements):
         element = alike(RecordedElement, one, first=one.first or 0, entries=())
         if number in facts.own:
             own = np.asarray(arrays((facts.own[number], -1), element, one.count)).ravel().astype(np.int64)
+            if len(own) != one.count:
+                raise FileFormatError(f"'{path}': '{one.name}' has {one.count:,} samples, and {len(own):,} time stamps")
             element = alike(RecordedElement, element, own_ns=own)
         elif one.count < 0 or one.divider < 1 or (one.count and not 0 <= element.first <= _last(one, len(stamps))):
             raise FileFormatError(f"'{path}': '{one.name}' has samples without a time stamp")
