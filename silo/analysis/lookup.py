@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from silo.core.names import Names
 from silo.core.recording import RecordedElement, Recording
-from silo.files.silo.whole import FileElements
+from silo.files.silo.reader import FileElements
 
 
 def names_of(recording: Recording, derived: Sequence[str] = ()) -> Names:

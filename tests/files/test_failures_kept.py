@@ -68,7 +68,7 @@ def test_a_damaged_silo_file_still_says_it(tmp_path, recording):
     path = tmp_path / "log.silo"
     writer_for(path)(recording, path, None)
     data = bytearray(path.read_bytes())
-    data[3] ^= 1  # the check of the header fails: the careful reader takes over
+    data[3] ^= 1  # the check of the header fails: it is repaired
     path.write_bytes(data)
     with pytest.warns(LogWarning):
         assert silo.open_log(path)["mode"].failures == EXPECTED

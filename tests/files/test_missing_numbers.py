@@ -91,7 +91,7 @@ def test_a_column_of_doubles_has_nan_for_every_reader_of_silo_files(log, tmp_pat
 
 def test_damaged_headers_keep_what_is_missing(log, tmp_path):
     path = log.save(tmp_path / "run.silo")
-    path.write_bytes(path.read_bytes() + b"abc")  # no longer what silo wrote: the careful reader
+    path.write_bytes(path.read_bytes() + b"abc")  # no longer what silo wrote: it is repaired
     with pytest.warns(silo.LogWarning, match="3 bytes after"):
         found = silo.open_log(path)
     assert found["j/large"].values.tolist() == expected("large")

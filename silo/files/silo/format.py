@@ -10,7 +10,7 @@ import re
 import zlib
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
@@ -44,7 +44,6 @@ LOG_FACTS = b"# silo log "
 ELEMENT_FACTS = b"# silo element "
 EVENT_FACTS = b"# silo event "
 CHECK = b"# silo check "
-_ROW = re.compile(rb"(.*) ([0-9]{1,18}) ([0-9]{1,18}) ([1-9][0-9]{0,17}) ([01]) ([a-z0-9]+)", re.DOTALL)
 CHECK_PATTERN = re.compile(rb"# silo check ([0-9a-f]{8}) \.*\n")
 ALIGNMENT = 64
 STRING_PAD = ord("-")
@@ -66,20 +65,19 @@ _TYPE_OF_DTYPE = {dtype: name for name, dtype in _DTYPE_OF_TYPE.items()}
 TYPE_NAMES = (*_DTYPE_OF_TYPE, "string", "unknown")
 
 
-class TableRow(msgspec.Struct, frozen=True):
-    """One line of the table: `type_name` is one of `TYPE_NAMES`, `looping` chooses the rule of the time stamps."""
+class TableLine(NamedTuple):
+    """What a line of the table says behind the name: `looping` chooses the rule of the time stamps."""
 
-    name: str
     item_bytes: int
-    count: int
+    samples: int
     divider: int
     looping: bool
-    type_name: str
+    type_name: str  # one of `TYPE_NAMES`
 
     @property
     def size_bytes(self) -> int:
         """Bytes of all values."""
-        return self.item_bytes * self.count
+        return self.item_bytes * self.samples
 
 
 class Missing(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -102,15 +100,12 @@ class Missing(msgspec.Struct, frozen=True, omit_defaults=True):
         dtype = dtype_from(self.dtype)
         return dtype if dtype is not None and dtype.kind in "biu" and stored.kind in "biuf" else None
 
-    def masked(self, values: NDArray[Any], skipped: int = 0) -> NDArray[Any]:
-        """Return the values as they were logged; those of a damaged file that can't be it as they are.
-
-        They begin `skipped` behind the first of their column.
-        """
+    def masked(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the values as they were logged; those of a damaged file that can't be it as they are."""
         if values.dtype.kind == "V":
             missing = np.zeros(len(values), bool)
             for first, last in self.spans:
-                missing[max(first - skipped, 0) : max(last + 1 - skipped, 0)] = True
+                missing[max(first, 0) : max(last + 1, 0)] = True
             return masked(values, missing)
         dtype = self._logged(values.dtype)
         if dtype is None:
@@ -199,13 +194,9 @@ def type_name(dtype: np.dtype[Any]) -> str:
     return _TYPE_OF_DTYPE.get(dtype.str, "unknown")
 
 
-def dtype_of(row: TableRow) -> np.dtype[Any]:
-    """The NumPy type of a table line: `S` for strings, raw bytes (`V`) for `unknown`. `ValueError` if it can't be."""
-    return _dtype_of(row.type_name, row.item_bytes)
-
-
 @lru_cache(maxsize=256)
-def _dtype_of(type_name: str, item_bytes: int) -> np.dtype[Any]:
+def dtype_of(type_name: str, item_bytes: int) -> np.dtype[Any]:
+    """The NumPy type of a table line: `S` for strings, raw bytes (`V`) for `unknown`. `ValueError` if it can't be."""
     if type_name in ("string", "unknown"):
         if item_bytes >= _LARGEST_ITEM:
             raise ValueError(f"a value of {item_bytes} bytes is larger than any that can be logged")
@@ -219,33 +210,27 @@ def _dtype_of(type_name: str, item_bytes: int) -> np.dtype[Any]:
     return dtype
 
 
-def format_row(row: TableRow) -> bytes:
-    """A table line with its newline."""
-    return encode_text(f"{row.name} {row.item_bytes} {row.count} {row.divider} {int(row.looping)} {row.type_name}\n")
+def format_row(name: str, line: TableLine) -> bytes:
+    """A line of the table with its newline."""
+    item_bytes, count, divider, looping, type_name = line
+    return encode_text(f"{name} {item_bytes} {count} {divider} {int(looping)} {type_name}\n")
 
 
-def parse_row(line: bytes) -> TableRow:
-    """A table line read from the right, for names may hold spaces; `ValueError` says what is wrong with it."""
-    match = _ROW.fullmatch(line)
-    if match:
-        name, size, samples, step, flag, kind = match.groups()
-        row = TableRow(decode_text(name), int(size), int(samples), int(step), flag == b"1", kind.decode("ascii"))
-        dtype_of(row)
-        return row
-    fields = line.rstrip(b"\r\n").rsplit(b" ", 5)
-    if len(fields) != 6:
-        raise ValueError(f"expected 6 fields, got {len(fields)}")
+def parse_line(rest: str) -> TableLine:
+    """What a line of the table says behind the name; `ValueError` says what is wrong with it."""
+    nothing, *fields = rest.rstrip("\r").split(" ")
+    if nothing or len(fields) != 5:
+        raise ValueError(f"expected 6 fields, got {len(fields) + 1}")
     numbers: list[int] = []
-    for field, what, lowest in zip(fields[1:5], ("size", "count", "divider", "looping"), (0, 0, 1, 0), strict=True):
-        if not re.fullmatch(rb"[0-9]{1,18}", field) or int(field) < lowest:
-            raise ValueError(f"{what} must be a whole number, {lowest} or more, got '{decode_text(field)}'")
-        numbers.append(int(field))
-    if numbers[3] > 1:
-        raise ValueError(f"looping must be 0 or 1, got {numbers[3]}")
+    for text, what, lowest in zip(fields, ("size", "count", "divider", "looping"), (0, 0, 1, 0), strict=False):
+        if not re.fullmatch("[0-9]{1,18}", text) or int(text) < lowest:
+            raise ValueError(f"{what} must be a whole number, {lowest} or more, got '{text}'")
+        numbers.append(int(text))
     item_bytes, count, divider, looping = numbers
-    row = TableRow(decode_text(fields[0]), item_bytes, count, divider, bool(looping), decode_text(fields[5]))
-    dtype_of(row)
-    return row
+    if looping > 1:
+        raise ValueError(f"looping must be 0 or 1, got {looping}")
+    dtype_of(fields[4], item_bytes)
+    return TableLine(item_bytes, count, divider, bool(looping), fields[4])
 
 
 def table_name(name: str) -> str:

@@ -1,13 +1,16 @@
-"""The text header of a `.silo` file -> table lines, facts, and where the data starts.
+"""The text header of a `.silo` file -> the lines of its table, facts, and where the data starts.
 
-Written for damaged files: each part is found by its landmark, else by its place; what can't be understood becomes a
-warning. Only a file in which no table can be found is an error.
+Damaged headers are read, too: each part is found by its landmark, else by its place; what can't be understood becomes a
+warning. Only a file in which no table can be found is an error. A header without a warning is as silo wrote it, or of
+the original.
 """
 
+import mmap
 import re
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Any
 
 import msgspec
 
@@ -17,160 +20,157 @@ from silo.files.silo import format as form
 
 # A table of 100,000 entries with facts is 20 MB; a longer header is no header.
 _LONGEST_HEADER = 256 << 20
+_FIRST_LINE_BYTES = 1 << 20  # far more than the longest line
 _DATA = re.compile(rb"^# Binary(?: Data)?[ ]*\r?\n", re.MULTILINE)
-_CHECK = re.compile(rb"^# silo check [^\n]*\n", re.MULTILINE)
 _PLACES = {form.OFFSET_LINE: 5, form.COUNT_LINE: 7, form.TABLE_LINE: 9}
-
-_Facts = TypeVar("_Facts", form.LogFacts, form.ElementFacts, LoggedEvent)
-_LOG_DECODER = msgspec.json.Decoder(form.LogFacts)
-_EVENT_DECODER = msgspec.json.Decoder(LoggedEvent)
-_ELEMENT_DECODER = msgspec.json.Decoder(form.ElementFacts)
+_LOG_DECODER = msgspec.json.Decoder(list[form.LogFacts])
+_EVENTS_DECODER = msgspec.json.Decoder(list[LoggedEvent])
+_ELEMENTS_DECODER = msgspec.json.Decoder(list[form.ElementFacts])
 
 
 @dataclass
 class Header:
-    """What the header says. A table line that can't be understood is None in `rows`; `offset` is None if unreadable."""
+    """What the header says. A line of the table that can't be understood is None, as is an offset."""
 
     offset: int | None
-    rows: list[form.TableRow | None]
-    data_start: int
+    names: list[str]
+    lines: list[form.TableLine | None]
     facts: form.LogFacts | None = None
     elements: list[form.ElementFacts] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
     events: list[LoggedEvent] = field(default_factory=list)
+    data_start: int = 0
+    warnings: list[str] = field(default_factory=list)
 
 
-def parse_header(data: bytes | memoryview, size: int) -> Header:
-    """Read the header of a file of `size` bytes; `data` is the file, or its start if longer than any header.
-
-    Raises `FileFormatError` (without the path) if this is no `.silo` file or its table is lost.
-    """
-    # searched in the memory map: copying the start of a file whose header is long would take longer than all the rest
-    found = _DATA.search(data[:_LONGEST_HEADER])
-    text = bytes(data[: found.end() if found else _LONGEST_HEADER])
-    if b"\n" not in text or not any(mark in text for mark in (b"# ", b" double", b" int64")):
+def parse_header(data: mmap.mmap) -> Header:
+    """Read the header of a file. Raises `FileFormatError` (without the path) if it is none, or its table is lost."""
+    # a disk's worth of zeros has no line anywhere: the search for the end of a header would take seconds in it
+    if data.find(b"\n", 0, _FIRST_LINE_BYTES) < 0:
         raise FileFormatError("this is no .silo file: it has no header")
+    # searched in the memory map: copying the start of a file whose header is long would take longer than all the rest
+    begin = data.find(b"\n" + form.DATA_LINE, 0, _LONGEST_HEADER)
+    end = begin + 1 + len(form.DATA_LINE) if begin >= 0 else None
+    if end is None and (last := _DATA.search(memoryview(data)[:_LONGEST_HEADER])):
+        begin, end = last.start() - 1, last.end()
+    text = data[: end or _LONGEST_HEADER]
+    if not any(mark in text for mark in (b"# ", b" double", b" int64")):
+        raise FileFormatError("this is no .silo file: it has no header")
+    # the end of the line of the checksum is the end of a header without a line that says so
+    check = text.rfind(b"\n" + form.CHECK) + 1
+    behind_check = (text.find(b"\n", check) + 1 if check else 0) or None
+    head = text[: begin + 1] if end else text[:behind_check]
+    table, mark, facts = head.partition(b"\n# silo ")
     warnings: list[str] = []
-    if found is None:
-        end = _end_of_check_line(text)
-        head, data_start = text[: end or len(text)], end
-    else:
-        head, data_start = text[: found.start()], found.end()
-    lines = head.split(b"\n")
+    lines = (table + mark[:1]).decode("utf-8", "backslashreplace").split("\n")
     offset = _number(lines, form.OFFSET_LINE, "the time synchronization offset", warnings)
     count = _number(lines, form.COUNT_LINE, "the number of log elements", warnings)
-    rows, after = _table(lines, count, warnings)
-    header = Header(offset, rows, 0, warnings=warnings)
-    _read_facts(header, lines[after:])
-    _verify(header, text[: data_start or len(text)])
-    if data_start is not None and found is None:
-        data_start += len(form.DATA_LINE)
-    header.data_start = _start_of_data(header, data_start, size)
+    names, found = _table(lines, count, warnings)
+    header = Header(
+        offset,
+        names,
+        found,
+        next(iter(_decoded(mark + facts, form.LOG_FACTS, _LOG_DECODER, warnings)), None),
+        _decoded(mark + facts, form.ELEMENT_FACTS, _ELEMENTS_DECODER, warnings),
+        _decoded(mark + facts, form.EVENT_FACTS, _EVENTS_DECODER, warnings),
+        warnings=warnings,
+    )
+    if behind_check is not None:
+        _verify(header, text[: end or behind_check], check, behind_check)
+    elif header.facts or header.elements or mark:
+        warnings.append("the header is damaged: its checksum is missing")
+    if end is None and behind_check is not None:
+        end = behind_check + len(form.DATA_LINE)
+    header.data_start = _start_at_the_end(header, len(data)) if end is None else end
     return header
 
 
-def _end_of_check_line(text: bytes) -> int | None:
-    found = _CHECK.search(text)
-    return found.end() if found else None
-
-
-def _start_of_data(header: Header, known: int | None, size: int) -> int:
-    if known is not None:
-        return known
-    # without any landmark, the data of a whole file is what stands at its end
-    start = size - sum(row.size_bytes for row in header.rows if row)
-    if None in header.rows or start <= 0:
+def _start_at_the_end(header: Header, size: int) -> int:
+    """Without any landmark, the data of a whole file is what stands at its end."""
+    start = size - sum(line.size_bytes for line in header.lines if line)
+    if None in header.lines or start <= 0:
         raise FileFormatError("it ends in its header, or the line '# Binary Data' is damaged: no values can be read")
     header.warnings.append("the line '# Binary Data' is damaged: the values were taken from the end of the file")
     return start
 
 
-def _number(lines: Sequence[bytes], landmark: bytes, what: str, warnings: list[str]) -> int | None:
+def _number(lines: Sequence[str], landmark: bytes, what: str, warnings: list[str]) -> int | None:
     place = _place(lines, landmark)
-    text = lines[place].strip() if place < len(lines) else b""
-    if re.fullmatch(rb"[0-9]{1,18}", text):
+    text = lines[place].strip() if place < len(lines) else ""
+    if re.fullmatch("[0-9]{1,18}", text):
         return int(text)
-    warnings.append(f"line {place + 1}: {what} can't be read ('{form.decode_text(text[:40])}')")
+    warnings.append(f"line {place + 1}: {what} can't be read ('{text[:40]}')")
     return None
 
 
-def _place(lines: Sequence[bytes], landmark: bytes) -> int:
+def _place(lines: Sequence[str], landmark: bytes) -> int:
     """Index of the first line after a landmark that is no comment."""
-    start = landmark.rstrip().rstrip(b":")
+    start = landmark.decode().rstrip().rstrip(":")
     for index, line in enumerate(lines):
         if line.startswith(start):
             place = index + 1
-            while place < len(lines) and lines[place].startswith(b"#") and not _is_row(lines[place]):
+            while place < len(lines) and lines[place].startswith("#") and not _is_row(lines[place]):
                 place += 1
             return place
     return _PLACES[landmark]
 
 
-def _is_row(line: bytes) -> bool:
+def _is_row(line: str) -> bool:
     try:
-        form.parse_row(line)
+        form.parse_line(line[len(line.rsplit(" ", 5)[0]) :])
     except ValueError:
         return False
     return True
 
 
-def _table(lines: Sequence[bytes], count: int | None, warnings: list[str]) -> tuple[list[form.TableRow | None], int]:
-    """The table's rows, and the index of the line after the table."""
+def _table(
+    lines: Sequence[str], count: int | None, warnings: list[str]
+) -> tuple[list[str], list[form.TableLine | None]]:
+    """The names in the table, and what it says behind them, mostly the same of many."""
+    names: list[str] = []
+    found: list[form.TableLine | None] = []
+    known: dict[str, form.TableLine] = {}
     start = _place(lines, form.TABLE_LINE)
-    rows: list[form.TableRow | None] = []
-    index = start
-    while index < len(lines) - 1:
-        line = lines[index]
-        complete = count is not None and len(rows) >= count
+    for number, line in enumerate(lines[start:-1], start + 1):
         # a name may start with '#' in a foreign file, so within `count` lines only our own comments end the table
-        if line.startswith(b"# silo ") or (line.startswith(b"#") and (complete or count is None)):
+        if line[:1] == "#" and (count is None or len(names) >= count):
             break
-        try:
-            rows.append(form.parse_row(line))
-        except ValueError as error:
-            warnings.append(f"line {index + 1} of the table can't be read ({error}): '{form.decode_text(line[:80])}'")
-            rows.append(None)
-        index += 1
-    if not any(rows):
+        name = line.rsplit(" ", 5)[0]  # it may hold spaces
+        rest = line[len(name) :]
+        parsed = known.get(rest)
+        if parsed is None:
+            try:
+                parsed = known[rest] = form.parse_line(rest)
+            except ValueError as error:
+                warnings.append(f"line {number} of the table can't be read ({error}): '{line[:80]}'")
+        names.append(name)
+        found.append(parsed)
+    if not any(found):
         raise FileFormatError("this is no .silo file, or its table of elements is lost")
-    if count is not None and count != len(rows):
-        warnings.append(f"the header announces {count} entries, its table has {len(rows)}")
-    return rows, index
+    if count is not None and count != len(names):
+        warnings.append(f"the header announces {count} entries, its table has {len(names)}")
+    return names, found
 
 
-def _read_facts(header: Header, lines: Sequence[bytes]) -> None:
-    for line in lines:
-        if line.startswith(form.LOG_FACTS):
-            header.facts = _decoded(line[len(form.LOG_FACTS) :], _LOG_DECODER, header) or header.facts
-        elif line.startswith(form.ELEMENT_FACTS):
-            element = _decoded(line[len(form.ELEMENT_FACTS) :], _ELEMENT_DECODER, header)
-            header.elements += [element] if element else []
-        elif line.startswith(form.EVENT_FACTS):
-            event = _decoded(line[len(form.EVENT_FACTS) :], _EVENT_DECODER, header)
-            header.events += [event] if event else []
-
-
-def _decoded(text: bytes, decoder: msgspec.json.Decoder[_Facts], header: Header) -> _Facts | None:
+def _decoded(lines: bytes, start: bytes, decoder: msgspec.json.Decoder[Any], warnings: list[str]) -> list[Any]:
+    """The facts in lines that start so, by one call; where a line is damaged, those of all others."""
+    texts = [text.partition(b"\n")[0] for text in lines.split(b"\n" + start)[1:]]
     try:
-        return decoder.decode(text)
+        return list(decoder.decode(b"[" + b",".join(texts) + b"]"))
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        header.warnings.append(f"a comment with facts about the elements can't be read ({error})")
-        return None
+        if len(texts) > 1:
+            return [one for text in texts for one in _decoded(b"\n" + start + text, start, decoder, warnings)]
+        warnings.append(f"a comment with facts about the elements can't be read ({error})")
+        return []
 
 
-def _verify(header: Header, text: bytes) -> None:
+def _verify(header: Header, text: bytes, check: int, behind_check: int) -> None:
     """Compare the checksum of a header that silo wrote; files of the original have none."""
-    found = _CHECK.search(text)
-    if found is None:
-        if header.facts or header.elements or b"\n# silo " in text:
-            header.warnings.append("the header is damaged: its checksum is missing")
-        return
-    exact = form.CHECK_PATTERN.fullmatch(found[0])
-    rest = text[: found.start()] + text[found.end() :]
+    exact = form.CHECK_PATTERN.fullmatch(text, check, behind_check)
+    rest = text[behind_check:]
     if not rest.endswith(form.DATA_LINE):
         rest += form.DATA_LINE
         header.warnings.append("the header is damaged: its last line is not '# Binary Data'")
-    if exact is None or exact[1] != form.checksum(rest):
+    if exact is None or exact[1] != b"%08x" % zlib.crc32(rest, zlib.crc32(memoryview(text)[:check])):
         header.warnings.append(
             "the header is damaged: its checksum does not match; names, types or positions of values may be wrong"
         )

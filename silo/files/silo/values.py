@@ -1,7 +1,4 @@
-"""Values of a `.silo` file that stay in the file until they are touched, and the types that they have there.
-
-Both readers of the header make these: the quick one for files that are whole, the careful one for all others.
-"""
+"""Values of a `.silo` file that stay in the file until they are touched, and the types that they have there."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache, partial
@@ -54,12 +51,11 @@ def file_entry(
     count: int,
     stored: Type,
     logged: Type,
-    skipped: int = 0,
 ) -> RecordedEntry:
-    """An entry of so many values that begin at this byte of the file, `skipped` behind the first of its column."""
+    """An entry of so many values that begin at this byte of the file."""
     missing, dashes = facts.missing, facts.dashes if stored.kind == "S" else None
-    at = {place - skipped: number for place, number in (dashes or {}).items() if 0 <= place - skipped < count}
-    load = partial(_loaded, data, offset, count, stored, logged, at, missing, skipped)
+    at = {place: number for place, number in (dashes or {}).items() if 0 <= place < count}
+    load = partial(_loaded, data, offset, count, stored, logged, at, missing)
     if missing is not None:
         entry = Entry(entry.suffix, missing.dtype, entry.labels)
     return lazy_entry(name, entry, load, logged if missing is None else missing.type_of(logged), count)
@@ -73,14 +69,13 @@ def _loaded(
     logged: Type,
     dashes: Mapping[int, int],
     missing: form.Missing | None,
-    skipped: int,
 ) -> NDArray[Any]:
     values = stored_values(data, stored, count, offset)
     if stored is not logged:
         values = _as_logged(values, logged)
     for at, number in dashes.items():
         values[at] += b"-" * min(number, stored.itemsize)
-    return values if missing is None else missing.masked(values, skipped)
+    return values if missing is None else missing.masked(values)
 
 
 def file_recording(load_time: Callable[[], NDArray[np.int64]], about: object = None, **facts: Any) -> Recording:
@@ -123,7 +118,7 @@ def types_of(type_name: str, item_bytes: int, text: str) -> tuple[Type, Type | N
 
     Raises `ValueError` for a type that the format doesn't have, or not of that size.
     """
-    stored = form.dtype_of(form.TableRow("", item_bytes, 0, 1, False, type_name))
+    stored = form.dtype_of(type_name, item_bytes)
     logged = _logged_dtype(text, stored)
     if logged == stored and stored.kind != "S":  # of strings, the padding is still to be taken off
         logged = stored

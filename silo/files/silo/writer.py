@@ -7,7 +7,7 @@ log. Nothing here waits for anybody or changes the recording.
 
 import errno
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,11 +28,15 @@ BLOCK_ROWS = 1024
 _SLOT = 16
 
 
+# a name of the table, what stands behind it, and what fills in samples as they stand in the file
+_Source = tuple[str, form.TableLine, Callable[[int, int, NDArray[np.uint8]], None]]
+
+
 @dataclass(frozen=True)
 class LineValues:
     """The values of one table line: `fill(start, stop, out)` writes samples as they stand in the file."""
 
-    row: form.TableRow
+    line: form.TableLine
     offset: int
     fill: Callable[[int, int, NDArray[np.uint8]], None]
 
@@ -45,20 +49,20 @@ def write_silo(recording: Recording, path: str | os.PathLike[str], progress: Pro
     """
     elements = [in_doubles(element) for element in recording.elements if element.count]
     stamps = len(recording.time_ns)
-    sources: list[tuple[form.TableRow, Callable[[int, int, NDArray[np.uint8]], None]]] = []
+    sources: list[_Source] = []
     facts: list[bytes] = [form.facts_line(form.LOG_FACTS, form.log_facts(recording))]
     for name, part in (("time_s", _seconds), ("time_ns", _nanoseconds)):
-        row = form.TableRow(f"{recording.prefix}/{name}", 8, stamps, 1, recording.time_looping, "int64")
-        sources.append((row, part(recording.time_ns)))
+        line = form.TableLine(8, stamps, 1, recording.time_looping, "int64")
+        sources.append((f"{recording.prefix}/{name}", line, part(recording.time_ns)))
     for element in elements:
         looping, first = form.looping_and_first(element, stamps, recording.offset)
         facts.append(form.facts_line(form.ELEMENT_FACTS, form.element_facts(element, first)))
         sources += [_source(entry, element.divider, looping) for entry in element.entries]
     facts += [form.facts_line(form.EVENT_FACTS, form.plain_texts(event)) for event in recording.events]
-    header = _header(os.fspath(path), recording.offset, [row for row, _ in sources], facts)
+    header = _header(os.fspath(path), recording.offset, sources, facts)
     columns = list(_placed(sources, len(header)))
     with atomic_file(path) as file:
-        _reserve(file.fileno(), len(header) + sum(column.row.size_bytes for column in columns))
+        _reserve(file.fileno(), len(header) + sum(column.line.size_bytes for column in columns))
         write_all(file.fileno(), [memoryview(header)], 0)
         _write_columns(file.fileno(), columns, progress or _silent)
 
@@ -73,7 +77,7 @@ def _reserve(file_descriptor: int, size: int) -> None:
             raise
 
 
-def _header(path: str, offset: int, rows: list[form.TableRow], facts: list[bytes]) -> bytes:
+def _header(path: str, offset: int, sources: Sequence[_Source], facts: list[bytes]) -> bytes:
     shown = form.table_name(path).replace("Binary Data", "Binary_Data")
     before = b"".join(
         [
@@ -82,9 +86,9 @@ def _header(path: str, offset: int, rows: list[form.TableRow], facts: list[bytes
             form.OFFSET_LINE,
             b"%d\n" % offset,
             form.COUNT_LINE,
-            b"%d\n" % len(rows),
+            b"%d\n" % len(sources),
             form.TABLE_LINE,
-            *(form.format_row(row) for row in rows),
+            *(form.format_row(name, line) for name, line, _ in sources),
             *facts,
         ]
     )
@@ -94,9 +98,7 @@ def _header(path: str, offset: int, rows: list[form.TableRow], facts: list[bytes
     return before + check + b"." * (-length % form.ALIGNMENT) + b"\n" + form.DATA_LINE
 
 
-def _source(
-    entry: RecordedEntry, divider: int, looping: bool
-) -> tuple[form.TableRow, Callable[[int, int, NDArray[np.uint8]], None]]:
+def _source(entry: RecordedEntry, divider: int, looping: bool) -> _Source:
     values = entry.values
     if values.dtype.hasobject:
         raise SaveError(f"'{entry.name}' holds Python objects, which no file can hold; log numbers or strings")
@@ -106,8 +108,7 @@ def _source(
     else:
         dtype = form.file_dtype(values.dtype)
         item_bytes, type_name, fill = dtype.itemsize, form.type_name(dtype), _numbers(values, dtype)
-    name = form.table_name(entry.name)
-    return form.TableRow(name, item_bytes, len(values), divider, looping, type_name), fill
+    return form.table_name(entry.name), form.TableLine(item_bytes, len(values), divider, looping, type_name), fill
 
 
 def _numbers(values: NDArray[Any], dtype: np.dtype[Any]) -> Callable[[int, int, NDArray[np.uint8]], None]:
@@ -163,24 +164,22 @@ def _nanoseconds(time_ns: NDArray[np.int64]) -> Callable[[int, int, NDArray[np.u
     return fill
 
 
-def _placed(
-    sources: Iterable[tuple[form.TableRow, Callable[[int, int, NDArray[np.uint8]], None]]], start: int
-) -> Iterator[LineValues]:
-    for row, fill in sources:
-        if row.size_bytes:
-            yield LineValues(row, start, fill)
-        start += row.size_bytes
+def _placed(sources: Sequence[_Source], start: int) -> Iterator[LineValues]:
+    for _, line, fill in sources:
+        if line.size_bytes:
+            yield LineValues(line, start, fill)
+        start += line.size_bytes
 
 
 def _write_columns(file_descriptor: int, columns: list[LineValues], progress: Progress) -> None:
-    total = sum(column.row.size_bytes for column in columns)
+    total = sum(column.line.size_bytes for column in columns)
     written = 0
     progress(0.0)
     tile = np.empty(0, np.uint8)
     for band in _bands(columns):
-        row_bytes = sum(column.row.item_bytes for column in band)
+        row_bytes = sum(column.line.item_bytes for column in band)
         rows = max(BLOCK_ROWS, min(TILE_ROWS, TILE_BYTES // row_bytes), 1)
-        count = max(column.row.count for column in band)
+        count = max(column.line.samples for column in band)
         # one buffer for all tiles: fresh memory for each costs a third of the time in page faults
         needed = row_bytes * min(rows, count) + _SLOT * len(band)
         tile = tile if len(tile) >= needed else np.empty(needed, np.uint8)
@@ -198,9 +197,9 @@ def _bands(columns: list[LineValues]) -> Iterator[list[LineValues]]:
 
 def _write_tile(file_descriptor: int, band: list[LineValues], start: int, rows: int, tile: NDArray[np.uint8]) -> int:
     """Transpose samples `start ... start + rows` of a few columns and write them; returns the bytes written."""
-    columns = [column for column in band if column.row.count > start]
-    stops = [min(column.row.count, start + rows) for column in columns]
-    sizes = [column.row.item_bytes * (stop - start) for column, stop in zip(columns, stops, strict=True)]
+    columns = [column for column in band if column.line.samples > start]
+    stops = [min(column.line.samples, start + rows) for column in columns]
+    sizes = [column.line.item_bytes * (stop - start) for column, stop in zip(columns, stops, strict=True)]
     slots = np.concatenate(([0], np.cumsum([-(-size // _SLOT) * _SLOT for size in sizes])))
     pieces = [tile[slot : slot + size] for slot, size in zip(slots.tolist(), sizes, strict=False)]
     # a block of rows of all columns at a time: neighbouring words of a row share cache lines
@@ -208,12 +207,12 @@ def _write_tile(file_descriptor: int, band: list[LineValues], start: int, rows: 
         for column, stop, piece in zip(columns, stops, pieces, strict=True):
             end = min(stop, block + BLOCK_ROWS)
             if block < end:
-                size = column.row.item_bytes
+                size = column.line.item_bytes
                 column.fill(block, end, piece[(block - start) * size : (end - start) * size])
     run: list[memoryview] = []
     run_offset = run_end = 0
     for column, piece in zip(columns, pieces, strict=True):
-        offset = column.offset + start * column.row.item_bytes
+        offset = column.offset + start * column.line.item_bytes
         if offset != run_end:
             write_all(file_descriptor, run, run_offset)
             run, run_offset = [], offset
