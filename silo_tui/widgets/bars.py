@@ -322,7 +322,7 @@ class InfoLine(FittingLine):
             way = " (stop to apply)" if session.running else f" ({key_of('apply')} to apply)"
             parts.append(Part(8, f"{fields} pending in {many(elements, 'row')}{way}", "", (f"{fields} pending",)))
         if conflicts := int(session.table.conflicts.sum()):
-            parts.append(Part(7, f"! {many(conflicts, 'conflict')}"))
+            parts.append(Part(0, f"! {many(conflicts, 'conflict')}"))
         if rows.filter.text:
             parts.append(Part(6, f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}"))
             parts += [Part(5, f"? {problem}") for problem in rows.filter.problems[:1]]
