@@ -159,8 +159,8 @@ def test_a_handler_gets_the_fields_and_who_asks_and_its_text_is_what_was_done():
     server = type("One", (Server,), methods, does=[conditions], robot=True)
     dispatch = Dispatch([server()], lambda request, turn: Done("handed on"))
     turn = Turn(Sender("a", "anna"))
-    assert dispatch(messages.RemoveTrigger(name="fall"), turn) == Done("anna removes fall")
-    assert dispatch(messages.GetStatus(), turn) == Done("handed on")
+    assert dispatch.reply(messages.RemoveTrigger(name="fall"), turn) == Done("anna removes fall")
+    assert dispatch.reply(messages.GetStatus(), turn) == Done("handed on")
 
 
 # ------------------------------------------------------------------------------------------------------- refusals
