@@ -2,6 +2,7 @@
 
 import fcntl
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -89,6 +90,7 @@ def test_what_was_saved_of_a_killed_program_is_named(
 ) -> None:
     subprocess.run([sys.executable, "-c", SERVED, str(tmp_path), ends], timeout=DEADLINE_S, check=False)
     wait_until(lambda: ends == "closed" or any(one.kind == "crashed" for one in read_events(tmp_path, "arm")))
+    wait_until(lambda: not list(Path(os.environ["SILO_RUNTIME_DIR"]).glob("arm.*.segment")))  # it is freed after that
     (path,) = tmp_path.glob("*.silo")
     assert run(["recover", str(tmp_path)]) == 0
     what, *named = capsys.readouterr().out.splitlines()
