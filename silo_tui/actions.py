@@ -129,7 +129,7 @@ _read = partial(Typed, reads=True)
 
 
 def _typed(option: str) -> str:
-    return f"type a {OPTION[option].label}: {', '.join(OPTION[option].examples)}"
+    return f"type a {option}: {', '.join(OPTION[option].examples)}"
 
 
 def _words(option: str) -> str:
@@ -165,8 +165,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("edit", "e,enter", "Edit", "edit the field that ← → chose, else ask which", "Edit", _TABLE, 5, writes=True),
     Command("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 13, writes=True),
     Command("edit_divider", "d", "Divider", _typed("divider"), "Edit", _TABLE, writes=True),
-    Command("edit_size", "s", "Size", _typed("buffer_size"), "Edit", _TABLE, writes=True),
-    Command("next_buffer", "b", "Buffer", _words("buffer_type"), "Edit", _TABLE, writes=True),
+    Command("edit_size", "s", "Size", _typed("size"), "Edit", _TABLE, writes=True),
+    Command("next_buffer", "b", "Buffer", _words("buffer"), "Edit", _TABLE, writes=True),
     Command("next_action", "p", "Publish", _words("action"), "Edit", _TABLE, writes=True),
     Command("edit_all", "equals_sign", "Set to", "type a value, beginning with =", "Edit", _TABLE, writes=True),
     Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE, 14, typed=Typed(("undo",))),

@@ -178,7 +178,7 @@ def logged_to_journal(folder: Path, options, batches, disk, refusals=(), block_b
     tick = [0]
     log = Logger("j", folder=folder, script=folder / "none.yaml", max_time=0, clock=lambda: 1000 + tick[0])
     arrays = [
-        log.array(f"x{number}", 3, divider=divider, buffer_type=kind, buffer_size=size)
+        log.array(f"x{number}", 3, divider=divider, buffer=kind, size=size)
         for number, (divider, kind, size) in enumerate(options)
     ]
     with contextlib.closing(log), pytest.MonkeyPatch.context() as patched:

@@ -31,7 +31,7 @@ def main() -> None:
     page = np.memmap(page_path, np.int64, "r+", shape=(MOST_RUNS + 1,))
     log = silo.Logger("pair", frequency=FREQUENCY_HZ, max_time=0, folder=folder, script=f"{folder}/none.yaml")
     size = FREQUENCY_HZ * BUFFER_S
-    tick, run, spike = (log.array(name, (), buffer_size=size) for name in ("tick", "run", "spike"))
+    tick, run, spike = (log.array(name, (), size=size) for name in ("tick", "run", "spike"))
     log.trigger("spiked", "spike > 50", pre="20ms", post="20ms", save=types.split(","))
     log.serve()
     log.record(name="endless")

@@ -28,7 +28,7 @@ import numpy as np, silo
 folder, signals, width, ring = sys.argv[1], *map(int, sys.argv[2:5])
 log = silo.Logger("bot", frequency=1000, max_time=0, folder=folder, script=folder + "/none.yaml")
 arrays = [
-    log.array(f"s{k}", (width,) if width > 1 else (), buffer_type="looping", buffer_size=1000 * ring)
+    log.array(f"s{k}", (width,) if width > 1 else (), buffer="looping", size=1000 * ring)
     for k in range(signals // width)
 ]
 serving = log.serve()

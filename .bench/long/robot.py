@@ -73,18 +73,16 @@ class Robot:
         both = silo.Action.SAVE_AND_PUBLISH
         self.scattered = [np.zeros(1, np.int64) for _ in range(truth.SCATTERED)]
         for place, array in enumerate(self.scattered):
-            self.log.add(array, f"s{place}", divider=case.divider, buffer_type=kind, buffer_size=size)
-        self.wide = self.log.array(
-            "wide", truth.WIDE, np.int64, divider=case.divider, buffer_type=kind, buffer_size=size
-        )
+            self.log.add(array, f"s{place}", divider=case.divider, buffer=kind, size=size)
+        self.wide = self.log.array("wide", truth.WIDE, np.int64, divider=case.divider, buffer=kind, size=size)
         slow_divider = truth.SLOW_DIVIDER * case.divider
         self.slow = self.log.array(
-            "slow", truth.SLOW, np.int64, divider=slow_divider, action=both, buffer_type=kind, buffer_size=size
+            "slow", truth.SLOW, np.int64, divider=slow_divider, action=both, buffer=kind, size=size
         )
         self.source = Source()
-        self.log.add(self.source, "read", attr="value", divider=case.divider, buffer_type=kind, buffer_size=size)
+        self.log.add(self.source, "read", attr="value", divider=case.divider, buffer=kind, size=size)
         # with one buffer that is not fixed the logger doesn't stop by itself when all others are full
-        self.log.array("beat", dtype=np.int64, action=silo.Action.PUBLISH, buffer_size=2)
+        self.log.array("beat", dtype=np.int64, action=silo.Action.PUBLISH, size=2)
         self._make_values()
 
     def _make_values(self) -> None:

@@ -36,11 +36,11 @@ def main() -> None:
         clock=lambda: BEGIN_NS + tick * period_ns,
     )
     both = silo.Action.SAVE_AND_PUBLISH
-    counter = log.array("tick", dtype=np.int64, action=both, buffer_size=10 * frequency)
+    counter = log.array("tick", dtype=np.int64, action=both, size=10 * frequency)
     values = []
     for place in range(elements - 1):
         group, action = f"part{place % 5}", both if place % 5 < 2 else silo.Action.SAVE
-        values.append(log.array(f"x{place}", group=group, unit="m", action=action, buffer_size=5 * frequency))
+        values.append(log.array(f"x{place}", group=group, unit="m", action=action, size=5 * frequency))
     ended = threading.Event()
     threading.Thread(target=_wait_for_the_end, args=(ended,), daemon=True).start()
     with log, log.serve() as serving:

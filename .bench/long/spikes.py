@@ -71,9 +71,7 @@ class Scenario:
         self.ends = np.array([group[-1] + POST for group in self.groups.values()])
         self.ticks = int(self.ends[-1]) + 100
         self.log = silo.Logger("spiked", frequency=1000, max_time=0, folder=folder, script=folder / "none.yaml")
-        self.arrays = [
-            self.log.array(f"s{at}", (), group="sig", buffer_type="looping", buffer_size=ROWS) for at in range(signals)
-        ]
+        self.arrays = [self.log.array(f"s{at}", (), group="sig", buffer="looping", size=ROWS) for at in range(signals)]
         self.log.trigger("spike", "max(sig/*) > 50", pre=f"{PRE}ms", post=f"{POST}ms")
         self.folder = folder
         self.checked: dict[int, int] = {}  # captures by the tick of their first fire

@@ -73,7 +73,7 @@ def by_reference(arrays: list[np.ndarray], **options: object) -> silo.Logger:
     log = new_logger()
     for i, array in enumerate(arrays):
         chosen = {key: value[i % len(value)] if isinstance(value, list) else value for key, value in options.items()}
-        log.add(array, f"x{i}", **{"buffer_size": 2000, **chosen})
+        log.add(array, f"x{i}", **{"size": 2000, **chosen})
     log.start()
     return log
 
@@ -280,19 +280,19 @@ def main() -> None:
     print()
     arrays = scattered(500)
     variants: dict[str, dict[str, object]] = {
-        "fixed (kept)": {"buffer_type": silo.BufferType.FIXED, "buffer_size": 200_000},
+        "fixed (kept)": {"buffer": silo.BufferType.FIXED, "size": 200_000},
         "looping": {},
-        "growing": {"buffer_type": silo.BufferType.GROWING, "buffer_size": 1000},
+        "growing": {"buffer": silo.BufferType.GROWING, "size": 1000},
         "dividers 1 2 5 10": {"divider": [1, 2, 5, 10]},
         "dividers 1 ... 20": {"divider": list(range(1, 21))},
         "dividers 100 ... 104": {"divider": list(range(100, 105))},
-        "dividers 100 ... 599": {"divider": list(range(100, 600)), "buffer_size": 20},
-        "20 buffer sizes": {"buffer_size": [100 * (i + 1) for i in range(20)]},
-        "all three types": {"buffer_type": list(silo.BufferType)},
+        "dividers 100 ... 599": {"divider": list(range(100, 600)), "size": 20},
+        "20 buffer sizes": {"size": [100 * (i + 1) for i in range(20)]},
+        "all three types": {"buffer": list(silo.BufferType)},
         "published (save and publish)": {"action": silo.Action.SAVE_AND_PUBLISH},
-        "nothing due": {"divider": 1_000_000, "buffer_size": 10},
-        "buffers of 100": {"buffer_size": 100},
-        "buffers of 20000": {"buffer_size": 20_000},
+        "nothing due": {"divider": 1_000_000, "size": 10},
+        "buffers of 100": {"size": 100},
+        "buffers of 20000": {"size": 20_000},
     }
     for name, options in variants.items():
         log = by_reference(arrays, **options)
@@ -305,7 +305,7 @@ def main() -> None:
     print()
     for count in (10, 100, 1000, 5000):
         log = new_logger()
-        log.array("q", count, buffer_size=2000)
+        log.array("q", count, size=2000)
         log.start()
         show(f"arena, {count} float64", timed({"silo": log.collect}, seconds))
         log.close()
@@ -317,13 +317,13 @@ def main() -> None:
     log = new_logger()
     for i in range(100):
         setattr(robot, f"a{i}", float(i))
-        log.add(robot, attr=f"a{i}", buffer_size=2000)
+        log.add(robot, attr=f"a{i}", size=2000)
     log.start()
     show("100 attributes", timed({"silo": log.collect}, seconds))
     log.close()
     log = new_logger(checked=True)
     for i, array in enumerate(arrays):
-        log.add(array, f"x{i}", buffer_size=2000)
+        log.add(array, f"x{i}", size=2000)
     log.start()
     show("500 scattered, checked=True", timed({"silo": log.collect}, seconds))
     log.close()

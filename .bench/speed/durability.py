@@ -28,7 +28,7 @@ def turn(storage: str, frequency: int, seconds: float, folder: str) -> tuple[np.
     log = silo.Logger(
         NAME, frequency=frequency, max_time=0, folder=folder, script=f"{folder}/none.yaml", storage=storage
     )
-    values = [log.array(f"x{number}", buffer_size=int(frequency * seconds) + 1000) for number in range(DOUBLES)]
+    values = [log.array(f"x{number}", size=int(frequency * seconds) + 1000) for number in range(DOUBLES)]
     with log.serve():
         log.start()
         command = [sys.executable, __file__, "--ask"]

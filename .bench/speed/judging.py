@@ -59,9 +59,7 @@ class Robot:
 
     def __init__(self, name: str, folder: Path, *, conditions: bool) -> None:
         self.log = silo.Logger(name, frequency=1000, max_time=0, folder=folder, script=folder / "none.yaml")
-        self.arrays = [
-            self.log.array(f"s{at}", (), group="sig", buffer_type="looping", buffer_size=8000) for at in range(SIGNALS)
-        ]
+        self.arrays = [self.log.array(f"s{at}", (), group="sig", buffer="looping", size=8000) for at in range(SIGNALS)]
         if conditions:
             for at in range(20):
                 self.log.trigger(f"t{at}", f"abs(s{at}) > 5 and s{at + 1} < mean(s{at + 2}, 50ms)", pre="1s", post="1s")

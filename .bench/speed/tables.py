@@ -38,7 +38,7 @@ def main() -> None:
 
     def add() -> None:
         for number, array in enumerate(arrays):
-            log.add(array, f"x{number}", buffer_size=100)
+            log.add(array, f"x{number}", size=100)
 
     timed("add, each", add, per=count)
     timed("start", log.start)
@@ -58,7 +58,7 @@ def main() -> None:
     log = silo.Logger("attributes", frequency=1000, folder=folder, script=f"{folder}/none.yaml")
     for number in range(count):
         setattr(robot, f"a{number}", float(number))
-    timed("add of attributes, each", lambda: [log.add(robot, attr=f"a{i}", buffer_size=9) for i in range(count)], count)
+    timed("add of attributes, each", lambda: [log.add(robot, attr=f"a{i}", size=9) for i in range(count)], count)
     timed("start of attributes", log.start)
     timed("restart of attributes", log.restart)
     log.close()

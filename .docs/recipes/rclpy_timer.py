@@ -28,7 +28,7 @@ class Recorder(Node):
         self.log = silo.Logger(
             "joints", frequency=RATE_HZ, folder=folder, clock=lambda: self.get_clock().now().nanoseconds
         )
-        options = {"group": "joints", "action": "both", "buffer_type": "looping", "buffer_size": "60s"}
+        options = {"group": "joints", "action": "both", "buffer": "looping", "size": "60s"}
         self.position = self.log.array("position", JOINTS, unit="rad", **options)
         self.effort = self.log.array("effort", JOINTS, unit="Nm", **options)
         self.messages = self.log.array("messages", dtype="u4")

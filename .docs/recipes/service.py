@@ -30,7 +30,7 @@ def main(folder: str, seconds: float) -> None:
     ending = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ending.set())
     with silo.Logger("service", frequency=RATE_HZ, max_time=0, folder=folder, storage="disk") as log:
-        ticks = log.array("ticks", dtype="i8", action="both", buffer_type="looping", buffer_size="60s")
+        ticks = log.array("ticks", dtype="i8", action="both", buffer="looping", size="60s")
         with log.serve():
             log.start()
             tell_systemd("READY=1")

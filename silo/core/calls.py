@@ -5,7 +5,8 @@ left out. Type checkers see the signatures as they are.
 """
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+import logging
+from collections.abc import Callable, Container, Iterable, Mapping
 from difflib import get_close_matches
 from functools import wraps
 from typing import TYPE_CHECKING, Any, NoReturn, ParamSpec, TypeVar
@@ -18,13 +19,19 @@ P = ParamSpec("P")
 R = TypeVar("R")
 C = TypeVar("C", bound=type)
 
+log = logging.getLogger("silo")
+
+# what options of elements were called, and are now: the former is still taken, and the latter told once
+FORMER_WORDS = {"buffer_type": "buffer", "buffer_size": "size"}
+_told_words: set[str] = set()
+
 # what people call an argument, by what it is called here; of several, the first that the function has
 SYNONYMS = {
     "frequency": ("freq", "hz", "rate", "frequencyhz", "samplerate", "fs", "dt", "timestep", "period", "ts"),
     "divider": ("decimation", "every", "rate", "freq", "frequency", "hz"),
     "max_time": ("duration", "maxlogtime", "maxloggingtime", "seconds", "maxtimes"),
-    "buffer_size": ("size", "length", "capacity", "samples", "bufsize"),
-    "buffer_type": ("buffer", "buf", "mode"),
+    "size": ("buffersize", "length", "capacity", "samples", "bufsize"),
+    "buffer": ("buffertype", "buf", "mode"),
     "action": ("act", "publish", "logaction"),
     "enabled": ("on", "log", "logging", "enable", "active"),
     "description": ("desc", "doc", "help", "comment"),
@@ -46,8 +53,27 @@ SYNONYMS = {
 EXAMPLES = {
     "frequency": "frequency=500 (ticks per second: 1 / dt)",
     "divider": 'divider=2 (every second tick) or divider="50Hz"',
-    "buffer_size": 'buffer_size=1000 or "10s"',
+    "size": 'size=1000 or "10s"',
 }
+
+
+def present_word(word: str) -> str:
+    """What this is called now; of a word of before it is said once that the next release won't know it any more."""
+    new = FORMER_WORDS.get(word, word)
+    if new != word and word not in _told_words:
+        _told_words.add(word)
+        log.warning("%s is called %s now: write %s=...; the next release will refuse %s", word, new, new, word)
+    return new
+
+
+def present_words(options: Mapping[str, Any], known: Container[str]) -> dict[str, Any]:
+    """Keywords by what they are called now, where that is known and not given, too."""
+
+    def word(key: str) -> str:
+        new = FORMER_WORDS.get(key, key)
+        return present_word(key) if new in known and new not in options else key
+
+    return {word(key): value for key, value in options.items()}
 
 
 def told(label: str, bound: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -65,6 +91,9 @@ def told(label: str, bound: bool = False) -> Callable[[Callable[P, R]], Callable
                 # raised within the function, it has passed through more than this frame
                 if error.__traceback__ is None or error.__traceback__.tb_next is not None:
                     raise
+                present: Any = present_words(kwargs, inspect.signature(function).parameters)
+                if present != kwargs:
+                    return call(*args, **present)
                 raise ArgumentError(call_problem(label, function, args, kwargs, bound) or str(error)) from None
 
         return call
@@ -102,6 +131,9 @@ class ToldStruct(msgspec.StructMeta):
             try:
                 return super().__call__(*args, **kwargs)
             except TypeError as error:
+                present = present_words(kwargs, cls.__struct_fields__)
+                if present != kwargs:
+                    return cls(*args, **present)
                 label = f"silo.{cls.__name__}"
                 unknown = [key for key in kwargs if key not in cls.__struct_fields__]
                 if unknown:  # no example: a struct takes numbers alone

@@ -7,12 +7,12 @@ neither NumPy nor Zenoh, so that commands like `silo ls` start fast.
 import enum
 import math
 from collections.abc import Iterable
-from typing import Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
-from silo.core.calls import ToldStruct, unknown_word
-from silo.errors import ElementError
+from silo.core.calls import FORMER_WORDS, ToldStruct, present_word, present_words, unknown_argument, unknown_word
+from silo.errors import ArgumentError, ElementError
 
 MAX_DIVIDER = 2**31 - 1
 MAX_BUFFER_SIZE = 2**31 - 1
@@ -50,7 +50,7 @@ class Action(_Named):
 class BufferType(_Named):
     """Which samples a buffer keeps. The numbers are those of the script.
 
-    FIXED keeps the first `buffer_size` samples, LOOPING the newest ones, GROWING all of them.
+    FIXED keeps the first `size` samples, LOOPING the newest ones, GROWING all of them.
     """
 
     FIXED = 0
@@ -92,22 +92,36 @@ class Threads(str, enum.Enum):
     SERIALIZED = "serialized"
 
 
-class ElementOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False, metaclass=ToldStruct):
+class ElementOptions(
+    msgspec.Struct,
+    frozen=True,
+    forbid_unknown_fields=True,
+    gc=False,
+    rename={"buffer": "buffer_type", "size": "buffer_size"},  # on the wire and in files
+    metaclass=ToldStruct,
+):
     """How one element is logged: everything that the script and the terminal can edit.
 
     Attributes:
         enabled: whether it is logged.
         divider: it is collected at ticks 0, d, 2d, ...
         action: saved, published, or both.
-        buffer_type: which samples its buffer keeps.
-        buffer_size: samples.
+        buffer: which samples its buffer keeps.
+        size: samples.
     """
 
     enabled: bool = True
     divider: Annotated[int, msgspec.Meta(ge=1, le=MAX_DIVIDER)] = 1
     action: Action = Action.SAVE
-    buffer_type: BufferType = BufferType.LOOPING
-    buffer_size: Annotated[int, msgspec.Meta(ge=1, le=MAX_BUFFER_SIZE)] = 1
+    buffer: BufferType = BufferType.LOOPING
+    size: Annotated[int, msgspec.Meta(ge=1, le=MAX_BUFFER_SIZE)] = 1
+
+    if not TYPE_CHECKING:  # which are to tell of any other name
+
+        def __getattr__(self, name: str) -> object:
+            if name in FORMER_WORDS:
+                return getattr(self, present_word(name))
+            raise AttributeError(f"'ElementOptions' object has no attribute '{name}'", name=name, obj=self)
 
 
 DEFAULT_OPTIONS = ElementOptions()
@@ -451,16 +465,46 @@ class Table(msgspec.Struct, frozen=True):
     derived: list[ElementInfo] = []
 
 
-class Edit(msgspec.Struct, frozen=True, metaclass=ToldStruct):
-    """New options of one element (all fields; unchanged ones repeated).
+class _EditClass(ToldStruct):
+    if not TYPE_CHECKING:
+
+        def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: N805  # of a class of classes
+            asked = {key: value for key, value in kwargs.items() if key not in cls.__struct_fields__}
+            asked = present_words(asked, ElementOptions.__struct_fields__)
+            wrong = next((key for key in asked if key not in ElementOptions.__struct_fields__), "")
+            named = {key: value for key, value in kwargs.items() if key in cls.__struct_fields__}
+            if wrong:
+                known = [*cls.__struct_fields__, *ElementOptions.__struct_fields__]
+                raise ArgumentError(unknown_argument("silo.Edit", wrong, known, {}))
+            if asked and (len(args) > 1 or "options" in named):
+                raise ArgumentError("silo.Edit() takes options=, or some by their names, got both; nothing was done")
+            return super().__call__(*args, **named, **({"options": asked} if asked else {}))
+
+
+class Edit(msgspec.Struct, frozen=True, metaclass=_EditClass):
+    """What is to become of one element: `silo.Edit("/log/x", divider=3)`.
 
     Attributes:
         name: the element.
-        options: its new options.
+        options: all its new options; or some by their names, as `log.set` takes them, and the others stay.
     """
 
     name: str
     options: ElementOptions
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            name: str,
+            options: ElementOptions = ...,
+            *,
+            enabled: bool | Literal["on", "off"] = ...,
+            divider: int | str = ...,
+            action: Action | Literal["save", "publish", "both"] = ...,
+            buffer: BufferType | Literal["looping", "fixed", "growing"] = ...,
+            size: int | str = ...,
+        ) -> None: ...
 
 
 class Problem(msgspec.Struct, frozen=True):

@@ -71,7 +71,7 @@ def derived_plan(schema: SegmentSchema, table: Sequence[ElementInfo], derived: S
                 entry = schema.elements[column.element].entries_in(column.source)[column.entry]
                 columns.setdefault(column.source, {})[column.element, column.entry] = entry
         options = msgspec.structs.replace(
-            info.options, buffer_type=ring.buffer_type, buffer_size=max(1, ring.capacity)
+            info.options, buffer=ring.buffer_type, size=max(1, ring.capacity)
         )  # fmt: skip
         entries = tuple(EntrySchema(each, 8 * (STAMP_WORDS + at)) for at, each in enumerate(info.entries))
         rings.append(ring)

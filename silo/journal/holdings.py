@@ -44,15 +44,15 @@ class RetainedAlike:
 
     ring: int
     divider: int
-    buffer_type: BufferType
-    buffer_size: int
+    buffer: BufferType
+    size: int
     count: int = 1
 
 
 def kept_alike(schema: SegmentSchema) -> list[RetainedAlike]:
     """The saved elements of a segment, those that hold the same samples as one: few even of 10,000."""
     counts = Counter(
-        (one.ring, one.info.options.divider, one.info.options.buffer_type, one.info.options.buffer_size)
+        (one.ring, one.info.options.divider, one.info.options.buffer, one.info.options.size)
         for one in schema.elements
         if one.info.options.action.saves
     )

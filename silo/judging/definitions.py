@@ -162,7 +162,7 @@ def _bytes_per_tick(elements: Sequence[ElementInfo]) -> float:
     return WORD_BYTES + sum(
         sum(np.dtype(entry.dtype).itemsize for entry in info.entries) / now.divider
         for info in elements
-        if (now := info.options).enabled and now.action.saves and now.buffer_type is not BufferType.FIXED
+        if (now := info.options).enabled and now.action.saves and now.buffer is not BufferType.FIXED
     )
 
 
@@ -172,10 +172,10 @@ def held_by(elements: Sequence[ElementInfo]) -> list[BufferSpan]:
     Left out is what keeps its first samples, as somebody wanted: no size would hold the past.
     """
     return [
-        BufferSpan(info.name, now.divider, now.buffer_size, now.buffer_type is BufferType.LOOPING,
-             now.buffer_type is BufferType.GROWING)
+        BufferSpan(info.name, now.divider, now.size, now.buffer is BufferType.LOOPING,
+             now.buffer is BufferType.GROWING)
         for info in elements
-        if (now := info.options).enabled and now.action.saves and now.buffer_type is not BufferType.FIXED
+        if (now := info.options).enabled and now.action.saves and now.buffer is not BufferType.FIXED
     ]  # fmt: skip
 
 
@@ -184,7 +184,7 @@ def fixed_text(elements: Sequence[ElementInfo]) -> str:
     fixed = [
         info.name
         for info in elements
-        if (now := info.options).enabled and now.action.saves and now.buffer_type is BufferType.FIXED
+        if (now := info.options).enabled and now.action.saves and now.buffer is BufferType.FIXED
     ]
     if not fixed:
         return ""

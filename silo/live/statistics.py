@@ -181,8 +181,8 @@ class Tally:
         self.skipped = 0  # rows that were overwritten before they were read
         self._sizes = NewestValues(reader, elements, [0] * len(elements))
         options = [element.info.options for element in elements]
-        self._limits = np.array([max(1, each.buffer_size) for each in options], np.int64)
-        self._fixed = np.array([each.buffer_type is BufferType.FIXED for each in options], np.bool_)
+        self._limits = np.array([max(1, each.size) for each in options], np.int64)
+        self._fixed = np.array([each.buffer is BufferType.FIXED for each in options], np.bool_)
         self._own = np.array([_where(element)[0] == element.live_ring for element in elements], np.bool_)
         self._periods = np.array([each.divider / reader.schema.frequency_hz for each in options])
         self._may_freeze = np.array(

@@ -214,8 +214,8 @@ class ServedView(Feed[OpenView]):
 
 def _other_sizes(names: list[str], now: LoggerSnapshot, schemas: dict[str, ElementSchema]) -> dict[int, int]:
     """Buffer sizes of the recording where they differ from the table's, by position."""
-    recorded = [schemas[name].info.options.buffer_size if name in schemas else 0 for name in names]
-    tables = [info.options.buffer_size if (info := now.element(name)) else 0 for name in names]
+    recorded = [schemas[name].info.options.size if name in schemas else 0 for name in names]
+    tables = [info.options.size if (info := now.element(name)) else 0 for name in names]
     pairs = zip(recorded, tables, strict=True)
     return {position: size for position, (size, table) in enumerate(pairs) if size != table}
 

@@ -81,7 +81,7 @@ class LoggedElement:
             others |= dict.fromkeys(("value", "latest", "last", "current", "now"), _NEWEST)
             others |= dict.fromkeys(("time", "times", "t", "stamp"), "it is .time_ns")
             others |= dict.fromkeys(("count", "samples_held", "size"), "it is .held")
-            options = ("divider", "action", "buffer_type", "buffer_size", "enabled")
+            options = ("divider", "action", "buffer", "size", "enabled")
             others |= {one: _OPTION.format(one, mine) for one in options}
             others |= {one: _INFO.format(one) for one in ("kind", "dtype", "description", "entries")}
             no_attribute("an element", name, type(self), others)
@@ -141,7 +141,7 @@ def options_text(options: ElementOptions) -> str:
     """Options in a few words: `every 2nd tick, save, looping 100`."""
     every = "" if options.divider == 1 else f"divider {options.divider}, "
     off = "" if options.enabled else "off, "
-    return f"{off}{every}{options.action.name.lower()}, {options.buffer_type.name.lower()} {options.buffer_size}"
+    return f"{off}{every}{options.action.name.lower()}, {options.buffer.name.lower()} {options.size}"
 
 
 def newest_text(element: LoggedElement) -> str:
@@ -171,7 +171,7 @@ def as_html(title: str, names: Sequence[str], element: Callable[[str], LoggedEle
     """The first elements as a table, for notebooks."""
     rows = [
         (one.name, one.unit, "on" if one.options.enabled else "off", one.options.divider,
-         one.options.action.name.lower(), f"{one.options.buffer_type.name.lower()} {one.options.buffer_size}",
+         one.options.action.name.lower(), f"{one.options.buffer.name.lower()} {one.options.size}",
          one.held, newest_text(one))
         for one in (element(name) for name in names[: MOST_ROWS + 1])
     ]  # fmt: skip

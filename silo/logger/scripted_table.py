@@ -15,7 +15,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from silo.core.arguments import line, switch, text
 from silo.core.arguments import path as file_path
-from silo.core.calls import told_class, unknown_argument
+from silo.core.calls import present_words, told_class, unknown_argument
 from silo.core.elements import (
     DEFAULT_OPTIONS,
     Conditions,
@@ -97,7 +97,7 @@ class ScriptedTable:
         Args:
             edits: what would be changed.
         """
-        return self._table.problems(edits_given(edits))
+        return self._table.problems(edits_given(edits, self._table.infos, self._options.frequency_hz))
 
     # --------------------------------------------------------------------------------------------- registering
 
@@ -109,8 +109,8 @@ class ScriptedTable:
         unit: str = "-",
         divider: Number = DEFAULT_OPTIONS.divider,
         action: AnyAction = DEFAULT_OPTIONS.action,
-        buffer_size: Number | None = None,
-        buffer_type: AnyBuffer = DEFAULT_OPTIONS.buffer_type,
+        size: Number | None = None,
+        buffer: AnyBuffer = DEFAULT_OPTIONS.buffer,
         *,
         attr: str | None = None,
         enabled: Switch = DEFAULT_OPTIONS.enabled,
@@ -133,8 +133,8 @@ class ScriptedTable:
             unit: `"Nm"`, `"rad/s"`, `"-"` for none.
             divider: collected at ticks 0, d, 2d, ...; or a rate (`"50Hz"`).
             action: `"save"`, `"publish"`, `"both"`.
-            buffer_size: samples, or words (`"10s"`, `"10k"`); what `max_time` takes if it isn't given.
-            buffer_type: `"looping"` keeps the newest samples, `"fixed"` the first, `"growing"` all.
+            size: samples, or words (`"10s"`, `"10k"`); what `max_time` takes if it isn't given.
+            buffer: `"looping"` keeps the newest samples, `"fixed"` the first, `"growing"` all.
             attr: a dotted path to an attribute of `source`.
             enabled: whether it is logged.
             kind: how numbers belong together, in their order in memory (`quaternion`, `quaternion_wxyz`, `angle_axis`,
@@ -161,8 +161,8 @@ class ScriptedTable:
             enabled,
             divider,
             action,
-            buffer_type,
-            buffer_size,
+            buffer,
+            size,
         )
         parts = describe(source, full, attr=attr, kind=kind, labels=label_map(labels), string_bytes=room)
         entries = parts[0].entries() if len(parts) == 1 else tuple(one for part in parts for one in part.entries())
@@ -234,13 +234,14 @@ class ScriptedTable:
         """
         self._life.check_open()
         text("the element's name", name, 'log.array("q", 12)')
-        wrong = next((key for key in options if key not in ElementKeywords.__annotations__), "")
+        keywords = present_words(options, ElementKeywords.__annotations__)
+        wrong = next((key for key in keywords if key not in ElementKeywords.__annotations__), "")
         if wrong:
             raise ArgumentError(
                 unknown_argument("log.array", wrong, ["shape", "dtype", *ElementKeywords.__annotations__])
             )
         made = self._arena.array(*array_layout(shape, dtype))
-        self.add(made, name, **options)
+        self.add(made, name, **keywords)
         return made
 
     def update(self, *, read_script: bool = True) -> None:
@@ -276,7 +277,7 @@ class ScriptedTable:
 
         Args:
             name: an element or a namespace; all elements if it is left out.
-            **options: enabled, divider, action, buffer_type, buffer_size, as values or as words that `silo set` takes.
+            **options: enabled, divider, action, buffer, size, as values or as words that `silo set` takes.
 
         Returns:
             How many elements changed.
@@ -368,9 +369,9 @@ class ScriptedTable:
             StateError: the logger runs.
             ElementError: an edit can't be applied, with a line for each reason; nothing was changed.
         """
-        edits = edits_given(edits)
         with self._life.lock:
             self._life.check_stopped("change elements")
+            edits = edits_given(edits, self._table.infos, self._options.frequency_hz)
             problems = self._table.problems(edits)
             if problems:
                 raise ElementError(refusal(problems))

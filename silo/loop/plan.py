@@ -49,8 +49,8 @@ class TimeBuffer:
 def time_buffer(options: Iterable[ElementOptions], frequency_hz: float, max_time_s: float) -> TimeBuffer:
     """The four rules of the original, for the enabled elements (silo's reference, section Time)."""
     enabled = [option for option in options if option.enabled]
-    types = {option.buffer_type for option in enabled}
-    longest = max((option.divider * option.buffer_size for option in enabled), default=1)
+    types = {option.buffer for option in enabled}
+    longest = max((option.divider * option.size for option in enabled), default=1)
     if types == {BufferType.LOOPING}:
         return TimeBuffer(BufferType.LOOPING, longest)
     if types == {BufferType.FIXED}:
@@ -210,9 +210,9 @@ def _add_rings(rings: _Rings, placed: list[_Placed], frequency_hz: float, tiers:
     groups: dict[tuple[int, BufferType], list[int]] = defaultdict(list)
     for number, item in enumerate(placed):
         options = item.element.info.options
-        groups[options.divider, options.buffer_type].append(number)
+        groups[options.divider, options.buffer].append(number)
     for (divider, kind), numbers in sorted(groups.items()):
-        sizes = [placed[number].element.info.options.buffer_size for number in numbers]
+        sizes = [placed[number].element.info.options.size for number in numbers]
         weights = [len(placed[number].layout.words) + 1 for number in numbers]
         bounds = [max(sizes)] if kind is BufferType.GROWING else size_tiers(sizes, weights, tiers)
         tier_of = np.searchsorted(bounds, sizes)
@@ -261,9 +261,9 @@ def _first_rows(rings: _Rings, placed: list[_Placed], time: TimeBuffer) -> dict[
     rows: dict[int, int] = {TIME_RING: time.size} if time.buffer_type is BufferType.GROWING else {}
     for number, item in enumerate(placed):
         options = item.element.info.options
-        if options.buffer_type is BufferType.GROWING:
+        if options.buffer is BufferType.GROWING:
             ring = rings.where[number, False][0]
-            rows[ring] = max(rows.get(ring, 1), options.buffer_size)
+            rows[ring] = max(rows.get(ring, 1), options.size)
     return rows
 
 

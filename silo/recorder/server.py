@@ -174,9 +174,7 @@ class EndlessRecordings:
         short = [
             name
             for name in matching(list(table), request.patterns)
-            if table[name].enabled
-            and table[name].buffer_type is not BufferType.LOOPING
-            and not table[name].action.publishes
+            if table[name].enabled and table[name].buffer is not BufferType.LOOPING and not table[name].action.publishes
         ]
         if not short:
             return ""

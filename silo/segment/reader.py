@@ -196,9 +196,9 @@ class SegmentReader:
                 if not 0 <= entry.byte_offset <= row_bytes - size:
                     raise self._damaged(f"{element.info.name!r} reaches beyond its row")
         ring = rings[element.ring]
-        if ring.buffer_type is not options.buffer_type:
+        if ring.buffer_type is not options.buffer:
             raise self._damaged(f"{element.info.name!r} has no ring of its buffer type")
-        if ring.buffer_type is not BufferType.GROWING and options.buffer_size > ring.capacity:
+        if ring.buffer_type is not BufferType.GROWING and options.size > ring.capacity:
             raise self._damaged(f"the ring of {element.info.name!r} is too small for its buffer")
 
     def fileno(self) -> int:

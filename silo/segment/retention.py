@@ -15,33 +15,33 @@ class Buffer(Protocol):
     """What decides: of an element's options, or of several that are kept alike."""
 
     @property
-    def buffer_type(self) -> BufferType:
+    def buffer(self) -> BufferType:
         """Which samples are kept."""
 
     @property
-    def buffer_size(self) -> int:
+    def size(self) -> int:
         """How many, or how many to begin with."""
 
 
 def kept_rows(options: Buffer, begin: int, end: int) -> tuple[int, int]:
     """Return which of the rows `begin <= row < end` of its ring belong to an element's buffer, as begin and end."""
-    if options.buffer_type is BufferType.FIXED:
-        end = min(end, options.buffer_size)
-    elif options.buffer_type is BufferType.LOOPING:
-        begin = max(begin, end - options.buffer_size)
+    if options.buffer is BufferType.FIXED:
+        end = min(end, options.size)
+    elif options.buffer is BufferType.LOOPING:
+        begin = max(begin, end - options.size)
     return begin, max(begin, end)
 
 
 def most_kept(options: Buffer) -> int:
     """Return how many samples the buffer can keep; a number beyond any for one that grows."""
-    return 2**62 if options.buffer_type is BufferType.GROWING else options.buffer_size
+    return 2**62 if options.buffer is BufferType.GROWING else options.size
 
 
 def buffer_bytes(info: ElementInfo) -> int:
     """Return what the samples of an element's buffer take, one that grows at its begin; 0 where it isn't logged."""
     if not info.options.enabled:
         return 0
-    return info.options.buffer_size * sum(_item_bytes(entry.dtype) for entry in info.entries)
+    return info.options.size * sum(_item_bytes(entry.dtype) for entry in info.entries)
 
 
 @functools.lru_cache(maxsize=256)

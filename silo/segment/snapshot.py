@@ -36,7 +36,7 @@ def snapshot(source: RowSource) -> Recording:
     # what is being overwritten comes first: a growing buffer of 100 MB takes longer than a looping one has to spare
     longest: dict[int, int] = defaultdict(int)
     for element in schema.elements:
-        longest[element.ring] = max(longest[element.ring], element.info.options.buffer_size)
+        longest[element.ring] = max(longest[element.ring], element.info.options.size)
     copies = {ring: source.rows(ring, due[ring] - longest[ring]) for ring in looping}
     stamps = _time_stamps(source, ticks)
     first_tick = ticks - len(stamps)
@@ -71,7 +71,7 @@ def _recorded(source: RowSource, element: ElementSchema, rows: Rows, due: int, f
         RecordedElement,
         info,
         divider=info.options.divider,
-        buffer_type=info.options.buffer_type,
+        buffer_type=info.options.buffer,
         first=begin * info.options.divider - first_tick,
         entries=tuple(
             RecordedEntry(info.name + entry.entry.suffix, entry.entry, kept.column(entry)) for entry in element.entries
@@ -105,7 +105,7 @@ def _warnings(source: RowSource, elements: list[RecordedElement], ticks: int) ->
         for element in elements
         if element.name in unheld
     ]
-    sizes = {element.info.name: element.info.options.buffer_size for element in source.schema.elements}
+    sizes = {element.info.name: element.info.options.size for element in source.schema.elements}
     short = [
         element.name
         for element in elements

@@ -313,7 +313,7 @@ class Segment:
             raise SegmentError(
                 f"growing buffers are to begin with {(self._chunks + wanted) * chunk_mb:.0f} MB or more, "
                 f"the memory limit is {self._limit_bytes / 1e6:.0f} MB: raise memory_limit_mb, "
-                "or give them a smaller buffer_size (they grow from there)"
+                "or give them a smaller size (they grow from there)"
             )
         return [self._append(ring) for _ in range(wanted)]
 

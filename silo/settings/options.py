@@ -66,11 +66,6 @@ class ElementOption:
     late: bool = False
 
     @property
-    def label(self) -> str:
-        """The option in a sentence: `buffer size`."""
-        return self.name.replace("_", " ")
-
-    @property
     def place(self) -> tuple[str, ...]:
         """Its key in a script, behind that of its group: `("buffer", "type")`."""
         return tuple((self.script or self.name).split("."))
@@ -104,13 +99,13 @@ class ElementOption:
 
     def problem(self, got: str) -> str:
         """The text for a value that can't be taken."""
-        return f"{self.label} must be {self.wanted}, got {got}"
+        return f"{self.name} must be {self.wanted}, got {got}"
 
 
 def _ranges() -> dict[str, tuple[int, int]]:
     kind = msgspec.inspect.type_info(ElementOptions)
     assert isinstance(kind, msgspec.inspect.StructType)
-    numbers = {field.encode_name: field.type for field in kind.fields}
+    numbers = {field.name: field.type for field in kind.fields}
     return {
         name: (number.ge or 0, number.le or 0)
         for name, number in numbers.items()
@@ -119,6 +114,7 @@ def _ranges() -> dict[str, tuple[int, int]]:
 
 
 RANGES = _ranges()
+WIRE_NAMES = {field.name: field.encode_name for field in msgspec.structs.fields(ElementOptions)}
 
 # in the order of the fields of `ElementOptions`
 OPTIONS = (
@@ -143,7 +139,7 @@ OPTIONS = (
         late=True,
     ),
     ElementOption(
-        "buffer_type", "buf", ("buffer", "buf", "buffer_type"), "which samples are kept",
+        "buffer", "buf", ("buffer", "buf"), "which samples are kept",
         (
             OptionWord(BufferType.LOOPING, "looping", "loop", "the newest samples"),
             OptionWord(BufferType.FIXED, "fixed", "fix", "the first samples"),
@@ -152,7 +148,7 @@ OPTIONS = (
         script="buffer.type",
     ),
     ElementOption(
-        "buffer_size", "size", ("size", "buffer_size"), "samples, or a time", units=("s",),
+        "size", "size", ("size",), "samples, or a time", units=("s",),
         examples=("1000", "10k", "10s", "*2", "/2", "+10"), absolute=("10k", "10s"), script="buffer.size",
     ),
 )  # fmt: skip
@@ -186,7 +182,7 @@ def raw_problems(name: str, options: Mapping[Any, Any]) -> list[Problem]:
     """`option_problems` of options as they come over the wire: plain values, some of which may be missing."""
     found = []
     for option in OPTIONS:
-        value = options.get(option.name, option)
+        value = options.get(WIRE_NAMES[option.name], option)
         numbers = {int(word.value): word.value for word in option.words if not isinstance(word.value, bool)}
         known = numbers.get(value, value) if type(value) is int else value
         if value is not option and not option.accepts(known):

@@ -176,7 +176,7 @@ class Reader:
 
     def _value(self, node: yaml.Node, where: str, option: ElementOption) -> OptionValue | RelativeValue | None:
         """What an option is to be; None after reporting that it can't be that."""
-        text = self._scalar(node, where, option.label, option.wanted)
+        text = self._scalar(node, where, option.name, option.wanted)
         if text is None:
             return None
         if option.words:

@@ -16,7 +16,17 @@ from typing import Any
 import msgspec
 
 from silo.core.arguments import shown, truth, whole_hint, whole_number
-from silo.core.elements import Action, BufferType, ElementOptions, Problem, buffer_size_for
+from silo.core.calls import present_word
+from silo.core.elements import (
+    DEFAULT_OPTIONS,
+    Action,
+    BufferType,
+    Edit,
+    ElementInfo,
+    ElementOptions,
+    Problem,
+    buffer_size_for,
+)
 from silo.core.quantities.reading import AMOUNT, COUNTS, SECONDS, tell_bare_m
 from silo.errors import ElementError
 from silo.settings.options import OPTION, OPTIONS, RANGES, ElementOption, OptionValue, refusal, shorten
@@ -111,6 +121,22 @@ def apply_settings(
     return made
 
 
+def whole_edits(edits: Iterable[Edit], elements: Iterable[ElementInfo], frequency_hz: float) -> list[Edit]:
+    """Return edits with all options: of those that name some, the others as they are now. Raises ElementError."""
+    now = {info.name: info.options for info in elements}
+    return [
+        one
+        if isinstance(one.options, ElementOptions)
+        else Edit(
+            one.name,
+            *apply_settings(
+                read_options(one.options, one.name), [(one.name, now.get(one.name, DEFAULT_OPTIONS))], frequency_hz
+            ),
+        )
+        for one in edits
+    ]
+
+
 # ------------------------------------------------------------------------------------------------------------ reading
 
 
@@ -120,13 +146,13 @@ class UnreadableError(ValueError):
 
 def find_option(key: str, given: Container[str] = ()) -> ElementOption:
     """The option that a key names. Raises UnreadableError with the nearest key, or if it is among those `given`."""
-    found = _KEYS.get(key.strip().lower())
+    found = _KEYS.get(present_word(key.strip().lower()))
     if found is None:
         near = get_close_matches(key.strip().lower(), _KEYS, 1)
         hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(option.keys[0] for option in OPTIONS)}"
         raise UnreadableError(f"no setting '{shorten(key)}'; {hint}")
     if found.name in given:
-        raise UnreadableError(f"{found.label} is given twice")
+        raise UnreadableError(f"{found.name} is given twice")
     return found
 
 
@@ -140,7 +166,7 @@ def _near_word(option: ElementOption, text: str) -> str:
     spellings = {spelling: word.word for word in option.words for spelling in word.spellings if len(spelling) > 2}
     folded = text.strip().lower().rsplit(".", 1)[-1]  # `Action.SAVE`
     near = [folded] if folded in spellings else get_close_matches(folded, spellings, 1, 0.75)
-    near = near or ["looping"] * (option.name == "buffer_type" and folded in ("ring", "circular", "rolling"))
+    near = near or ["looping"] * (option.name == "buffer" and folded in ("ring", "circular", "rolling"))
     return f"; did you mean '{spellings[near[0]]}'?" if near else ""
 
 
@@ -162,7 +188,7 @@ def read_text(option: ElementOption, text: str, *, relative: bool = True) -> Opt
     tell_bare_m(f"{option.keys[0]}={typed}:", digits + match[3], "millions", "M")
     if unit in SECONDS:
         if "s" not in option.units or operator:
-            raise _unreadable(option, typed, relative, "a time only sets the buffer size")
+            raise _unreadable(option, typed, relative, "a time only sets the size")
         return RelativeValue("s", float(digits) * SECONDS[unit], typed)
     if unit == "hz":
         if "Hz" not in option.units or operator:
@@ -185,7 +211,7 @@ def read_text(option: ElementOption, text: str, *, relative: bool = True) -> Opt
 def _unreadable(option: ElementOption, text: str, relative: bool, why: str = "") -> UnreadableError:
     low, high = RANGES[option.name]
     *most, last = (f"{low} to {high}", *(option.examples[1:] if relative else option.absolute))
-    reason = f"{option.label} must be {', '.join(most)} or {last}, got {shorten(text) or 'nothing'}"
+    reason = f"{option.name} must be {', '.join(most)} or {last}, got {shorten(text) or 'nothing'}"
     return UnreadableError(f"{reason}; {why}" if why else reason)
 
 
@@ -210,8 +236,8 @@ def _plainly(value: object) -> str:
 def _hint(option: ElementOption, value: object) -> str:
     """What to write instead of something that is no value of an option."""
     if isinstance(value, Action | BufferType):
-        other = OPTION["action" if isinstance(value, Action) else "buffer_type"]
-        return f", which is for {other.label}: write {other.name}={other.word_of(value).word!r}"
+        other = OPTION["action" if isinstance(value, Action) else "buffer"]
+        return f", which is for {other.name}: write {other.name}={other.word_of(value).word!r}"
     return "" if option.words else whole_hint(option.name, value)
 
 

@@ -5,11 +5,12 @@ from collections.abc import Callable, Sequence
 
 from silo.core.arguments import line, shown, whole
 from silo.core.calls import told_class
-from silo.core.elements import Conditions, Edit, LoggedEvent, Status, Table
+from silo.core.elements import Conditions, Edit, ElementOptions, LoggedEvent, Status, Table
 from silo.errors import ElementError
-from silo.rpc.declaring import Ask, Caller, Reply, RobotRequest, ask, change
+from silo.rpc.declaring import Ask, Caller, Reply, RobotRequest, ask, change, request_of
 from silo.rpc.published import Summary
 from silo.rpc.refusals import meant
+from silo.settings.typed import whole_edits
 
 
 class HelloReply(Reply, frozen=True):
@@ -198,6 +199,12 @@ class TableRequests(Caller):
         """
         if isinstance(edits, str) or not isinstance(edits, Sequence):
             raise ElementError(f"edits must be a list of silo.Edit, got {shown(edits)}; nothing was changed")
+        if any(isinstance(one, Edit) and not isinstance(one.options, ElementOptions) for one in edits):
+            table = self.table()
+            revision = table.revision if revision == -1 else revision
+            edits = whole_edits(
+                edits, table.elements, self._call(request_of(StateRequests._get_status)).status.frequency_hz
+            )
         return self._call(ApplyEdits(revision=revision, edits=list(edits)))
 
 

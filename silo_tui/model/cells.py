@@ -21,7 +21,7 @@ NUMBER = 8  # cells of a statistic
 WHY_NOT_LIVE: dict[NotLive | None, str] = {
     NotLive.ABSENT: "not begun", NotLive.FULL: "full", NotLive.LIMIT: "mem limit", NotLive.OTHER: "not live",
 }  # fmt: skip
-NOT_OF_DERIVED = (Field.ACTION, Field.BUFFER_TYPE, Field.BUFFER_SIZE)
+NOT_OF_DERIVED = (Field.ACTION, Field.BUFFER, Field.SIZE)
 _OF_LIMITS = sum(set(LIMIT_BITS.values()))
 
 Cell = tuple[str, str]  # words, and the name of their style
@@ -147,8 +147,8 @@ def fill(sight: Sight, row: int, width: int) -> Cell:
     reading = sight.live.readings.get(table.names[row])
     if not table.server[Field.ENABLED, row] or reading is None or reading.size == 0:
         return "", ""
-    share = fill_share(reading.held, reading.size or int(table.server[Field.BUFFER_SIZE, row]))
-    stopped = share >= 1 and int(table.server[Field.BUFFER_TYPE, row]) == BufferType.FIXED
+    share = fill_share(reading.held, reading.size or int(table.server[Field.SIZE, row]))
+    stopped = share >= 1 and int(table.server[Field.BUFFER, row]) == BufferType.FIXED
     return f"{100 * share:.0f}%", "lost" if reading.lost or reading.failed else "full" if stopped else "quiet"
 
 

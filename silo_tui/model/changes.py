@@ -43,7 +43,7 @@ class Group:
 
     @property
     def words(self) -> str:
-        """Return `divider 1 → 5, buffer size 4000 → 2000`."""
+        """Return `divider 1 → 5, size 4000 → 2000`."""
         return ", ".join(f"{field} {old} → {new}" for field, old, new in self.fields)
 
 
@@ -109,9 +109,9 @@ def cost_of(
     rate = np.where(on, frequency_hz / np.maximum(1, values[Field.DIVIDER]), 0.0)
     saved = on & (values[Field.ACTION] != int(Action.PUBLISH))
     published = on & (values[Field.ACTION] != int(Action.SAVE))
-    buffers = values[Field.BUFFER_SIZE].astype(float)
+    buffers = values[Field.SIZE].astype(float)
     rings = np.unique(values[:, on], axis=1)
-    memory = float((sizes * buffers)[on].sum() + ROW_BYTES * rings[Field.BUFFER_SIZE].sum())
+    memory = float((sizes * buffers)[on].sum() + ROW_BYTES * rings[Field.SIZE].sum())
     meant = saved if held is None else saved & np.array([each.name in held for each in elements], np.bool_)
     held_s = np.where(meant, buffers / np.where(rate > 0, rate, np.inf), np.inf)
     at = int(np.argmin(held_s)) if meant.any() else -1

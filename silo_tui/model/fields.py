@@ -20,8 +20,8 @@ class Field(enum.IntEnum):
     ENABLED = 0
     DIVIDER = 1
     ACTION = 2
-    BUFFER_TYPE = 3
-    BUFFER_SIZE = 4
+    BUFFER = 3
+    SIZE = 4
 
     @property
     def title(self) -> str:
@@ -31,7 +31,7 @@ class Field(enum.IntEnum):
     @property
     def label(self) -> str:
         """The field in a sentence."""
-        return "logging" if self is Field.ENABLED else self.option.label
+        return "logging" if self is Field.ENABLED else self.option.name
 
     @property
     def cycles(self) -> bool:

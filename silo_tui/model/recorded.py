@@ -320,8 +320,8 @@ def _info(name: str, element: RecordedElement) -> ElementInfo:
     options = ElementOptions(
         divider=max(1, element.divider),
         action=Action.SAVE_AND_PUBLISH,
-        buffer_type=element.buffer_type,
-        buffer_size=max(1, element.count),
+        buffer=element.buffer_type,
+        size=max(1, element.count),
     )
     entries = tuple(entry.entry for entry in element.entries)
     return ElementInfo(name, element.unit, element.kind, element.shape, entries, options, element.description)

@@ -144,7 +144,7 @@ COLUMNS: tuple[TableColumn, ...] = (
         orders=_by("div", "d", Field.DIVIDER), terms=(number_term(("div", "divider"), Field.DIVIDER),),
     ),
     TableColumn(
-        "samples", 7, cells.samples, _IN_FILE, live=False, right=True, orders=_by("size", "s", Field.BUFFER_SIZE),
+        "samples", 7, cells.samples, _IN_FILE, live=False, right=True, orders=_by("size", "s", Field.SIZE),
     ),
     TableColumn("span s", 6, cells.span, _IN_FILE, live=False, right=True, wide=cells.SPAN_WIDE),
     TableColumn("type", 10, cells.type_cell, _IN_FILE, live=False),
@@ -153,13 +153,13 @@ COLUMNS: tuple[TableColumn, ...] = (
         orders=_by("act", "p", Field.ACTION, "action"), terms=(action_term(("act", "action")),),
     ),
     TableColumn(
-        "buf", 4, cells.option(Field.BUFFER_TYPE), (*_SETTINGS, *_IN_FILE), leaves=2, field=Field.BUFFER_TYPE,
-        orders=_by("buf", "b", Field.BUFFER_TYPE), terms=(choice_term(("buf", "buffer"), Field.BUFFER_TYPE),),
+        "buf", 4, cells.option(Field.BUFFER), (*_SETTINGS, *_IN_FILE), leaves=2, field=Field.BUFFER,
+        orders=_by("buf", "b", Field.BUFFER), terms=(choice_term(("buf", "buffer"), Field.BUFFER),),
     ),
     TableColumn(
-        "size", 7, cells.number(Field.BUFFER_SIZE), _SETTINGS, file=False, right=True, leaves=5,
-        field=Field.BUFFER_SIZE, orders=_by("size", "s", Field.BUFFER_SIZE),
-        terms=(number_term(("size",), Field.BUFFER_SIZE),),
+        "size", 7, cells.number(Field.SIZE), _SETTINGS, file=False, right=True, leaves=5,
+        field=Field.SIZE, orders=_by("size", "s", Field.SIZE),
+        terms=(number_term(("size",), Field.SIZE),),
     ),
     TableColumn("lost", 5, cells.lost, _IN_FILE, live=False, right=True),
     TableColumn(

@@ -23,7 +23,7 @@ from silo_tui.widgets.element_table import ElementTable
 from silo_tui.widgets.inputs import CellEditor
 
 FIELD_KEYS = {
-    Field.DIVIDER: "d", Field.BUFFER_SIZE: "s", Field.BUFFER_TYPE: "b", Field.ACTION: "p", Field.ENABLED: "t",
+    Field.DIVIDER: "d", Field.SIZE: "s", Field.BUFFER: "b", Field.ACTION: "p", Field.ENABLED: "t",
 }  # fmt: skip
 EDITOR_KEYS = "Enter sets it  Esc leaves it as it was"
 
@@ -198,10 +198,10 @@ class Editing(ElementsScreen):
         self.edit_field(Field.DIVIDER)
 
     def command_edit_size(self) -> None:
-        self.edit_field(Field.BUFFER_SIZE)
+        self.edit_field(Field.SIZE)
 
     def command_next_buffer(self) -> None:
-        self.edit_field(Field.BUFFER_TYPE)
+        self.edit_field(Field.BUFFER)
 
     def command_next_action(self) -> None:
         self.edit_field(Field.ACTION)

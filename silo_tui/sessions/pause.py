@@ -163,9 +163,9 @@ class Pause:
         newest_ns, started_ns = self._live.end_ns, self._session.status.started_ns
         spans = [0]
         for element in {plotted.element.name: plotted.element for plotted in plots}.values():
-            loops = element.options.buffer_type is BufferType.LOOPING
+            loops = element.options.buffer is BufferType.LOOPING
             period_ns = self._live.period_ns(element.name)
-            spans.append(element.options.buffer_size * period_ns if loops else newest_ns - started_ns)
+            spans.append(element.options.size * period_ns if loops else newest_ns - started_ns)
         return max(started_ns, newest_ns - max(spans)), newest_ns
 
     def hold(

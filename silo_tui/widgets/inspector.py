@@ -198,12 +198,12 @@ class Inspector(Guarded, Widget):
             pane.append("\n")
         frequency = self.session.status.frequency_hz
         if frequency and not element.expression:
-            divider, size = int(values[Field.DIVIDER, row]), int(values[Field.BUFFER_SIZE, row])
+            divider, size = int(values[Field.DIVIDER, row]), int(values[Field.SIZE, row])
             holds = text.span(size * divider / frequency)
             pane.append(f"{'which holds':<12} ", style=quiet)
             pane.append(f"{holds} at {frequency / divider:.4g} Hz\n")
         if reading is not None:
-            size = reading.size or int(server[Field.BUFFER_SIZE, row])
+            size = reading.size or int(server[Field.SIZE, row])
             share = fill_share(reading.held, size)
             pane.append(f"{'held':<12} ", style=quiet)
             pane.append(f"{text.count(reading.held)} ")

@@ -404,7 +404,7 @@ def test_samples_of_a_name_that_is_nowhere_are_refused(client):
 
 
 def test_a_pin_keeps_what_the_buffers_overwrite(side, client, edit):
-    client.apply([edit(client, X, buffer_size=10, buffer_type=BufferType.LOOPING)], -1)
+    client.apply([edit(client, X, size=10, buffer=BufferType.LOOPING)], -1)
     client.start()
     side.ticks(2000)
     held = client.samples([X])[X]

@@ -26,7 +26,7 @@ def main() -> None:
         clock=lambda: 1000 + tick,
     )
     arrays = [
-        log.array(f"x{number}", 3, divider=divider, buffer_type=kind, buffer_size=size)
+        log.array(f"x{number}", 3, divider=divider, buffer=kind, size=size)
         for number, (divider, kind, size) in enumerate(OPTIONS)
     ]
     wishes: list[str] = []

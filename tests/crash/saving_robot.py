@@ -43,10 +43,10 @@ def main() -> None:
     log = silo.Logger(
         name, frequency=500, max_time=0, folder=folder, script="/none.yaml", clock=lambda: tick * 1_000_000
     )
-    grow = log.array("grow", 1500, buffer_type=BufferType.GROWING)
-    loop = log.array("loop", 500, buffer_size=LOOPING_SIZE)
-    slow = log.array("slow", 3, divider=7, buffer_size=LOOPING_SIZE)
-    beat = log.array("beat", buffer_size=LOOPING_SIZE, action=Action.SAVE_AND_PUBLISH)
+    grow = log.array("grow", 1500, buffer=BufferType.GROWING)
+    loop = log.array("loop", 500, size=LOOPING_SIZE)
+    slow = log.array("slow", 3, divider=7, size=LOOPING_SIZE)
+    beat = log.array("beat", size=LOOPING_SIZE, action=Action.SAVE_AND_PUBLISH)
     end = threading.Event()
     with log, log.serve() as serving:
         log.start()

@@ -20,10 +20,10 @@ def correlated(folder: str, frequency: float = 100, columns: int = 1500) -> None
     log = silo.Logger("writer", frequency=frequency, folder=folder, script=f"{folder}/none.yaml", clock=clock)
     scattered = [np.zeros(1, np.int64) for _ in range(COLUMNS)]
     for place, array in enumerate(scattered):
-        log.add(array, f"s{place}", buffer_size=300)
-    wide = log.array("wide", columns, np.int64, buffer_size=400)  # more than one gather, and a copy
-    slow = log.array("slow", 4, np.int64, divider=3, buffer_size=100)
-    live = log.array("live", 2, np.int64, action=silo.Action.PUBLISH, buffer_size=5)
+        log.add(array, f"s{place}", size=300)
+    wide = log.array("wide", columns, np.int64, size=400)  # more than one gather, and a copy
+    slow = log.array("slow", 4, np.int64, divider=3, size=100)
+    live = log.array("live", 2, np.int64, action=silo.Action.PUBLISH, size=5)
     log.start()
     print(log.segment_path, flush=True)
     while True:
@@ -44,7 +44,7 @@ def honest(folder: str) -> None:
 def growing(folder: str) -> None:
     """Grows at full speed: chunks of 1 MB come every few hundred rows."""
     log = silo.Logger("writer", frequency=100, max_time=0, folder=folder, script=f"{folder}/none.yaml")
-    wide = log.array("wide", 300, np.int64, buffer_type=BufferType.GROWING, buffer_size=1)
+    wide = log.array("wide", 300, np.int64, buffer=BufferType.GROWING, size=1)
     log.start()
     print(log.segment_path, flush=True)
     tick = 0
@@ -57,7 +57,7 @@ def growing(folder: str) -> None:
 def counted(folder: str) -> None:
     """Says which ticks are committed through a pipe of its own: what was said must be found after `kill -9`."""
     log = silo.Logger("writer", frequency=1000, folder=folder, script=f"{folder}/none.yaml")
-    x = log.array("x", 3, np.int64, buffer_size=1_000_000)
+    x = log.array("x", 3, np.int64, size=1_000_000)
     said = ctypes.c_int64.from_buffer(np.memmap(f"{folder}/said", np.int64, "w+", shape=(1,)))
     log.start()
     print(log.segment_path, flush=True)

@@ -46,7 +46,7 @@ def stop_within(self, *rest):
     sys.stdin.readline()
 Segment._fill = stop_within
 log = silo.Logger("arm", folder=sys.argv[1], script="none.yaml", storage=sys.argv[2])
-x = log.array("x", 1000, buffer_size=100)
+x = log.array("x", 1000, size=100)
 log.start()
 log.collect()
 print(log.segment_path, flush=True)
@@ -67,7 +67,7 @@ import os, sys
 import silo
 clock = iter(range(0, 10**12, 10_000_000)).__next__
 log = silo.Logger(sys.argv[2], folder=sys.argv[1], script="none.yaml", clock=clock)
-x = log.array("x", buffer_size=int(sys.argv[4]))
+x = log.array("x", size=int(sys.argv[4]))
 log.start()
 for i in range(int(sys.argv[3])):
     x[...] = i

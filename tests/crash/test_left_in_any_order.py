@@ -90,7 +90,7 @@ class Left(RuleBasedStateMachine):
         """A run of a program as it left it: its file, and the values that it logged."""
         clock = iter(range(1_700_000_000_000_000_000 + self.value * 1_000_000, 2**62, 1_000_000))
         log = Logger("bot", frequency=1000, folder=self.logs, script=self.logs / "none.yaml", clock=clock.__next__)
-        x = log.array("x", (), np.int64, buffer_size=1100)
+        x = log.array("x", (), np.int64, size=1100)
         if watched:
             log.trigger("spike", f"x % {PERIOD} == {PERIOD // 2}", pre="1ms", post="1ms")
         log.start()

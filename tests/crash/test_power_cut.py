@@ -462,7 +462,7 @@ def small_disk(tmp_path):
 
 def test_a_full_disk_is_told_once_and_the_journal_goes_on_when_there_is_room(runtime, small_disk, until, capfd):
     log = silo.Logger("arm", folder=small_disk, script="/none.yaml", storage="disk", max_time=0)
-    x = log.array("x", 100, buffer_type=silo.BufferType.GROWING, buffer_size=10)
+    x = log.array("x", 100, buffer=silo.BufferType.GROWING, size=10)
     with closing(log):
         log.serve()
         with Client.connect("arm") as client:
@@ -498,7 +498,7 @@ def test_zeroed_pages_of_a_file_are_told_in_the_saved_file(runtime, tmp_path, ca
     code = f"""
 import os, silo
 log = silo.Logger("arm", folder={str(tmp_path)!r}, script="/none.yaml", storage="file", max_time=0)
-x = log.array("x", 3, buffer_size=3000)
+x = log.array("x", 3, size=3000)
 log.start()
 for tick in range(3000):
     x[:] = tick

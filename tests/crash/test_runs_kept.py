@@ -119,14 +119,14 @@ def small_memory(tmp_path, monkeypatch):
 @pytest.mark.parametrize("with_helper", [False, True])
 def test_a_restart_that_finds_no_room_keeps_the_recording(served, small_memory, with_helper):
     log = served()
-    x = log.array("x", 100, buffer_size=4000)
+    x = log.array("x", 100, size=4000)
     if with_helper:
         log.serve()
     log.start()
     x[:] = 7
     log.collect()
     log.stop()
-    log.set("x", buffer_size=100_000)
+    log.set("x", size=100_000)
     with pytest.raises(SegmentError, match="no room for"):
         log.start()
     assert log.has_unsaved
@@ -140,7 +140,7 @@ def test_where_two_runs_do_not_fit_the_old_one_is_saved_before_it_is_freed(
     served, small_memory, tmp_path, with_helper, caplog
 ):
     log = served()
-    x = log.array("x", 100, buffer_size=8000)  # 6.5 MB
+    x = log.array("x", 100, size=8000)  # 6.5 MB
     if with_helper:
         log.serve()
     log.start()
@@ -378,7 +378,7 @@ def test_a_new_run_is_known_before_the_files_of_the_last_one_go(served, monkeypa
 
 def recorded_by_a_frozen_process(log, size: int) -> list[int]:
     """Begins with a recording that comes no further; returns its processes."""
-    x = log.array("x", 100, buffer_type="looping", buffer_size=size)
+    x = log.array("x", 100, buffer="looping", size=size)
     serving = log.serve()
     log.start()
     x[:] = 7

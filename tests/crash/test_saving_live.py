@@ -200,8 +200,8 @@ def test_all_ticks_of_a_robot_that_saves_are_logged(small) -> None:
 
 def test_a_growing_buffer_that_takes_long_to_copy_costs_the_looping_ones_nothing(new_logger, monkeypatch) -> None:
     log = new_logger(frequency=100, max_time=0)
-    log.array("a_grows", 3, buffer_type=BufferType.GROWING)
-    log.array("loops", 3, buffer_size=50)
+    log.array("a_grows", 3, buffer=BufferType.GROWING)
+    log.array("loops", 3, size=50)
     log.start()
     for _ in range(100):
         log.collect()

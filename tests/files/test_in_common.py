@@ -21,7 +21,7 @@ def ramp(folder, count, name="run", period_ns=10**7, start_ns=10**18, first=0, j
     stamps = (start_ns + np.arange(count) * period_ns + noise).tolist()
     now = [stamps[0]]
     log = silo.Logger(name, frequency=1e9 / period_ns, folder=folder, script=folder / "no.yaml", clock=lambda: now[0])
-    options = {"buffer_size": count, "buffer_type": "growing"}
+    options = {"size": count, "buffer": "growing"}
     x, slow = log.array("x", unit="m", **options), log.array("slow", divider=10, **options)
     log.start()
     for tick, now[0] in enumerate(stamps, first):
@@ -136,8 +136,8 @@ def test_logs_without_a_moment_in_common_are_told_by_both(tmp_path):
 def test_an_element_that_ended_early_is_not_held_on_when_a_log_is_resampled(tmp_path):
     now = [10**18]
     log = silo.Logger("ends", frequency=100, folder=tmp_path, script=tmp_path / "no.yaml", clock=lambda: now[0])
-    log.array("long", buffer_size=100, buffer_type="growing")
-    log.array("short", buffer_size=10, buffer_type="fixed")
+    log.array("long", size=100, buffer="growing")
+    log.array("short", size=10, buffer="fixed")
     log.start()
     for tick in range(100):
         now[0] = 10**18 + tick * 10**7

@@ -67,14 +67,14 @@ def write_segments(folder: Path) -> list[bytes]:
             f"f{number}", folder=folder, script=folder / "none.yaml", max_time=max_time, memory_limit_mb=4
         )
         for kind in BufferType if not max_time else (BufferType.FIXED, BufferType.LOOPING):
-            log.array(f"{kind.name}_3", 3, buffer_type=kind, buffer_size=20, action=Action.SAVE_AND_PUBLISH)
-            log.array(f"{kind.name}_slow", (2, 2), np.float32, buffer_type=kind, buffer_size=9, divider=3)
-        log.array("word", (), "S5", buffer_size=12)
-        log.array("when", (), "<M8[ns]", buffer_size=12)
-        log.array("seen", (), np.int16, action=Action.PUBLISH, buffer_size=3)
-        log.add(thing, attr="value", name="value", buffer_size=30)
+            log.array(f"{kind.name}_3", 3, buffer=kind, size=20, action=Action.SAVE_AND_PUBLISH)
+            log.array(f"{kind.name}_slow", (2, 2), np.float32, buffer=kind, size=9, divider=3)
+        log.array("word", (), "S5", size=12)
+        log.array("when", (), "<M8[ns]", size=12)
+        log.array("seen", (), np.int16, action=Action.PUBLISH, size=3)
+        log.add(thing, attr="value", name="value", size=30)
         if number == 2:
-            log.array("wide", 4000, buffer_type=BufferType.GROWING, buffer_size=1)
+            log.array("wide", 4000, buffer=BufferType.GROWING, size=1)
         log.start()
         for tick in range(60):
             if tick == 20:

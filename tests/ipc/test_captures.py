@@ -213,11 +213,11 @@ def test_a_script_whose_trigger_wants_more_past_than_its_buffers_hold_is_refused
 
 
 def test_a_script_may_bring_the_buffers_that_its_trigger_needs(bench, client, tmp_path):
-    bench.logger.set(buffer_type="looping", buffer_size="70s")
+    bench.logger.set(buffer="looping", size="70s")
     bench.logger.save_script(tmp_path / "scripts" / "more.yaml")
     script = tmp_path / "scripts" / "more.yaml"
     script.write_text(script.read_text() + "triggers:\n  - {name: low, when: x < 0, pre_s: 60}\n")
-    bench.logger.set(buffer_type="looping", buffer_size="10s")
+    bench.logger.set(buffer="looping", size="10s")
     client.load_script("more.yaml")
     assert bench.logger.extras.triggers[0].name == "low"
 
@@ -226,7 +226,7 @@ def test_a_script_may_bring_the_buffers_that_its_trigger_needs(bench, client, tm
 
 
 def test_signals_whose_buffer_is_full_are_blind_not_quiet(bench, client, events):
-    bench.logger.set("kept", buffer_type="fixed", buffer_size=50)
+    bench.logger.set("kept", buffer="fixed", size=50)
     bench.logger.trigger("high", "kept > 50")
     bench.logger.limit("kept", (None, None, 10.0, 20.0))
     bench.logger.start()

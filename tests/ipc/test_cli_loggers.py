@@ -92,8 +92,8 @@ def log(served: silo.Logger, runtime: Path, monkeypatch: pytest.MonkeyPatch) -> 
             enabled=True,
             divider=1,
             action=Action.SAVE_AND_PUBLISH if published else Action.SAVE,
-            buffer_type=BufferType.LOOPING,
-            buffer_size=2000,
+            buffer=BufferType.LOOPING,
+            size=2000,
         )
     for path in Path(served.options.folder).iterdir():
         path.unlink()
@@ -329,7 +329,7 @@ def test_names_of_loggers_and_elements_are_completed(log: silo.Logger) -> None:
     assert completed("silo watch arm /log/j", 3) == ["/log/joints/q", "/log/joints/tau"]
     assert completed("silo watch /log/m", 2) == ["/log/mode"]
     assert completed("silo sc", 1) == ["script"]
-    assert completed("silo set arm /log buf", 4) == ["buffer=", "buf=", "buffer_size="]
+    assert completed("silo set arm /log buf", 4) == ["buffer=", "buf="]
     assert completed("silo set arm /log buffer=f", 4) == ["buffer=fixed"]
     log.save_script()
     assert completed("silo script load a", 3) == ["arm", "arm.yaml"]

@@ -75,12 +75,12 @@ def test_a_pattern_that_names_nothing_tells_the_nearest_name() -> None:
         ("off", ElementSettings(enabled=False)),
         ("enabled=No", ElementSettings(enabled=False)),
         ("divider=5", ElementSettings(divider=5)),
-        ("buffer=Growing", ElementSettings(buffer_type=BufferType.GROWING)),
-        ("buffer=0", ElementSettings(buffer_type=BufferType.FIXED)),
-        ("size=1000", ElementSettings(buffer_size=1000)),
-        ("size=10s", ElementSettings(buffer_size=RelativeValue("s", 10.0))),
-        ("size=250ms", ElementSettings(buffer_size=RelativeValue("s", 0.25))),
-        ("size=1.5min", ElementSettings(buffer_size=RelativeValue("s", 90.0))),
+        ("buffer=Growing", ElementSettings(buffer=BufferType.GROWING)),
+        ("buffer=0", ElementSettings(buffer=BufferType.FIXED)),
+        ("size=1000", ElementSettings(size=1000)),
+        ("size=10s", ElementSettings(size=RelativeValue("s", 10.0))),
+        ("size=250ms", ElementSettings(size=RelativeValue("s", 0.25))),
+        ("size=1.5min", ElementSettings(size=RelativeValue("s", 90.0))),
         ("action=save", ElementSettings(action=Action.SAVE)),
         ("action=publish", ElementSettings(action=Action.PUBLISH)),
         ("action=both", ElementSettings(action=Action.SAVE_AND_PUBLISH)),
@@ -96,8 +96,8 @@ def test_a_word_is_a_setting(word: str, settings: ElementSettings) -> None:
     [
         ("divider=0", "element '/x': divider must be a whole number from 1 to 2147483647, got 0"),
         ("divider=two", "divider must be 1 to 2147483647, 50Hz, *2, /2 or +1, got two"),
-        ("size=10x", "buffer size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10, got 10x"),
-        ("buffer=round", "buffer type must be looping (1), fixed (0) or growing (2), got round"),
+        ("size=10x", "size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10, got 10x"),
+        ("buffer=round", "buffer must be looping (1), fixed (0) or growing (2), got round"),
         ("action=send", "action must be save (1), both (0) or publish (2), got send"),
         ("enabled=2", "enabled must be on or off, got 2"),
         ("divder=2", "no setting 'divder'; did you mean 'divider'?"),
@@ -110,8 +110,8 @@ def test_a_wrong_setting_is_told_in_words(word: str, reason: str) -> None:
 
 
 def test_a_size_as_a_time_follows_the_new_divider() -> None:
-    new = apply_settings(read_settings(["size=10s", "divider=4"]), [("/x", ElementOptions(buffer_size=7))], 400.0)
-    assert new == [ElementOptions(divider=4, buffer_size=1000)]
+    new = apply_settings(read_settings(["size=10s", "divider=4"]), [("/x", ElementOptions(size=7))], 400.0)
+    assert new == [ElementOptions(divider=4, size=1000)]
 
 
 def test_settings_leave_the_other_fields_alone() -> None:

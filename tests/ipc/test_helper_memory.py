@@ -124,7 +124,7 @@ def test_the_helper_takes_no_module_from_the_folder_where_the_robot_program_was_
 
 def test_a_writing_process_whose_helper_was_killed_leaves_no_file_and_says_nothing(new_logger, tmp_path):
     log = new_logger("test", frequency=100)
-    kept = log.array("x", 2000, np.float64, buffer_size=500)
+    kept = log.array("x", 2000, np.float64, size=500)
     log.start()
     for tick in range(500):
         kept[:] = tick

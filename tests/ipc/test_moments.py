@@ -10,9 +10,7 @@ from tests.waiting import wait_until
 
 
 def short_buffer(client, name, size):
-    client.apply(
-        [Edit(name, ElementOptions(buffer_size=size, buffer_type=BufferType.LOOPING, action=silo.Action.SAVE))], -1
-    )
+    client.apply([Edit(name, ElementOptions(size=size, buffer=BufferType.LOOPING, action=silo.Action.SAVE))], -1)
 
 
 def spiked(bench, at, ticks):

@@ -143,7 +143,7 @@ def test_after_a_kill_of_all_recover_closes_the_part(robots, tmp_path, monkeypat
 
 @pytest.mark.slow
 def test_a_restart_is_recorded_from_its_first_tick_and_the_program_may_record_too(bench, client, heard) -> None:
-    bench.logger.set(buffer_type="looping", buffer_size=1000)
+    bench.logger.set(buffer="looping", size=1000)
     bench.logger.start()
     folder = Path(bench.logger.options.folder)
     assert bench.logger.record(["x"], to=folder.parent / "elsewhere", split="10min") == "bot"
@@ -194,8 +194,8 @@ def test_what_can_not_be_recorded_is_refused_in_words(bench, client, tmp_path) -
             client.record(**options)
     with pytest.raises(RefusedError, match="nothing is being recorded"):
         client.stop_recorder()
-    bench.logger.set("kept", buffer_type="fixed")
-    wait_until(lambda: any(info.options.buffer_type is BufferType.FIXED for info in client.table().elements))
+    bench.logger.set("kept", buffer="fixed")
+    wait_until(lambda: any(info.options.buffer is BufferType.FIXED for info in client.table().elements))
     with pytest.raises(ElementError, match="write split="):
         client.record(split="often")
     with pytest.raises(SaveError, match="nothing is being recorded"):

@@ -37,7 +37,7 @@ def recorders_of(helper_pid: int) -> list[psutil.Process]:
 
 
 def begin(bench, client: Client) -> Path:
-    bench.logger.set(buffer_type="looping", buffer_size=5000)
+    bench.logger.set(buffer="looping", size=5000)
     bench.logger.start()
     folder = Path(client.record(["x"], to="walks").folder)
     wait_until(lambda: client.recorders()[0].state is RecorderState.RECORDING)

@@ -15,7 +15,7 @@ LOOPING, FIXED = BufferType.LOOPING, BufferType.FIXED
 
 
 def buffer(client, name, size, kind, action=silo.Action.SAVE):
-    client.apply([Edit(name, ElementOptions(buffer_size=size, buffer_type=kind, action=action))], -1)
+    client.apply([Edit(name, ElementOptions(size=size, buffer=kind, action=action))], -1)
 
 
 # ----------------------------------------------------------------------------------------------------------- samples

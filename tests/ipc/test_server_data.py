@@ -86,7 +86,7 @@ def test_an_element_that_is_off_is_named_and_has_no_value(bench, client, until) 
 
 @pytest.mark.parametrize(("kind", "why"), [(silo.BufferType.FIXED, {0: NotLive.FULL}), (silo.BufferType.LOOPING, {})])
 def test_a_full_buffer_of_what_is_only_saved_is_not_live_and_says_so(bench, client, until, kind, why) -> None:
-    client.apply([Edit("/log/kept", ElementOptions(buffer_size=3, buffer_type=kind))], -1)
+    client.apply([Edit("/log/kept", ElementOptions(size=3, buffer=kind))], -1)
     client.start()
     with client.view(["/log/kept", "/log/x"], rate_hz=30) as view:
         bench.ticks(3)
@@ -96,7 +96,7 @@ def test_a_full_buffer_of_what_is_only_saved_is_not_live_and_says_so(bench, clie
 
 
 def test_a_buffer_that_is_shorter_than_the_time_between_frames_says_so(bench, client, until) -> None:
-    client.apply([Edit("/log/kept", ElementOptions(buffer_size=3, buffer_type=silo.BufferType.LOOPING))], -1)
+    client.apply([Edit("/log/kept", ElementOptions(size=3, buffer=silo.BufferType.LOOPING))], -1)
     client.start()
     with client.view(["/log/kept", "/log/x"], rate_hz=0.5) as view:
         bench.ticks(4)
@@ -104,7 +104,7 @@ def test_a_buffer_that_is_shorter_than_the_time_between_frames_says_so(bench, cl
 
 
 def test_fill_ends_at_the_buffer_size(bench, client, until) -> None:
-    client.apply([Edit("/log/x", ElementOptions(action=silo.Action.SAVE_AND_PUBLISH, buffer_size=3))], -1)
+    client.apply([Edit("/log/x", ElementOptions(action=silo.Action.SAVE_AND_PUBLISH, size=3))], -1)
     client.start()
     bench.ticks(9)
     with client.view(["/log/x"], rate_hz=30) as view:
@@ -345,7 +345,7 @@ def test_history_of_elements_that_are_only_saved_can_be_seen_too(bench, client) 
 
 
 def test_history_of_a_full_fixed_buffer_goes_on_with_the_newest_samples(bench, client) -> None:
-    fixed = ElementOptions(action=silo.Action.SAVE_AND_PUBLISH, buffer_type=BufferType.FIXED, buffer_size=10)
+    fixed = ElementOptions(action=silo.Action.SAVE_AND_PUBLISH, buffer=BufferType.FIXED, size=10)
     client.apply([Edit("/log/x", fixed)], -1)
     client.start()
     bench.ticks(40)

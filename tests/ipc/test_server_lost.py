@@ -18,7 +18,7 @@ def test_status_views_and_events_count_the_samples_that_the_elements_lost(
     tmp_path: Path, until: Callable[..., object]
 ) -> None:
     with silo.Logger("full", max_time=0, memory_limit_mb=6, folder=tmp_path, script=tmp_path / "none.yaml") as log:
-        growing = {"buffer_type": silo.BufferType.GROWING, "buffer_size": 1, "action": silo.Action.SAVE_AND_PUBLISH}
+        growing = {"buffer": silo.BufferType.GROWING, "size": 1, "action": silo.Action.SAVE_AND_PUBLISH}
         x = log.array("x", 300, np.int64, **growing)
         log.array("y", 3, **growing)
         with log.serve(), Client.connect("full") as client:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import silo
 from silo.client.client import Client
-from silo.core.elements import Edit, ElementOptions, FileType, State
+from silo.core.elements import BufferType, Edit, ElementOptions, FileType, State
 from silo.errors import RefusedError
 from silo.fleet.exchange import encoded
 from silo.history.requests import GetHistory
@@ -64,6 +64,16 @@ def test_edits_change_the_robot_and_the_revision(bench, client) -> None:
     assert applied.changed == 1
     assert client.table().revision == applied.revision != before
     assert bench.logger.elements[0].options.divider == 4
+
+
+def test_an_edit_of_some_options_leaves_the_others_of_the_table_as_they_are(bench, client):
+    client.apply([Edit("/log/x", divider=4, buffer="fixed", size=50)], -1)
+    before = client.table().revision
+    client.apply([Edit("/log/x", size="*2")], -1)
+    (now,) = (one.options for one in client.table().elements if one.name == "/log/x")
+    assert (now.divider, now.buffer, now.size) == (4, BufferType.FIXED, 100)
+    with pytest.raises(RefusedError):
+        client.apply([Edit("/log/x", divider=9)], before)
 
 
 def test_edits_are_refused_while_running(bench, client) -> None:

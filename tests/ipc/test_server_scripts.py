@@ -61,7 +61,7 @@ def test_unknown_keys_are_told_with_their_line_and_kept(bench, client, heard) ->
 def test_a_time_in_a_script_follows_the_rate_of_the_logger(bench, client) -> None:
     (bench.script.parent / "a.yaml").write_text(SCRIPT + "    buffer: {size: 7s}\n")
     client.load_script("a.yaml")
-    assert bench.logger.elements[0].options.buffer_size == bench.logger.options.frequency_hz
+    assert bench.logger.elements[0].options.size == bench.logger.options.frequency_hz
 
 
 def test_loading_is_refused_while_running(bench, client) -> None:

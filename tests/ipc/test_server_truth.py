@@ -133,7 +133,7 @@ def test_history_before_the_start_says_so(bench, client):
 
 
 def test_history_of_what_was_overwritten_says_so(bench, client):
-    client.apply([Edit("/log/kept", ElementOptions(buffer_size=10, buffer_type=BufferType.LOOPING))], -1)
+    client.apply([Edit("/log/kept", ElementOptions(size=10, buffer=BufferType.LOOPING))], -1)
     client.start()
     bench.ticks(1000)
     found = why_empty(client, bench, "/log/kept", bench.begin_ns, 100)
@@ -142,7 +142,7 @@ def test_history_of_what_was_overwritten_says_so(bench, client):
 
 
 def test_history_of_a_full_buffer_that_is_not_published_says_so(bench, client):
-    client.apply([Edit("/log/kept", ElementOptions(buffer_size=10, buffer_type=BufferType.FIXED))], -1)
+    client.apply([Edit("/log/kept", ElementOptions(size=10, buffer=BufferType.FIXED))], -1)
     client.start()
     bench.ticks(40)
     assert why_empty(client, bench, "/log/kept", bench.begin_ns, 4) == [None, Gap.FULL, Gap.FULL, Gap.FULL]
@@ -173,7 +173,7 @@ def test_history_is_whole_though_its_oldest_rows_are_overwritten_while_they_are_
     clock = [0]
     logger = silo.Logger("race", frequency=100, max_time=0, folder=tmp_path, clock=lambda: clock[0])
     x = np.zeros(())
-    options = {"buffer_type": BufferType.LOOPING, "buffer_size": 1000}
+    options = {"buffer": BufferType.LOOPING, "size": 1000}
     logger.add(x, "x", action=LIVE, **options)
     logger.start()
 
@@ -225,7 +225,7 @@ def test_after_an_edit_a_frame_tells_the_sizes_of_the_recording_that_is_held(ben
     bench.logger.start()
     bench.ticks(3)
     bench.logger.stop()
-    bench.logger.set("x", buffer_size=50_000)
+    bench.logger.set("x", size=50_000)
     with client.view(["/log/x", "/log/q"], []) as view:
         # the helper process may not have heard of the edit when it makes the first frame
         wait_until(lambda: (frame := view.frame()) is not None and frame.sizes == {0: 1000})

@@ -133,7 +133,7 @@ def test_silo_set_restarts_over_unsaved_data_only_when_told(bench, client, capsy
 
 
 def test_the_status_says_what_the_buffers_hold_and_not_how_many_ticks_there_were(bench, client) -> None:
-    bench.logger.set("/log/x", buffer_type=silo.BufferType.LOOPING, buffer_size=7)
+    bench.logger.set("/log/x", buffer=silo.BufferType.LOOPING, size=7)
     for element in bench.logger.elements[1:]:
         bench.logger.set(element.name, enabled=False)
     with_unsaved(bench, client, 1000)

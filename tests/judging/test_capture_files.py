@@ -27,7 +27,7 @@ LONG_S = 1.0  # what the first one waits for may never come: then it goes on
 def robot(tmp_path, runtime_folder):
     """A logger of which one spike was captured, by a judge without a helper process."""
     logger = silo.Logger("bot", frequency=1000, max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
-    x = logger.array("x", (), buffer_size=3000)
+    x = logger.array("x", (), size=3000)
     logger.trigger("spike", "x > 50", pre="20ms", post="10ms", save=["silo", "csv"])
     logger.start()
     for tick in range(500):

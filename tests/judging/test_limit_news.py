@@ -15,9 +15,9 @@ class Robot:
 
     def __init__(self, folder):
         self.logger = silo.Logger("news", frequency=1000, max_time=0, folder=folder, script=folder / "none.yaml")
-        self.x = self.logger.array("x", (), buffer_size=3000)
-        self.tau = self.logger.array("tau", JOINTS, buffer_size=3000)
-        self.off = self.logger.array("off", (), buffer_size=3000)
+        self.x = self.logger.array("x", (), size=3000)
+        self.tau = self.logger.array("tau", JOINTS, size=3000)
+        self.off = self.logger.array("off", (), size=3000)
         self.logger.update(read_script=False)
         self.logger.limit("x", (None, None, 5, 10))
 

@@ -18,9 +18,9 @@ class Robot:
 
     def __init__(self, folder, signals=4, size=3000):
         self.logger = silo.Logger("judged", frequency=1000, max_time=0, folder=folder, script=folder / "none.yaml")
-        self.x = self.logger.array("x", signals, buffer_size=size, group="fast")
+        self.x = self.logger.array("x", signals, size=size, group="fast")
         self.slow = np.zeros(())
-        self.logger.add(self.slow, "slow", divider=10, buffer_size=max(size // 10, 1))
+        self.logger.add(self.slow, "slow", divider=10, size=max(size // 10, 1))
 
     def start(self):
         self.logger.start()
@@ -108,7 +108,7 @@ def test_captures_under_way_that_take_all_memory_together_are_closed_and_say_so(
 
 
 def test_a_post_that_no_memory_holds_is_refused_with_its_size(robot):
-    robot.logger.array("many", 500, buffer_size=3000)
+    robot.logger.array("many", 500, size=3000)
     with pytest.raises(silo.ElementError, match=r"pre and post of 43200 s are 16[0-9],[0-9]{3} MB.* at most 256 MB"):
         robot.logger.trigger("spike", "fast/x_0 > 50", post="12h")
     assert robot.logger.extras.triggers == ()
@@ -246,7 +246,7 @@ def test_a_start_without_a_helper_says_that_nobody_judges(robot, caplog):
 
 
 def test_what_keeps_its_first_samples_hinders_no_trigger(robot):
-    robot.logger.add(np.zeros(()), "gain", buffer_type="fixed", buffer_size=1)
+    robot.logger.add(np.zeros(()), "gain", buffer="fixed", size=1)
     robot.logger.trigger("spike", "fast/x_0 > 50", pre="20ms", post="10ms")
     robot.start()
     robot.ticks(500, [(317, 1), (320, 0)])
@@ -301,8 +301,8 @@ def test_only_what_a_successor_would_not_find_in_the_rings_is_closed_at_a_handov
 
 
 def test_an_element_that_is_off_is_left_out_of_a_wildcard_and_named(robot):
-    robot.logger.array("legs/a/slip", buffer_size=3000)
-    robot.slip = robot.logger.array("legs/b/slip", buffer_size=3000)
+    robot.logger.array("legs/a/slip", size=3000)
+    robot.slip = robot.logger.array("legs/b/slip", size=3000)
     robot.logger.trigger("slip", "any(legs/*/slip > 50)", pre="5ms", post="5ms")
     robot.logger.trigger("step", "max(diff(legs/*/slip)) > 50", pre="5ms", post="5ms")
     robot.logger.trigger("never", "fast/x_0 > 50 and legs/a/slip > 50", pre="5ms", post="5ms")

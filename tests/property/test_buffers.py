@@ -87,8 +87,8 @@ def make_array(spec, name, log):
 def options_of(spec):
     return {
         "divider": spec.divider,
-        "buffer_type": spec.buffer_type,
-        "buffer_size": spec.size,
+        "buffer": spec.buffer_type,
+        "size": spec.size,
         "action": spec.action,
         "enabled": spec.enabled,
     }

@@ -27,11 +27,11 @@ def logged(tmp_path_factory):
     now = [10**18]
     log = silo.Logger("d", frequency=1000, max_time=0, folder=folder, script=folder / "s.yaml", clock=lambda: now[0])
     values = {
-        name: log.array(name, shape, divider=divider, buffer_type=BufferType.GROWING, buffer_size=100)
+        name: log.array(name, shape, divider=divider, buffer=BufferType.GROWING, size=100)
         for name, shape, divider in (("a", (), 1), ("b", (), 2), ("c", (), 3), ("d", (), 5), ("v", (3,), 1))
     }
-    short = log.array("short", buffer_type=BufferType.LOOPING, buffer_size=50)
-    full = log.array("full", buffer_type=BufferType.FIXED, buffer_size=70)
+    short = log.array("short", buffer=BufferType.LOOPING, size=50)
+    full = log.array("full", buffer=BufferType.FIXED, size=70)
     log.start()
     for tick in range(TICKS):
         for array in values.values():

@@ -103,7 +103,7 @@ def test_of_rows_any_part_is_read(tmp_path):
 def test_a_journal_is_read_in_blocks(tmp_path):
     """Of 48 MB not a tenth is held to tell of it, not a quarter to save it; a mapped file is no such memory."""
     log = Logger("big", folder=tmp_path, script=tmp_path / "none.yaml", max_time=0, clock=iter(range(10**9)).__next__)
-    x = log.array("x", 4000, buffer_type="growing")
+    x = log.array("x", 4000, buffer="growing")
     with contextlib.closing(log):
         log.start()
         for tick in range(1500):

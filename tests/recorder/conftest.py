@@ -48,11 +48,11 @@ class Robot:
         self.log = Logger(
             "bot", frequency=1000, max_time=0, folder=folder, script=folder / "none.yaml", clock=self._clock, **options
         )
-        self.x = self.log.array("x", (), np.int64, buffer_type="looping", buffer_size=size)
-        self.q = self.log.array("q", 3, buffer_type="looping", buffer_size=size)
-        self.slow = self.log.array("slow", (), np.int64, buffer_type="looping", buffer_size=size, divider=5)
+        self.x = self.log.array("x", (), np.int64, buffer="looping", size=size)
+        self.q = self.log.array("q", 3, buffer="looping", size=size)
+        self.slow = self.log.array("slow", (), np.int64, buffer="looping", size=size, divider=5)
         self.word = np.array(b"", "S6")
-        self.log.add(self.word, "word", buffer_type="looping", buffer_size=size)
+        self.log.add(self.word, "word", buffer="looping", size=size)
 
     def _clock(self) -> int:
         return BEGIN_NS + self.tick * STEP_NS

@@ -229,7 +229,7 @@ def test_what_the_ring_for_live_values_has_no_more_is_taken_from_the_buffer_that
     robot.log.update()
     kinds = {"x": "fixed", "q": "growing", "word": "fixed"}
     for name, kind in kinds.items():
-        robot.log.set(name, buffer_type=kind, buffer_size=3000, action="both")
+        robot.log.set(name, buffer=kind, size=3000, action="both")
     robot.start()
     recorder = begin(robot, recorders, tmp_path)
     robot.ticks(100)
@@ -254,7 +254,7 @@ def test_what_the_ring_for_live_values_has_no_more_is_taken_from_the_buffer_that
 def test_what_no_buffer_has_any_more_is_told_as_lost_for_want_of_a_recorder(recorders, tmp_path, truth) -> None:
     robot = truth.robot(tmp_path)
     robot.log.update()
-    robot.log.set("x", buffer_type="fixed", buffer_size=500, action="both")
+    robot.log.set("x", buffer="fixed", size=500, action="both")
     robot.start()
     recorder = begin(robot, recorders, tmp_path, patterns=("x",))
     robot.ticks(100)

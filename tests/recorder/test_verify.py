@@ -291,7 +291,7 @@ class TestCaptures:
     def spiked(self, tmp_path, runtime_folder):
         """A logger with one capture of a fire at tick 300, whose event says so."""
         log = silo.Logger("bot", frequency=1000, max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
-        x = log.array("x", (), buffer_size=3000)
+        x = log.array("x", (), size=3000)
         log.trigger("spike", "x > 50", pre="20ms", post="10ms")
         log.start()
         for tick in range(500):

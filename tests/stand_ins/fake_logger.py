@@ -115,13 +115,13 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions):
     def is_full(self, name: str) -> bool:
         """Whether an element's FIXED buffer, in which alone it is, ended."""
         info = next((info for info in self.elements if info.name == name), None)
-        if info is None or info.options.action.publishes or info.options.buffer_type is not BufferType.FIXED:
+        if info is None or info.options.action.publishes or info.options.buffer is not BufferType.FIXED:
             return False
-        return self.ticks > info.options.buffer_size * info.options.divider
+        return self.ticks > info.options.size * info.options.divider
 
     def other_sizes(self, names: Sequence[str]) -> dict[int, int]:
         """Buffer sizes of the held recording where the table says another by now."""
-        known = {info.name: info.options.buffer_size for info in self.elements}
+        known = {info.name: info.options.size for info in self.elements}
         sizes = {place: self.recorded(name).buffer_size for place, name in enumerate(names) if name in known}
         return {place: size for place, size in sizes.items() if size != known[names[place]]}
 

@@ -181,10 +181,10 @@ class FakeRows:
         if not options.enabled or not self.started_ns:
             return SampleArrays(*NOTHING, why="nothing was logged yet" if options.enabled else "it is off")
         ticks = np.arange(0, self.ticks, options.divider)
-        if options.buffer_type is BufferType.LOOPING:
-            ticks = ticks[-options.buffer_size :]
-        elif options.buffer_type is BufferType.FIXED and not options.action.publishes:
-            ticks = ticks[: options.buffer_size]
+        if options.buffer is BufferType.LOOPING:
+            ticks = ticks[-options.size :]
+        elif options.buffer is BufferType.FIXED and not options.action.publishes:
+            ticks = ticks[: options.size]
         columns = [
             np.full(len(ticks), b"hans", entry.dtype)
             if entry.dtype[1:2] == "S"
@@ -266,7 +266,7 @@ class FakeRows:
         moments = np.array([self.seconds]) if quantity == "value" else np.arange(0, max(self.seconds, 1 / HZ), 1 / HZ)
         of = {
             "signs": 0.0, "rate": HZ / info.options.divider, "share": 1.0, "jitter": 0.0002, "changed": 0.0,
-            "fill": held / info.options.buffer_size, "held": held, "count": float(self.ticks), "bad": 0.0,
+            "fill": held / info.options.size, "held": held, "count": float(self.ticks), "bad": 0.0,
         }  # fmt: skip
         if quantity in of:
             return of[quantity]

@@ -36,19 +36,17 @@ def scalar(
     name: str, unit: str = "-", dtype: str = "<f8", labels: dict[int, str] | None = None, **options: Any
 ) -> ElementInfo:
     return ElementInfo(
-        name, unit, "scalar", (), (Entry("", dtype, labels),), ElementOptions(**{"buffer_size": 4000, **options})
+        name, unit, "scalar", (), (Entry("", dtype, labels),), ElementOptions(**{"size": 4000, **options})
     )
 
 
 def vector(name: str, unit: str, suffixes: str = "xyz", kind: str = "vector", **options: Any) -> ElementInfo:
     entries = tuple(Entry(f"_{suffix}", "<f8") for suffix in suffixes)
-    return ElementInfo(name, unit, kind, (len(suffixes),), entries, ElementOptions(**{"buffer_size": 4000, **options}))
+    return ElementInfo(name, unit, kind, (len(suffixes),), entries, ElementOptions(**{"size": 4000, **options}))
 
 
 def array_of_one(name: str, unit: str = "-", **options: Any) -> ElementInfo:
-    return ElementInfo(
-        name, unit, "array", (1,), (Entry("", "<f8"),), ElementOptions(**{"buffer_size": 4000, **options})
-    )
+    return ElementInfo(name, unit, "array", (1,), (Entry("", "<f8"),), ElementOptions(**{"size": 4000, **options}))
 
 
 def robot_elements() -> list[ElementInfo]:
@@ -58,10 +56,10 @@ def robot_elements() -> list[ElementInfo]:
         vector("/log/base/velocity", "m/s", action=both),
         vector("/log/base/orientation", "-", "xyzw", "quaternion", action=both),
         vector("/log/imu/acceleration", "m/s2", action=both),
-        scalar("/log/imu/temperature", "degC", divider=40, buffer_size=100, action=both),
+        scalar("/log/imu/temperature", "degC", divider=40, size=100, action=both),
         scalar("/log/state/gait", dtype="<i4", labels={0: "stand", 1: "walk", 2: "trot"}, action=both),
-        scalar("/log/state/operator", dtype="|S16", action=both, divider=40, buffer_size=100),
-        scalar("/log/state/solver_cost", "-", buffer_type=BufferType.GROWING),
+        scalar("/log/state/operator", dtype="|S16", action=both, divider=40, size=100),
+        scalar("/log/state/solver_cost", "-", buffer=BufferType.GROWING),
     ]
     for leg in ("LF", "RF", "LH", "RH"):
         found.append(scalar(f"/log/legs/{leg}/contact", dtype="|b1", action=both))
@@ -71,8 +69,8 @@ def robot_elements() -> list[ElementInfo]:
                 scalar(f"{place}/position", "rad", action=both),
                 scalar(f"{place}/velocity", "rad/s", action=both),
                 scalar(f"{place}/torque", "Nm", action=both),
-                scalar(f"{place}/current", "A", buffer_type=BufferType.FIXED),
-                scalar(f"{place}/temperature", "degC", divider=40, buffer_size=100, action=both),
+                scalar(f"{place}/current", "A", buffer=BufferType.FIXED),
+                scalar(f"{place}/temperature", "degC", divider=40, size=100, action=both),
             ]
     return found
 
@@ -93,4 +91,4 @@ def signal(name: str, seconds: np.ndarray) -> np.ndarray:
 
 def held_ticks(options: ElementOptions, ticks: int) -> int:
     """Samples that a buffer holds: ticks 0, divider, 2 * divider ... are collected."""
-    return min(options.buffer_size, -(-ticks // options.divider))
+    return min(options.size, -(-ticks // options.divider))

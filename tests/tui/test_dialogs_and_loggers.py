@@ -199,7 +199,7 @@ async def test_the_set_command_edits_what_is_marked(fake, opened):
         await screen.press("space", "space")
         await screen.type(":set div=4 size=10s buf=grow")
         await screen.press("enter")
-        assert [screen.value(FIRST, field) for field in (Field.DIVIDER, Field.BUFFER_SIZE)] == ["4", "1000"]
+        assert [screen.value(FIRST, field) for field in (Field.DIVIDER, Field.SIZE)] == ["4", "1000"]
         assert screen.session.table.pending_count[1] == 2
 
 
@@ -445,7 +445,7 @@ async def test_what_was_said_last_is_read_whole_on_a_small_screen(fake, opened):
         await screen.shows("2147483647")
 
 
-@pytest.mark.parametrize(("key", "choices"), [("e", ("divider", "size", "buffer type", "action")),
+@pytest.mark.parametrize(("key", "choices"), [("e", ("divider", "size", "buffer", "action")),
                                               ("N", ("A trigger", "Limits", "A signal derived from it"))])  # fmt: skip
 async def test_every_choice_is_on_the_screen_however_few_words_stand_above(fake, opened, key, choices):
     fake.run()

@@ -18,16 +18,16 @@ option_values = {
     Field.ENABLED: st.integers(0, 1),
     Field.DIVIDER: st.integers(1, 4),
     Field.ACTION: st.integers(0, 2),
-    Field.BUFFER_TYPE: st.integers(0, 2),
-    Field.BUFFER_SIZE: st.integers(1, 4),
+    Field.BUFFER: st.integers(0, 2),
+    Field.SIZE: st.integers(1, 4),
 }
 options = st.builds(
     ElementOptions,
     enabled=st.booleans(),
     divider=st.integers(1, 4),
     action=st.sampled_from(Action),
-    buffer_type=st.sampled_from(BufferType),
-    buffer_size=st.integers(1, 4),
+    buffer=st.sampled_from(BufferType),
+    size=st.integers(1, 4),
 )
 one_edit = st.sampled_from(Field).flatmap(
     lambda field: st.tuples(st.lists(st.integers(0, COUNT - 1), unique=True), st.just(field), option_values[field])
@@ -38,8 +38,8 @@ one_option = st.one_of(
     st.fixed_dictionaries({"enabled": st.booleans()}),
     st.fixed_dictionaries({"divider": st.integers(1, 4)}),
     st.fixed_dictionaries({"action": st.sampled_from(Action)}),
-    st.fixed_dictionaries({"buffer_type": st.sampled_from(BufferType)}),
-    st.fixed_dictionaries({"buffer_size": st.integers(1, 4)}),
+    st.fixed_dictionaries({"buffer": st.sampled_from(BufferType)}),
+    st.fixed_dictionaries({"size": st.integers(1, 4)}),
 )
 
 
@@ -241,10 +241,10 @@ def test_editing_back_to_the_loggers_value_is_not_pending():
 def test_taking_theirs_drops_only_the_field_in_conflict():
     state = fresh()
     state.edit([0], Field.DIVIDER, 5)
-    state.edit([0], Field.BUFFER_SIZE, 7)
+    state.edit([0], Field.SIZE, 7)
     state.load(table(2, ElementOptions(divider=3), *[ElementOptions()] * 3))
     state.resolve([0], keep_mine=False)
-    assert (int(state.values[Field.DIVIDER, 0]), int(state.values[Field.BUFFER_SIZE, 0])) == (3, 7)
+    assert (int(state.values[Field.DIVIDER, 0]), int(state.values[Field.SIZE, 0])) == (3, 7)
 
 
 def test_keeping_mine_settles_the_conflict_and_stays_pending():
@@ -273,10 +273,10 @@ def test_edits_of_elements_that_are_gone_are_dropped():
 
 def test_a_change_reads_old_new_and_theirs():
     state = fresh()
-    state.edit([1], Field.BUFFER_TYPE, int(BufferType.FIXED))
-    state.load(table(2, ElementOptions(), ElementOptions(buffer_type=BufferType.GROWING), *[ElementOptions()] * 2))
+    state.edit([1], Field.BUFFER, int(BufferType.FIXED))
+    state.load(table(2, ElementOptions(), ElementOptions(buffer=BufferType.GROWING), *[ElementOptions()] * 2))
     change = state.changes()[0]
-    assert (change.field, change.old, change.new, change.theirs) == ("buffer type", "looping", "fixed", "growing")
+    assert (change.field, change.old, change.new, change.theirs) == ("buffer", "looping", "fixed", "growing")
 
 
 def test_a_process_of_another_user_lives(monkeypatch):

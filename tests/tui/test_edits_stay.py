@@ -124,9 +124,9 @@ async def test_a_typed_edit_that_makes_no_sense_is_refused_before_the_question(f
 async def test_b_and_p_choose_from_a_list(fake, opened):
     async with opened(fake) as screen:
         await screen.press("b")
-        await screen.shows("buffer type of 1 element")
+        await screen.shows("buffer of 1 element")
         await screen.press("f")
-        await screen.until(lambda: screen.value(FIRST, Field.BUFFER_TYPE) == "fixed")
+        await screen.until(lambda: screen.value(FIRST, Field.BUFFER) == "fixed")
         await screen.press("p")
         await screen.shows("action of 1 element")
         await screen.press("escape")

@@ -133,14 +133,14 @@ def test_a_range_marks_from_its_begin_to_the_cursor(rows):
 @pytest.mark.parametrize(
     ("field", "text", "old", "new"),
     [
-        (Field.BUFFER_SIZE, "1000", 10, 1000), (Field.BUFFER_SIZE, "=1k", 10, 1000), (Field.BUFFER_SIZE, "*2", 10, 20),
-        (Field.BUFFER_SIZE, "/3", 10, 4), (Field.BUFFER_SIZE, "+5", 10, 15), (Field.BUFFER_SIZE, "10s", 10, 1000),
-        (Field.BUFFER_SIZE, "500ms", 10, 50), (Field.DIVIDER, "50Hz", 4, 8), (Field.DIVIDER, "5", 4, 5),
-        (Field.ACTION, "both", 1, Action.SAVE_AND_PUBLISH), (Field.BUFFER_TYPE, "=grow", 1, BufferType.GROWING),
+        (Field.SIZE, "1000", 10, 1000), (Field.SIZE, "=1k", 10, 1000), (Field.SIZE, "*2", 10, 20),
+        (Field.SIZE, "/3", 10, 4), (Field.SIZE, "+5", 10, 15), (Field.SIZE, "10s", 10, 1000),
+        (Field.SIZE, "500ms", 10, 50), (Field.DIVIDER, "50Hz", 4, 8), (Field.DIVIDER, "5", 4, 5),
+        (Field.ACTION, "both", 1, Action.SAVE_AND_PUBLISH), (Field.BUFFER, "=grow", 1, BufferType.GROWING),
     ],
 )  # fmt: skip
 def test_what_may_be_typed_for_a_field(field, text, old, new):
-    before = ElementOptions(divider=4, buffer_size=10, action=Action.SAVE, buffer_type=BufferType.LOOPING)
+    before = ElementOptions(divider=4, size=10, action=Action.SAVE, buffer=BufferType.LOOPING)
     assert values_of(before)[field] == old
     (made,) = apply_settings(parse_change(field, text), [("/x", before)], 400.0)
     assert values_of(made)[field] == new
@@ -150,14 +150,14 @@ def test_what_may_be_typed_for_a_field(field, text, old, new):
     ("field", "text", "reason"),
     [
         (Field.DIVIDER, "0", "from 1 to 2147483647, got 0"), (Field.DIVIDER, "x", "50Hz, *2, /2 or +1, got x"),
-        (Field.DIVIDER, "10s", "only sets the buffer size"), (Field.DIVIDER, "1.5", "whole number"),
-        (Field.BUFFER_SIZE, "*1e30", "from 1 to 2147483647, got 1e+31"), (Field.BUFFER_SIZE, "/0", "got inf"),
+        (Field.DIVIDER, "10s", "only sets the size"), (Field.DIVIDER, "1.5", "whole number"),
+        (Field.SIZE, "*1e30", "from 1 to 2147483647, got 1e+31"), (Field.SIZE, "/0", "got inf"),
         (Field.ACTION, "shout", "save (1), both (0) or publish (2), got shout"), (Field.DIVIDER, "0Hz", "rate"),
     ],
 )  # fmt: skip
 def test_what_may_not_be_typed_says_why(field, text, reason):
     with pytest.raises(ValueError, match=re.escape(reason)):
-        apply_settings(parse_change(field, text), [("/x", ElementOptions(divider=4, buffer_size=10))], 400.0)
+        apply_settings(parse_change(field, text), [("/x", ElementOptions(divider=4, size=10))], 400.0)
 
 
 def test_the_cursor_goes_to_the_first_element_where_its_own_is_filtered_out(rows):

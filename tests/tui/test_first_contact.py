@@ -114,7 +114,7 @@ async def test_a_key_that_steps_goes_on_from_what_is_marked_and_not_from_the_cur
         values = []
         for letter in "fgl":
             await screen.press("b", letter)
-            values.append(screen.value(FIRST, Field.BUFFER_TYPE))
+            values.append(screen.value(FIRST, Field.BUFFER))
         assert values == ["fixed", "growing", "looping"]
 
 
@@ -156,7 +156,7 @@ async def test_a_logger_is_named_with_its_pid(new_fake, opened):
 
 
 async def test_a_narrow_screen_leaves_columns_out_and_cuts_no_number(new_fake, robot, opened):
-    long = msgspec.structs.replace(robot[0], options=msgspec.structs.replace(robot[0].options, buffer_size=30000))
+    long = msgspec.structs.replace(robot[0], options=msgspec.structs.replace(robot[0].options, size=30000))
     async with opened(new_fake([long]), size=(60, 24)) as screen:
         await screen.shows(" 30000 ")
         await screen.shows(" size ")
@@ -167,8 +167,8 @@ async def test_a_narrow_screen_leaves_columns_out_and_cuts_no_number(new_fake, r
 async def test_a_field_that_is_not_shown_can_be_edited_all_the_same(fake, opened):
     async with opened(fake, size=(40, 24)) as screen:
         await screen.press("s", *"77", "enter", "b", "f")
-        assert screen.value(FIRST, Field.BUFFER_SIZE) == "77"
-        assert screen.value(FIRST, Field.BUFFER_TYPE) == "fixed"
+        assert screen.value(FIRST, Field.SIZE) == "77"
+        assert screen.value(FIRST, Field.BUFFER) == "fixed"
 
 
 @pytest.mark.parametrize("key", ["S", "R", "w", "a", "L", "W"])
@@ -215,7 +215,7 @@ async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(f
 async def test_an_open_editor_says_what_to_type_and_which_keys_count(fake, opened):
     async with opened(fake) as screen:
         await screen.press("asterisk", "t", "s")
-        await screen.shows("buffer size of 72 elements: 1000 10k 10s *2 /2 +10")
+        await screen.shows("size of 72 elements: 1000 10k 10s *2 /2 +10")
         await screen.shows("Enter sets it")
         assert "72 marked" not in screen.text
         await screen.press("escape")
@@ -226,13 +226,13 @@ async def test_an_open_editor_says_what_to_type_and_which_keys_count(fake, opene
 async def test_what_is_wrong_with_a_value_is_read_whole(fake, opened):
     async with opened(fake) as screen:
         await screen.press("asterisk", "t", "s", *"abc", "enter")
-        await screen.shows("? buffer size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10, got abc")
+        await screen.shows("? size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10, got abc")
         await screen.press(*["backspace"] * 3, "9", "enter")
-        assert screen.value(FIRST, Field.BUFFER_SIZE) == "9"
+        assert screen.value(FIRST, Field.SIZE) == "9"
 
 
 async def test_the_span_that_a_start_drops_is_told_in_minutes(new_fake, opened):
-    fake = new_fake([scalar("/log/x", "Nm", buffer_size=1_000_000)])
+    fake = new_fake([scalar("/log/x", "Nm", size=1_000_000)])
     fake.run(1063)
     fake.stop()
     async with opened(fake, size=(100, 30)) as screen:

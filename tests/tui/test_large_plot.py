@@ -64,7 +64,7 @@ async def test_a_moment_is_found_in_it_and_the_monitor_stands_there_too(fake, op
 
 
 async def test_it_begins_where_the_monitor_stands(new_fake, opened):
-    fake = new_fake([scalar(TORQUE, "Nm", buffer_type=BufferType.GROWING)])
+    fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.GROWING)])
     fake.run(61)
     async with opened(fake) as screen:
         await screen.press("m")
@@ -93,7 +93,7 @@ async def test_a_pause_in_it_holds_all_plots_of_the_monitor(new_fake, opened):
 
 
 async def test_cursor_b_samples_home_end_and_all_work_in_it(new_fake, opened):
-    fake = new_fake([scalar(TORQUE, "Nm", buffer_type=BufferType.GROWING)])
+    fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.GROWING)])
     fake.run(30)
     async with opened(fake, size=(100, 30)) as screen:
         await open_large(screen)

@@ -176,7 +176,7 @@ async def test_a_narrow_screen_has_the_inspector_below_the_table_with_values_and
         assert below.region.bottom == size[1] - 2  # above the message and the keys
         last = screen.session.table.elements[screen.session.rows.row]
         # the row under the cursor is still to be seen, and what it is stands below
-        shown = [screen.session.short_name(last.name), "divider ", "buffer size  4000", "held "]
+        shown = [screen.session.short_name(last.name), "divider ", "size  4000", "held "]
         await screen.until(lambda: all(words in screen.text for words in shown), "the facts")
         assert sum(shown[0] in line for line in screen.text.splitlines()) == 2
         await screen.type("//imu/acceleration")

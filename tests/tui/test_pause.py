@@ -48,7 +48,7 @@ def logged(time_ns):
 @pytest.fixture
 def deep(new_fake):
     """A logger whose buffers hold all that it logged."""
-    return new_fake([scalar(TORQUE, "Nm", buffer_type=BufferType.GROWING)])
+    return new_fake([scalar(TORQUE, "Nm", buffer=BufferType.GROWING)])
 
 
 async def test_space_pins_the_picture_and_as_much_before_it(deep, opened):
@@ -64,7 +64,7 @@ async def test_space_pins_the_picture_and_as_much_before_it(deep, opened):
 
 
 async def test_what_is_pinned_stays_when_the_buffers_overwrite_it(new_fake, opened):
-    fake = new_fake([scalar(TORQUE, "Nm", buffer_type=BufferType.LOOPING, buffer_size=8000)])
+    fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.LOOPING, size=8000)])
     fake.run(60)
     async with opened(fake) as screen:
         await screen.press("m")
@@ -207,7 +207,7 @@ def spiked(new_fake):
     """A logger that holds 100 s; the torque has a spike at 4, 8, ... s."""
 
     def make(size=40_000):
-        return new_fake([scalar(TORQUE, "Nm", buffer_type=BufferType.LOOPING, buffer_size=size)])
+        return new_fake([scalar(TORQUE, "Nm", buffer=BufferType.LOOPING, size=size)])
 
     return make
 

@@ -20,19 +20,19 @@ START = ElementOptions(True, 8, Action.SAVE, BufferType.GROWING, 1000)
 NAME = "/log/x"
 NUMBER = "must be a whole number from 1 to 2147483647"
 DIVIDER = "divider must be 1 to 2147483647, 50Hz, *2, /2 or +1"
-SIZE = "buffer size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10"
+SIZE = "size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10"
 
 # typed, the field that becomes another, its value, in a logger of 400 Hz
 TAKEN = [
     ("divider=5", "divider", 5), ("div=5", "divider", 5), ("div=2.0", "divider", 2), ("divider=50Hz", "divider", 8),
     ("div=80hz", "divider", 5), ("div=*2", "divider", 16), ("div=/3", "divider", 3), ("div=+1", "divider", 9),
-    ("div=-1", "divider", 7), ("size=1000", "buffer_size", 1000), ("buffer_size=9", "buffer_size", 9),
-    ("size=10k", "buffer_size", 10_000), ("size=1.5M", "buffer_size", 1_500_000), ("size=*2", "buffer_size", 2000),
-    ("size=/3", "buffer_size", 334), ("size=10s", "buffer_size", 500), ("size=500ms", "buffer_size", 25),
-    ("size=2min", "buffer_size", 6000), ("size=1h", "buffer_size", 180_000), ("size=1e3", "buffer_size", 1000),
-    ("buffer=fix", "buffer_type", 0), ("buf=fixed", "buffer_type", 0), ("buffer=FIXED_SIZE", "buffer_type", 0),
-    ("buffer=looping", "buffer_type", 1), ("buffer_type=loop", "buffer_type", 1), ("buffer=1", "buffer_type", 1),
-    ("buf=grow", "buffer_type", 2), ("buffer=exponentially-growing", "buffer_type", 2),
+    ("div=-1", "divider", 7), ("size=1000", "size", 1000), ("buffer_size=9", "size", 9),
+    ("size=10k", "size", 10_000), ("size=1.5M", "size", 1_500_000), ("size=*2", "size", 2000),
+    ("size=/3", "size", 334), ("size=10s", "size", 500), ("size=500ms", "size", 25),
+    ("size=2min", "size", 6000), ("size=1h", "size", 180_000), ("size=1e3", "size", 1000),
+    ("buffer=fix", "buffer", 0), ("buf=fixed", "buffer", 0), ("buffer=FIXED_SIZE", "buffer", 0),
+    ("buffer=looping", "buffer", 1), ("buffer_type=loop", "buffer", 1), ("buffer=1", "buffer", 1),
+    ("buf=grow", "buffer", 2), ("buffer=exponentially-growing", "buffer", 2),
     ("action=both", "action", 0), ("act=0", "action", 0), ("action=save_and_publish", "action", 0),
     ("action=save+publish", "action", 0), ("act=pub", "action", 2), ("action=Publish", "action", 2),
     ("enabled=off", "enabled", 0), ("log=off", "enabled", 0), ("on=no", "enabled", 0), ("logging=0", "enabled", 0),
@@ -47,13 +47,13 @@ REFUSED = [
     ("div=1000Hz", "divider", f"divider {NUMBER}, got 0.4 (1000Hz)"),
     ("div=1.5", "divider", f"divider {NUMBER}, got 1.5"),
     ("div=two", "divider", f"{DIVIDER}, got two"),
-    ("div=10s", "divider", f"{DIVIDER}, got 10s; a time only sets the buffer size"),
-    ("size=1e9s", "buffer_size", f"buffer size {NUMBER}, got 50000000000 (1e9s)"),
-    ("size=2147483648", "buffer_size", f"buffer size {NUMBER}, got 2147483648"),
-    ("size=*1e30", "buffer_size", f"buffer size {NUMBER}, got 1e+33 (*1e30)"),
-    ("size=10x", "buffer_size", f"{SIZE}, got 10x"),
-    ("size=50Hz", "buffer_size", f"{SIZE}, got 50Hz; a rate only sets the divider"),
-    ("buffer=round", "buffer_type", "buffer type must be looping (1), fixed (0) or growing (2), got round"),
+    ("div=10s", "divider", f"{DIVIDER}, got 10s; a time only sets the size"),
+    ("size=1e9s", "size", f"size {NUMBER}, got 50000000000 (1e9s)"),
+    ("size=2147483648", "size", f"size {NUMBER}, got 2147483648"),
+    ("size=*1e30", "size", f"size {NUMBER}, got 1e+33 (*1e30)"),
+    ("size=10x", "size", f"{SIZE}, got 10x"),
+    ("size=50Hz", "size", f"{SIZE}, got 50Hz; a rate only sets the divider"),
+    ("buffer=round", "buffer", "buffer must be looping (1), fixed (0) or growing (2), got round"),
     ("action=7", "action", "action must be save (1), both (0) or publish (2), got 7"),
     ("enabled=maybe", "enabled", "enabled must be on or off, got maybe"),
 ]
@@ -78,7 +78,7 @@ def beside(field: str) -> list[str]:
 
 
 def in_script(field: str, value: str) -> str:
-    inside = {"buffer_type": f"buffer: {{type: {value}}}", "buffer_size": f"buffer: {{size: {value}}}"}
+    inside = {"buffer": f"buffer: {{type: {value}}}", "size": f"buffer: {{size: {value}}}"}
     enabled = "" if field == "enabled" else "enabled: true\n    "
     return f"log_elements:\n  - name: {NAME}\n    {enabled}{inside.get(field) or f'{field}: {value}'}\n"
 
@@ -87,7 +87,7 @@ def in_script(field: str, value: str) -> str:
 def log(tmp_path: Path) -> Iterator[silo.Logger]:
     """A logger whose one element is as `START` says."""
     with silo.Logger("doors", frequency=400, max_time=1, folder=tmp_path, script=tmp_path / "doors.yaml") as made:
-        made.array("x", divider=8, action="save", buffer_type="growing", buffer_size=1000)
+        made.array("x", divider=8, action="save", buffer="growing", size=1000)
         made.update()
         assert made.elements[0].options == START
         yield made
@@ -113,7 +113,7 @@ def test_a_program_hears_the_reason(log: silo.Logger, word: str, field: str, rea
     ("word", "field", "value"), [row for row in TAKEN if not halves(row[0])[1].startswith(RELATIVE)]
 )
 def test_registering_takes_every_spelling(log: silo.Logger, word: str, field: str, value: int) -> None:
-    start = {"divider": 8, "action": Action.SAVE, "buffer_type": BufferType.GROWING, "buffer_size": 1000}
+    start = {"divider": 8, "action": Action.SAVE, "buffer": BufferType.GROWING, "size": 1000}
     log.array("other", **{**start, field: halves(word)[1]})
     log.update()
     assert log.elements[1].options == wanted(field, value)
@@ -140,7 +140,7 @@ def test_a_script_tells_the_reason_with_its_line(
     with pytest.raises(ScriptError) as error:
         log.load_script(path)
     said = reason.replace(DIVIDER, "divider must be 1 to 2147483647 or 50Hz")  # a script gives no changes
-    said = said.replace(SIZE, "buffer size must be 1 to 2147483647, 10k or 10s")
+    said = said.replace(SIZE, "size must be 1 to 2147483647, 10k or 10s")
     head, _, text = str(error.value).partition(": ")
     assert head.startswith(f"{path}:")
     assert text == f"element '{NAME}': {said}; nothing was changed"
@@ -150,7 +150,7 @@ def test_a_script_tells_the_reason_with_its_line(
 @pytest.mark.parametrize("value", ["/2", "+1.5", "-2k"])
 def test_a_script_that_changes_the_value_before_is_refused(log: silo.Logger, tmp_path: Path, value: str) -> None:
     path = tmp_path / "a.yaml"
-    path.write_text(in_script("buffer_size", value))
+    path.write_text(in_script("size", value))
     with pytest.raises(ScriptError, match="a change of the value before has no place here; nothing was changed"):
         log.load_script(path)
 
@@ -236,9 +236,9 @@ def test_a_default_size_that_no_buffer_can_have_is_an_error_that_names_max_time(
         with pytest.raises(ElementError) as error:
             log.array("x")
         assert str(error.value) == (
-            f"element '/log/x': buffer size {NUMBER}, got 100000000000 (that is max_time, 1e+08 s at 1000 Hz: "
-            "give a buffer_size); nothing was changed"
+            f"element '/log/x': size {NUMBER}, got 100000000000 (that is max_time, 1e+08 s at 1000 Hz: "
+            "give a size); nothing was changed"
         )
-        log.array("y", buffer_size=10)
+        log.array("y", size=10)
         log.update()
         assert [info.name for info in log.elements] == ["/log/y"]

@@ -106,7 +106,7 @@ async def test_3_and_4_all_torques_are_edited_and_applied_while_it_runs(fake, op
     async with opened(fake) as screen:
         await do(screen, 3)
         await screen.until(lambda: screen.session.table.pending_count[1] == 12, "the edits")
-        assert (screen.value(TORQUE, Field.DIVIDER), screen.value(TORQUE, Field.BUFFER_SIZE)) == ("5", "800")
+        assert (screen.value(TORQUE, Field.DIVIDER), screen.value(TORQUE, Field.SIZE)) == ("5", "800")
         await do(screen, 4)
         await screen.until(lambda: fake.recorded(TORQUE).divider == 5, "what was applied")
         assert fake.recorded(TORQUE).buffer_type is BufferType.LOOPING

@@ -108,7 +108,7 @@ async def test_a_size_may_be_a_time(fake, opened):
         await screen.press("s")
         await screen.type("3s")
         await screen.press("enter")
-        assert screen.value(FIRST, Field.BUFFER_SIZE) == "1200"
+        assert screen.value(FIRST, Field.SIZE) == "1200"
 
 
 async def test_a_size_may_be_multiplied(fake, opened):
@@ -116,7 +116,7 @@ async def test_a_size_may_be_multiplied(fake, opened):
         await screen.press("s")
         await screen.type("*2")
         await screen.press("enter")
-        assert screen.value(FIRST, Field.BUFFER_SIZE) == "8000"
+        assert screen.value(FIRST, Field.SIZE) == "8000"
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from tests.stand_ins.ticking import Robot
 
 @pytest.fixture
 def counting(new_logger):
-    """A running logger of one element that counts the ticks: `counting(buffer_size=5)`."""
+    """A running logger of one element that counts the ticks: `counting(size=5)`."""
 
     def make(logger_options=None, **options):
         logger = new_logger(**(logger_options or {}))

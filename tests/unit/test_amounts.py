@@ -16,7 +16,7 @@ def _nothing_was_told(monkeypatch):
 
 
 DOORS = {
-    "size": lambda text: read_settings([f"size={text}"])["buffer_size"].amount,
+    "size": lambda text: read_settings([f"size={text}"])["size"].amount,
     "split": lambda text: read_split(text)[1],
     "for": lambda text: read_seconds("--for", text),
     "pre": lambda text: seconds("pre", text, 1e6),
@@ -50,7 +50,7 @@ def test_a_bare_m_is_refused_with_both_meanings_where_it_was_never_taken(door):
 @pytest.mark.parametrize(
     ("read", "words"),
     [
-        (lambda: read_settings(["size=10m"])["buffer_size"] == 10_000_000, "write 10M, or 10min"),
+        (lambda: read_settings(["size=10m"])["size"] == 10_000_000, "write 10M, or 10min"),
         (lambda: read_split("10m") == (10_000_000, 0.0), "write 10MB, or 10min"),
         (lambda: read_keep("10m") == 10_000_000, "write 10MB, or 10min"),
     ],
@@ -64,7 +64,7 @@ def test_a_bare_m_is_told_once_with_both_meanings_where_it_was_taken(read, words
 
 
 def test_a_large_m_is_a_million_and_nothing_is_told(caplog):
-    assert read_settings(["size=10M"])["buffer_size"] == 10_000_000
+    assert read_settings(["size=10M"])["size"] == 10_000_000
     assert read_split("10M") == (10_000_000, 0.0)
     assert not caplog.records
 

@@ -16,9 +16,9 @@ from tests.stand_ins.ticking import Robot
 GOLDEN = pathlib.Path(__file__).parent.parent / "data" / "collect.txt"
 TABLES = {
     "looping": [("a", {}), ("b", {"divider": 3}), ("c", {"action": "both"})],
-    "fixed": [("a", {"buffer_type": "fixed", "buffer_size": 50}), ("b", {"buffer_type": "fixed", "divider": 2})],
-    "growing": [("a", {"buffer_type": "growing"}), ("b", {"divider": 5})],
-    "many dividers": [(f"d{n}", {"divider": n, "buffer_type": ("looping", "growing")[n % 2]}) for n in range(1, 8)],
+    "fixed": [("a", {"buffer": "fixed", "size": 50}), ("b", {"buffer": "fixed", "divider": 2})],
+    "growing": [("a", {"buffer": "growing"}), ("b", {"divider": 5})],
+    "many dividers": [(f"d{n}", {"divider": n, "buffer": ("looping", "growing")[n % 2]}) for n in range(1, 8)],
 }
 
 
@@ -36,9 +36,9 @@ def texts(monkeypatch, folder):
             logger = silo.Logger("text", folder=folder, script=folder / "none.yaml", max_time=0, threads=threads)
             robot = Robot(mode=1, x=0.5)
             for element, options in rows:
-                logger.array(element, 4, **{"buffer_size": 100, **options})
-            logger.add(robot, attr="mode", buffer_size=100)
-            logger.add(robot, attr="x", divider=4, buffer_size=100)
+                logger.array(element, 4, **{"size": 100, **options})
+            logger.add(robot, attr="mode", size=100)
+            logger.add(robot, attr="x", divider=4, size=100)
             logger.start()
             logger.close()
     return "".join(f"# {name}, {threads}\n{text}\n" for (name, threads), text in found.items())

@@ -116,7 +116,7 @@ def test_the_table_has_elements_of_every_sort(demo: Logger) -> None:
     demo.update()
     elements = demo.elements
     assert {element.options.action for element in elements} == set(Action)
-    assert {element.options.buffer_type for element in elements} == set(BufferType)
+    assert {element.options.buffer for element in elements} == set(BufferType)
     assert {"scalar", "vector", "matrix", "pose", "twist", "quaternion"} <= {element.kind for element in elements}
     assert any(entry.labels for element in elements for entry in element.entries)
     assert any("S" in entry.dtype for element in elements for entry in element.entries)

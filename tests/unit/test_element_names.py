@@ -111,7 +111,7 @@ def test_what_became_of_a_rate_is_not_told_of_an_element_that_is_refused(new_log
 def test_buffers_that_take_gigabytes_are_told_of_when_they_are_set(new_logger, caplog):
     logger = new_logger()
     logger.array("q", 12)
-    logger.array("n", 10, dtype="i4", buffer_size=1_000_000)
+    logger.array("n", 10, dtype="i4", size=1_000_000)
     logger.update()
     logger.set("q", size="10M")
     (record,) = caplog.records

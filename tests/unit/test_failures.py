@@ -199,7 +199,7 @@ def test_the_last_value_is_that_of_the_row_before_in_every_buffer(new_logger, ki
     robot = Robot()
     logger = new_logger(max_time=0)
     robot.x = 0
-    logger.add(robot, attr="x", divider=divider, buffer_type=kind, buffer_size=20)
+    logger.add(robot, attr="x", divider=divider, buffer=kind, size=20)
     logger.start()
     for tick in range(45 * divider):
         robot.x = tick if tick // divider % 3 else None

@@ -30,7 +30,7 @@ from silo.segment.reader import SegmentReader
 def held_run(new_logger):
     """Makes runs of a logger that are held, of so many ticks each."""
     log = new_logger("bot", frequency=1000, max_time=0)
-    x = log.array("x", 100, buffer_type="looping", buffer_size=500)
+    x = log.array("x", 100, buffer="looping", size=500)
 
     def make(ticks: int) -> Path:
         (log.restart if log.is_running else log.start)()
@@ -80,7 +80,7 @@ def test_a_stub_tells_how_much_there_was_and_has_no_row(held_run) -> None:
 
 def test_growing_rings_of_a_stub_have_no_row_either(new_logger) -> None:
     log = new_logger("bot", frequency=1000, max_time=0)
-    log.array("x", 100, buffer_type="growing")
+    log.array("x", 100, buffer="growing")
     log.start()
     for _ in range(5000):
         log.collect()
@@ -107,7 +107,7 @@ def test_the_oldest_make_room_first(held_run, monkeypatch) -> None:
 def test_a_small_run_makes_room_once(new_logger, monkeypatch) -> None:
     monkeypatch.setattr(held, "bound_of", lambda folder: HeldRunsLimit(1, 10**12))
     log = new_logger("small", frequency=1000, max_time=0)
-    log.array("x", 1, buffer_type="looping", buffer_size=100)
+    log.array("x", 1, buffer="looping", size=100)
     paths, gone = [], []
     for _ in range(4):
         log.start()
@@ -188,7 +188,7 @@ def test_of_runs_that_make_room_at_each_start_is_told_once_and_in_one_number_whe
 ) -> None:
     monkeypatch.setattr(held, "bound_of", lambda _: HeldRunsLimit(1, 1 << 40))
     log = new_logger("bot", frequency=1000, max_time=0)
-    log.array("x", 1, buffer_type="looping", buffer_size=100)
+    log.array("x", 1, buffer="looping", size=100)
     wanted = [True] * 6 + [False] * 2
     monkeypatch.setattr(log, "_is_wanted", lambda _: wanted.pop(0))
     for _ in range(8):

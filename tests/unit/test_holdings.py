@@ -14,7 +14,7 @@ def test_what_is_told_of_a_segment_is_what_its_snapshot_holds(new_logger, ticks,
     logger = new_logger(max_time=max_time, clock=lambda: next(times))
     for kind in BufferType:
         for divider in (1, 3):
-            logger.array(f"{kind.name}{divider}", 2, buffer_type=kind, buffer_size=20, divider=divider)
+            logger.array(f"{kind.name}{divider}", 2, buffer=kind, size=20, divider=divider)
     logger.array("seen", action=Action.PUBLISH)
     logger.start()
     for _ in range(ticks):
@@ -27,7 +27,7 @@ def test_what_is_told_of_a_segment_is_what_its_snapshot_holds(new_logger, ticks,
 def test_a_looping_buffer_is_told_by_its_samples_not_by_the_ticks_since_start(new_logger):
     times = iter(range(0, 10**12, 10_000_000))
     logger = new_logger(max_time=10, clock=lambda: next(times))
-    logger.array("x", buffer_size=1000)
+    logger.array("x", size=1000)
     logger.start()
     for _ in range(12_840):
         logger.collect()

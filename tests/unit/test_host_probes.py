@@ -71,7 +71,7 @@ def test_every_machine_has_processor_memory_load_and_processes(log: Logger) -> N
 def test_ten_minutes_are_kept_of_every_element(log: Logger) -> None:
     Monitor(log)
     log.update()
-    assert {element.options.buffer_size * element.options.divider for element in log.elements} == {12_000}
+    assert {element.options.size * element.options.divider for element in log.elements} == {12_000}
     log.close()
 
 

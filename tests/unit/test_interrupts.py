@@ -42,7 +42,7 @@ def link_of(descriptor):
 def made(storage, tmp_path):
     logger = silo.Logger("test", storage=storage, folder=tmp_path / "logs", script=tmp_path / "none.yaml")
     logger.array("x")
-    logger.array("y", buffer_type="growing")
+    logger.array("y", buffer="growing")
     return logger
 
 
@@ -99,10 +99,10 @@ def test_an_interrupt_anywhere_in_a_tick_is_one_and_the_next_tick_goes_on(
     monkeypatch.setattr("silo.segment.writer.CHUNK_BYTES", 8192)  # growing: some rows per chunk
     logger = silo.Logger("test", threads=threads, folder=tmp_path, script=tmp_path / "none.yaml", max_time=0)
     robot = Robot(tick=0)
-    x = logger.array("x", 98, np.int64, buffer_type=kind, buffer_size=500)
+    x = logger.array("x", 98, np.int64, buffer=kind, size=500)
     for divider in dividers:
-        logger.add(robot, f"y{divider}", attr="tick", divider=divider, buffer_type=kind, buffer_size=500)
-    logger.add(np.zeros(1), "looping", buffer_size=20)
+        logger.add(robot, f"y{divider}", attr="tick", divider=divider, buffer=kind, size=500)
+    logger.add(np.zeros(1), "looping", size=20)
     logger.start()
     interrupts = Interrupts(lambda code: code.co_filename == "<silo collect>" or code.co_name in ("claim", "more"))
 

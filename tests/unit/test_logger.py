@@ -269,7 +269,7 @@ def test_unsaved_data_that_can_not_be_saved_is_kept_for_recovery(counting, capsy
 
 def test_a_logger_that_the_program_forgot_keeps_its_unsaved_data(tmp_path, capsys):
     logger = silo.Logger("forgotten", folder=tmp_path, script=tmp_path / "none", max_time=0)
-    logger.array("x", buffer_type=BufferType.GROWING)
+    logger.array("x", buffer=BufferType.GROWING)
     logger.start()
     logger.collect()
     del logger

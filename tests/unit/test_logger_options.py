@@ -76,7 +76,7 @@ def test_a_default_buffer_holds_max_time_whatever_the_divider(new_logger):
     logger = new_logger(frequency=100, max_time=10)
     logger.array("q", divider=3)
     logger.update()
-    assert logger.elements[0].options.buffer_size == 334
+    assert logger.elements[0].options.size == 334
 
 
 def test_storage_on_disk_keeps_the_segment_in_the_folder_of_the_logs(new_logger, tmp_path):
@@ -130,7 +130,7 @@ def test_an_edit_takes_effect_at_the_next_start(counting):
 def test_edits_are_one_transaction(counting):
     logger = counting()
     logger.stop()
-    good = Edit("/log/x", ElementOptions(divider=2, buffer_size=5))
+    good = Edit("/log/x", ElementOptions(divider=2, size=5))
     with pytest.raises(ElementError, match="element '/log/y': the table has no such element; nothing was changed"):
         logger.apply([good, Edit("/log/y", ElementOptions())])
     assert logger.elements[0].options.divider == 1

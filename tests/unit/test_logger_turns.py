@@ -22,28 +22,28 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_a_logger_of_fixed_buffers_stops_by_itself_when_all_are_full(counting):
-    logger = counting(buffer_type=BufferType.FIXED, buffer_size=4, divider=3)
+    logger = counting(buffer=BufferType.FIXED, size=4, divider=3)
     collect(logger, 100)
     assert (logger.ticks, values(logger), logger.is_running) == (12, [0, 1, 2, 3], False)
 
 
 def test_a_logger_with_max_time_stops_by_itself(counting):
-    logger = counting({"frequency": 10, "max_time": 2}, buffer_type=BufferType.GROWING)
+    logger = counting({"frequency": 10, "max_time": 2}, buffer=BufferType.GROWING)
     collect(logger, 100)
     assert (logger.ticks, logger.is_running) == (20, False)
     assert "stopped by itself: the time buffer is full" in logger.stop_reason
 
 
 def test_a_logger_of_looping_buffers_never_stops_by_itself(counting):
-    logger = counting({"frequency": 10, "max_time": 2}, buffer_size=5)
+    logger = counting({"frequency": 10, "max_time": 2}, size=5)
     collect(logger, 1000)
     assert (logger.ticks, values(logger)) == (1000, [995, 996, 997, 998, 999])
 
 
 def test_a_logger_that_stopped_by_itself_can_be_edited_and_started(counting):
-    logger = counting(buffer_type=BufferType.FIXED, buffer_size=4)
+    logger = counting(buffer=BufferType.FIXED, size=4)
     collect(logger, 10)
-    logger.set("x", buffer_size=6)
+    logger.set("x", size=6)
     logger.start()
     collect(logger, 10)
     assert len(values(logger)) == 6
@@ -105,11 +105,11 @@ def test_a_tick_that_is_interrupted_is_logged_wholly_or_not_at_all(new_logger, m
         return robot.tick
 
     monkeypatch.setattr(writer, "CHUNK_BYTES", 8192)  # growing: ten rows per chunk
-    x = logger.array("x", 98, np.int64, buffer_type=kind, buffer_size=7)
+    x = logger.array("x", 98, np.int64, buffer=kind, size=7)
     for divider in dividers:
         read = interrupted if divider == dividers[-1] else lambda: robot.tick
-        logger.add(read, f"y{divider}", divider=divider, buffer_type=kind, buffer_size=7)
-    logger.add(np.zeros(1), "growing", buffer_type=BufferType.GROWING, buffer_size=1)
+        logger.add(read, f"y{divider}", divider=divider, buffer=kind, size=7)
+    logger.add(np.zeros(1), "growing", buffer=BufferType.GROWING, size=1)
     logger.start()
     tick = 0
     for _ in range(40):
@@ -176,7 +176,7 @@ def test_collect_kept_before_start_logs_after_it(new_logger):
 
 def test_restarts_from_another_thread_neither_tear_rows_nor_stop_the_loop(new_logger):
     logger = new_logger()
-    x = logger.array("x", 40, np.int64, buffer_size=100)
+    x = logger.array("x", 40, np.int64, size=100)
     logger.start()
     done = threading.Event()
     failures = []
@@ -255,7 +255,7 @@ def test_ctrl_c_anywhere_in_collect_leaves_whole_rows(new_logger):
     logger = new_logger(max_time=0)
     robot = Robot(x=0)
     for divider in (1, 2, 3):
-        logger.add(lambda: robot.x, f"x{divider}", divider=divider, buffer_size=100_000)
+        logger.add(lambda: robot.x, f"x{divider}", divider=divider, size=100_000)
     logger.start()
 
     def interrupt(_, frame):

@@ -25,7 +25,7 @@ def test_new_values_are_those_since_the_last_call(counting):
 
 
 def test_values_that_were_overwritten_before_they_were_read_are_counted(counting):
-    logger = counting(buffer_size=5)
+    logger = counting(size=5)
     collect(logger, 12)
     new = logger.read_new_values("x")
     assert (new.values.tolist(), new.missed) == ([7, 8, 9, 10, 11], 7)

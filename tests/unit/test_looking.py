@@ -11,10 +11,10 @@ from silo.logger.null import NullLogger
 @pytest.fixture
 def log(new_logger):
     made = new_logger()
-    q = made.array("q", 3, group="joints", unit="rad", buffer_size=4)
+    q = made.array("q", 3, group="joints", unit="rad", size=4)
     made.array("mode", dtype=int, divider=2, action="both")
-    made.array("<b>", buffer_type="fixed", buffer_size=2)
-    made.array("big", buffer_type="fixed", buffer_size=100)
+    made.array("<b>", buffer="fixed", size=2)
+    made.array("big", buffer="fixed", size=100)
     made.update()
     made.q = q
     return made
@@ -56,7 +56,7 @@ def test_a_logger_gives_its_names_in_order(log):
 def test_an_element_tells_options_newest_value_and_samples_held(log):
     element = turned(log, 7)["joints/q"]
     assert (element.name, element.unit, element.shape) == ("/log/joints/q", "rad", (3,))
-    assert element.options.buffer_size == 4
+    assert element.options.size == 4
     assert element.newest.tolist() == [6, 6, 6]
     assert element.held == 4
     assert repr(element) == "<Element /log/joints/q [rad] save, looping 4, 4 held, newest [6., 6., 6.]>"

@@ -6,9 +6,9 @@ from silo.core.elements import BufferType
 
 
 def fill_beyond_the_memory_limit(logger):
-    x = logger.array("x", 300, np.int64, buffer_type=BufferType.GROWING, buffer_size=1)
-    logger.array("y", 3, buffer_type=BufferType.GROWING, buffer_size=1)
-    logger.array("slow", 200, divider=4, buffer_type=BufferType.GROWING, buffer_size=1)
+    x = logger.array("x", 300, np.int64, buffer=BufferType.GROWING, size=1)
+    logger.array("y", 3, buffer=BufferType.GROWING, size=1)
+    logger.array("slow", 200, divider=4, buffer=BufferType.GROWING, size=1)
     logger.start()
     for tick in range(6000):
         x[:] = tick

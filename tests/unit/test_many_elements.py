@@ -65,7 +65,7 @@ def test_a_tick_at_which_nothing_is_due_does_the_same_for_any_number_of_dividers
     for number, dividers in enumerate((range(100, 105), range(100, 400))):
         logger = new_logger(f"test{number}")
         for divider in dividers:
-            logger.array(f"x{divider}", divider=divider, buffer_size=1)
+            logger.array(f"x{divider}", divider=divider, size=1)
         logger.start()
         logger.collect()
         counts.append(lines_of_a_tick(logger))
@@ -77,8 +77,8 @@ def test_many_dividers_each_log_their_own_ticks(new_logger, kind):
     logger = new_logger(max_time=0)
     robot = Robot(tick=0)
     for divider in DIVIDERS:
-        logger.add(robot, f"y{divider}", attr="tick", divider=divider, buffer_type=kind, buffer_size=9)
-    x = logger.array("x", 1, np.int64, buffer_type=kind, buffer_size=9)
+        logger.add(robot, f"y{divider}", attr="tick", divider=divider, buffer=kind, size=9)
+    x = logger.array("x", 1, np.int64, buffer=kind, size=9)
     logger.start()
     for tick in range(400):
         x[:] = robot.tick = tick
@@ -90,7 +90,7 @@ def test_many_dividers_each_log_their_own_ticks(new_logger, kind):
 def test_the_buffers_of_a_run_with_many_dividers_are_freed_at_once(new_logger):
     logger = new_logger()
     for divider in DIVIDERS:
-        logger.array(f"x{divider}", divider=divider, buffer_size=9)
+        logger.array(f"x{divider}", divider=divider, size=9)
     logger.start()
     for _ in range(200):
         logger.collect()
@@ -109,9 +109,9 @@ def test_the_buffers_of_a_run_with_many_dividers_are_freed_at_once(new_logger):
 def filled(new_logger):
     logger = new_logger()
     robot = Robot(a=1.0, b="text", fails=0)
-    logger.array("x", 3, buffer_size=50)
+    logger.array("x", 3, size=50)
     for name in vars(robot):
-        logger.add(robot, attr=name, buffer_size=50)
+        logger.add(robot, attr=name, size=50)
     logger.start()
     logger.collect()
     return logger, robot
@@ -193,7 +193,7 @@ def test_a_table_without_elements_is_laid_out_after_one_with_some(new_logger):
 # ----------------------------------------------------------------------------------------------- alike, but not equal
 
 
-@pytest.mark.parametrize(("option", "value"), [("divider", True), ("divider", Action.SAVE), ("buffer_size", 1.0)])
+@pytest.mark.parametrize(("option", "value"), [("divider", True), ("divider", Action.SAVE), ("size", 1.0)])
 def test_options_that_only_equal_valid_ones_are_refused_with_the_name_of_the_element(new_logger, option, value):
     logger = new_logger()
     logger.array("first", **{option: 1})

@@ -79,10 +79,11 @@ MISTAKES = {
     "log.set_trigger('fall')": "write log.trigger(",
     # options and edits
     "silo.ElementOptions(dividr=2)": "did you mean 'divider'?",
-    "silo.ElementOptions(buffer='looping')": "did you mean 'buffer_type'?",
+    "silo.ElementOptions(buf='looping')": "did you mean 'buffer'?",
     "silo.ElementOptions(True, 1, 1, 1, 9, 9)": "takes 5 arguments by place (enabled, divider",
     "silo.Edit('joints/q')": "silo.Edit() needs options: write silo.Edit(name, options)",
-    "silo.Edit('joints/q', divider=2)": "it takes name, options",
+    "silo.Edit('joints/q', dividr=2)": "did you mean 'divider'?",
+    "silo.Edit('joints/q', silo.ElementOptions(), divider=2)": "got both",
     "silo.Action('pubish')": "did you mean 'publish'?",
     "silo.BufferType('ring')": "there are fixed, looping, growing",
     "silo.FileType('cvs')": "did you mean 'csv'?",

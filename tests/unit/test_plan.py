@@ -27,7 +27,7 @@ LOOPING, FIXED, GROWING = BufferType.LOOPING, BufferType.FIXED, BufferType.GROWI
 
 
 def options(kind=LOOPING, size=10, divider=1, **more):
-    return ElementOptions(buffer_type=kind, buffer_size=size, divider=divider, **more)
+    return ElementOptions(buffer=kind, size=size, divider=divider, **more)
 
 
 def element(name="/x", array=None, **chosen):

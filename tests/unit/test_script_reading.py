@@ -50,9 +50,7 @@ def test_every_key_of_an_element_is_read() -> None:
         ScriptElement(
             "/log/grp/x",
             2,
-            ElementSettings(
-                enabled=True, divider=3, action=Action.PUBLISH, buffer_type=BufferType.FIXED, buffer_size=10
-            ),
+            ElementSettings(enabled=True, divider=3, action=Action.PUBLISH, buffer=BufferType.FIXED, size=10),
         ),
     )
 
@@ -74,7 +72,7 @@ def test_missing_keys_are_none() -> None:
     ],
 )
 def test_buffer_types_are_given_by_number_or_name(word: str, member: int) -> None:
-    assert element(f"buffer: {{type: {word}}}").asked["buffer_type"] is BufferType(member)
+    assert element(f"buffer: {{type: {word}}}").asked["buffer"] is BufferType(member)
 
 
 @pytest.mark.parametrize(("word", "member"), [("0", 0), ("save_and_publish", 0), ("Save", 1), ("PUBLISH", 2)])
@@ -100,7 +98,7 @@ def test_a_byte_order_mark_and_windows_line_ends_are_read(tmp_path: Path) -> Non
 
 def test_an_anchor_may_be_used_for_several_buffers() -> None:
     text = "log_elements:\n- {name: /a, buffer: &b {type: 2, size: 7}}\n- {name: /b, buffer: *b}\n"
-    assert [item.asked["buffer_size"] for item in script(text).elements] == [7, 7]
+    assert [item.asked["size"] for item in script(text).elements] == [7, 7]
 
 
 @pytest.mark.skipif(not FIXTURES.is_dir(), reason="files of the original are not here")
@@ -115,9 +113,7 @@ def test_the_buffer_of_size_zero_that_the_original_allows_is_the_only_complaint_
     with pytest.raises(ScriptError) as error:
         read_script(FIXTURES / "all_types.yaml")
     (line,) = str(error.value).splitlines()
-    assert line.endswith(
-        f":182: element '/log/extra/zero_size_buffer': buffer size {WHOLE}, got 0; nothing was changed"
-    )
+    assert line.endswith(f":182: element '/log/extra/zero_size_buffer': size {WHOLE}, got 0; nothing was changed")
 
 
 def test_a_range_error_names_file_line_element_and_value() -> None:
@@ -137,10 +133,10 @@ def test_a_range_error_names_file_line_element_and_value() -> None:
         ("divider: [2]", f"divider {WHOLE}, got a list"),
         ("divider:", "divider has no value; give a whole number from 1 to 2147483647, or remove the key"),
         ("divider: !!int 5", f"divider {WHOLE}, got a value with the tag 'tag:yaml.org,2002:int'"),
-        ("buffer: {size: 0}", f"buffer size {WHOLE}, got 0"),
+        ("buffer: {size: 0}", f"size {WHOLE}, got 0"),
         ("buffer: 5", "buffer must have keys (type, size), got 5"),
-        ("buffer: {type: 3}", "buffer type must be looping (1), fixed (0) or growing (2), got 3"),
-        ("buffer: {type: true}", "buffer type must be looping (1), fixed (0) or growing (2), got true"),
+        ("buffer: {type: 3}", "buffer must be looping (1), fixed (0) or growing (2), got 3"),
+        ("buffer: {type: true}", "buffer must be looping (1), fixed (0) or growing (2), got true"),
         ("action: -1", "action must be save (1), both (0) or publish (2), got -1"),
         ("enabled: 2", "enabled must be on or off, got 2"),
         ("enabled: 'true'", "enabled must be on or off, got the text 'true'"),

@@ -104,8 +104,8 @@ def test_a_difference_names_each_field_in_words() -> None:
         FieldChange("/a", "enabled", "on", "off"),
         FieldChange("/a", "divider", "2", "4"),
         FieldChange("/a", "action", "publish", "save"),
-        FieldChange("/a", "buffer_type", "fixed", "looping"),
-        FieldChange("/a", "buffer_size", "30", "31"),
+        FieldChange("/a", "buffer", "fixed", "looping"),
+        FieldChange("/a", "size", "30", "31"),
     ]
 
 

@@ -53,14 +53,14 @@ def small_memory(tmp_path, monkeypatch):
 
 def test_without_room_start_says_how_much_is_missing_and_what_to_do(new_logger, small_memory):
     logger = new_logger()
-    logger.array("x", 1000, buffer_size=10_000)
+    logger.array("x", 1000, size=10_000)
     with pytest.raises(SegmentError, match=r"no room for 8[\d.]+ MB of buffers, [\d.]+ MB are free.*storage=\"file\""):
         logger.start()
 
 
 def test_without_room_no_file_is_left(new_logger, small_memory):
     logger = new_logger()
-    logger.array("x", 1000, buffer_size=10_000)
+    logger.array("x", 1000, size=10_000)
     with pytest.raises(SegmentError):
         logger.start()
     assert list(small_memory.iterdir()) == []
@@ -68,17 +68,17 @@ def test_without_room_no_file_is_left(new_logger, small_memory):
 
 def test_a_failed_start_can_be_tried_again_with_smaller_buffers(new_logger, small_memory):
     logger = new_logger()
-    logger.array("x", 1000, buffer_size=10_000)
+    logger.array("x", 1000, size=10_000)
     with pytest.raises(SegmentError):
         logger.start()
-    logger.set("x", buffer_size=10)
+    logger.set("x", size=10)
     logger.start()
     assert logger.is_running
 
 
 def test_a_restart_takes_the_room_of_the_run_before(new_logger, small_memory):
     logger = new_logger()
-    logger.array("x", 30, buffer_size=10_000)  # 2.6 MB: two of them have no room
+    logger.array("x", 30, size=10_000)  # 2.6 MB: two of them have no room
     logger.start()
     logger.restart()
     assert len(list_segments()) == 1
@@ -93,7 +93,7 @@ def mapped_segments():
 
 def test_the_buffers_of_the_run_before_are_freed_at_once(new_logger):
     logger = new_logger(max_time=0)
-    logger.array("x", buffer_type=GROWING)
+    logger.array("x", buffer=GROWING)
     logger.array("y")
     logger.start()
     for _ in range(3):
@@ -117,7 +117,7 @@ def test_a_kept_collect_does_not_keep_the_buffers_of_its_run(new_logger):
 
 def test_a_closed_logger_frees_its_buffers(new_logger):
     logger = new_logger(max_time=0)
-    logger.array("x", buffer_type=GROWING)
+    logger.array("x", buffer=GROWING)
     logger.start()
     logger.collect()
     logger.close()
@@ -134,7 +134,7 @@ def test_a_folder_for_logs_that_can_not_be_made_is_a_segment_error(new_logger):
 
 def test_a_growing_buffer_that_finds_no_room_counts_what_it_can_not_keep(new_logger, small_memory):
     logger = new_logger(max_time=0)
-    x = logger.array("x", 300, np.int64, buffer_type=GROWING, buffer_size=1)
+    x = logger.array("x", 300, np.int64, buffer=GROWING, size=1)
     logger.start()
     for tick in range(4000):  # 9.7 MB
         x[:] = tick
@@ -147,7 +147,7 @@ def test_a_growing_buffer_that_finds_no_room_counts_what_it_can_not_keep(new_log
 
 def test_buffers_larger_than_the_memory_are_refused_before_the_kernel_kills_the_program(new_logger):
     logger = new_logger()
-    logger.array("x", 1000, buffer_size=2_000_000_000)
+    logger.array("x", 1000, size=2_000_000_000)
     with pytest.raises(SegmentError, match=r"no memory for 1[\d.]+ TB of buffers, [\d.]+ [MG]B are available"):
         logger.start()
 
@@ -155,7 +155,7 @@ def test_buffers_larger_than_the_memory_are_refused_before_the_kernel_kills_the_
 def test_a_limit_on_the_size_of_files_is_an_error_and_no_signal(new_logger, monkeypatch):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     logger = new_logger()
-    logger.array("x", 1000, buffer_size=1000)
+    logger.array("x", 1000, size=1000)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, before[1]))
     try:
         with pytest.raises(SegmentError, match="File too large"):
@@ -167,7 +167,7 @@ def test_a_limit_on_the_size_of_files_is_an_error_and_no_signal(new_logger, monk
 
 def test_every_page_of_the_rings_is_there_before_the_first_tick(new_logger):
     logger = new_logger()
-    logger.array("x", 100, buffer_size=10_000)
+    logger.array("x", 100, size=10_000)
     logger.start()
     found = Path(logger.segment_path).stat()
     assert found.st_blocks * 512 >= found.st_size - 4096
@@ -206,7 +206,7 @@ def test_the_folder_is_made_for_this_user_alone(tmp_path, monkeypatch):
 
 def test_at_the_memory_limit_a_growing_buffer_keeps_what_it_has_and_counts_the_rest(new_logger):
     logger = new_logger(max_time=0, memory_limit_mb=4)
-    x = logger.array("x", 300, np.int64, buffer_type=GROWING, buffer_size=1)
+    x = logger.array("x", 300, np.int64, buffer=GROWING, size=1)
     logger.start()
     for tick in range(5000):
         x[:] = tick
@@ -220,8 +220,8 @@ def test_at_the_memory_limit_a_growing_buffer_keeps_what_it_has_and_counts_the_r
 
 def test_at_the_memory_limit_looping_buffers_go_on(new_logger):
     logger = new_logger(max_time=0, memory_limit_mb=2)
-    logger.array("big", 300, buffer_type=GROWING, buffer_size=1)
-    y = logger.array("y", (), np.int64, buffer_size=10)
+    logger.array("big", 300, buffer=GROWING, size=1)
+    y = logger.array("y", (), np.int64, size=10)
     logger.start()
     for tick in range(5000):
         y[()] = tick
@@ -233,7 +233,7 @@ def test_at_the_memory_limit_looping_buffers_go_on(new_logger):
 
 def test_growing_buffers_that_begin_beyond_the_limit_are_refused_at_start(new_logger):
     logger = new_logger(memory_limit_mb=10)
-    logger.array("x", 1000, buffer_type=GROWING, buffer_size=10_000)
+    logger.array("x", 1000, buffer=GROWING, size=10_000)
     with pytest.raises(
         SegmentError, match=r"begin with 8\d MB or more, the memory limit is 10 MB: raise memory_limit_mb"
     ):
@@ -242,7 +242,7 @@ def test_growing_buffers_that_begin_beyond_the_limit_are_refused_at_start(new_lo
 
 def test_when_even_time_stamps_find_no_room_the_logger_stops_by_itself(new_logger, monkeypatch):
     logger = new_logger(max_time=0, frequency=10)
-    logger.array("x", (), np.int64, buffer_type=GROWING, buffer_size=1)
+    logger.array("x", (), np.int64, buffer=GROWING, size=1)
     logger.start()
     segment = logger.present_run.segment
     wait_until(lambda: len(segment._next) == 2)  # the thread has a chunk ready for each ring
@@ -258,8 +258,8 @@ def test_when_even_time_stamps_find_no_room_the_logger_stops_by_itself(new_logge
 
 def test_growing_buffers_share_the_chunks_in_the_order_of_need(new_logger):
     logger = new_logger(max_time=0)
-    wide = logger.array("wide", 200, np.int64, buffer_type=GROWING, buffer_size=1)
-    rare = logger.array("rare", 2000, np.int64, divider=5, buffer_type=GROWING, buffer_size=1)
+    wide = logger.array("wide", 200, np.int64, buffer=GROWING, size=1)
+    rare = logger.array("rare", 2000, np.int64, divider=5, buffer=GROWING, size=1)
     logger.start()
     for tick in range(2500):
         wide[:] = rare[:] = tick
@@ -272,7 +272,7 @@ def test_growing_buffers_share_the_chunks_in_the_order_of_need(new_logger):
 def test_a_row_larger_than_a_chunk_has_a_chunk_of_its_own(new_logger, monkeypatch):
     monkeypatch.setattr(segment, "CHUNK_BYTES", 8192)
     logger = new_logger(max_time=0)
-    x = logger.array("x", 1100, buffer_type=GROWING, buffer_size=1)  # 8800 bytes
+    x = logger.array("x", 1100, buffer=GROWING, size=1)  # 8800 bytes
     logger.start()
     for tick in range(5):
         x[:] = tick
@@ -289,7 +289,7 @@ def test_a_chunk_is_a_megabyte_or_a_whole_row():
 
 def test_no_thread_is_left_when_a_run_ends(new_logger):
     logger = new_logger(max_time=0)
-    logger.array("x", buffer_type=GROWING)
+    logger.array("x", buffer=GROWING)
     logger.start()
     (thread,) = [thread for thread in threading.enumerate() if thread.name == "silo-chunks"]
     logger.stop()
@@ -302,7 +302,7 @@ def test_no_thread_is_left_when_a_run_ends(new_logger):
 
 def test_a_reader_sees_what_the_logger_was_made_with(new_logger, tmp_path):
     logger = new_logger("arm", frequency=50, max_time=3)
-    logger.array("q", 3, unit="rad", description="joint angles", divider=2, buffer_size=7)
+    logger.array("q", 3, unit="rad", description="joint angles", divider=2, size=7)
     logger.start()
     schema = reader_of(logger).schema
     assert (schema.logger, schema.pid, schema.frequency_hz, schema.folder) == ("arm", os.getpid(), 50, str(tmp_path))
@@ -313,7 +313,7 @@ def test_a_reader_sees_what_the_logger_was_made_with(new_logger, tmp_path):
 def test_fill_levels_count_samples_up_to_the_size_of_the_buffer(new_logger):
     logger = new_logger(max_time=0)
     for kind in BufferType:
-        logger.array(kind.name, buffer_type=kind, buffer_size=5, divider=2)
+        logger.array(kind.name, buffer=kind, size=5, divider=2)
     logger.start()
     reader = reader_of(logger)
     held = []
@@ -352,7 +352,7 @@ def test_an_element_that_was_not_due_yet_has_no_samples(new_logger):
 
 def test_a_snapshot_does_not_change_when_collection_goes_on(new_logger):
     logger = new_logger()
-    x = logger.array("x", buffer_size=5)
+    x = logger.array("x", size=5)
     logger.start()
     collect(logger, 5)
     before = logger.snapshot()
@@ -393,8 +393,8 @@ def test_what_was_saved_is_marked_in_the_segment(new_logger):
 @pytest.mark.parametrize("kind", [BufferType.FIXED, BufferType.GROWING])
 def test_every_sample_of_a_published_element_passes_its_live_ring(new_logger, kind):
     logger = new_logger(max_time=0)
-    x = logger.array("x", (), np.int64, action=Action.SAVE_AND_PUBLISH, buffer_type=kind, buffer_size=3)
-    logger.array("other", buffer_type=GROWING)  # keeps the logger running
+    x = logger.array("x", (), np.int64, action=Action.SAVE_AND_PUBLISH, buffer=kind, size=3)
+    logger.array("other", buffer=GROWING)  # keeps the logger running
     logger.start()
     for tick in range(50):
         x[...] = tick
@@ -435,7 +435,7 @@ def test_on_a_reordering_machine_a_stopped_log_is_whole(new_logger, weak_memory)
     logger = new_logger(max_time=0)
     for divider in (1, 3, 7):
         for kind in BufferType:
-            logger.array(f"x{divider}{kind.name}", divider=divider, buffer_type=kind, buffer_size=4)
+            logger.array(f"x{divider}{kind.name}", divider=divider, buffer=kind, size=4)
     logger.start()
     collect(logger, 30)
     logger.stop()
@@ -463,7 +463,7 @@ def test_the_control_words_of_a_ring_fit_its_line():
 @pytest.mark.parametrize("failing", ["generate", "looked_at"])
 def test_a_start_that_is_interrupted_leaves_no_segment_and_no_open_file(new_logger, monkeypatch, storage, failing):
     logger = new_logger(storage=storage)
-    kept = logger.array("x", buffer_type="growing")
+    kept = logger.array("x", buffer="growing")
     logger.start()
     logger.stop()
     logger.present_run.segment._thread.join()  # it may be mapping a chunk

@@ -52,7 +52,7 @@ def test_options_that_are_in_range_have_no_problem_on_the_wire(given_options: El
 
 
 def test_every_value_of_an_option_with_few_has_words() -> None:
-    for option, kind in (("action", Action), ("buffer_type", BufferType)):
+    for option, kind in (("action", Action), ("buffer", BufferType)):
         words = next(each.words for each in OPTIONS if each.name == option)
         assert sorted(word.value for word in words) == sorted(kind)
 
@@ -75,7 +75,7 @@ def test_the_options_stand_in_the_order_of_the_type() -> None:
 def test_every_example_of_the_help_can_be_typed() -> None:
     for option in OPTIONS:
         for example in option.examples or [word.word for word in option.words]:
-            made(f"{option.keys[0]}={example}", now=ElementOptions(divider=8, buffer_size=8))
+            made(f"{option.keys[0]}={example}", now=ElementOptions(divider=8, size=8))
     for example, _ in help_rows():
         made(*example.split(", ")[:1])
 
@@ -103,12 +103,12 @@ def test_a_field_that_is_given_twice_is_refused() -> None:
 
 
 def test_every_element_and_field_that_would_be_out_of_range_is_named() -> None:
-    rows = [("/a", ElementOptions(buffer_size=5)), ("/b", ElementOptions(buffer_size=50))]
+    rows = [("/a", ElementOptions(size=5)), ("/b", ElementOptions(size=50))]
     with pytest.raises(ElementError) as error:
         apply_settings(read_settings(["size=-10", "div=0"]), rows, 100.0)
     assert [part.split(" must")[0] for part in str(error.value).split("; ")] == [
         "element '/a': divider",
-        "element '/a': buffer size",
+        "element '/a': size",
         "element '/b': divider",
         "nothing was changed",
     ]

@@ -216,7 +216,7 @@ def test_what_can_not_be_saved_at_the_end_stays_for_recover(tmp_path, capsys, mo
 )
 def test_a_run_that_ends_by_itself_by_default_says_so_at_its_start(new_logger, caplog, types, max_time, told):
     logger = new_logger(max_time=max_time)
-    kept = [logger.array(f"x{number}", buffer_type=kind) for number, kind in enumerate(types)]
+    kept = [logger.array(f"x{number}", buffer=kind) for number, kind in enumerate(types)]
     logger.start()
     assert len(kept) == len(types)
     assert [warning.partition(", as not all")[0] for warning in warnings_of(caplog)] == (

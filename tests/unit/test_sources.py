@@ -370,7 +370,7 @@ def test_the_self_test_finds_a_single_wrong_address_among_many(new_logger, monke
     monkeypatch.setattr("silo.loop.run._read_bytes", lambda found, sizes: read(found, sizes) ^ (wrong in found))
     logger = new_logger()
     for number, one in enumerate(arrays):
-        logger.add(one, f"x{number}", buffer_size=2)
+        logger.add(one, f"x{number}", size=2)
     logger.start()
     assert logger.present_run.plan.references == ()
 

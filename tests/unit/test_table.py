@@ -21,7 +21,7 @@ from silo.settings.options import checked, option_problems
 
 def element(name, suffixes=("",)):
     entries = tuple(Entry(suffix, "<f8") for suffix in suffixes)
-    return Element(ElementInfo(name, "-", "scalar", (), entries, ElementOptions(buffer_size=10)), ())
+    return Element(ElementInfo(name, "-", "scalar", (), entries, ElementOptions(size=10)), ())
 
 
 @pytest.fixture
@@ -120,9 +120,9 @@ def test_a_change_with_one_bad_value_changes_nothing(table):
         ({"divider": MAX_DIVIDER + 1}, "divider", f"got {MAX_DIVIDER + 1}"),
         ({"divider": 2.0}, "divider", "got 2.0"),
         ({"divider": True}, "divider", "got True"),
-        ({"buffer_size": 0}, "buffer_size", f"buffer size must be a whole number from 1 to {MAX_BUFFER_SIZE}, got 0"),
+        ({"size": 0}, "size", f"size must be a whole number from 1 to {MAX_BUFFER_SIZE}, got 0"),
         ({"action": 7}, "action", "action must be save (1), both (0) or publish (2), got 7"),
-        ({"buffer_type": "LOOPING"}, "buffer_type", "must be looping (1), fixed (0) or growing (2), got 'LOOPING'"),
+        ({"buffer": "LOOPING"}, "buffer", "must be looping (1), fixed (0) or growing (2), got 'LOOPING'"),
         ({"enabled": 1}, "enabled", "enabled must be on or off, got 1"),
     ],
 )
@@ -136,7 +136,7 @@ def test_a_value_out_of_range_is_named_with_its_field_and_range(options, field, 
     "options",
     [
         ElementOptions(),
-        ElementOptions(divider=MAX_DIVIDER, buffer_size=MAX_BUFFER_SIZE),
+        ElementOptions(divider=MAX_DIVIDER, size=MAX_BUFFER_SIZE),
         ElementOptions(False, 3, Action.PUBLISH, BufferType.GROWING, 7),
     ],
 )
@@ -145,7 +145,7 @@ def test_values_within_range_are_taken(options):
 
 
 def test_edits_of_unknown_elements_and_twice_of_one_are_problems(table):
-    good = ElementOptions(buffer_size=3)
+    good = ElementOptions(size=3)
     edits = [Edit("/log/leg/q", good), Edit("/log/leg/q", good), Edit("/log/gone", good)]
     assert [(problem.name, problem.reason) for problem in table.problems(edits)] == [
         ("/log/leg/q", "edited twice in one transaction"),
@@ -154,13 +154,13 @@ def test_edits_of_unknown_elements_and_twice_of_one_are_problems(table):
 
 
 def test_every_field_that_is_wrong_is_a_problem_of_its_own(table):
-    edits = [Edit("/log/leg/q", ElementOptions(divider=0, buffer_size=0))]
-    assert [problem.field for problem in table.problems(edits)] == ["divider", "buffer_size"]
+    edits = [Edit("/log/leg/q", ElementOptions(divider=0, size=0))]
+    assert [problem.field for problem in table.problems(edits)] == ["divider", "size"]
 
 
 def test_edits_are_applied_in_one_revision(table):
     before = table.revision
-    edits = [Edit(info.name, ElementOptions(divider=5, buffer_size=3)) for info in table.infos]
+    edits = [Edit(info.name, ElementOptions(divider=5, size=3)) for info in table.infos]
     assert table.apply(edits) == 4
     assert table.revision == before + 1
     assert {info.options.divider for info in table.infos} == {5}

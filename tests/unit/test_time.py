@@ -95,7 +95,7 @@ def test_a_clock_that_is_no_clock_is_refused(new_logger):
 def test_all_elements_share_the_stamp_of_their_tick(ticking):
     logger = ticking()
     logger.array("a")
-    logger.array("b", divider=2, buffer_size=3)
+    logger.array("b", divider=2, size=3)
     logger.start()
     collect(logger, 7)
     recording = logger.snapshot()
@@ -124,8 +124,8 @@ def test_the_clock_is_read_once_per_tick(new_logger):
 
 def test_looping_time_stamps_reach_back_as_far_as_the_longest_element(ticking):
     logger = ticking()
-    logger.array("short", buffer_size=4)
-    logger.array("long", divider=10, buffer_size=3)
+    logger.array("short", size=4)
+    logger.array("long", divider=10, size=3)
     logger.start()
     collect(logger, 100)
     recording = logger.snapshot()
@@ -136,7 +136,7 @@ def test_looping_time_stamps_reach_back_as_far_as_the_longest_element(ticking):
 
 def test_between_two_samples_a_looping_element_keeps_its_times(ticking):
     logger = ticking()
-    logger.array("x", divider=10, buffer_size=3)
+    logger.array("x", divider=10, size=3)
     logger.start()
     collect(logger, 95)
     assert times_of(logger.snapshot(), "x") == [70, 80, 90]
@@ -144,8 +144,8 @@ def test_between_two_samples_a_looping_element_keeps_its_times(ticking):
 
 def test_a_fixed_element_that_filled_early_keeps_its_first_times(ticking):
     logger = ticking(frequency=10, max_time=3)
-    logger.array("fixed", buffer_type=BufferType.FIXED, buffer_size=3, divider=2)
-    logger.array("looping", buffer_size=2)
+    logger.array("fixed", buffer=BufferType.FIXED, size=3, divider=2)
+    logger.array("looping", size=2)
     logger.start()
     collect(logger, 99)
     recording = logger.snapshot()
@@ -156,7 +156,7 @@ def test_a_fixed_element_that_filled_early_keeps_its_first_times(ticking):
 
 def test_growing_time_stamps_are_all_kept(ticking):
     logger = ticking(frequency=10, max_time=0)
-    logger.array("x", buffer_type=BufferType.GROWING, buffer_size=1)
+    logger.array("x", buffer=BufferType.GROWING, size=1)
     logger.start()
     collect(logger, 200_000)  # the second chunk of time stamps begins after 65,536
     assert np.array_equal(logger.snapshot().time_ns, np.arange(200_000))
@@ -164,7 +164,7 @@ def test_growing_time_stamps_are_all_kept(ticking):
 
 def test_the_offset_counts_ticks_since_start(ticking):
     logger = ticking()
-    logger.array("x", buffer_size=5)
+    logger.array("x", size=5)
     logger.start()
     collect(logger, 42)
     recording = logger.snapshot()

@@ -59,7 +59,7 @@ def wrong_lines():
 
 
 def test_the_words_of_the_types_are_those_of_the_rules():
-    for kind, name in ((ActionWord, "action"), (BufferWord, "buffer_type"), (SwitchWord, "enabled")):
+    for kind, name in ((ActionWord, "action"), (BufferWord, "buffer"), (SwitchWord, "enabled")):
         spellings = set().union(*(word.spellings for word in OPTION[name].words))
         assert words(kind) <= spellings
         assert {word.word for word in OPTION[name].words} <= words(kind)

@@ -150,7 +150,7 @@ def test_one_that_changed_before_is_found_between_two_looks(new_logger, caplog):
 
 def test_a_run_that_stops_by_itself_is_looked_at_when_it_is_saved(new_logger, caplog):
     robot, logger = Robot(q=np.zeros(3)), new_logger()
-    logger.add(robot.q, "q", buffer_type="fixed", buffer_size=4)
+    logger.add(robot.q, "q", buffer="fixed", size=4)
     logger.start()
     turned(logger, robot, 6)
     assert not logger.is_running

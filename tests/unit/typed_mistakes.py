@@ -20,11 +20,11 @@ silo.init("typed", freq=500)  # wrong
 
 log.add(x, "a", "group", "rad", 2, "publish", 100, "looping")
 log.add(x, "a", divider=np.int64(2), action=silo.Action.SAVE, enabled=np.bool_(True))
-log.add(x, "a", divider="50Hz", buffer_size="10s", buffer_type="growing", action="both")
+log.add(x, "a", divider="50Hz", size="10s", buffer="growing", action="both")
 log.add(x, "a", dividr=2)  # wrong
 log.add(x, "a", action="pubish")  # wrong
-log.add(x, "a", buffer_type="ring")  # wrong
-log.add(x, "a", buffer_type=silo.Action.SAVE)  # wrong
+log.add(x, "a", buffer="ring")  # wrong
+log.add(x, "a", buffer=silo.Action.SAVE)  # wrong
 log.add(x, "a", divider=2.5)  # wrong
 log.add(x, 5)  # wrong
 silo.add(x, "a", group="joints", divider=2)
@@ -61,8 +61,9 @@ silo.get_logger().set("joints", dividr=2)  # wrong
 silo.ElementOptions(divider=2, action=silo.Action.PUBLISH)
 silo.ElementOptions(dividr=2)  # wrong
 silo.ElementOptions(divider="50Hz")  # wrong
-silo.Edit("/log/q", silo.ElementOptions(buffer_size=100))
-silo.Edit("/log/q", divider=2)  # wrong
+silo.Edit("/log/q", silo.ElementOptions(size=100))
+silo.Edit("/log/q", divider=2, size="10s")
+silo.Edit("/log/q", dividr=2)  # wrong
 log.snapshot().elements
 log.save("csv").path
 log.elements["q"].unit

@@ -202,8 +202,8 @@ def _show_elements(elements: "list[ElementInfo]") -> None:
             "on" if one.options.enabled else "off",
             str(one.options.divider),
             one.options.action.name.lower() if not one.expression else "derived",
-            one.options.buffer_type.name.lower() if not one.expression else "-",
-            str(one.options.buffer_size) if not one.expression else "-",
+            one.options.buffer.name.lower() if not one.expression else "-",
+            str(one.options.size) if not one.expression else "-",
             one.description,
         )
         for one in elements

@@ -118,9 +118,7 @@ class CaptureBuffer:
         for element in schema.elements:
             if element.ring in self._rings:
                 size = max(1, sum(map(len, self._parts[element.ring])))
-                options = msgspec.structs.replace(
-                    element.info.options, buffer_type=BufferType.LOOPING, buffer_size=size
-                )
+                options = msgspec.structs.replace(element.info.options, buffer=BufferType.LOOPING, size=size)
                 info = msgspec.structs.replace(element.info, options=options)
                 elements.append(msgspec.structs.replace(element, info=info))
         return msgspec.structs.replace(

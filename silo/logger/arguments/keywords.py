@@ -37,8 +37,8 @@ class ElementKeywords(TypedDict, total=False):
     unit: str
     divider: Number
     action: AnyAction
-    buffer_type: AnyBuffer
-    buffer_size: Number | None
+    buffer: AnyBuffer
+    size: Number | None
     enabled: Switch
     kind: str
     labels: Labels | None
@@ -58,8 +58,6 @@ class OptionKeywords(TypedDict, total=False):
     div: Number
     action: AnyAction
     act: AnyAction
-    buffer_type: AnyBuffer
     buffer: AnyBuffer
     buf: AnyBuffer
-    buffer_size: Number
     size: Number

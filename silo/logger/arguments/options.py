@@ -34,7 +34,7 @@ from silo.core.runtime import FOLDER_GONE
 from silo.errors import ElementError, SourceError
 from silo.loop.types import MAX_ENTRIES
 from silo.settings.options import option_problems, refusal
-from silo.settings.typed import ElementSettings, apply_settings, read_options
+from silo.settings.typed import ElementSettings, apply_settings, read_options, whole_edits
 
 log = logging.getLogger("silo")
 
@@ -120,7 +120,7 @@ def element_name(source: object, name: object, attr: object) -> str:
 
 
 def new_options(name: str, frequency_hz: float, max_time_s: float, *given: object) -> ElementOptions:
-    """Return the options of a new element: enabled, divider, action, buffer type and size, of which None is `max_time`.
+    """Return the options of a new element: enabled, divider, action, buffer and size, of which None is `max_time`.
 
     Raises ElementError.
     """
@@ -139,22 +139,22 @@ def _alike(frequency_hz: float, max_time_s: float, *given: object) -> ElementOpt
 
 
 def _new_options(name: str, frequency_hz: float, max_time_s: float, *given: object) -> ElementOptions:
-    named = dict(zip(("enabled", "divider", "action", "buffer_type", "buffer_size"), given, strict=True))
-    if named["buffer_size"] is None:
-        del named["buffer_size"]
+    named = dict(zip(("enabled", "divider", "action", "buffer", "size"), given, strict=True))
+    if named["size"] is None:
+        del named["size"]
     settings = read_options(named, name)
-    size = settings.pop("buffer_size", None)
+    size = settings.pop("size", None)
     (first,) = apply_settings(settings, [(name, DEFAULT_OPTIONS)], frequency_hz)
     # the room for max_time, and what "*2" makes of it, follow the divider
     logger = LoggerOptions(frequency_hz=frequency_hz, max_time_s=max_time_s)
-    default = msgspec.structs.replace(first, buffer_size=logger.default_buffer_size(first.divider))
+    default = msgspec.structs.replace(first, size=logger.default_buffer_size(first.divider))
     if size is None:
         problems = option_problems(name, default)
-        way_out = f"that is max_time, {max_time_s:g} s at {frequency_hz:g} Hz: give a buffer_size"
+        way_out = f"that is max_time, {max_time_s:g} s at {frequency_hz:g} Hz: give a size"
         if problems:
             raise ElementError(refusal(problems).replace("; nothing", f" ({way_out}); nothing"))
         return default
-    (options,) = apply_settings(ElementSettings(buffer_size=size), [(name, default)], frequency_hz)
+    (options,) = apply_settings(ElementSettings(size=size), [(name, default)], frequency_hz)
     return options
 
 
@@ -193,18 +193,16 @@ def array_layout(shape: object, dtype: object) -> tuple[tuple[int, ...], np.dtyp
     return lengths, kind
 
 
-def edits_given(edits: object) -> list[Edit]:
-    """The edits of a transaction. Raises ElementError for anything else."""
+def edits_given(edits: object, elements: Iterable[ElementInfo], frequency_hz: float) -> list[Edit]:
+    """The edits of a transaction, each with all options. Raises ElementError for anything else."""
     if isinstance(edits, str | bytes | Mapping) or not isinstance(edits, Iterable):
         raise ElementError(f"edits must be a list of silo.Edit, got {shown(edits)}; log.set(name, ...) is simpler")
     found = list(edits)
     for one in found:
-        right = isinstance(one, Edit) and isinstance(one.name, str) and isinstance(one.options, ElementOptions)
-        if not right:
-            raise ElementError(
-                f"an edit must be silo.Edit(name, ElementOptions(...)), got {shown(one)}; nothing was changed"
-            )
-    return found
+        right = isinstance(one, Edit) and isinstance(one.name, str)
+        if not right or not isinstance(one.options, ElementOptions | dict):
+            raise ElementError(f"an edit must be silo.Edit(name, divider=5), got {shown(one)}; nothing was changed")
+    return whole_edits(found, elements, frequency_hz)
 
 
 def serving_group(given: str | None) -> str | None:
@@ -250,11 +248,11 @@ def warn_if_not_durable(options: LoggerOptions, *, served: bool) -> None:
 def warn_of_end(options: LoggerOptions, table: Iterable[ElementInfo]) -> None:
     """Say when a run ends by itself that would go on, were all its buffers looping and `max_time` not there."""
     infos = [info for info in table if info.options.enabled]
-    kinds = {info.options.buffer_type for info in infos}
+    kinds = {info.options.buffer for info in infos}
     limit_s = options.max_time_s
     if limit_s != DEFAULT_MAX_TIME_S or BufferType.LOOPING not in kinds or len(kinds) == 1:
         return
-    ending = [info.name for info in infos if info.options.buffer_type is not BufferType.LOOPING]
+    ending = [info.name for info in infos if info.options.buffer is not BufferType.LOOPING]
     log.warning(
         "%s: logging stops by itself after %g s (max_time), as not all buffers are looping (%s): for a run without "
         "end give max_time=0, or make them looping",

@@ -53,7 +53,7 @@ class DemoSignal(NamedTuple):
     """One variable. `name` is `part.variable`, or that of a variable of each joint or leg; `element` if that is not it.
 
     `divider` is for 400 Hz: 4 is 100 Hz, 40 is 10 Hz, which `divider_at` keeps at other frequencies. `start` is the
-    first value, of `dtype` if that is given; a text or an enumeration's is no array. `buffer_size` None is the logger's
+    first value, of `dtype` if that is given; a text or an enumeration's is no array. `size` None is the logger's
     default.
     """
 
@@ -66,8 +66,8 @@ class DemoSignal(NamedTuple):
     dtype: str | None = None
     kind: str = ""
     labels: type[enum.Enum] | None = None
-    buffer_type: BufferType = LOOPING
-    buffer_size: int | None = None
+    buffer: BufferType = LOOPING
+    size: int | None = None
     element: str = ""
 
 
@@ -130,8 +130,8 @@ _JOINT = (
     DemoSignal("position_margin", "rad", 4, SAVE, "distance to the end stop"),
     DemoSignal("thermal_load", "%", 40, LIVE, "of the winding, 100 is 110 degC"),
     DemoSignal("drive_temperature", "degC", 400, SAVE, "power electronics", start=30.0),
-    DemoSignal("gain_p", "Nm/rad", 400, start=GAIN_P_NM_RAD, dtype="f4", buffer_type=FIXED, buffer_size=10),
-    DemoSignal("gain_d", "Nm*s/rad", 400, start=12.0, dtype="f4", buffer_type=FIXED, buffer_size=10),
+    DemoSignal("gain_p", "Nm/rad", 400, start=GAIN_P_NM_RAD, dtype="f4", buffer=FIXED, size=10),
+    DemoSignal("gain_d", "Nm*s/rad", 400, start=12.0, dtype="f4", buffer=FIXED, size=10),
 )
 
 # of each of the four legs
@@ -177,7 +177,7 @@ _BODY = (
     DemoSignal("base.euler", "rad", 4, LIVE, "roll, pitch, yaw", start=np.zeros(3), kind="array"),
     DemoSignal("base.command", "m/s", 4, LIVE, "forward, left, turn", start=np.zeros(3), kind="array"),
     DemoSignal("base.centre_of_mass", "m", 4, start=np.zeros(3)),
-    DemoSignal("base.inertia", "kg m^2", 400, start=np.diag([1.1, 2.9, 3.2]), buffer_type=FIXED, buffer_size=1),
+    DemoSignal("base.inertia", "kg m^2", 400, start=np.diag([1.1, 2.9, 3.2]), buffer=FIXED, size=1),
     DemoSignal("controller.gait", "-", 1, LIVE, start=Gait.STAND),
     DemoSignal("controller.state", "-", 4, LIVE, "mission", start="standing"),
     DemoSignal(
@@ -205,9 +205,9 @@ _BODY = (
     DemoSignal("battery.voltage", "V", 40, LIVE, start=50.0),
     DemoSignal("battery.current", "A", 40, LIVE),
     DemoSignal("battery.power", "W", 40, LIVE),
-    DemoSignal("battery.charge", "-", 400, LIVE, "0 empty, 1 full", start=0.93, buffer_type=GROWING, buffer_size=600),
-    DemoSignal("battery.temperature", "degC", 400, start=26.0, buffer_type=GROWING, buffer_size=600),
-    DemoSignal("battery.cells", "V", 400, start=np.full(12, 4.1, np.float32), buffer_type=GROWING, buffer_size=600),
+    DemoSignal("battery.charge", "-", 400, LIVE, "0 empty, 1 full", start=0.93, buffer=GROWING, size=600),
+    DemoSignal("battery.temperature", "degC", 400, start=26.0, buffer=GROWING, size=600),
+    DemoSignal("battery.cells", "V", 400, start=np.full(12, 4.1, np.float32), buffer=GROWING, size=600),
     DemoSignal("battery.state", "-", 400, LIVE, start=BatteryState.DISCHARGING, labels=BatteryState),
     DemoSignal("sensors.sonar_left", "m", 2, LIVE, "loose plug: NaN now and then", start=1.5),
     DemoSignal("sensors.sonar_right", "m", 2, LIVE, start=1.5),

@@ -74,7 +74,7 @@ def _element(log: Logger, probe: Probe, name: str, column: Measured) -> NDArray[
     size = buffer_size_for(KEEP_S, log.options.frequency_hz, probe.divider)
     made = log.array(
         last, (), column.dtype, group=f"{probe.group}/{below}".rstrip("/"), unit=column.unit, divider=probe.divider,
-        action=column.action, buffer_size=size,
+        action=column.action, size=size,
     )  # fmt: skip
     if column.dtype == "f8":
         made[...] = math.nan
