@@ -210,7 +210,8 @@ class Connection:
 
     def ask_later(self, request: Request[Any], timeout_s: float) -> Pending:
         """Ask, and look for the answer when there is time. Raises ConnectionLostError."""
-        return Pending(self.borrowed(), self.root, request, timeout_s, self._clock)
+        # while a client closes, its thread still asks: it is that thread that lets the session go
+        return Pending(self._borrowed or self.borrowed(), self.root, request, timeout_s, self._clock)
 
     def _learn(self, reply: AnyReply) -> AnyReply:
         """Return a reply; of a hello the clock of the helper process is taken in."""

@@ -180,6 +180,34 @@ def test_end_that_zenoh_does_not_tell_is_noticed(bench, client, until, monkeypat
     until(lambda: links == [False])
 
 
+def test_a_client_that_is_closed_in_a_callback_lets_its_views_end(bench, client, until, caplog) -> None:
+    view = client.view(["/log/x"])
+    ended: list[bool] = []
+
+    def end(_: object) -> None:
+        client.close()
+        view.close()
+        ended.append(True)
+
+    client.on_event(end)
+    client.start()
+    until(lambda: ended and not client.connected)
+    assert "a callback failed" not in caplog.text
+
+
+def test_a_client_that_is_closed_during_a_look_at_its_link_lets_the_session_go(bench, client, monkeypatch) -> None:
+    connection = client._connection
+
+    def closed_meanwhile(_: Path) -> bool:
+        connection._stop.set()
+        return True
+
+    monkeypatch.setattr("silo.client.connection.owner_is_gone", closed_meanwhile)
+    connection._looked_s = 0.0
+    connection._thread.join(DEADLINE_S)
+    assert not client.connected
+
+
 def test_logger_that_is_served_again_is_found_again(bench, client, until) -> None:
     bench.serving.close()
     until(lambda: not client.connected)
