@@ -271,6 +271,8 @@ class Judge:
 
     def _forget(self, text: str) -> None:
         """Judge this run no more. What was captured until now is written, and says so."""
+        if self._judge is None and self._failed == text:
+            return  # of a run that can't be opened, at each look
         judge, self._judge, self._failed = self._judge, None, text
         if judge is not None:
             found = judge.close("judging failed")

@@ -7,6 +7,7 @@ import pytest
 import silo
 from silo.conditions.monitor import Judge
 from silo.core.elements import LoggedEvent
+from silo.errors import SegmentError
 from silo.logger.serving.answers import robot_state
 from silo.rpc.published import EventKind
 from silo.state.event_log import EventLog
@@ -52,3 +53,26 @@ def test_a_run_that_it_found_before_it_was_handed_over_is_let_go_of_at_its_end(t
         judge.stop("the test is over")
         replica.let_go()
         logger.close()
+
+
+def test_a_run_that_cannot_be_opened_is_told_of_once(tmp_path, runtime_folder, monkeypatch) -> None:
+    logger = silo.Logger("bot", max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
+    replica, events = Replica(robot_state(logger, "", -1)), Events(str(tmp_path))
+    held = HeldRuns(replica, lambda: None)
+    judge = Judge(replica, events, held)
+    looks: list[str] = []
+
+    def damaged(run: str) -> None:
+        looks.append(run)
+        raise SegmentError("its header is damaged")
+
+    monkeypatch.setattr(replica, "run", "1f")
+    monkeypatch.setattr(held, "open", damaged)
+    judge.start()
+    try:
+        wait_until(lambda: len(looks) > 2)
+    finally:
+        judge.stop("the test is over")
+        logger.close()
+    told = [event.text for event in events.log.since(0, 1000)[0] if event.kind == EventKind.BLIND.value]
+    assert told == ["triggers and limits of this run are judged no more: its header is damaged"]
