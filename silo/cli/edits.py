@@ -71,7 +71,9 @@ def select(names: Sequence[str], patterns: Sequence[str], prefix: str = "") -> l
     for pattern in patterns:
         found = known.every(pattern)
         if not found:
-            raise ElementError(f"no element matches '{pattern}'{known.hint(pattern, '`silo info -e` lists them')}")
+            # who mistypes the logger has its name looked for in the only one there is
+            nor = "; no logger of that name runs here: `silo ls`" if pattern == patterns[0] and patterns[1:] else ""
+            raise ElementError(f"no element matches '{pattern}'{known.hint(pattern, '`silo info -e` lists them')}{nor}")
         if (later := known.find(pattern)) and found != later:
             click.echo(
                 f"'{pattern}' means {many(len(found), 'element')} here, from the next release on "

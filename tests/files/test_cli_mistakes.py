@@ -178,3 +178,9 @@ def test_a_closed_or_full_end_is_no_traceback(line, end, folder, runtime_folder)
     assert b"Traceback" not in done.stderr
     assert b"Exception ignored" not in done.stderr
     assert done.returncode in CODES | {120, 141}
+
+
+def test_who_asks_for_a_type_to_convert_to_is_told_what_says_it(outcome):
+    code, said = outcome("convert", "good.silo", "--type", "csv")
+    assert code == 2
+    assert "the ending of OUT says the format: silo convert IN OUT.csv" in said

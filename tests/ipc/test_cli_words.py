@@ -68,6 +68,11 @@ def test_a_pattern_that_names_nothing_tells_the_nearest_name() -> None:
     assert str(error.value) == "no element matches '/log/base/twits'; did you mean '/log/base/twist'?"
 
 
+def test_who_mistypes_the_logger_is_told_that_none_has_that_name() -> None:
+    with pytest.raises(ElementError, match=r"no element matches 'nobody'; .*; no logger of that name runs here"):
+        names_of("nobody", "/log/base/twist")
+
+
 @pytest.mark.parametrize(
     ("word", "settings"),
     [

@@ -73,11 +73,17 @@ _CONVERT_HELP = f"""Convert a log to another format, chosen by the ending of OUT
     """
 
 
+def _ending_says(_ctx: click.Context, _param: click.Parameter, value: str | None) -> None:
+    if value is not None:
+        raise click.UsageError(f"the ending of OUT says the format: silo convert IN OUT.{value}")
+
+
 @click.command("convert", help=_CONVERT_HELP)
 @click.argument("source", type=LogWord(), metavar="IN", shell_complete=_complete_file)
 @click.argument("target", metavar="OUT", type=TypedPath(path_type=Path))
 @click.option("-f", "--force", is_flag=True, help="Replace OUT if it exists.")
 @click.option("--rate", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="All signals at this rate.")
+@click.option("-t", "--type", "--format", hidden=True, is_eager=True, expose_value=False, callback=_ending_says)
 def convert_command(source: str, target: Path, force: bool, rate: float | None) -> None:
     """Convert a log; the help is `_CONVERT_HELP`."""
     from silo.files.convert import convert
