@@ -207,16 +207,21 @@ class Client(
         except NoAnswerError:
             if not changes:
                 raise
-            reply = self._told_why(request)
+            why = self._why_no_changes()
+            if not why:  # the end of an answer may overtake it, and a helper process may end before it answers
+                who = self._connection.label_of(self._connection.found)
+                text = f"{who} gave no answer to {type(request).__name__}; look whether it was done before trying again"
+                raise ConnectionLostError(text) from None
+            reply = self._told_why(request, why)
         except (OverflowError, UnicodeEncodeError) as error:
             raise ElementError(f"{type(request).__name__} can't be sent: {error}; nothing was asked") from None
         return checked(request, reply)
 
-    def _told_why(self, request: Request[ReplyT]) -> AnyReply:
+    def _told_why(self, request: Request[ReplyT], why: str) -> AnyReply:
         """Ask under the key for those whom rules keep from `do`: the robot says why, and tells who sits before it."""
         with contextlib.suppress(NoAnswerError):  # a robot, or rules, of before
             return self._connection.exchange(request, self._timeout_s, refused=True)
-        return Refused(RefusedWhy.FORBIDDEN, self._why_not())
+        return Refused(RefusedWhy.FORBIDDEN, why)
 
     def _why_not(self) -> str:
         """Return why this user's changes get no answer, from a logger that answers what reads; raises if it doesn't."""

@@ -17,7 +17,7 @@ import msgspec
 import zenoh
 
 from silo.errors import ConnectionLostError, SiloError, VersionError
-from silo.fleet.exchange import client_name, decode_reply, root_at
+from silo.fleet.exchange import client_name, decode_reply, root_at, those_there
 from silo.fleet.many import POLL_S as ANSWERED_S
 from silo.fleet.many import Asking
 from silo.fleet.member import HELPER_DOWN, NO_ANSWER, OTHER_SILO, Member
@@ -465,7 +465,8 @@ class FleetLink:
             with mine.looking:
                 # Those that are there already have an end, which a subscription has not. Until Zenoh has come to terms
                 # with a subscription it tells who asks that nobody is there: 29 of 40 sessions, for up to 0.2 s.
-                there = _those_there(mine, alive, answer_s)
+                there = those_there(mine, alive, answer_s)
+                mine.followed.set()
                 tokens = session.liveliness().declare_subscriber(alive, zenoh.handlers.RingChannel(MOST), history=True)
                 declared.append(tokens)
                 news = _history(tokens, there, SETTLED_S + mine.slack_s)
@@ -629,18 +630,12 @@ class FleetLink:
 def who_is_there(mine: SessionLease, alive: str, timeout_s: float) -> list[keys.Root]:
     """Return whose tokens are there, sorted; where nobody is, it is looked again for a moment."""
     with mine.looking:
-        roots = _those_there(mine, alive, timeout_s)
+        roots = those_there(mine, alive, timeout_s)
         until_s = time.monotonic() + NOBODY_S + mine.slack_s
         while not roots and time.monotonic() < until_s:
             time.sleep(NOBODY_S / 10)
-            roots = _those_there(mine, alive, timeout_s)
+            roots = those_there(mine, alive, timeout_s)
     return roots
-
-
-def _those_there(mine: SessionLease, alive: str, timeout_s: float) -> list[keys.Root]:
-    replies = mine.session.liveliness().get(alive, timeout=timeout_s + mine.slack_s)
-    seen = {keys.robot_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
-    return sorted(root for root in seen if root is not None)
 
 
 def _nobody_there(config: str, session: zenoh.Session) -> str:
@@ -655,7 +650,7 @@ def _nobody_there(config: str, session: zenoh.Session) -> str:
 def _settle(mine: SessionLease, alive: str, count: int, timeout_s: float) -> None:
     """Wait until who asks is told of so many again; one that went meanwhile is waited for no longer than that takes."""
     until_s = time.monotonic() + SETTLED_S + mine.slack_s
-    while len(_those_there(mine, alive, timeout_s)) < count and time.monotonic() < until_s:
+    while len(those_there(mine, alive, timeout_s)) < count and time.monotonic() < until_s:
         time.sleep(POLL_S / 10)
 
 

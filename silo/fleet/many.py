@@ -1,12 +1,13 @@
 """Requests whose answers nobody waits for one by one: many at a time, and none holds up the others."""
 
+import time
 from collections import deque
 from typing import Any
 
 import zenoh
 
 from silo.errors import ConnectionLostError
-from silo.fleet.exchange import encoded, key_of, payload_of
+from silo.fleet.exchange import AGAIN_S, encoded, key_of, payload_of
 from silo.net.keys import Root
 from silo.net.sessions import SessionLease
 from silo.rpc.clocks import UNKNOWN, TheirClock
@@ -23,26 +24,40 @@ class Pending:
         self, mine: SessionLease, root: Root, request: Request[Any], timeout_s: float, clock: TheirClock = UNKNOWN
     ) -> None:
         timeout_s += mine.slack_s
-        # not a ring: it loses what it holds when the query ends
+        self._session = mine.session
         self._key = key_of(request, root, mine.user)
-        self._replies = mine.session.get(
-            self._key,
-            zenoh.handlers.FifoChannel(4),
-            payload=encoded(request, clock.after(timeout_s)),
-            timeout=timeout_s,
-            attachment=mine.proof if request.key == Do.key else None,
-        )
+        self._payload = encoded(request, clock.after(timeout_s))
+        self._proof = mine.proof if request.key == Do.key else None
+        self._pauses_s = iter(AGAIN_S if request.key != Do.key else ())
+        self._until_s = time.monotonic() + timeout_s
+        self._again_s: float | None = None  # when it is asked again
+        self._ask()
+
+    def _ask(self) -> None:
+        # not a ring: it loses what it holds when the query ends
+        self._replies = self._session.get(
+            self._key, zenoh.handlers.FifoChannel(4), payload=self._payload, attachment=self._proof,
+            timeout=max(0.01, self._until_s - time.monotonic()),
+        )  # fmt: skip
+        self._again_s = None
 
     def poll(self) -> tuple[bool, bytes | None]:
         """Return whether it has come to its end, and with what."""
         try:
+            if self._again_s is not None:
+                if time.monotonic() < self._again_s:
+                    return False, None
+                self._ask()
             while (reply := self._replies.try_recv()) is not None:
                 if reply.err is not None:  # its time is up
                     return True, None
                 if (payload := payload_of(reply, self._key)) is not None:
                     return True, payload
-        except zenoh.ZError:
-            return True, None
+        except zenoh.ZError:  # no more will come
+            pause_s = next(self._pauses_s, None)
+            if pause_s is None:
+                return True, None
+            self._again_s = time.monotonic() + pause_s
         return False, None
 
 

@@ -34,6 +34,7 @@ class _Shared:
     rtt_s: float = 0.0
     users: int = 0
     looking: threading.Lock = field(default_factory=threading.Lock)
+    followed: threading.Event = field(default_factory=threading.Event)
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class SessionLease:
     """A session to talk through, and the round trip time of its link in s, 0 on this computer.
 
     Changes go out under the name `user`; with `proof` where a group shares the socket. `looking` is held while somebody
-    asks who is there, or begins to follow that.
+    asks who is there, or begins to follow that; `followed` is set once somebody did.
     """
 
     session: zenoh.Session
@@ -51,6 +52,7 @@ class SessionLease:
     proof: bytes | None = None
     identity: str = ""  # by which a logger tells operators apart
     looking: threading.Lock = field(default_factory=threading.Lock)
+    followed: threading.Event = field(default_factory=threading.Event)
 
     @property
     def slack_s(self) -> float:
@@ -81,7 +83,10 @@ def borrow(socket_path: str, config: str, reach_s: float = REACH_S) -> SessionLe
                 shared.session = open_client(None, path, reached)
                 shared.rtt_s = reached.rtt_s
             user = user_at(path)
-            return SessionLease(shared.session, path, shared.rtt_s, user, identity=user, looking=shared.looking)
+            return SessionLease(
+                shared.session, path, shared.rtt_s, user,
+                identity=user, looking=shared.looking, followed=shared.followed,
+            )  # fmt: skip
     except BaseException:
         _leave(path)
         raise

@@ -15,10 +15,13 @@ import pytest
 import silo
 from silo.client.client import Client
 from silo.client.connection import Connection
+from silo.core.elements import State
 from silo.errors import ConnectionLostError
 from silo.fleet.discovery import discover
+from silo.fleet.exchange import NoAnswerError
 from silo.fleet.fleet import surveyed
 from silo.fleet.many import Asking
+from silo.requests import Start
 from silo.rpc.published import EventKind
 from tests.waiting import DEADLINE_S
 
@@ -292,3 +295,21 @@ class TestOtherUsers:
     def test_others_may_not_and_hear_which_group_to_join(self, robot_of) -> None:
         robot_of(str(self.shared_gid))
         assert f"usermod -aG {self.shared_gid}" in self.ask()
+
+
+def test_a_change_whose_answer_was_lost_is_sent_once_and_not_said_to_be_forbidden(client, bench, monkeypatch) -> None:
+    exchange, sent = client._connection.exchange, []
+
+    def overtaken(request, *words, **more):
+        reply = exchange(request, *words, **more)
+        if isinstance(request, Start):
+            sent.append(request)
+            raise NoAnswerError("the end came before the answer")
+        return reply
+
+    monkeypatch.setattr(client._connection, "exchange", overtaken)
+    with pytest.raises(ConnectionLostError, match="no answer to Start; look whether it was done") as caught:
+        client.start()
+    assert len(sent) == 1
+    assert not isinstance(caught.value, NoAnswerError)
+    assert client.status().state is State.RUNNING
