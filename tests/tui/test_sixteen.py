@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from textual.widgets import OptionList
 
 from silo.core.elements import BufferType, Entry, FileType
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
@@ -39,9 +40,16 @@ def tasks():
 TASKS = tasks()
 
 
+def is_read(dialog):
+    """Whether a dialog tells what the choice under the cursor would do: who takes it before is asked once more."""
+    choices = dialog.query_one(OptionList) if dialog.query("#about") else None
+    return choices is None or choices.highlighted is None or dialog.told == choices.highlighted_option.id
+
+
 async def free(screen):
-    """Waits until what was asked for is there: meanwhile nobody takes keys."""
+    """Waits until what was asked for is there, and said: meanwhile nobody takes keys."""
     await screen.until(lambda: not isinstance(screen.app.screen, Holding), "an answer")
+    await screen.until(lambda: is_read(screen.app.screen), "what a choice would do")
 
 
 async def do(screen, number, way=0):
