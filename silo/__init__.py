@@ -12,41 +12,25 @@ from silo.version import VERSION
 
 TYPE_CHECKING = False  # `typing` itself takes 5 ms to load
 if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itself is public
-    from silo.analysis.compare import Comparison as Comparison, compare as compare
-    from silo.analysis.log import (
-        Log as Log,
-        Signal as Signal,
-        UnknownSignalError as UnknownSignalError,
-    )
+    from silo.analysis.compare import compare as compare
+    from silo.analysis.log import Log as Log
+    from silo.analysis.signal import Signal as Signal
     from silo.analysis.opening import open_log as open_log, open_logs as open_logs
     from silo.client.connect import Client as Client, connect as connect, topic as topic
     from silo.loop.types import register as register
     from silo.errors import (
-        ArgumentError as ArgumentError,
-        UnknownNameError as UnknownNameError,
-        GoesOnError as GoesOnError,
-        LogNotFoundError as LogNotFoundError,
-        NoRoomError as NoRoomError,
-        UnsavedError as UnsavedError,
-        VersionError as VersionError,
         ConnectionLostError as ConnectionLostError,
         ElementError as ElementError,
-        FileFormatError as FileFormatError,
         LogWarning as LogWarning,
         RefusedError as RefusedError,
         SaveError as SaveError,
-        ScriptError as ScriptError,
-        SegmentError as SegmentError,
         SiloError as SiloError,
-        SourceError as SourceError,
         StateError as StateError,
     )
-    from silo.expressions.tokens import ExpressionError as ExpressionError
     from silo.core.kinds import vector_at_position as vector_at_position
     from silo.logger.default import (
         add as add,
         array as array,
-        cleanup as cleanup,
         close as close,
         collect as collect,
         get_logger as get_logger,
@@ -62,21 +46,13 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         update as update,
     )
     from silo.logger.logger import Logger as Logger
-    from silo.logger.results import LoggedElement as LoggedElement
-    from silo.logger.results import NewValues as NewValues
-    from silo.logger.serving.serving import Serving as Serving
     from silo.logger.null import NullLogger as NullLogger
     from silo.core.elements import (
         Action as Action,
         BufferType as BufferType,
         Edit as Edit,
-        ElementInfo as ElementInfo,
         ElementOptions as ElementOptions,
-        FileType as FileType,
         LoggerOptions as LoggerOptions,
-        SavedFile as SavedFile,
-        Storage as Storage,
-        Threads as Threads,
     )
     from silo.core.recording import Recording as Recording
 
@@ -84,29 +60,28 @@ __version__ = VERSION
 
 _HOMES = {
     "silo.logger.default": (
-        "add array cleanup close collect get_logger init mark record restart save serve start stop stop_recording "
-        "update"
+        "add array close collect get_logger init mark record restart save serve start stop stop_recording update"
     ),
-    "silo.errors": (
-        "ArgumentError ConnectionLostError ElementError FileFormatError GoesOnError LogNotFoundError LogWarning "
-        "NoRoomError RefusedError SaveError ScriptError SegmentError SiloError SourceError StateError UnknownNameError "
-        "UnsavedError VersionError"
-    ),
-    "silo.analysis.log": "Log Signal UnknownSignalError",
+    "silo.errors": "ConnectionLostError ElementError LogWarning RefusedError SaveError SiloError StateError",
+    "silo.analysis.log": "Log",
+    "silo.analysis.signal": "Signal",
     "silo.analysis.opening": "open_log open_logs",
-    "silo.analysis.compare": "Comparison compare",
+    "silo.analysis.compare": "compare",
     "silo.client.connect": "Client connect topic",
     "silo.logger.logger": "Logger",
-    "silo.logger.results": "LoggedElement NewValues",
-    "silo.logger.serving.serving": "Serving",
-    "silo.core.elements": (
-        "Action BufferType Edit ElementInfo ElementOptions FileType LoggerOptions SavedFile Storage Threads"
-    ),
+    "silo.core.elements": "Action BufferType Edit ElementOptions LoggerOptions",
     "silo.logger.null": "NullLogger",
     "silo.core.recording": "Recording",
     "silo.loop.types": "register",
-    "silo.expressions.tokens": "ExpressionError",
     "silo.core.kinds": "vector_at_position",
+}
+# names of before, which work for one release: where they are
+_FORMER = {
+    "silo.errors": (
+        "ArgumentError ExpressionError FileFormatError GoesOnError LogNotFoundError NoRoomError ScriptError "
+        "SegmentError SourceError UnknownNameError UnknownSignalError UnsavedError VersionError"
+    ),
+    "silo.types": "Comparison ElementInfo FileType LoggedElement NewValues SavedFile Serving Storage Threads",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -114,11 +89,25 @@ __all__ = list(_HOME_OF)
 
 
 def __getattr__(name: str) -> object:
+    if name in ("errors", "types"):
+        return importlib.import_module(f"silo.{name}")
     if name not in _HOME_OF:
+        for home, names in _FORMER.items():
+            if name in names.split():
+                return _former(name, home, name)
+        if name == "cleanup":
+            return _former(name, "silo.logger.default", "close")
         raise _no_such_name(name)
     value = getattr(importlib.import_module(_HOME_OF[name]), name)
     globals()[name] = value
     return value
+
+
+def _former(name: str, home: str, now: str) -> object:
+    from silo.core.calls import tell_former
+
+    tell_former(f"silo.{name}", f"is {home}.{now} now" if now == name else f"is silo.{now} now")
+    return getattr(importlib.import_module(home), now)
 
 
 _OF_A_LOGGER = {"set", "enable", "disable", "remove", "apply", "element", "elements", "snapshot", "read_new_values"}

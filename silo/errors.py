@@ -9,6 +9,26 @@ class ElementError(SiloError, ValueError):
     """An element is unknown, listed twice, or given a value out of range. Nothing was changed."""
 
 
+class ExpressionError(ElementError):
+    """An expression can't be understood, or doesn't fit the signals; the message shows the place. Nothing was changed.
+
+    `reason` is the message without the text of the expression, `at` and `end` are the place in it.
+    """
+
+    def __init__(self, reason: str, text: str, at: int, end: int) -> None:
+        self.reason, self.text = reason, text
+        self.at = min(max(at, 0), len(text))
+        self.end = max(min(end, len(text)), self.at + 1)
+        super().__init__(f"{reason}\n  {text}\n  {' ' * self.at}{'^' * (self.end - self.at)}")
+
+
+class UnknownSignalError(ElementError, KeyError):
+    """The log has no signal of that name."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
 class ArgumentError(SiloError, TypeError):
     """A function was called with an argument that it doesn't have, with too many, or without one that it needs."""
 

@@ -183,7 +183,7 @@ def logged_to_journal(folder: Path, options, batches, disk, refusals=(), block_b
     ]
     with contextlib.closing(log), pytest.MonkeyPatch.context() as patched:
         log.start()
-        reader = SegmentReader(log.segment_path)
+        reader = SegmentReader(log._present.path)
         schema = msgspec.structs.replace(reader.schema, boot_id="before the power cut")
         patched.setattr(journal_writer, "BLOCK_BYTES", block_bytes)
         writer = JournalWriter(folder / "run.journal", Head(str(reader.path), schema), disk)

@@ -125,7 +125,7 @@ class Scenario:
 
     def finish(self) -> None:
         """Hold what was told against what there was."""
-        run = self.log.present_run
+        run = self.log._present.run
         assert run is not None
         events = read_events(self.folder, "spiked", run.id)
         fired = [event.tick for event in events if event.kind == EventKind.TRIGGERED.value]

@@ -32,20 +32,10 @@ from silo.core.kinds import SCALAR
 from silo.core.names import is_glob
 from silo.core.printing import html_table
 from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, read_ahead, stamps_of
-from silo.errors import ElementError, LogWarning, SaveError
+from silo.errors import ElementError, LogWarning, SaveError, UnknownSignalError
 from silo.expressions.derived_signals import bound_derived
 from silo.files.added import added_formats
 from silo.files.formats import writer_for
-
-__all__ = ["Log", "LogWarning", "Signal", "UnknownSignalError"]
-
-
-class UnknownSignalError(ElementError, KeyError):
-    """The log has no signal of that name."""
-
-    def __str__(self) -> str:
-        return str(self.args[0])
-
 
 # what others call it
 _OTHER_NAMES = {

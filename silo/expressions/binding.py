@@ -14,10 +14,9 @@ import numpy as np
 
 from silo.core import units
 from silo.core.names import is_glob
-from silo.errors import ElementError
+from silo.errors import ElementError, ExpressionError
 from silo.expressions.catalogue import OFF, Catalogue, Known
 from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
-from silo.expressions.tokens import ExpressionError
 
 __all__ = [
     "OFF",

@@ -13,10 +13,9 @@ import msgspec
 
 from silo.core.elements import Action, BufferType, Derived, ElementInfo, ElementOptions, Entry
 from silo.core.kinds import ARRAY, SCALAR
-from silo.errors import ElementError
+from silo.errors import ElementError, ExpressionError
 from silo.expressions.binding import OFF, BoundExpression, Catalogue, Computed, Known, Part, Remembered, bind
 from silo.expressions.parsing import names_in, parse
-from silo.expressions.tokens import ExpressionError
 
 NUMBER = "<f8"
 

@@ -11,7 +11,8 @@ import warnings
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from silo.expressions.tokens import ExpressionError, Tokens, tokens
+from silo.errors import ExpressionError
+from silo.expressions.tokens import Tokens, tokens
 
 __all__ = ["FUNCTIONS", "Call", "ComparisonChain", "Expression", "ExpressionError", "Name", "Node", "Number",
            "Operation",

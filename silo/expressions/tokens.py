@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass
 
 from silo.core.arguments import shown
-from silo.errors import ElementError
+from silo.errors import ExpressionError
 
 MOST_CHARACTERS = 500
 
@@ -20,19 +20,6 @@ _LETTER = re.compile(r"[^\W\d]|[_/]")
 _CLASS = re.compile(r"\[[^\[\]\s]{1,50}\]")
 _LOGIC = ("and", "or", "not")
 _INSTEAD = {"&": "and", "&&": "and", "|": "or", "||": "or", "!": "not", "=": "=="}
-
-
-class ExpressionError(ElementError):
-    """An expression can't be understood, or doesn't fit the signals; the message shows the place. Nothing was changed.
-
-    `reason` is the message without the text of the expression, `at` and `end` are the place in it.
-    """
-
-    def __init__(self, reason: str, text: str, at: int, end: int) -> None:
-        self.reason, self.text = reason, text
-        self.at = min(max(at, 0), len(text))
-        self.end = max(min(end, len(text)), self.at + 1)
-        super().__init__(f"{reason}\n  {text}\n  {' ' * self.at}{'^' * (self.end - self.at)}")
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,9 @@ import numpy as np
 from silo.core.arguments import real, shown, whole
 from silo.core.elements import BufferType, Conditions, Derived, ElementInfo, SignalLimits, TriggerOptions
 from silo.core.quantities.reading import both_meanings, seconds_of
-from silo.errors import ElementError
+from silo.errors import ElementError, ExpressionError
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.derived_signals import binds, placed
-from silo.expressions.tokens import ExpressionError
 from silo.judging.limits import LimitRule, limit_rule
 from silo.judging.triggers import BufferSpan, Slope, TriggerMode, TriggerRule, check_length, check_pre
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from silo.core.arguments import line, shown, text, whole
+from silo.core.arguments import line, shown, switch, text, whole
 from silo.core.calls import told_class
 from silo.core.elements import (
     NO_EXTRAS,
@@ -37,8 +37,18 @@ class LoggerConditions:
 
     def __init__(self, options: LoggerOptions, table: Registrations, life: LifeCycle) -> None:
         """Begin without any, of a logger with these options, this table and this life cycle."""
-        self._options, self._table, self._life = options, table, life
+        self.options, self._table, self._life = options, table, life
         self.extras = NO_EXTRAS
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the logger runs."""
+        return self._life.running
+
+    @property
+    def elements(self) -> list[ElementInfo]:
+        """The rows of the table that they are checked against."""
+        return self._table.infos
 
     def take(self, extras: Conditions) -> None:
         """Have others, which fit the table."""
@@ -51,9 +61,9 @@ class LoggerConditions:
         from silo.judging.definitions import bounds_given, with_limits
 
         one = SignalLimits(info.name, bounds_given(info.name, bounds))
-        return with_limits(self.extras, one, [*self._table.all_infos, info], self._options.prefix)
+        return with_limits(self.extras, one, [*self._table.all_infos, info], self.options.prefix)
 
-    def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
+    def derive(self, name: str, expression: str | None, *, group: str = "", unit: str = "") -> None:
         """Have a signal computed from others wherever rows are read: `log.derive("power", "joints/tau * joints/qd")`.
 
         It is watched, plotted and saved as elements are; nothing of it stands in the buffers, and it costs the control
@@ -61,7 +71,7 @@ class LoggerConditions:
 
         Args:
             name: its name after prefix and group, or whole with the prefix.
-            expression: may use elements that were added before, and other derived signals.
+            expression: may use elements that were added before, and other derived signals; None forgets the signal.
             group: the namespace between prefix and name.
             unit: instead of the one that follows from its signals.
 
@@ -72,10 +82,13 @@ class LoggerConditions:
         """
         from silo.judging.definitions import with_derived
 
+        if expression is None:
+            self.remove_derived(name)
+            return
         name = text("the signal's name", name, 'log.derive("power", "joints/tau * joints/qd")')
         expression = text("expression", expression, 'log.derive("power", "joints/tau * joints/qd")')
         group, unit = text("group", group, 'group="joints"'), line("unit", unit, 'unit="W"')
-        prefix = self._options.prefix
+        prefix = self.options.prefix
         if not name.strip("/"):
             raise ElementError("a derived signal needs a name; nothing was changed")
         if not name.isprintable():
@@ -103,7 +116,7 @@ class LoggerConditions:
         name = text("the signal's name", name, 'log.remove_derived("power")')
         with self._life.lock:
             self._life.check_open()
-            self._take_derived(without_derived(self.extras, name, self._table.all_infos, self._options.prefix))
+            self._take_derived(without_derived(self.extras, name, self._table.all_infos, self.options.prefix))
 
     def _take_derived(self, extras: Conditions) -> None:
         if extras.derived != self.extras.derived:
@@ -113,7 +126,7 @@ class LoggerConditions:
     def limit(
         self,
         name: str,
-        bounds: Sequence[float | None],
+        bounds: Sequence[float | None] | None,
         *,
         persistence: int = 1,
         hysteresis: float = 0.0,
@@ -127,7 +140,7 @@ class LoggerConditions:
         Args:
             name: an element (each of its values is judged), one scalar of it, or a derived signal.
             bounds: (red_low, yellow_low, yellow_high, red_high), None for one that there isn't; a value at a bound is
-                within it.
+                within it. None in place of all four forgets its limits.
             persistence: so many samples in a row make a state; each violation is counted all the same.
             hysteresis: how far inside a bound its state ends.
             stale: a value that stays the same for so long is one too (`"0.5s"`).
@@ -139,6 +152,9 @@ class LoggerConditions:
         """
         from silo.judging.definitions import MOST_STALE_S, bounds_given, seconds
 
+        if bounds is None:
+            self.remove_limits(name)
+            return
         name = text("the signal's name", name, 'log.limit("joints/tau", (-40, -30, 30, 40))')
         when = text("when", when, 'when="controller/mode == STANCE"')
         one = SignalLimits(
@@ -172,7 +188,7 @@ class LoggerConditions:
             )
         with self._life.lock:
             self._life.check_open()
-            self.extras = with_limits(self.extras, one, self._table.all_infos, self._options.prefix)
+            self.extras = with_limits(self.extras, one, self._table.all_infos, self.options.prefix)
             self._life.tell()
 
     def remove_limits(self, name: str) -> None:
@@ -197,7 +213,7 @@ class LoggerConditions:
     def trigger(
         self,
         name: str,
-        when: str,
+        when: str | None,
         *,
         pre: float | str = 0.0,
         post: float | str = 0.0,
@@ -208,6 +224,7 @@ class LoggerConditions:
         mode: str = "normal",
         save: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
         keep: int = 0,
+        armed: bool = True,
     ) -> None:
         """Capture what all saved elements did around the moments at which a condition turns true.
 
@@ -219,7 +236,7 @@ class LoggerConditions:
 
         Args:
             name: stands in the names of its files.
-            when: the condition.
+            when: the condition; None forgets the trigger.
             pre: how long before the fire.
             post: how long after it.
             edge: `"rising"`: the condition turns true, `"falling"`: false, `"level"`: is true; `"enter"` and `"leave"`
@@ -231,6 +248,7 @@ class LoggerConditions:
             save: file types.
             keep: of its captures on the disk, of this run and earlier ones, the newest so many stay, 0 for all; removed
                 is only what the logger's own list says that it wrote.
+            armed: False: it waits until it is armed (`silo trigger arm`, silo-tui).
 
         Raises:
             ExpressionError: a condition makes no sense; the message shows the place.
@@ -239,6 +257,9 @@ class LoggerConditions:
         """
         from silo.judging.definitions import MOST_TRIGGER_S, seconds
 
+        if when is None:
+            self.remove_trigger(name)
+            return
         example = 'log.trigger("fall", "abs(base/roll) > 0.6")'
         name = line("the trigger's name", name, example)
         pre_s, post_s, persist_s, holdoff_s = (
@@ -257,6 +278,7 @@ class LoggerConditions:
             text("mode", mode, 'mode="single"'),
             tuple(file_types(save)),
             whole("keep", keep, 0, 1_000_000),
+            switch("armed", armed),
         )
         self.set_trigger(one)
 
@@ -288,8 +310,8 @@ class LoggerConditions:
         with self._life.lock:
             self._life.check_open()
             infos = self._table.all_infos
-            check_held(one, infos, self._options.frequency_hz)
-            self.extras = with_trigger(self.extras, one, infos, self._options.prefix)
+            check_held(one, infos, self.options.frequency_hz)
+            self.extras = with_trigger(self.extras, one, infos, self.options.prefix)
             if self._life.running:
                 self._warn_of_off(one)  # else at the start: until then elements may be switched on
             self._life.tell()
@@ -336,7 +358,7 @@ class LoggerConditions:
                 msgspec.structs.replace(info, options=options.get(info.name, info.options))
                 for info in self._table.infos
             ]
-            self.take(checked_extras(extras, planned, self._options.prefix, self._options.frequency_hz))
+            self.take(checked_extras(extras, planned, self.options.prefix, self.options.frequency_hz))
             self._life.tell()
 
     def warn_at_start(self, *, served: bool) -> None:
@@ -354,13 +376,13 @@ class LoggerConditions:
         for one in self.extras.triggers:
             self._warn_of_off(one)
             try:
-                check_held(one, self._table.infos, self._options.frequency_hz)
+                check_held(one, self._table.infos, self.options.frequency_hz)
             except ElementError as error:  # each is told
                 log.warning("trigger '%s' will capture less than it should: %s", one.name, error)
 
     def _warn_of_off(self, one: TriggerOptions) -> None:
         from silo.judging.switched_off import off_problem
 
-        problem = off_problem(one, self._table.infos, self._options.prefix, self.extras.derived)
+        problem = off_problem(one, self._table.infos, self.options.prefix, self.extras.derived)
         if problem:
             log.warning("trigger '%s' %s", one.name, problem)

@@ -33,7 +33,7 @@ def _making(kind: Callable[P, Logger]) -> Callable[P, Logger]:
     def init(*args: P.args, **kwargs: P.kwargs) -> Logger:
         global _default  # noqa: PLW0603  # the one logger of the program
         if isinstance(_default, Logger):
-            _default.abandon()
+            _default._abandon()
         made = kind(*args, **kwargs)
         if _early:
             log.warning("%s before silo.init() went to a logger that does nothing: call silo.init() first", _counted())
@@ -94,7 +94,7 @@ save = _of_default(Logger.save)
 serve = _of_default(Logger.serve)
 record = _of_default(Logger.record)
 stop_recording = _of_default(Logger.stop_recording)
-close = cleanup = _of_default(Logger.close)
+close = _of_default(Logger.close)
 
 
 def collect() -> None:
@@ -126,7 +126,6 @@ __all__ = [
     "Serving",
     "add",
     "array",
-    "cleanup",
     "close",
     "collect",
     "get_logger",

@@ -8,7 +8,6 @@ or the state takes one lock, which `collect()` never touches.
 import functools
 import logging
 import os
-import threading
 from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import TYPE_CHECKING, NoReturn
@@ -20,7 +19,6 @@ from silo.core.elements import (
     Conditions,
     ControlMode,
     GroupRole,
-    State,
     Storage,
     Threads,
 )
@@ -154,32 +152,19 @@ class Logger(metaclass=HidesOtherNames):
     array = of("_scripted", ScriptedTable.array)
     update = of("_scripted", ScriptedTable.update)
     set = of("_scripted", ScriptedTable.set)
-    enable = of("_scripted", ScriptedTable.enable)
-    disable = of("_scripted", ScriptedTable.disable)
     remove = of("_scripted", ScriptedTable.remove)
-    apply = of("_scripted", ScriptedTable.apply)
-    problems = of("_scripted", ScriptedTable.problems)
     load_script = of("_scripted", ScriptedTable.load_script)
     save_script = of("_scripted", ScriptedTable.save_script)
 
     derive = of("_conditions", LoggerConditions.derive)
-    remove_derived = of("_conditions", LoggerConditions.remove_derived)
     limit = of("_conditions", LoggerConditions.limit)
-    set_limits = of("_conditions", LoggerConditions.set_limits)
-    remove_limits = of("_conditions", LoggerConditions.remove_limits)
     trigger = of("_conditions", LoggerConditions.trigger)
-    set_trigger = of("_conditions", LoggerConditions.set_trigger)
-    remove_trigger = of("_conditions", LoggerConditions.remove_trigger)
-    apply_extras = of("_conditions", LoggerConditions.apply_extras)
 
-    look_for_unheld = of("_data", RunData.look_for_unheld)
     snapshot = of("_data", RunData.snapshot)
-    element = of("_data", RunData.element)
     read_new_values = of("_data", RunData.read_new_values)
     save = of("_data", RunData.save)
     record = of("_data", RunData.record)
     stop_recording = of("_data", RunData.stop_recording)
-    note_saved = of("_data", RunData.note_saved)
 
     @property
     def name(self) -> str:
@@ -190,11 +175,6 @@ class Logger(metaclass=HidesOtherNames):
     def elements(self) -> Elements:
         """The element table, in the order of registration; a row is found by its number or its name."""
         return Elements(self._table.infos, self._table.prefix)
-
-    @property
-    def revision(self) -> int:
-        """Grows with every change of the table."""
-        return self._table.revision
 
     @property
     def extras(self) -> Conditions:
@@ -218,7 +198,7 @@ class Logger(metaclass=HidesOtherNames):
     # ------------------------------------------------------------------------------------------------ the loop
 
     def collect(self) -> None:
-        """Log one tick. While the logger stands still nothing is logged: told once, and counted as `ignored`.
+        """Log one tick. While the logger stands still nothing is logged, which is told once.
 
         Raises StateError in every thread but the first that called it since the last start (see `threads`).
         """
@@ -241,11 +221,6 @@ class Logger(metaclass=HidesOtherNames):
         if not self._life.reason:
             return "collect() logs nothing while start() prepares a new run"
         return f"collect() logs nothing while it stands still ({self._life.reason}): start() begins a new run"
-
-    @property
-    def ignored(self) -> int:
-        """How often `collect()` was called since the last start while the logger didn't run, and logged nothing."""
-        return self._ignored
 
     def _set_collect(self, collect: Callable[[], None] | None) -> None:
         """Have a run's `collect` in the place of this class's, or none: it logs nothing then."""
@@ -295,7 +270,7 @@ class Logger(metaclass=HidesOtherNames):
             self._life.check_stopped("start")
             if not self._scripted.is_updated:
                 self.update()
-            self.look_for_unheld()  # a run that stopped by itself may be saved now
+            self._data.look_for_unheld()  # a run that stopped by itself may be saved now
             self._present.settle(unsaved, self.options, self.extras)
             self._scripted.adopt_late()
             self._conditions.warn_at_start(served=self._life.serving is not None)
@@ -345,18 +320,13 @@ class Logger(metaclass=HidesOtherNames):
         if self._life.serving is not None:
             self._life.serving.let_go(held_alone=held_alone)
 
-    @property
-    def saved_before_start(self) -> str:
-        """Where a start saved the run before it, in words; empty where it hadn't to."""
-        return self._present.saved_before
-
     def stop(self) -> None:
         """End logging; the data stays and can be saved. Stopping a stopped logger succeeds."""
         with self._life.lock:
             if self._life.running and self._present.run is not None:
                 self._life.running = False
                 self._set_collect(None)
-                self.look_for_unheld()
+                self._data.look_for_unheld()
                 self._present.run.end(StopReason.ASKED)
                 self._life.reason = STOP_TEXTS[StopReason.ASKED]
                 self._life.tell()
@@ -393,13 +363,7 @@ class Logger(metaclass=HidesOtherNames):
     # ----------------------------------------------------------------------------------------------- the state
 
     @property
-    def state(self) -> State:
-        """Running or stopped, as clients see it."""
-        return self._life.state
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether it was closed, for good."""
+    def _is_closed(self) -> bool:
         return self._life.closed
 
     @property
@@ -422,28 +386,8 @@ class Logger(metaclass=HidesOtherNames):
         """Why the logger stopped, empty while it runs or before the first start."""
         return self._life.reason
 
-    @property
-    def source_failures(self) -> dict[str, int]:
-        """At how many ticks each element could not be read since start; only attributes and functions that failed."""
-        return self._present.failures
-
-    @property
-    def segment_path(self) -> str:
-        """The file of the current or last run, empty before the first start."""
-        return self._present.path
-
-    @property
-    def present_run(self) -> Run | None:
-        """The current or last run; for the serving thread."""
-        return self._present.run
-
-    @property
-    def lock(self) -> "threading.RLock":
-        """The lock of table and state, for the serving thread; `collect()` never takes it."""
-        return self._life.lock
-
     def __getitem__(self, name: str) -> LoggedElement:
-        return self.element(name)
+        return self._data.element(name)
 
     def __setitem__(self, name: str, value: object) -> NoReturn:
         not_set(name)
@@ -518,7 +462,7 @@ class Logger(metaclass=HidesOtherNames):
                     self._free()  # it was interrupted
                 return
             self.stop()
-            self.look_for_unheld()
+            self._data.look_for_unheld()
             self._freeing = self._life.closed = True  # in this order: an interrupt may come between
             dropped = 0 if discard else self._present.unsaved_ticks
         if dropped:
@@ -538,8 +482,6 @@ class Logger(metaclass=HidesOtherNames):
         if self._present.drop(self._is_wanted):
             say_what_is_held(self.options)
 
-    cleanup = close
-
     def __enter__(self) -> "Logger":
         return self
 
@@ -551,7 +493,7 @@ class Logger(metaclass=HidesOtherNames):
         `log.close()` before the end drops it.
         """
         if kind is not None or self._life.closed or not self.has_unsaved or not self._saved_at_end():
-            self.abandon()
+            self._abandon()
 
     def _saved_at_end(self) -> bool:
         """Save what is in no file at a clean end, and close; False where that failed: nothing was changed then."""
@@ -561,11 +503,11 @@ class Logger(metaclass=HidesOtherNames):
         except SiloError as error:
             log.warning("%s: saving at the end failed: %s", self.options.name, error)
             return False
-        say_saved(self.present_run, self.options.name, saved)
+        say_saved(self._present.run, self.options.name, saved)
         self.close()
         return True
 
-    def abandon(self) -> None:
+    def _abandon(self) -> None:
         """End without `close()`, as at the end of a process: unsaved data is saved as `.silo`, and it is said where.
 
         A served logger leaves that to its helper process. Where saving fails, `silo recover` can do it later.
@@ -575,14 +517,14 @@ class Logger(metaclass=HidesOtherNames):
             self.close()
             return
         self.stop()
-        self.look_for_unheld()
+        self._data.look_for_unheld()
         self._life.closed = True
         if self._life.serving is not None:
             if self._life.serving.is_up:
-                self._life.serving.abandon(self.segment_path, self.ticks)
+                self._life.serving.abandon(self._present.path, self.ticks)
             else:
                 self._life.serving.close()
-            if self._life.serving.left == (self.segment_path, self.ticks):
+            if self._life.serving.left == (self._present.path, self.ticks):
                 return  # the helper process saves them and deletes the segment
         self._set_mark(no_mark)
         if save_at_end(run, self.options, self.extras):
@@ -599,9 +541,9 @@ class Logger(metaclass=HidesOtherNames):
             self._life.closed = True
             say_where_it_is(run, self.options)  # the collector may run in any thread: no place to write files
         else:
-            self.abandon()
+            self._abandon()
 
-    def after_fork_in_child(self) -> None:
+    def _after_fork_in_child(self) -> None:
         """A forked child must not write into its parent's buffers, nor delete them."""
         self._set_collect(forked_collect(self.options.name) if self._life.running else None)
         self._set_mark(no_mark)
@@ -631,10 +573,10 @@ class Logger(metaclass=HidesOtherNames):
         return f"<Logger {self._about()}>"
 
     def _repr_html_(self) -> str:
-        return as_html(f"Logger {self._about()}", list(self), self.element)
+        return as_html(f"Logger {self._about()}", list(self), self._data.element)
 
     def _about(self) -> str:
-        state = "closed" if self._life.closed else self.state.value
+        state = "closed" if self._life.closed else self._life.state.value
         reason = f" ({self._life.reason})" if self._life.reason and not self._life.running else ""
         held = f", {self.ticks} ticks{', not saved' if self.has_unsaved else ''}" if self._present.number else ""
         pending = f", {len(self._table.pending)} added since" if self._table.pending else ""

@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterator
 from functools import wraps
 from pathlib import Path
-from types import TracebackType
+from types import SimpleNamespace, TracebackType
 from typing import Any, Concatenate, NoReturn, ParamSpec, TypeVar, cast
 
 import numpy as np
@@ -74,6 +74,13 @@ class _NoFiles(SavedFiles):
     size_bytes = 0
 
 
+class _Nothing:
+    """A part of a logger that does nothing, whatever it is called for."""
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        return lambda *_, **__: None
+
+
 class NullServing:
     """What `NullLogger.serve` returns: nothing listens."""
 
@@ -97,23 +104,20 @@ class NullLogger(metaclass=HidesOtherNames):
     """Takes every call of `Logger` and logs nothing. `array` returns ordinary zeros, so that the program works on."""
 
     is_running = False
-    is_closed = False
     has_unsaved = False
     ticks = 0
     lost = 0
-    ignored = 0
-    revision = 0
     stop_reason = ""
-    saved_before_start = ""
-    segment_path = ""
-    state = State.STOPPED
     extras = NO_EXTRAS
+    # what `FORMER` leads to
+    _scripted = _conditions = _Nothing()
+    _life = _table = _present = SimpleNamespace(state=State.STOPPED, revision=0, failures={}, path="", saved_before="")
+    _is_closed, _ignored = False, 0
 
     @_like(Logger.__init__)
     def __init__(self, name: str, frequency: float, max_time: float, prefix: str, **_: object) -> None:
         """Take the arguments of `Logger`."""
         self.options = LoggerOptions(name=name, frequency_hz=frequency, max_time_s=max_time, prefix=prefix)
-        self.source_failures: dict[str, int] = {}
         self._infos: dict[str, ElementInfo] = {}
 
     def collect(self) -> None:
@@ -126,22 +130,13 @@ class NullLogger(metaclass=HidesOtherNames):
     start = _nothing(Logger.start)
     stop = _nothing(Logger.stop)
     restart = _nothing(Logger.restart)
-    close = cleanup = _nothing(Logger.close)
-    abandon = _nothing(Logger.abandon)
+    close = _nothing(Logger.close)
+    _abandon = _nothing(Logger.close)
     set = _nothing(Logger.set)
-    enable = _nothing(Logger.enable)
-    disable = _nothing(Logger.disable)
-    apply = _nothing(Logger.apply)
     load_script = _nothing(Logger.load_script)
     derive = _nothing(Logger.derive)
-    remove_derived = _nothing(Logger.remove_derived)
     limit = _nothing(Logger.limit)
-    set_limits = _nothing(Logger.set_limits)
-    remove_limits = _nothing(Logger.remove_limits)
     trigger = _nothing(Logger.trigger)
-    set_trigger = _nothing(Logger.set_trigger)
-    remove_trigger = _nothing(Logger.remove_trigger)
-    apply_extras = _nothing(Logger.apply_extras)
     stop_recording = _nothing(Logger.stop_recording)
 
     @property
@@ -194,9 +189,7 @@ class NullLogger(metaclass=HidesOtherNames):
         found = known.find(name, namespaces=False)
         return self._infos[known.names[found[0][0]]] if len(found) == 1 else None
 
-    @_like(Logger.element)
-    def element(self, name: str) -> LoggedElement:
-        """Return an element without options and values of its own. Raises like `Logger.element`."""
+    def __getitem__(self, name: str) -> LoggedElement:
         info = self._known(name)
         if info is None:
             hint = self.elements.known.hint(name, f"the table has {len(self)} elements")
@@ -223,9 +216,6 @@ class NullLogger(metaclass=HidesOtherNames):
     def serve(self, **_: object) -> NullServing:
         """Start nothing: nobody listens."""
         return NullServing()
-
-    def __getitem__(self, name: str) -> LoggedElement:
-        return self.element(name)
 
     def __setitem__(self, name: str, value: object) -> NoReturn:
         not_set(name)

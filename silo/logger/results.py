@@ -1,7 +1,7 @@
 """What a program gets of its own logger: an element, new values, the table, saved files."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NoReturn, SupportsIndex, overload
 
 import numpy as np
@@ -45,6 +45,7 @@ class LoggedElement:
         time_ns: its time stamp, ns; None where `newest` is.
         held: how many samples are in its buffer.
         lost: how many could not be kept.
+        failures: at how many ticks it could not be read; attributes and functions alone can fail.
     """
 
     info: ElementInfo
@@ -52,6 +53,7 @@ class LoggedElement:
     time_ns: int | None = None
     held: int = 0
     lost: int = 0
+    failures: int = 0
 
     @property
     def name(self) -> str:
@@ -151,7 +153,7 @@ def newest_text(element: LoggedElement) -> str:
     return np.array2string(np.asarray(element.newest), precision=6, threshold=8, separator=", ").replace("\n", "")
 
 
-def look_at(info: ElementInfo, reader: SegmentReader | None) -> LoggedElement:
+def look_at(info: ElementInfo, reader: SegmentReader | None, failures: int = 0) -> LoggedElement:
     """Return what a run holds of an element; `reader` is None before the first."""
     if reader is None:
         return LoggedElement(info)
@@ -160,11 +162,11 @@ def look_at(info: ElementInfo, reader: SegmentReader | None) -> LoggedElement:
         return LoggedElement(info)
     head = reader.head(schema.ring)
     begin, end = kept_rows(schema.info.options, 0, head)
-    lost = reader.ring_lost(schema.ring)
+    found = LoggedElement(info, held=end - begin, lost=reader.ring_lost(schema.ring), failures=failures)
     rows = reader.rows(schema.ring, end - 1, 1) if end > begin else None
     if rows is None or not len(rows):
-        return LoggedElement(info, held=end - begin, lost=lost)
-    return LoggedElement(info, sample_values(schema, rows)[-1], int(rows.time_ns[-1]), end - begin, lost)
+        return found
+    return replace(found, newest=sample_values(schema, rows)[-1], time_ns=int(rows.time_ns[-1]))
 
 
 def as_html(title: str, names: Sequence[str], element: Callable[[str], LoggedElement]) -> str:

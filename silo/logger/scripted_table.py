@@ -6,6 +6,7 @@ and are refused while the logger runs.
 
 import logging
 import os
+import threading
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsIndex
@@ -90,6 +91,21 @@ class ScriptedTable:
             options = list(apply_script(script, late, self._options.frequency_hz).options)
         self._table.adopt()
         self._table.change({self._table.place(info.name): new for info, new in zip(late, options, strict=True)})
+
+    @property
+    def lock(self) -> "threading.RLock":
+        """That of table and state, which `collect()` never takes."""
+        return self._life.lock
+
+    @property
+    def revision(self) -> int:
+        """Grows with every change of the table."""
+        return self._table.revision
+
+    @property
+    def elements(self) -> list[ElementInfo]:
+        """The rows of the table."""
+        return self._table.infos
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
         """Return why edits can't be applied, one per field; empty when they can.
@@ -356,11 +372,12 @@ class ScriptedTable:
         """
         return self.set(name, enabled=False)
 
-    def apply(self, edits: Sequence[Edit]) -> int:
+    def apply(self, edits: Sequence[Edit], extras: Conditions | None = None) -> int:
         """Apply edits as one transaction, all or none.
 
         Args:
             edits: what to change.
+            extras: derived signals, limits and triggers in the place of all that there are; None: they stay.
 
         Returns:
             How many elements changed.
@@ -375,6 +392,8 @@ class ScriptedTable:
             problems = self._table.problems(edits)
             if problems:
                 raise ElementError(refusal(problems))
+            if extras is not None:  # first, as it may be refused
+                self._conditions.apply_extras(extras, edits)
             changed = self._table.apply(edits)
             self._warn_of_size(changed)
             self._life.tell()

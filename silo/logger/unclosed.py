@@ -21,13 +21,12 @@ class Ending(Protocol):
     options: LoggerOptions
 
     @property
-    def is_closed(self) -> bool:
-        """Whether it was closed, for good."""
+    def _is_closed(self) -> bool: ...
 
-    def abandon(self) -> None:
+    def _abandon(self) -> None:
         """End without `close()`; unsaved data is kept."""
 
-    def after_fork_in_child(self) -> None:
+    def _after_fork_in_child(self) -> None:
         """Let go of everything that belongs to the parent process."""
 
 
@@ -41,24 +40,24 @@ def watch(logger: Ending) -> None:
 
 def end_namesakes(name: str) -> None:
     """End loggers of a name that live in this process: clients could not tell them from the one to be made."""
-    for other in [each for each in _living if each.options.name == name and not each.is_closed]:
+    for other in [each for each in _living if each.options.name == name and not each._is_closed]:
         print(
             f"silo: logger '{name}' was made a second time in this program (a cell run again, a name rebound?): the "
             "first one is closed; give loggers that are to live side by side names of their own",
             file=sys.stderr,
         )
-        other.abandon()
+        other._abandon()
 
 
 @atexit.register
 def _end_of_process() -> None:
     for logger in list(_living):
-        logger.abandon()
+        logger._abandon()
 
 
 def _forked() -> None:
     for logger in list(_living):
-        logger.after_fork_in_child()
+        logger._after_fork_in_child()
 
 
 os.register_at_fork(after_in_child=_forked)

@@ -1,6 +1,7 @@
 """Starting, stopping and editing, as the robot program does it for its clients."""
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -18,23 +19,26 @@ UnsavedWord = Literal["clear", "save", "refuse"]
 _UNSAVED: dict[Unsaved, UnsavedWord] = {Unsaved.REFUSE: "refuse", Unsaved.SAVE: "save", Unsaved.DISCARD: "clear"}
 
 
-class StateOfLogger(Protocol):
-    """A logger, seen from here."""
+class TableOfLogger(Protocol):
+    """The table of a logger, seen from here."""
 
     @property
     def lock(self) -> threading.RLock: ...
     @property
-    def is_running(self) -> bool: ...
-    @property
     def revision(self) -> int: ...
     @property
     def elements(self) -> list[ElementInfo]: ...
-    @property
-    def saved_before_start(self) -> str: ...
 
     def problems(self, edits: list[Edit], /) -> list[Problem]: ...
-    def apply(self, edits: list[Edit], /) -> int: ...
-    def apply_extras(self, extras: Conditions, edits: list[Edit] = ..., /) -> None: ...
+    def apply(self, edits: list[Edit], extras: Conditions | None = ..., /) -> int: ...
+
+
+class StateOfLogger(Protocol):
+    """A logger, seen from here."""
+
+    @property
+    def is_running(self) -> bool: ...
+
     def start(self, *, unsaved: UnsavedWord = "clear") -> None: ...
     def stop(self) -> None: ...
     def restart(self, *, unsaved: UnsavedWord = "clear") -> None: ...
@@ -45,34 +49,33 @@ class StateRobot(Server, does=[requests], robot=True):
     """Has the logger do it, under the lock of its table."""
 
     logger: StateOfLogger
+    table: TableOfLogger
+    saved_before_start: Callable[[], str]
 
     def apply_edits(self, request: ApplyEdits) -> EditsApplied:
-        logger = self.logger
-        with logger.lock:
-            if logger.is_running:
+        table = self.table
+        with table.lock:
+            if self.logger.is_running:
                 raise refused_running()
-            check_revision(request, logger.revision)
-            check_none(logger.problems(request.edits))
-            if request.extras is not None:
-                logger.apply_extras(request.extras, request.edits)  # first, as it may be refused
-            changed = logger.apply(request.edits)
-            large = large_text(logger.elements) if changed else ""
-            return EditsApplied(logger.revision, changed, warnings=[large] if large else [])
+            check_revision(request, table.revision)
+            check_none(table.problems(request.edits))
+            changed = table.apply(request.edits, request.extras)
+            large = large_text(table.elements) if changed else ""
+            return EditsApplied(table.revision, changed, warnings=[large] if large else [])
 
     def start(self, unsaved: Unsaved) -> str:
-        logger = self.logger
-        with logger.lock:
-            if logger.is_running:
+        with self.table.lock:
+            if self.logger.is_running:
                 text = "the logger runs already: restart it, or stop it first"
                 raise RequestRefusedError(RefusedWhy.RUNNING, text)
-            logger.start(unsaved=_UNSAVED[unsaved])
-            return logger.saved_before_start
+            self.logger.start(unsaved=_UNSAVED[unsaved])
+            return self.saved_before_start()
 
     def stop(self) -> str:
         self.logger.stop()
         return ""
 
     def restart(self, unsaved: Unsaved) -> str:
-        with self.logger.lock:
+        with self.table.lock:
             self.logger.restart(unsaved=_UNSAVED[unsaved])
-            return self.logger.saved_before_start
+            return self.saved_before_start()

@@ -8,7 +8,8 @@ from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.elements import ElementInfo, FileType, TriggerOptions, TriggerWord
 from silo.core.names import Names
 from silo.core.quantities.writing import clock_text, many, size_text
-from silo.expressions.parsing import ExpressionError, names_in, parse
+from silo.errors import ExpressionError
+from silo.expressions.parsing import names_in, parse
 from silo_tui.model import text
 
 NAME, WHEN = 10, 20  # cells of a trigger's name, and those that its condition keeps

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 
 from silo.core.elements import Derived
 from silo.core.quantities.writing import many
-from silo.errors import RefusedError
-from silo.expressions.tokens import ExpressionError
+from silo.errors import ExpressionError, RefusedError
 from silo_tui.context import Context
 from silo_tui.model import derived
 from silo_tui.screens.dialogs import confirmed

@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from silo.analysis import reports
-from silo.analysis.log import Log, LogWarning
+from silo.analysis.log import Log
 from silo.analysis.opening import open_log
 from silo.core.arrays.columns import coarser
 from silo.core.elements import ElementInfo, State, Status, Table
 from silo.core.quantities.writing import many, size_text
 from silo.core.recording import Recording, has_own_stamps
-from silo.errors import ElementError, FileFormatError
+from silo.errors import ElementError, FileFormatError, LogWarning
 from silo.judging.definitions import bind_limits, scalar_names, table_catalogue
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnPiece

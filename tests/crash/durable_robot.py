@@ -32,7 +32,7 @@ def main() -> None:
     wishes: list[str] = []
     serving = log.serve()
     log.start()
-    print(serving.helper_pid, log.segment_path, flush=True)
+    print(serving.helper_pid, log._present.path, flush=True)
     Thread(target=lambda: wishes.extend(iter(sys.stdin.readline, "")), daemon=True).start()
     while True:
         for array in arrays:

@@ -25,7 +25,7 @@ def correlated(folder: str, frequency: float = 100, columns: int = 1500) -> None
     slow = log.array("slow", 4, np.int64, divider=3, size=100)
     live = log.array("live", 2, np.int64, action=silo.Action.PUBLISH, size=5)
     log.start()
-    print(log.segment_path, flush=True)
+    print(log._present.path, flush=True)
     while True:
         for place, array in enumerate(scattered):
             array[0] = tick * (place + 1) * 1_000_003
@@ -46,7 +46,7 @@ def growing(folder: str) -> None:
     log = silo.Logger("writer", frequency=100, max_time=0, folder=folder, script=f"{folder}/none.yaml")
     wide = log.array("wide", 300, np.int64, buffer=BufferType.GROWING, size=1)
     log.start()
-    print(log.segment_path, flush=True)
+    print(log._present.path, flush=True)
     tick = 0
     while True:
         wide[:] = tick
@@ -60,7 +60,7 @@ def counted(folder: str) -> None:
     x = log.array("x", 3, np.int64, size=1_000_000)
     said = ctypes.c_int64.from_buffer(np.memmap(f"{folder}/said", np.int64, "w+", shape=(1,)))
     log.start()
-    print(log.segment_path, flush=True)
+    print(log._present.path, flush=True)
     tick = 0
     while True:
         x[:] = tick

@@ -49,7 +49,7 @@ log = silo.Logger("arm", folder=sys.argv[1], script="none.yaml", storage=sys.arg
 x = log.array("x", 1000, size=100)
 log.start()
 log.collect()
-print(log.segment_path, flush=True)
+print(log._present.path, flush=True)
 sys.stdin.readline()
 """
 
@@ -74,7 +74,7 @@ for i in range(int(sys.argv[3])):
     log.collect()
 if len(sys.argv) > 5:
     log.save()
-print(log.segment_path, flush=True)
+print(log._present.path, flush=True)
 os.kill(os.getpid(), 9)
 """
 
@@ -222,9 +222,9 @@ def test_sweeps_beside_starts_take_none_of_them(tmp_path, new_logger):
             logger.array("x")
             logger.start()
             logger.collect()
-            assert Path(logger.segment_path).exists()
+            assert Path(logger._present.path).exists()
             logger.restart()
-            assert Path(logger.segment_path).exists()
+            assert Path(logger._present.path).exists()
             logger.close()
 
 

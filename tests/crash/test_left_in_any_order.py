@@ -99,7 +99,7 @@ class Left(RuleBasedStateMachine):
         for value in values:
             x[...] = value
             log.collect()
-        path = Path(log.segment_path)
+        path = Path(log._present.path)
         data = path.read_bytes()
         log.close(discard=True)
         if owner == "another boot":

@@ -17,12 +17,11 @@ import numpy as np
 import pytest
 
 import silo
-from silo.analysis.log import LogWarning
 from silo.cli.codes import EXIT_FAILED
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.runtime import process_start
-from silo.errors import SegmentError
+from silo.errors import LogWarning, SegmentError
 from silo.journal.format import SCHEMA_FILE
 from silo.journal.reader import JournalReader
 from silo.recovery.journals import find_stale_journals, is_written

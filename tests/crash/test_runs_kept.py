@@ -213,7 +213,7 @@ def test_a_save_by_a_client_counts_for_the_robot_program_too(served, until):
     log.start()
     log.collect()
     with Client.connect("bot") as client:
-        client.save([silo.FileType.SILO])
+        client.save([silo.types.FileType.SILO])
         until(lambda: not log.has_unsaved)
     log.collect()
     assert log.has_unsaved
@@ -246,7 +246,7 @@ def test_what_is_logged_is_saved_and_reachable_when_its_files_are_deleted(served
     (file,) = log.save()
     assert silo.open_log(file.path)["/log/x"].values.tolist() == list(range(2001))
     log.restart()
-    assert Path(log.segment_path).exists()
+    assert Path(log._present.path).exists()
 
 
 def test_a_save_without_helper_works_when_the_files_are_deleted(served, runtime_folder):
@@ -360,7 +360,7 @@ def test_a_new_run_is_known_before_the_files_of_the_last_one_go(served, monkeypa
     log.serve()
     log.start()
     log.collect()
-    last = Path(log.segment_path)
+    last = Path(log._present.path)
     there = []
 
     def offering(channel, offer, descriptor):

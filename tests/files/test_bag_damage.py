@@ -383,7 +383,7 @@ class TestSizes:
         path.write_bytes(data)
         tried = []
         monkeypatch.setattr(mcap_chunks, "_of_zstd", lambda content, size: tried.append(size) or b"")
-        with pytest.raises(silo.FileFormatError, match=r"x\.mcap: damaged, nothing in it can be read"):
+        with pytest.raises(silo.errors.FileFormatError, match=r"x\.mcap: damaged, nothing in it can be read"):
             silo.open_log(path)
         assert all(size <= mcap_chunks.MOST_ROOM for size in tried)
 
@@ -397,7 +397,7 @@ class TestSizes:
         body = struct.pack("<QQQII", START, START, 60 << 20, 0, 4) + b"zstd" + struct.pack("<Q", len(packed)) + packed
         chunk = struct.pack("<BQ", 6, len(body)) + body
         path.write_bytes(whole[:place] + 30 * chunk)
-        with pytest.raises(silo.FileFormatError, match="holds no message"):
+        with pytest.raises(silo.errors.FileFormatError, match="holds no message"):
             silo.open_log(path)
 
     def test_what_silo_wrote_beside_messages_may_not_announce_more_than_it_can_hold(self):

@@ -314,7 +314,7 @@ class TestOtherFiles:
         data = bytearray(path.read_bytes())
         data[5000] ^= 0xFF
         path.write_bytes(data)
-        with pytest.raises(silo.FileFormatError, match=r"bag\.mcap: .*damaged"):
+        with pytest.raises(silo.errors.FileFormatError, match=r"bag\.mcap: .*damaged"):
             opened(path)["imu/angular_velocity/x"].max()
         assert "imu/angular_velocity" in log
 
@@ -341,7 +341,7 @@ class TestOtherFiles:
 
     def test_a_bag_that_is_compressed_as_a_whole_is_told_how_to_unpack(self, tmp_path):
         bag = rosbag(tmp_path / "bag", StoragePlugin.SQLITE3, 3, (CompressionMode.FILE, CompressionFormat.ZSTD))
-        with pytest.raises(silo.FileFormatError, match=r"zstd -d bag\.db3\.zstd"):
+        with pytest.raises(silo.errors.FileFormatError, match=r"zstd -d bag\.db3\.zstd"):
             silo.open_log(bag)
 
     def test_types_that_nobody_knows_are_named_in_one_warning_and_left_out(self, tmp_path):
@@ -395,7 +395,7 @@ class TestOtherFiles:
             writer = McapWriter(file)
             writer.start()
             writer.finish()
-        with pytest.raises(silo.FileFormatError, match="holds no message"):
+        with pytest.raises(silo.errors.FileFormatError, match="holds no message"):
             silo.open_log(path)
 
     def test_a_folder_finds_bags_of_others_too(self, tmp_path):
@@ -463,7 +463,7 @@ class TestCommands:
     def test_the_screen_says_what_to_do(self, folder):
         from silo_tui.sessions.recorded import open_file
 
-        with pytest.raises(silo.FileFormatError, match="silo convert --rate 100"):
+        with pytest.raises(silo.errors.FileFormatError, match="silo convert --rate 100"):
             open_file(folder)
 
 

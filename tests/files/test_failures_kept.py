@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import silo
-from silo.analysis.log import LogWarning
 from silo.cli.logs.files import EXIT_DIFFERENT
 from silo.cli.main import run
 from silo.core.recording import NO_FAILURES, Failures
+from silo.errors import LogWarning
 from silo.files.formats import FORMATS, writer_for
 
 ENDINGS = [one.ending for one in FORMATS if one.reader]

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 import silo
-from silo.analysis.log import Log, UnknownSignalError
+from silo.analysis.log import Log
 from silo.analysis.opening import open_log
 from silo.analysis.signal import Signal
 from silo.cli.edits import select
 from silo.core.elements import BufferType
 from silo.core.names import matching
 from silo.core.recording import Recording
-from silo.errors import ElementError, LogNotFoundError, LogWarning
+from silo.errors import ElementError, LogNotFoundError, LogWarning, UnknownSignalError
 from silo.files import write
 from silo.files.silo.reader import read_silo
 from silo.files.silo.writer import write_silo

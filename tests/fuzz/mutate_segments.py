@@ -82,7 +82,7 @@ def write_segments(folder: Path) -> list[bytes]:
             if tick == 25:
                 Thing.value = 2.5
             log.collect()
-        path = Path(log.segment_path)
+        path = Path(log._present.path)
         made.append(path.read_bytes())
         log.close()
     return made

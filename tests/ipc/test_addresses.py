@@ -202,12 +202,12 @@ def test_a_token_that_no_robot_has_is_in_no_list(fleet) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [["stop", "same"], ["set", "same", "x", "off"], ["start", f"{HOST}/same"], ["stop"]])
 def test_a_command_to_a_name_of_two_reaches_none_and_lists_addresses(fleet, words, capsys) -> None:
-    states = [(logger.is_running, logger.revision) for logger in fleet.loggers]
+    states = [(logger.is_running, logger._table.revision) for logger in fleet.loggers]
     assert run(["--config", fleet.desk, *words]) == EXIT_USAGE
     said = " ".join(capsys.readouterr().err.split())
     assert all(found.root.address in said for found in fleet.found())
     assert "nothing was asked" in said
-    assert [(logger.is_running, logger.revision) for logger in fleet.loggers] == states
+    assert [(logger.is_running, logger._table.revision) for logger in fleet.loggers] == states
 
 
 @pytest.mark.slow

@@ -205,7 +205,7 @@ def test_a_script_whose_trigger_wants_more_past_than_its_buffers_hold_is_refused
     script = tmp_path / "scripts" / "more.yaml"
     text = "log_elements: []\ntriggers:\n  - {name: low, when: x < 0, pre_s: 60}\n"
     script.write_text(text)
-    with pytest.raises(silo.ScriptError, match="set size="):
+    with pytest.raises(silo.errors.ScriptError, match="set size="):
         bench.logger.load_script(script)
     with pytest.raises(silo.RefusedError, match="set size="):
         client.load_script("more.yaml")

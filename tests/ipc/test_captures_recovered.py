@@ -8,12 +8,11 @@ import psutil
 import pytest
 
 import silo
-from silo.analysis.log import LogWarning
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import FileType, TriggerOptions
 from silo.core.runtime import list_segments
-from silo.errors import SaveError
+from silo.errors import LogWarning, SaveError
 from silo.files.event_log import read_events
 from silo.helper.left_logs import recover
 from silo.rpc.published import EventKind

@@ -130,7 +130,7 @@ def test_threads_may_share_a_client(bench, client) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    assert revisions == [bench.logger.revision] * 80
+    assert revisions == [bench.logger._table.revision] * 80
 
 
 def test_callback_that_fails_stops_no_other(bench, client, heard, caplog) -> None:

@@ -51,7 +51,7 @@ def told(call, words):
 def test_mistakes_are_told_of_and_the_client_goes_on(bench, client):
     for call, words in MISTAKES.values():
         told(lambda call=call: call(client), words)
-    assert client.status().revision == bench.logger.revision
+    assert client.status().revision == bench.logger._table.revision
 
 
 @pytest.mark.parametrize("mistake", NOBODY)

@@ -65,7 +65,7 @@ class TestTriggers:
         assert heard.wait(EventKind.CONDITIONS).text == "trigger late: x > 50, post 1 s"
         bench.logger.limit("x", (None, None, 1, 2))
         wait_until(lambda: [one.text for one in client.events() if "limits x: - - 1 2" in one.text])
-        bench.logger.remove_trigger("late")
+        bench.logger._conditions.remove_trigger("late")
         wait_until(lambda: [one.text for one in client.events() if one.text == "trigger late removed"])
 
     def test_what_a_client_set_is_in_saved_scripts_and_in_the_next_run(self, bench, client, tmp_path):
@@ -152,13 +152,13 @@ class TestTriggers:
 
     def test_one_of_an_element_that_is_off_is_blind_and_says_why(self, bench, client):
         bench.logger.trigger("kept", "kept > 3")
-        bench.logger.disable("kept")
+        bench.logger.set("kept", enabled=False)
         bench.logger.start()
         bench.ticks(5)
         assert trigger(client, "kept", TriggerWord.BLIND).why == "/log/kept is off"
 
     def test_a_rearm_condition_that_is_off_is_told_when_it_is_set(self, bench, client, caplog):
-        bench.logger.disable("kept")
+        bench.logger.set("kept", enabled=False)
         bench.logger.start()
         told = client.set_trigger(TriggerOptions("once", "x > 3", rearm="kept < 1"))
         assert told == (
@@ -259,7 +259,7 @@ class TestLimits:
 
     def test_of_an_element_that_is_off_they_are_blind(self, bench, client):
         bench.logger.limit("kept", (None, None, None, 5))
-        bench.logger.disable("kept")
+        bench.logger.set("kept", enabled=False)
         bench.logger.start()
         bench.ticks(5)
         assert alarm(client, "/log/kept").why == "/log/kept is off"
@@ -303,7 +303,7 @@ class TestCommands:
 
     def test_alarms_end_with_5_where_nothing_could_be_judged(self, bench, client, capsys):
         bench.logger.limit("x", (None, None, 40, 100))
-        bench.logger.disable("x")
+        bench.logger.set("x", enabled=False)
         bench.logger.start()
         bench.ticks(20)
         alarm(client, word=LimitWord.BLIND)

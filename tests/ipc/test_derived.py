@@ -90,7 +90,7 @@ class TestTable:
         bench.logger.limit("twice", (None, None, 1, 2))
         with pytest.raises(RefusedError, match="used by the limits of 'twice'"):
             client.remove_derived("twice")
-        bench.logger.remove_limits("twice")
+        bench.logger._conditions.remove_limits("twice")
         bench.logger.trigger("much", "twice > 3")
         with pytest.raises(RefusedError, match="used by trigger 'much'"):
             client.remove_derived("/log/twice")
@@ -103,7 +103,7 @@ class TestTable:
 
     def test_one_of_an_element_that_is_off_says_why(self, bench, client):
         bench.logger.derive("twice", "2 * kept")
-        bench.logger.disable("kept")
+        bench.logger.set("kept", enabled=False)
         run(bench, client, 5)
         found = wait_until(lambda: (info := table_of(client).get("/log/twice")) and not info.options.enabled and info)
         assert found.description == "= 2 * kept (off: /log/kept is off)"
@@ -197,7 +197,7 @@ class TestRows:
             read(stream, 5, "/log/x")
             before = bench.serving.helper_pid
             os.kill(before, signal.SIGKILL)
-            bench.logger.remove_derived("half")
+            bench.logger._conditions.remove_derived("half")
             wait_until(lambda: (one := answered(client.status)) and one.helper_pid != before)
 
             def comes_again():

@@ -283,9 +283,9 @@ class TestStrangers:
         viewer.wait_for_services()
         answer = viewer.call(1, 44)
         assert (answer[4], b"running" in answer) == (1, True)
-        assert bench.logger.state is State.RUNNING
+        assert bench.logger._life.state is State.RUNNING
         assert b"stopped" in viewer.call(2, 45)
-        assert bench.logger.state is State.STOPPED
+        assert bench.logger._life.state is State.STOPPED
 
     def test_events_say_of_a_change_who_called_the_bridge_beside_who_runs_it(self, bench, bridge, look):
         one = bridge(token="secret", services=services(lambda: Client.connect("bot"), "bot"))
@@ -300,7 +300,7 @@ class TestStrangers:
 
     def test_without_control_nothing_can_be_called(self, bench, look):
         assert b"read-only" in look().call(1, 1)
-        assert bench.logger.state is State.STOPPED
+        assert bench.logger._life.state is State.STOPPED
 
     def test_damaged_requests_are_answered_in_words_and_end_nothing(self, look):
         viewer = look()

@@ -60,13 +60,13 @@ def test_the_helper_takes_memory_from_an_allocator_that_gives_it_back(bench):
 
 def test_all_readers_of_a_segment_hold_one_schema(bench):
     bench.logger.start()
-    one, other = SegmentReader(bench.logger.segment_path), SegmentReader(bench.logger.segment_path)
+    one, other = SegmentReader(bench.logger._present.path), SegmentReader(bench.logger._present.path)
     assert one.schema is other.schema
 
 
 def test_the_schema_goes_with_its_last_reader(bench):
     bench.logger.start()
-    reader = SegmentReader(bench.logger.segment_path)
+    reader = SegmentReader(bench.logger._present.path)
     schema = weakref.ref(reader.schema)
     reader.close()
     del reader
@@ -75,10 +75,10 @@ def test_the_schema_goes_with_its_last_reader(bench):
 
 def test_runs_with_other_options_have_other_schemas(bench):
     bench.logger.start()
-    before = SegmentReader(bench.logger.segment_path)
+    before = SegmentReader(bench.logger._present.path)
     bench.logger.stop()
     bench.logger.start()
-    assert SegmentReader(bench.logger.segment_path).schema.started_ns != before.schema.started_ns
+    assert SegmentReader(bench.logger._present.path).schema.started_ns != before.schema.started_ns
 
 
 def test_the_table_of_a_running_logger_is_made_of_the_rows_of_its_segment(bench):
@@ -86,7 +86,7 @@ def test_the_table_of_a_running_logger_is_made_of_the_rows_of_its_segment(bench)
     table = Table(
         3, msgspec.msgpack.decode(msgspec.msgpack.encode(bench.logger.elements), type=Table.__annotations__["elements"])
     )
-    schema = SegmentReader(bench.logger.segment_path).schema
+    schema = SegmentReader(bench.logger._present.path).schema
     shared = sharing(table, schema)
     assert shared == table
     assert all(row is element.info for row, element in zip(shared.elements, schema.elements, strict=True))
@@ -94,7 +94,7 @@ def test_the_table_of_a_running_logger_is_made_of_the_rows_of_its_segment(bench)
 
 def test_rows_that_were_edited_since_the_start_stay_the_tables_own(bench):
     bench.logger.start()
-    schema = SegmentReader(bench.logger.segment_path).schema
+    schema = SegmentReader(bench.logger._present.path).schema
     first, *others = bench.logger.elements
     edited = msgspec.structs.replace(first, options=msgspec.structs.replace(first.options, divider=7))
     shared = sharing(Table(4, [edited, *others]), schema)
@@ -130,7 +130,7 @@ def test_a_writing_process_whose_helper_was_killed_leaves_no_file_and_says_nothi
         kept[:] = tick
         log.collect()
     before = set(tmp_path.iterdir())
-    with SegmentReader(log.segment_path).path.open("rb") as segment:
+    with SegmentReader(log._present.path).path.open("rb") as segment:
         reading, writing = os.pipe()
         os.close(reading)
         command = [sys.executable, "-m", "silo.recordings.writing", str(segment.fileno())]

@@ -162,7 +162,7 @@ def test_a_damaged_state_is_told_and_nothing_fires_anew(bench, client, heard):
     heard.wait(EventKind.CAPTURED)
     pid = bench.serving.helper_pid
     freeze(pid)
-    path = state_path("bot", client.status and bench.logger.present_run.id)
+    path = state_path("bot", client.status and bench.logger._present.run.id)
     path.write_bytes(path.read_bytes()[:-5])
     os.kill(pid, signal.SIGKILL)
     wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
@@ -217,7 +217,7 @@ def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, clien
     bench.logger.start()
     bench.ticks(60)
     heard.wait(EventKind.TRIGGERED)
-    run, pid = bench.logger.present_run.id, bench.serving.helper_pid
+    run, pid = bench.logger._present.run.id, bench.serving.helper_pid
     freeze(pid)
     bench.logger.restart(unsaved="clear")
     (held,) = runtime.glob("*.held")
@@ -252,14 +252,14 @@ def no_process(_: object) -> None:
 
 
 def test_runs_that_ended_while_there_was_no_helper_process_are_judged_by_the_next(down, runtime):
-    runs = [down.logger.present_run.id]
+    runs = [down.logger._present.run.id]
     spiked(down, 95, {40, 70})
     for _ in range(2):
         down.logger.restart(unsaved="clear")
-        runs.append(down.logger.present_run.id)
+        runs.append(down.logger._present.run.id)
         spiked(down, 60, {30})
     down.logger.restart(unsaved="clear")
-    runs.append(down.logger.present_run.id)
+    runs.append(down.logger._present.run.id)
     spiked(down, 10, {})
     down.up()
     for run, ticks in zip(runs, ([40, 70], [30], [30], []), strict=True):
@@ -274,7 +274,7 @@ def test_runs_that_ended_while_there_was_no_helper_process_are_judged_by_the_nex
 
 
 def test_what_happened_before_a_logger_was_closed_without_its_helper_process_is_judged(down, runtime):
-    run = down.logger.present_run.id
+    run = down.logger._present.run.id
     spiked(down, 95, {40, 70})
     down.up()
     down.logger.close()
@@ -286,7 +286,7 @@ def test_what_happened_before_a_logger_was_closed_without_its_helper_process_is_
 def test_a_helper_process_that_is_killed_as_it_ends_has_nothing_told_twice(bench, client, monkeypatch, runtime):
     bench.logger.trigger("high", "q_x > 50", pre="30ms", post="30ms")
     bench.logger.start()
-    run = bench.logger.present_run.id
+    run = bench.logger._present.run.id
     spiked(bench, 95, {40, 70})
     real, codes = HelperProcess.wait, []
 
@@ -303,7 +303,7 @@ def test_a_helper_process_that_is_killed_as_it_ends_has_nothing_told_twice(bench
 
 
 def test_rows_of_such_a_run_that_are_gone_are_told_to_be_blindness(down):
-    run = down.logger.present_run.id
+    run = down.logger._present.run.id
     spiked(down, 2500, {100, 2490})
     down.logger.restart(unsaved="clear")
     down.up()
@@ -317,7 +317,7 @@ def test_a_state_of_a_program_in_another_container_is_nobody_s_to_take_or_remove
     bench.logger.trigger("high", "x > 50")
     bench.logger.start()
     bench.ticks(60)
-    path = state_path("bot", bench.logger.present_run.id)
+    path = state_path("bot", bench.logger._present.run.id)
     wait_until(path.exists)
     # of a program whose pid is ours there, and its helper process is frozen
     theirs = Program("bot", "c0ffee", os.getpid(), process_start(os.getpid()), boot_id(), pid_namespace() + 1)

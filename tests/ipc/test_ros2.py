@@ -302,10 +302,10 @@ class TestServices:
         join(control=True)
         wait_until(lambda: sum("/SS/%/%/bot/%bot%" in token for token in tokens(other)) == 3)
         assert call(other, "/bot/start")[0]
-        assert bench.logger.state is State.RUNNING
+        assert bench.logger._life.state is State.RUNNING
         bench.ticks(5)
         done, said = call(other, "/bot/stop")
-        assert (done, "stopped" in said, bench.logger.state) == (True, True, State.STOPPED)
+        assert (done, "stopped" in said, bench.logger._life.state) == (True, True, State.STOPPED)
         done, said = call(other, "/bot/save")
         assert (done, said.startswith("saved ")) == (True, True)
 

@@ -38,7 +38,7 @@ class Robot:
         self.logger.add(self.a, "e", buffer=BufferType.LOOPING, size=30, action=Action.SAVE_AND_PUBLISH)
         self.logger.start()
         self.ticks(700)
-        self.reader = SegmentReader(self.logger.present_run.segment.path)
+        self.reader = SegmentReader(self.logger._present.run.segment.path)
         table = Table(1, list(self.logger.elements))
         places = {info.name: place for place, info in enumerate(table.elements)}
         self.now = LoggerSnapshot(None, LoggerOptions(), table, places, 0, b"", 1)

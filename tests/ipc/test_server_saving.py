@@ -32,7 +32,7 @@ def reader(new_logger):
     for value in range(50):
         x[...] = value
         logger.collect()
-    made = SegmentReader(logger.segment_path)
+    made = SegmentReader(logger._present.path)
     yield made
     made.close()
 

@@ -73,7 +73,7 @@ def test_loading_is_refused_while_running(bench, client) -> None:
 def test_a_table_that_changes_while_a_script_is_loaded_is_compared_anew(bench, client) -> None:
     (bench.script.parent / "a.yaml").write_text(SCRIPT)
     with ThreadPoolExecutor() as pool:
-        with bench.logger.lock:  # so that the helper process learns of it only after it sent its edits
+        with bench.logger._life.lock:  # so that the helper process learns of it only after it sent its edits
             bench.logger.set("q", divider=3)
             loaded = pool.submit(client.load_script, "a.yaml")
             select.select([bench.serving._helper.link], [], [])

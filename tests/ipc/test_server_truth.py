@@ -184,7 +184,7 @@ def test_history_is_whole_though_its_oldest_rows_are_overwritten_while_they_are_
 
     for _ in range(5000):
         tick()
-    reader = Racing(logger.present_run.segment.path, tick)
+    reader = Racing(logger._present.run.segment.path, tick)
     element = reader.schema.elements[0]
     head_ns = clock[0]
     request = GetHistory(names=["/log/x"], start_ns=0, end_ns=head_ns + 1, column_ns=COLUMN_NS)

@@ -95,7 +95,7 @@ def test_saving_takes_words(bench, client):
     bench.ticks(3)
     wait_until(lambda: client.status().ticks == 3)
     files = client.wait_saved(client.save("csv"))
-    assert [file.type for file in files] == [silo.FileType.CSV]
+    assert [file.type for file in files] == [silo.types.FileType.CSV]
 
 
 def test_views_show_the_right_rows_after_an_element_was_removed(bench, client):

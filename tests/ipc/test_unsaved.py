@@ -138,7 +138,7 @@ def test_the_status_says_what_the_buffers_hold_and_not_how_many_ticks_there_were
         bench.logger.set(element.name, enabled=False)
     with_unsaved(bench, client, 1000)
     status = client.status()
-    held = segment_holdings(SegmentReader(bench.logger.segment_path))
+    held = segment_holdings(SegmentReader(bench.logger._present.path))
     assert (status.ticks, status.held_samples, status.held_s) == (1000, 7, pytest.approx(0.06))
     assert (held.samples, held.seconds) == (status.held_samples, status.held_s)
 
@@ -147,7 +147,7 @@ def test_the_status_says_what_the_buffers_hold_and_not_how_many_ticks_there_were
 
 
 def test_what_takes_long_goes_on_and_an_event_tells_how_it_ended(bench, client, heard) -> None:
-    with bench.logger.lock, pytest.raises(GoesOnError, match="start goes on: the robot program has not answered"):
+    with bench.logger._life.lock, pytest.raises(GoesOnError, match="start goes on: the robot program has not answered"):
         client.start()
     ended = heard.wait(EventKind.ENDED)
     assert ended.text == "the start that took long is done"
@@ -157,7 +157,7 @@ def test_what_takes_long_goes_on_and_an_event_tells_how_it_ended(bench, client, 
 
 def test_what_takes_long_and_is_refused_then_is_told_as_such(bench, client, heard) -> None:
     with_unsaved(bench, client)
-    with bench.logger.lock, pytest.raises(GoesOnError):
+    with bench.logger._life.lock, pytest.raises(GoesOnError):
         client.restart()
     assert heard.wait(EventKind.ENDED).text.startswith("the restart that took long was refused: logger 'bot' holds")
 

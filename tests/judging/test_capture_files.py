@@ -38,7 +38,7 @@ def robot(tmp_path, runtime_folder):
 
 
 def judge_of(robot):
-    return SegmentJudge(SegmentReader(robot.segment_path), robot.elements)
+    return SegmentJudge(SegmentReader(robot._present.path), robot.elements)
 
 
 def twice(robot, folder):

@@ -40,9 +40,9 @@ def test_a_run_that_it_found_before_it_was_handed_over_is_let_go_of_at_its_end(t
     try:
         x[...] = 1.0
         logger.collect()
-        run = logger.present_run.id
-        descriptor = os.open(logger.segment_path, os.O_RDONLY)
-        replica.take_run(RunOffer(run, logger.segment_path), descriptor)
+        run = logger._present.run.id
+        descriptor = os.open(logger._present.path, os.O_RDONLY)
+        replica.take_run(RunOffer(run, logger._present.path), descriptor)
         held.take()
         wait_until(lambda: judge.standing().run == run)
         judge.take(run)

@@ -23,7 +23,7 @@ class Robot:
 
     def start(self):
         self.logger.start()
-        self.judge = SegmentJudge(SegmentReader(self.logger.segment_path), self.logger.elements)
+        self.judge = SegmentJudge(SegmentReader(self.logger._present.path), self.logger.elements)
 
     def collect(self, *values):
         for value in values:
@@ -107,7 +107,7 @@ def test_all_that_wait_are_told_at_the_end(robot):
 def test_limits_of_an_element_that_is_off_or_whose_condition_is_are_told_to_be_blind(robot):
     robot.logger.limit("off", (None, None, 5, 10))
     robot.logger.limit("x", (None, None, 5, 10), when="off > 1")
-    robot.logger.disable("off")
+    robot.logger.set("off", enabled=False)
     robot.start()
     assert robot.judge.problems == [
         "limits of 'x' are blind: /log/off is off",

@@ -15,7 +15,7 @@ from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
 from silo.core.elements import BufferType, Conditions, Derived, Entry, SignalLimits
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo.expressions.tokens import ExpressionError
+from silo.errors import ExpressionError
 from silo.files import write
 from silo.files.convert import convert
 from silo.files.formats import read_recording
@@ -191,7 +191,7 @@ class TestLogger:
         assert [one.worst for one in check(found.recording, found.recording.extras.limits)] == ["RED_HIGH"] * 2
 
     def test_mistakes_are_refused_and_nothing_changes(self, log):
-        with pytest.raises(silo.ExpressionError, match="did you mean joints/q"):
+        with pytest.raises(silo.errors.ExpressionError, match="did you mean joints/q"):
             log.derive("x", "joints/p + 1")
         with pytest.raises(silo.ElementError, match="is an element already"):
             log.derive("joints/q", "1 + mode")
@@ -212,7 +212,7 @@ class TestLogger:
         assert [one.expression for one in log.extras.derived] == ["joints/q_1", "a + 1"]
         with pytest.raises(silo.ElementError, match="'/log/a' would be computed from itself"):
             log.derive("a", "b + 1")
-        with pytest.raises(silo.ExpressionError, match="no signal is named 'nope'"):
+        with pytest.raises(silo.errors.ExpressionError, match="no signal is named 'nope'"):
             log.derive("a", "joints/q_0 + nope")
 
     def test_while_running_a_signal_may_be_derived_but_no_script_read(self, log):
@@ -220,7 +220,7 @@ class TestLogger:
         log.derive("x", "mode")
         assert [one.name for one in log.extras.derived] == ["/log/x"]
         with pytest.raises(silo.StateError):
-            log.apply_extras(log.extras)
+            log._conditions.apply_extras(log.extras)
 
     def test_a_script_keeps_what_is_derived_and_limited(self, log, tmp_path):
         log.derive("twice", "2 * joints/q + 0 * mode", unit="°")
@@ -255,7 +255,7 @@ class TestLogger:
     def test_problems_in_a_script_are_told_and_nothing_changes(self, log, tmp_path, text, says):
         (tmp_path / "bad.yaml").write_text(f"log_elements: []\n{text}\n")
         log.update()
-        with pytest.raises(silo.ScriptError) as caught:
+        with pytest.raises(silo.errors.ScriptError) as caught:
             log.load_script(tmp_path / "bad.yaml")
         assert says in str(caught.value)
         assert log.extras == Conditions()

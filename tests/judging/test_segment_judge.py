@@ -24,7 +24,7 @@ class Robot:
 
     def start(self):
         self.logger.start()
-        self.judge = SegmentJudge(SegmentReader(self.logger.segment_path), self.logger.elements)
+        self.judge = SegmentJudge(SegmentReader(self.logger._present.path), self.logger.elements)
 
     def ticks(self, count, spikes=()):
         """Run the loop; `spikes` are (tick from now on, signal)."""
@@ -64,7 +64,7 @@ def test_a_capture_is_exact_to_the_tick(robot):
 def test_captures_that_wait_to_be_written_leave_no_room_for_more_and_it_is_said(robot):
     robot.logger.trigger("spike", "any(fast/x > 50)", pre="20ms", post="10ms")
     robot.start()
-    reader = SegmentReader(robot.logger.segment_path)
+    reader = SegmentReader(robot.logger._present.path)
     robot.judge = SegmentJudge(reader, robot.logger.elements, unwritten=lambda: MOST_SPOOL_BYTES + 1)
     robot.ticks(500, [(317, 1)])
     found = robot.judge.step()
@@ -187,7 +187,7 @@ def test_rows_that_were_overwritten_before_they_were_judged_are_told(robot):
 def test_a_trigger_of_an_element_that_is_off_is_unobservable(robot):
     robot.logger.trigger("spike", "slow > 50", pre="5ms")
     robot.logger.update()
-    robot.logger.disable("slow")
+    robot.logger.set("slow", enabled=False)
     robot.start()
     assert robot.judge.problems == ["trigger 'spike' is unobservable: the elements in it are off"]
 
@@ -307,7 +307,7 @@ def test_an_element_that_is_off_is_left_out_of_a_wildcard_and_named(robot):
     robot.logger.trigger("step", "max(diff(legs/*/slip)) > 50", pre="5ms", post="5ms")
     robot.logger.trigger("never", "fast/x_0 > 50 and legs/a/slip > 50", pre="5ms", post="5ms")
     robot.logger.update()
-    robot.logger.disable("legs/a/slip")
+    robot.logger.set("legs/a/slip", enabled=False)
     robot.start()
     robot.ticks(100)
     for value in (100.0, 0.0, 100.0, 0.0):
@@ -338,7 +338,7 @@ OFF_IN_IT = [
 def test_an_alternative_that_is_off_keeps_a_trigger_from_no_rise_of_the_other(robot, when, edge, fires):
     robot.logger.array("off", ())
     robot.logger.update(read_script=False)
-    robot.logger.disable("off")
+    robot.logger.set("off", enabled=False)
     robot.logger.trigger("either", when, edge=edge)
     robot.start()
     robot.ticks(200, [(tick, 0) for tick in fires])
@@ -361,7 +361,7 @@ def test_an_alternative_of_which_nothing_is_known_now_keeps_a_trigger_from_no_ri
 def test_a_rearm_condition_that_is_off_is_told(robot):
     robot.logger.array("off", ())
     robot.logger.update(read_script=False)
-    robot.logger.disable("off")
+    robot.logger.set("off", enabled=False)
     robot.logger.trigger("once", "fast/x_0 > 50", rearm="off < 1")
     robot.start()
     assert robot.judge.problems == [
@@ -375,11 +375,11 @@ def test_a_rearm_condition_that_is_off_is_told(robot):
 def test_a_try_of_a_trigger_judges_as_the_trigger_does(robot):
     robot.logger.array("off", ())
     robot.logger.update(read_script=False)
-    robot.logger.disable("off")
+    robot.logger.set("off", enabled=False)
     robot.start()
     robot.ticks(200, [(40, 0), (60, 0)])
     tried = silo.core.elements.TriggerOptions("try", "any(fast/x_0 > 50, off > 1)")
-    found = try_trigger(tried, SegmentReader(robot.logger.segment_path), robot.logger.elements)
+    found = try_trigger(tried, SegmentReader(robot.logger._present.path), robot.logger.elements)
     assert found.ticks == [40, 60]
 
 

@@ -44,7 +44,7 @@ def logged(tmp_path_factory):
 
 
 def reader_of(log, *expressions):
-    path = log.segment_path
+    path = log._present.path
     derived = tuple(Derived(f"/log/x{at}", text) for at, text in enumerate(expressions))
     plan = derived_plan(SegmentReader(path).schema, log.elements, derived)
     return DerivedReader(path, None, plan), [one for one in plan.schema.elements if one.info.expression]
@@ -74,7 +74,7 @@ def test_pieces_of_any_order_and_size_are_parts_of_the_whole(logged, text, data)
 def test_what_is_overwritten_is_not_there(logged):
     reader, (element,) = reader_of(logged, "short + a")
     rows = reader.rows(element.ring, 0)
-    plain = SegmentReader(logged.segment_path)
+    plain = SegmentReader(logged._present.path)
     elements = {one.info.name: one for one in plain.schema.elements}
     assert rows.first == plain.rows(elements["/log/short"].ring, 0).first > 0
     assert rows.first + len(rows) == TICKS

@@ -109,7 +109,7 @@ def test_a_journal_is_read_in_blocks(tmp_path):
         for tick in range(1500):
             x[:] = tick
             log.collect()
-        reader = SegmentReader(log.segment_path)
+        reader = SegmentReader(log._present.path)
         schema = msgspec.structs.replace(reader.schema, boot_id="before the power cut")
         writer = JournalWriter(tmp_path / "run.journal", Head(str(tmp_path / "gone"), schema), Disk())
         writer.append(reader)
@@ -136,7 +136,7 @@ def test_only_what_is_known_is_said_of_what_is_missing(stopped, tmp_path, monkey
     log.array("x")
     with contextlib.closing(log):
         log.start()
-        reader = SegmentReader(log.segment_path)
+        reader = SegmentReader(log._present.path)
         writer = JournalWriter(tmp_path / "run.journal", Head(str(reader.path), reader.schema), Disk())
         for _ in range(5):
             log.collect()

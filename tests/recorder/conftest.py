@@ -146,8 +146,8 @@ class Process:
 
     def follow(self, log: Logger) -> None:
         extras = extras_file(log.extras)
-        with log.present_run.segment.open_read_only() as file:
-            socket.send_fds(self.socket, [encode(Follow(log.segment_path))], [file.fileno(), extras])
+        with log._present.run.segment.open_read_only() as file:
+            socket.send_fds(self.socket, [encode(Follow(log._present.path))], [file.fileno(), extras])
         os.close(extras)
 
     def wait_recording(self) -> None:
@@ -198,7 +198,7 @@ class Direct:
         self.ledger = Ledger(Path(order.folder), order.name, 0.0, os.getpid())
         self.writing = Writing(order, self.ledger, disk or RecorderDisk())
         self.writing.start()
-        reader = SegmentReader(robot.log.segment_path)
+        reader = SegmentReader(robot.log._present.path)
         self.drain = RingCursor(reader, layout_of(reader.schema, order.patterns), None)
         begun = self.drain.layout, self.drain.begun_with, EventTail(reader, 0)
         self.writing.put(self.writing.begin_run, *begun)

@@ -38,7 +38,7 @@ def happens(robot, tmp_path):
     numbers = itertools.count(1)
 
     def happen(text: str, tick: int, kind: str = "marker", stamp_ns: int = 0) -> LoggedEvent:
-        run_id = robot.log.present_run.id
+        run_id = robot.log._present.run.id
         event = LoggedEvent(kind, text, 1_800_000_000_000_000_000 + tick, tick, stamp_ns, "me", run_id, next(numbers))
         append_events(tmp_path, "bot", [event])
         return event

@@ -165,7 +165,7 @@ def test_what_a_slow_disk_costs_is_counted_at_its_place(robot, tmp_path, truth, 
     assert low <= full_at * 5
     assert totals.lost == sum(element.lost for element in found.elements) > 0
     told = next(one for one in direct.told() if "samples were lost, of ticks" in one.told)
-    assert (told.told_run, told.told_tick) == (robot.log.present_run.id, low)
+    assert (told.told_run, told.told_tick) == (robot.log._present.run.id, low)
     assert metadata(path, "silo/totals")[0]["lost"] == str(totals.lost)
     assert "could not keep up" in found.warnings[0]
     truth.by_others(path)
@@ -399,7 +399,7 @@ def test_who_goes_on_begins_behind_a_part_whose_end_was_never_noted(robot, tmp_p
     ledger.settle([], finished_part)
     ledger.close()
     assert set(rows.values()) == {30, 150, 0}  # of both rings and the event log
-    assert run_id == robot.log.present_run.id
+    assert run_id == robot.log._present.run.id
     assert ledger.size_bytes == parts(tmp_path)[0].stat().st_size
 
 

@@ -135,8 +135,8 @@ def test_a_recorder_goes_on_before_what_a_killed_one_left_is_closed(
     again = Recorder(order(tmp_path, resume=True), theirs)
     thread = threading.Thread(target=again.run)
     thread.start()
-    with robot.log.present_run.segment.open_read_only() as file:
-        socket.send_fds(ours, [encode(Follow(robot.log.segment_path))], [file.fileno()])
+    with robot.log._present.run.segment.open_read_only() as file:
+        socket.send_fds(ours, [encode(Follow(robot.log._present.path))], [file.fileno()])
     wait_until(lambda: len(open_parts(tmp_path)) == 2 and open_parts(tmp_path)[1].stat().st_size > 10_000)
     robot.ticks(1500)  # the rings hold 2000 rows: what was there before is overwritten now
     may_close.set()
@@ -169,8 +169,8 @@ def test_what_is_logged_between_the_last_look_and_the_end_is_left_to_the_next_on
     monkeypatch.setattr(Recorder, "_drain_last", lambda self: last.set() or drain_last(self))
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
-        with robot.log.present_run.segment.open_read_only() as file:
-            socket.send_fds(ours, [encode(Follow(robot.log.segment_path))], [file.fileno()])
+        with robot.log._present.run.segment.open_read_only() as file:
+            socket.send_fds(ours, [encode(Follow(robot.log._present.path))], [file.fileno()])
         ours.shutdown(socket.SHUT_WR)  # as of a helper process that was killed
         Recorder(order(tmp_path, order="one"), theirs).run()
     again = recorders(order(tmp_path, order="one", resume=True))
@@ -236,8 +236,10 @@ def test_what_the_ring_for_live_values_has_no_more_is_taken_from_the_buffer_that
     wait_until(lambda: held(tmp_path) > 5_000)
     recorder.kill()
     robot.ticks(2900)
-    rings = {one.info.name: one.live_ring for one in robot.log.present_run.reader.schema.elements}
-    sizes = {name: robot.log.present_run.reader.schema.rings[ring].capacity for name, ring in rings.items() if ring > 0}
+    rings = {one.info.name: one.live_ring for one in robot.log._present.run.reader.schema.elements}
+    sizes = {
+        name: robot.log._present.run.reader.schema.rings[ring].capacity for name, ring in rings.items() if ring > 0
+    }
     assert 0 < max(sizes.values()) <= 2000  # of which nothing would be overwritten if they were larger
     again = recorders(order(tmp_path, resume=True))
     again.follow(robot.log)

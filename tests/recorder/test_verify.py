@@ -29,7 +29,7 @@ class Kept:
 
     def begin(self):
         self.robot.start()
-        self.run = self.robot.log.present_run.id
+        self.run = self.robot.log._present.run.id
         self.happens("started", "started", 0)
         return self.recorder()
 
@@ -127,7 +127,7 @@ def test_a_hole_between_two_parts_is_missing(kept, tmp_path, truth):
 
 def test_a_run_that_began_after_its_recording_was_ordered_is_to_be_there_from_its_first_tick(kept):
     kept.robot.start()
-    kept.run = kept.robot.log.present_run.id
+    kept.run = kept.robot.log._present.run.id
     kept.happens("recording", f"recording 'bot' of all elements to {kept.folder}/rec", 0)
     kept.happens("started", "started", 0)
     kept.robot.ticks(40)
@@ -297,7 +297,7 @@ class TestCaptures:
         for tick in range(500):
             x[...] = 100.0 if tick == 300 else 0.0
             log.collect()
-        reader = SegmentReader(log.segment_path)
+        reader = SegmentReader(log._present.path)
         (buffer,) = SegmentJudge(reader, log.elements).step().whole
         self.run = reader.schema.run
         self.events = [

@@ -49,7 +49,7 @@ async def test_a_real_logger_is_found_watched_stopped_edited_and_started(logger,
         await screen.press("d")
         await screen.shows("logging again")
         assert logger.elements[0].options.divider == 4
-        assert logger.state.value == "running"
+        assert logger._life.state.value == "running"
 
 
 async def test_an_element_that_could_not_be_read_says_so_in_the_inspector(tmp_path, runtime_folder, screen_of):

@@ -76,13 +76,14 @@ def test_save_writes_the_files(init):
     assert saved.path.endswith(".silo")
 
 
-def test_cleanup_is_close(init):
+def test_cleanup_is_close_for_one_release_and_says_so_once(init, caplog):
     log = init()
     silo.array("x")
     silo.start()
     silo.cleanup()
     assert not log.is_running
     assert silo.cleanup is silo.close
+    assert caplog.text.count("silo.cleanup is silo.close now; the next release will refuse silo.cleanup") == 1
 
 
 def test_get_logger_is_the_default_logger_with_every_method(init):

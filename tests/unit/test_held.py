@@ -38,7 +38,7 @@ def held_run(new_logger):
             x[:] = tick
             log.collect()
         log.stop()
-        return log.present_run.drop(held=True)
+        return log._present.run.drop(held=True)
 
     make.log = log
     return make
@@ -85,7 +85,7 @@ def test_growing_rings_of_a_stub_have_no_row_either(new_logger) -> None:
     for _ in range(5000):
         log.collect()
     log.stop()
-    path = log.present_run.drop(held=True)
+    path = log._present.run.drop(held=True)
     make_stub(path)
     stub = SegmentReader(path)
     assert (stub.ticks, len(stub.rows(1, 0))) == (5000, 0)
@@ -113,7 +113,7 @@ def test_a_small_run_makes_room_once(new_logger, monkeypatch) -> None:
         log.start()
         log.collect()
         log.stop()
-        paths.append(log.present_run.drop(held=True))
+        paths.append(log._present.run.drop(held=True))
         gone.append(trim(paths, in_memory=True))
     assert gone == [[], paths[:1], paths[1:2], paths[2:3]]
 
@@ -131,7 +131,7 @@ def test_a_saved_segment_stays_while_a_recorder_or_the_judge_needs_it(new_logger
     log.start()
     log.collect()
     log.stop()
-    reader = SegmentReader(log.segment_path)
+    reader = SegmentReader(log._present.path)
     schema = reader.schema
     assert not is_due(schema)
     for ledger in (recorders_path("bot", schema.logger_id), judge_path("bot", schema.run)):
@@ -154,11 +154,11 @@ def test_a_logger_lives_as_long_as_its_present_run_has_a_writer(new_logger, held
     log.array("x")
     assert is_live(child_of("alone", log.options.id, os.getpid()))  # nothing was logged yet
     log.start()
-    program = program_of(log.present_run.segment.schema)
+    program = program_of(log._present.run.segment.schema)
     assert is_live(program)
     log.stop()
     assert is_live(program)
-    hold(Path(log.segment_path))
+    hold(Path(log._present.path))
     assert not is_live(program)  # as if it had been closed
     assert not is_live(Program("alone", "x", os.getpid(), 1, "another boot"))
 
@@ -176,7 +176,7 @@ def test_a_segment_of_a_log_folder_is_held_there_and_found_by_its_link(new_logge
     log.start()
     log.collect()
     log.stop()
-    path = log.present_run.drop(held=True)
+    path = log._present.run.drop(held=True)
     assert path.parent == tmp_path
     assert (list_held(), list_segments(tmp_path)) == ([path], [])
     held.remove(path)

@@ -19,7 +19,7 @@ def test_what_is_told_of_a_segment_is_what_its_snapshot_holds(new_logger, ticks,
     logger.start()
     for _ in range(ticks):
         logger.collect()
-    told = segment_holdings(SegmentReader(logger.segment_path))
+    told = segment_holdings(SegmentReader(logger._present.path))
     assert told == recording_holdings(logger.snapshot())
     assert told.ticks == logger.ticks
 
@@ -31,7 +31,7 @@ def test_a_looping_buffer_is_told_by_its_samples_not_by_the_ticks_since_start(ne
     logger.start()
     for _ in range(12_840):
         logger.collect()
-    told = segment_holdings(SegmentReader(logger.segment_path))
+    told = segment_holdings(SegmentReader(logger._present.path))
     assert told == Holdings(12_840, 1, 1000, 9.99)
     assert told.text == "1000 samples of 1 element over 9.99 s, of 12840 ticks since start"
 

@@ -76,10 +76,10 @@ def test_a_journal_passes_over_fields_that_a_newer_silo_adds(new_logger, tmp_pat
     logger = new_logger()
     x = logger.array("x", 2)
     logger.start()
-    reader = SegmentReader(logger.segment_path)
+    reader = SegmentReader(logger._present.path)
     journal = tmp_path / "run.journal"
-    writer = JournalWriter(journal, Head(logger.segment_path, reader.schema), Disk())
-    head = msgspec.json.decode(msgspec.json.encode(Head(logger.segment_path, reader.schema)))
+    writer = JournalWriter(journal, Head(logger._present.path, reader.schema), Disk())
+    head = msgspec.json.decode(msgspec.json.encode(Head(logger._present.path, reader.schema)))
     assert add_beside_every_field(head) >= 12
     body = msgspec.json.encode(head)
     facts = len(body).to_bytes(8, "little") + zlib.crc32(body).to_bytes(8, "little")
@@ -98,7 +98,7 @@ def test_fields_that_a_newer_silo_adds_to_the_description_are_passed_over(new_lo
     logger.start()
     x[:] = 3, 4
     logger.collect()
-    path = Path(logger.segment_path)
+    path = Path(logger._present.path)
     data = bytearray(path.read_bytes())
     words = np.frombuffer(data, np.int64)
     begin, size = int(words[HeaderWord.SCHEMA_OFFSET]), int(words[HeaderWord.SCHEMA_BYTES])
@@ -120,7 +120,7 @@ def test_every_run_has_an_identity_of_its_own(new_logger):
     for _ in range(3):
         logger.start()
         logger.collect()
-        found.append(SegmentReader(logger.segment_path).schema)
+        found.append(SegmentReader(logger._present.path).schema)
         logger.stop()
     assert len({schema.run for schema in found}) == 3
     assert len({schema.logger_id for schema in found}) == 1

@@ -129,9 +129,9 @@ def test_an_element_that_is_removed_is_logged_no_more_and_the_others_keep_their_
         logger.array(name, group="g")
     logger.update()
     logger.set("g/c", divider=3)
-    revision = logger.revision
+    revision = logger._table.revision
     assert logger.remove("g/b") == 1
-    assert logger.revision > revision
+    assert logger._table.revision > revision
     assert [(info.name, info.options.divider) for info in logger.elements] == [("/log/g/a", 1), ("/log/g/c", 3)]
     logger.start()
     logger.collect()
@@ -235,7 +235,7 @@ def test_a_logger_is_a_context_manager_that_closes(new_logger):
 
 def test_the_segment_is_deleted_when_the_logger_closes(counting):
     logger = counting()
-    assert list_segments() == [Path(logger.segment_path)]
+    assert list_segments() == [Path(logger._present.path)]
     logger.close()
     assert list_segments() == []
 
@@ -243,7 +243,7 @@ def test_the_segment_is_deleted_when_the_logger_closes(counting):
 def test_a_restart_leaves_one_segment(counting):
     logger = counting()
     logger.restart()
-    assert list_segments() == [Path(logger.segment_path)]
+    assert list_segments() == [Path(logger._present.path)]
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt, SystemExit])
@@ -263,7 +263,7 @@ def test_unsaved_data_that_can_not_be_saved_is_kept_for_recovery(counting, capsy
     with pytest.raises(ZeroDivisionError), logger:
         logger.collect()
         raise ZeroDivisionError
-    assert list_segments() == [Path(logger.segment_path)]
+    assert list_segments() == [Path(logger._present.path)]
     assert "run `silo recover`" in capsys.readouterr().err
 
 

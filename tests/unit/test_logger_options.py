@@ -83,12 +83,12 @@ def test_storage_on_disk_keeps_the_segment_in_the_folder_of_the_logs(new_logger,
     logger = new_logger(storage="file")
     logger.array("x")
     logger.start()
-    assert list_segments(tmp_path) == [Path(logger.segment_path)]
-    assert Path(logger.segment_path).parent == tmp_path
+    assert list_segments(tmp_path) == [Path(logger._present.path)]
+    assert Path(logger._present.path).parent == tmp_path
 
 
 def test_the_segment_is_readable_by_its_user_alone(counting):
-    assert Path(counting().segment_path).stat().st_mode & 0o777 == 0o600
+    assert Path(counting()._present.path).stat().st_mode & 0o777 == 0o600
 
 
 # ------------------------------------------------------------------------------------------------------- editing
@@ -98,9 +98,9 @@ def test_the_segment_is_readable_by_its_user_alone(counting):
     "call",
     [
         lambda log: log.set("x", divider=2),
-        lambda log: log.enable(),
-        lambda log: log.disable("x"),
-        lambda log: log.apply([]),
+        lambda log: log.set(enabled=True),
+        lambda log: log.set("x", enabled=False),
+        lambda log: log._scripted.apply([]),
         lambda log: log.load_script("none.yaml"),
     ],
 )
@@ -112,7 +112,7 @@ def test_every_edit_is_refused_while_the_logger_runs(counting, call):
 def test_a_disabled_element_is_not_collected(counting):
     logger = counting()
     logger.stop()
-    logger.disable("x")
+    logger.set("x", enabled=False)
     logger.start()
     logger.collect()
     assert logger.snapshot().elements == []
@@ -132,7 +132,7 @@ def test_edits_are_one_transaction(counting):
     logger.stop()
     good = Edit("/log/x", ElementOptions(divider=2, size=5))
     with pytest.raises(ElementError, match="element '/log/y': the table has no such element; nothing was changed"):
-        logger.apply([good, Edit("/log/y", ElementOptions())])
+        logger._scripted.apply([good, Edit("/log/y", ElementOptions())])
     assert logger.elements[0].options.divider == 1
 
 

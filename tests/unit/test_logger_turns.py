@@ -52,7 +52,7 @@ def test_a_logger_that_stopped_by_itself_can_be_edited_and_started(counting):
 def test_the_segment_says_why_it_ended(counting):
     logger = counting()
     logger.stop()
-    assert logger.present_run.reader.stop_reason == logger.stop_reason == "stopped on request"
+    assert logger._present.run.reader.stop_reason == logger.stop_reason == "stopped on request"
 
 
 # --------------------------------------------------------------------------------------- calls in the wrong place
@@ -88,7 +88,7 @@ def test_a_source_that_calls_collect_gets_an_error(new_logger, caplog):
     logger.add(lambda: logger.collect() or 1.0, "x")
     logger.start()
     logger.collect()
-    assert logger.source_failures == {"/log/x": 1}
+    assert logger._present.failures == {"/log/x": 1}
     assert logger.ticks == 1
 
 
@@ -232,7 +232,7 @@ def test_a_forked_child_does_not_delete_its_parents_segment(counting):
         finally:
             os._exit(0)
     os.waitpid(child, 0)
-    assert Path(logger.segment_path).exists()
+    assert Path(logger._present.path).exists()
 
 
 @pytest.mark.slow

@@ -94,7 +94,7 @@ def test_the_buffers_of_a_run_with_many_dividers_are_freed_at_once(new_logger):
     logger.start()
     for _ in range(200):
         logger.collect()
-    old = weakref.ref(logger.present_run.collect)
+    old = weakref.ref(logger._present.run.collect)
     gc.disable()
     try:
         logger.restart()
@@ -149,14 +149,14 @@ def test_a_run_with_the_layout_of_the_last_one_reads_everything_anew(new_logger)
     assert recording.offset == 2
     assert recording.elements[1].entries[0].values.tolist() == [2.0, 2.0]
     assert recording.elements[2].entries[0].values.tolist() == [b"other", b"other"]
-    assert logger.source_failures == {"/log/fails": 1}
+    assert logger._present.failures == {"/log/fails": 1}
 
 
 def test_a_tick_of_the_last_run_can_not_write_into_the_present_one(new_logger):
     logger, _ = filled(new_logger)
-    before = logger.present_run.plan.scratch.words
+    before = logger._present.run.plan.scratch.words
     logger.restart()
-    assert not np.shares_memory(before, logger.present_run.plan.scratch.words)
+    assert not np.shares_memory(before, logger._present.run.plan.scratch.words)
 
 
 def test_a_source_that_failed_in_the_last_run_is_told_of_again(new_logger, caplog):
@@ -187,7 +187,7 @@ def test_a_table_without_elements_is_laid_out_after_one_with_some(new_logger):
         logger.remove(name)
     logger.start()
     logger.collect()
-    assert logger.present_run.plan.elements == ()
+    assert logger._present.run.plan.elements == ()
 
 
 # ----------------------------------------------------------------------------------------------- alike, but not equal
@@ -241,7 +241,7 @@ def test_labels_of_one_element_are_not_those_of_another_of_its_type(new_logger):
 
 def test_a_thread_that_kept_collect_goes_on_with_the_next_run(new_logger):
     logger, _ = filled(new_logger)
-    kept = logger.present_run.collect
+    kept = logger._present.run.collect
     logger.restart()
     kept()
     assert logger.ticks == 1

@@ -82,13 +82,13 @@ def test_the_newest_marks_are_kept(log):
     log.collect()
     for number in range(SLOTS + 10):
         log.mark(str(number))
-    texts = [event.text for event in SegmentReader(log.segment_path).marks()]
+    texts = [event.text for event in SegmentReader(log._present.path).marks()]
     assert texts == [str(number) for number in range(10, SLOTS + 10)]
 
 
 def test_a_reader_asks_for_what_is_new(log):
     log.collect()
-    reader = SegmentReader(log.segment_path)
+    reader = SegmentReader(log._present.path)
     log.mark("one")
     newest = reader.marks()[-1].number
     log.mark("two")
@@ -103,7 +103,7 @@ def test_marks_of_several_threads_are_all_there(log):
         thread.start()
     for thread in threads:
         thread.join()
-    found = SegmentReader(log.segment_path).marks()
+    found = SegmentReader(log._present.path).marks()
     assert sorted(mark.text for mark in found) == sorted(f"{n}-{i}" for n in range(4) for i in range(200))
     assert [mark.number for mark in found] == list(range(1, 801))
 
@@ -112,8 +112,8 @@ def test_a_slot_that_was_not_finished_is_no_mark(log):
     log.collect()
     log.mark("whole")
     log.mark("torn")
-    reader = SegmentReader(log.segment_path)
-    with Path(log.segment_path).open("r+b") as file:  # the program was killed before it wrote the number at the end
+    reader = SegmentReader(log._present.path)
+    with Path(log._present.path).open("r+b") as file:  # the program was killed before it wrote the number at the end
         file.seek(8 * reader.schema.marks + 2 * SLOT.size + SLOT.size - 8)
         file.write(bytes(8))
     assert [mark.text for mark in reader.marks()] == ["whole"]
@@ -126,7 +126,7 @@ log = silo.Logger("killed", folder=sys.argv[1], script=sys.argv[1] + "/none.yaml
 log.array("x")
 log.start()
 log.collect()
-print(log.segment_path, flush=True)
+print(log._present.path, flush=True)
 log.mark("push 3")
 os.kill(os.getpid(), signal.SIGKILL)
 """

@@ -196,11 +196,11 @@ TABLE = {
     "set a list": (lambda log: log.set(["x", "z"], divider=2), "one call for each"),
     "enable a number": (lambda log: log.enable(5), "name must be a text"),
     "disable None": (lambda log: log.disable(None), "name must be a text"),
-    "apply a number": (lambda log: log.apply(5), "edits must be a list"),
-    "apply numbers": (lambda log: log.apply([5]), "an edit must be silo.Edit"),
-    "apply texts": (lambda log: log.apply("x"), "edits must be a list"),
-    "apply options alone": (lambda log: log.apply([silo.ElementOptions()]), "an edit must be"),
-    "apply an edit of a number": (lambda log: log.apply([Edit(5, silo.ElementOptions())]), "an edit must be"),
+    "apply a number": (lambda log: log._scripted.apply(5), "edits must be a list"),
+    "apply numbers": (lambda log: log._scripted.apply([5]), "an edit must be silo.Edit"),
+    "apply texts": (lambda log: log._scripted.apply("x"), "edits must be a list"),
+    "apply options alone": (lambda log: log._scripted.apply([silo.ElementOptions()]), "an edit must be"),
+    "apply an edit of a number": (lambda log: log._scripted.apply([Edit(5, silo.ElementOptions())]), "an edit must be"),
     "load a number": (lambda log: log.load_script(5), "path must be a path, got 5"),
     "load a list": (lambda log: log.load_script(["a"]), "path must be a path"),
     "load NUL": (lambda log: log.load_script("a\0b"), "without NUL"),
@@ -405,7 +405,7 @@ def test_a_type_error_of_the_programs_own_is_not_taken_for_a_wrong_call(log):
         def x(self):
             return len(5)
 
-    with pytest.raises(silo.SourceError, match="has no len"):
+    with pytest.raises(silo.errors.SourceError, match="has no len"):
         log.add(Own(), attr="x")
 
 
@@ -443,14 +443,14 @@ def test_arguments_of_the_original_are_taken_in_its_order(log):
 
 def test_words_of_the_logger_are_taken_in_any_case(new_logger):
     made = new_logger(storage="MEMORY", threads="Serialized", checked=np.True_)
-    assert (made.options.storage, made.options.threads) == (silo.Storage.MEMORY, silo.Threads.SERIALIZED)
+    assert (made.options.storage, made.options.threads) == (silo.types.Storage.MEMORY, silo.types.Threads.SERIALIZED)
     assert made.options.checked is True
 
 
 def test_members_are_found_by_their_names():
     assert silo.Action("publish") is silo.Action.PUBLISH
     assert silo.BufferType("Growing") is silo.BufferType.GROWING
-    assert silo.FileType("csv") is silo.FileType.CSV
+    assert silo.types.FileType("csv") is silo.types.FileType.CSV
 
 
 @pytest.mark.parametrize("mistake", ARRAY)

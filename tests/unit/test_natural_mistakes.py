@@ -72,11 +72,6 @@ MISTAKES = {
     "log.limit('joints/q', (-2, -1, 1, 2), hysterisis=1)": "did you mean 'hysteresis'?",
     "log.derive('power')": "log.derive() needs expression: write log.derive(name, expression",
     "log.derive('power', 'joints/q * 2', units='W')": "did you mean 'unit'?",
-    "log.remove_derived()": "log.remove_derived() needs name",
-    "log.remove_limits()": "log.remove_limits() needs name",
-    "log.remove_trigger()": "log.remove_trigger() needs name",
-    "log.set_limits('joints/q')": "write log.limit(",
-    "log.set_trigger('fall')": "write log.trigger(",
     # options and edits
     "silo.ElementOptions(dividr=2)": "did you mean 'divider'?",
     "silo.ElementOptions(buf='looping')": "did you mean 'buffer'?",
@@ -86,7 +81,7 @@ MISTAKES = {
     "silo.Edit('joints/q', silo.ElementOptions(), divider=2)": "got both",
     "silo.Action('pubish')": "did you mean 'publish'?",
     "silo.BufferType('ring')": "there are fixed, looping, growing",
-    "silo.FileType('cvs')": "did you mean 'csv'?",
+    "silo.types.FileType('cvs')": "did you mean 'csv'?",
     # data
     "log.snapshot()['q']": "silo.Log(recording)['q'] is a signal",
     "list(log.snapshot())": "recording.elements",
@@ -166,7 +161,7 @@ def test_what_is_written_instead_is_there(names):
             assert hasattr(silo, function), f"{word}: there is no silo.{function}"
 
 
-@pytest.mark.parametrize("kind", [silo.Serving, silo.Client, silo.Log, silo.Signal, silo.Logger, silo.NullLogger])
+@pytest.mark.parametrize("kind", [silo.types.Serving, silo.Client, silo.Log, silo.Signal, silo.Logger, silo.NullLogger])
 def test_every_method_that_programs_call_tells_of_a_wrong_call(kind):
     left = {"collect", "mark"}  # the control loop's: nothing may stand before them
     bare = [
@@ -179,7 +174,7 @@ def test_every_method_that_programs_call_tells_of_a_wrong_call(kind):
     assert bare == []
 
 
-@pytest.mark.parametrize("kind", [Topic, View, Stream, Pin, silo.Comparison])
+@pytest.mark.parametrize("kind", [Topic, View, Stream, Pin, silo.types.Comparison])
 def test_what_a_client_and_a_comparison_give_tells_of_a_wrong_call(kind):
     assert [name for name, found in vars(kind).items() if not name.startswith("_") and is_bare(found)] == []
 

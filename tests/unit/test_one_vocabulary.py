@@ -51,7 +51,7 @@ def setting(log, words):
 def editing(log, words):
     log.array("x")
     log.update()
-    log.apply([silo.Edit("/log/x", **words)])
+    log._scripted.apply([silo.Edit("/log/x", **words)])
 
 
 @pytest.mark.parametrize("door", [adding, array, setting, editing])
@@ -80,11 +80,11 @@ def test_options_are_asked_and_made_by_both_words(log, caplog):
 def test_an_edit_says_what_is_to_change_and_leaves_the_rest(log):
     log.array("x", divider=4, action="both", size=30)
     log.update()
-    assert log.apply([silo.Edit("/log/x", divider="*2")]) == 1
+    assert log._scripted.apply([silo.Edit("/log/x", divider="*2")]) == 1
     assert options_of(log) == ElementOptions(True, 8, silo.Action.SAVE_AND_PUBLISH, silo.BufferType.LOOPING, 30)
-    assert log.problems([silo.Edit("/log/nix", divider=2)])[0].reason == "the table has no such element"
+    assert log._scripted.problems([silo.Edit("/log/nix", divider=2)])[0].reason == "the table has no such element"
     with pytest.raises(ElementError, match="divider must be a whole number from 1"):
-        log.apply([silo.Edit("/log/x", divider=0)])
+        log._scripted.apply([silo.Edit("/log/x", divider=0)])
 
 
 def test_an_edit_takes_all_options_or_some(log):

@@ -32,7 +32,7 @@ def collect(logger, ticks):
 
 
 def reader_of(logger):
-    return SegmentReader(logger.segment_path)
+    return SegmentReader(logger._present.path)
 
 
 @pytest.fixture
@@ -100,7 +100,7 @@ def test_the_buffers_of_the_run_before_are_freed_at_once(new_logger):
         logger.collect()
         logger.snapshot()
         logger.restart()
-    assert mapped_segments() == {logger.segment_path}
+    assert mapped_segments() == {logger._present.path}
 
 
 def test_a_kept_collect_does_not_keep_the_buffers_of_its_run(new_logger):
@@ -112,7 +112,7 @@ def test_a_kept_collect_does_not_keep_the_buffers_of_its_run(new_logger):
     logger.restart()
     kept()
     assert logger.ticks == 1
-    assert mapped_segments() == {logger.segment_path}
+    assert mapped_segments() == {logger._present.path}
 
 
 def test_a_closed_logger_frees_its_buffers(new_logger):
@@ -169,7 +169,7 @@ def test_every_page_of_the_rings_is_there_before_the_first_tick(new_logger):
     logger = new_logger()
     logger.array("x", 100, size=10_000)
     logger.start()
-    found = Path(logger.segment_path).stat()
+    found = Path(logger._present.path).stat()
     assert found.st_blocks * 512 >= found.st_size - 4096
 
 
@@ -244,7 +244,7 @@ def test_when_even_time_stamps_find_no_room_the_logger_stops_by_itself(new_logge
     logger = new_logger(max_time=0, frequency=10)
     logger.array("x", (), np.int64, buffer=GROWING, size=1)
     logger.start()
-    segment = logger.present_run.segment
+    segment = logger._present.run.segment
     wait_until(lambda: len(segment._next) == 2)  # the thread has a chunk ready for each ring
     monkeypatch.setattr(segment, "_append", lambda ring: (_ for _ in ()).throw(SegmentError("full")))
     segment._next.clear()
@@ -466,17 +466,17 @@ def test_a_start_that_is_interrupted_leaves_no_segment_and_no_open_file(new_logg
     kept = logger.array("x", buffer="growing")
     logger.start()
     logger.stop()
-    logger.present_run.segment._thread.join()  # it may be mapping a chunk
+    logger._present.run.segment._thread.join()  # it may be mapping a chunk
     gc.collect()
-    before = len(list(Path("/proc/self/fd").iterdir())), logger.segment_path
+    before = len(list(Path("/proc/self/fd").iterdir())), logger._present.path
     with monkeypatch.context() as patch:
         patch.setattr(f"silo.loop.run.{failing}", interrupted)
         for _ in range(3):
             with pytest.raises(KeyboardInterrupt):
                 logger.start()
     gc.collect()  # the frames of the last one hold its memory
-    assert (len(list(Path("/proc/self/fd").iterdir())), logger.segment_path) == before
-    assert [str(path) for path in Path(logger.segment_path).parent.glob("*.segment")] in ([logger.segment_path], [])
+    assert (len(list(Path("/proc/self/fd").iterdir())), logger._present.path) == before
+    assert [str(path) for path in Path(logger._present.path).parent.glob("*.segment")] in ([logger._present.path], [])
     assert kept.shape == ()
 
 

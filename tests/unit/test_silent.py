@@ -21,7 +21,7 @@ def test_ticks_before_the_first_start_are_counted_and_told_of_once(new_logger, c
     logger = new_logger()
     collect(logger, 3)
     assert warnings_of(caplog) == ["test: collect() logs nothing before the first start: call start()"]
-    assert logger.ignored == 3
+    assert logger._ignored == 3
 
 
 def test_so_are_those_after_a_stop_and_after_the_end(new_logger, caplog):
@@ -35,10 +35,10 @@ def test_so_are_those_after_a_stop_and_after_the_end(new_logger, caplog):
     assert warnings_of(caplog) == [
         "test: collect() logs nothing while it stands still (stopped on request): start() begins a new run"
     ]
-    assert (logger.ignored, logger.ticks) == (3, 1)
+    assert (logger._ignored, logger.ticks) == (3, 1)
     caplog.clear()
     logger.start()
-    assert logger.ignored == 0
+    assert logger._ignored == 0
     logger.close()
     collect(logger, 2)
     assert warnings_of(caplog) == ["test: collect() logs nothing any more, the logger is closed: make a new one"]
@@ -108,7 +108,7 @@ def test_the_clean_end_of_with_keeps_what_an_unclean_one_keeps(tmp_path, capsys)
     assert silo.open_log(path)["x"].values.tolist() == [0, 1, 2]
     assert "silo: logger 'walk' ended without save(); saved 3 samples" in (said := capsys.readouterr().err)
     assert str(path) in said
-    assert log.is_closed
+    assert log._life.closed
 
 
 def test_a_with_that_saved_all_saves_nothing_more(tmp_path, capsys):
@@ -169,7 +169,7 @@ def test_of_what_was_saved_only_the_ticks_after_that_are_told_of(closing, capsys
         (3, lambda log: (log.save(), log.close())),
         (3, lambda log: log.close(discard=True)),
         (3, lambda log: (log.close(discard=True), log.close())),
-        (3, lambda log: log.abandon()),
+        (3, lambda log: log._abandon()),
         (3, lambda log: log.__exit__(None, None, None)),
     ],
     ids=["nothing collected", "all saved", "discarded", "discarded and closed", "abandoned", "with"],
@@ -200,7 +200,7 @@ def test_what_can_not_be_saved_at_the_end_stays_for_recover(tmp_path, capsys, mo
         log.collect()
         monkeypatch.setattr("silo.files.write_run", refuse)
     assert "run `silo recover` to save it" in capsys.readouterr().err
-    log.present_run.drop()  # which stays as long as its process
+    log._present.run.drop()  # which stays as long as its process
 
 
 @pytest.mark.parametrize(

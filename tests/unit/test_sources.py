@@ -151,8 +151,8 @@ def test_no_type_makes_silo_give_up_reading_by_address(new_logger, dtype):
     logger = new_logger()
     logger.add(np.ones(2, dtype), "x")
     logger.start()
-    assert addresses_work(logger.present_run.plan)
-    assert logger.present_run.plan.references
+    assert addresses_work(logger._present.run.plan)
+    assert logger._present.run.plan.references
 
 
 def test_text_keeps_its_zeros_out_of_the_log(logged):
@@ -359,7 +359,7 @@ def test_the_self_test_finds_an_address_that_is_wrong(new_logger, monkeypatch):
     logger = new_logger()
     logger.add(np.array([1.0, 2.0]), "x")
     logger.start()
-    assert logger.present_run.plan.references == ()
+    assert logger._present.run.plan.references == ()
 
 
 @pytest.mark.parametrize("place", [0, 499, 500, 1200])
@@ -372,7 +372,7 @@ def test_the_self_test_finds_a_single_wrong_address_among_many(new_logger, monke
     for number, one in enumerate(arrays):
         logger.add(one, f"x{number}", size=2)
     logger.start()
-    assert logger.present_run.plan.references == ()
+    assert logger._present.run.plan.references == ()
 
 
 def test_values_that_change_while_they_are_compared_are_read_again(new_logger, monkeypatch):
@@ -388,5 +388,5 @@ def test_values_that_change_while_they_are_compared_are_read_again(new_logger, m
     for number, one in enumerate(arrays):
         logger.add(one, f"x{number}")
     logger.start()
-    assert len(logger.present_run.plan.references) == 3
+    assert len(logger._present.run.plan.references) == 3
     assert calls == [3, 1, 1, 1, 1]  # all at once, then each of those that differed, the first one twice

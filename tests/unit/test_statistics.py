@@ -27,7 +27,7 @@ class Robot:
         self.count = self.log.array("count", 1, np.int64, action=both, divider=4)
         self.flag = self.log.array("flag", 1, np.bool_, action=both)
         self.log.start()
-        self.tally = Tally(SegmentReader(self.log.segment_path))
+        self.tally = Tally(SegmentReader(self.log._present.path))
         self.sums = self.tally.sums()
 
     def tick(self, x, **others):
@@ -116,7 +116,7 @@ def test_what_never_changed_or_changes_seldom_is_not_frozen(robot):
 def test_what_froze_before_anybody_asked_is_frozen(robot):
     for at in range(500):
         robot.tick(min(at, 300))
-    robot.tally = Tally(SegmentReader(robot.log.segment_path))
+    robot.tally = Tally(SegmentReader(robot.log._present.path))
     for _ in range(400):
         robot.tick(300)
     robot.advance()
@@ -178,7 +178,7 @@ def test_who_asks_for_statistics_is_told_once_that_they_failed_and_begin_anew(ro
         advance(*words)
 
     replica = Replica(robot_state(robot.log, "", -1))
-    monkeypatch.setattr(replica, "open_watcher", lambda: SegmentReader(robot.log.segment_path))
+    monkeypatch.setattr(replica, "open_watcher", lambda: SegmentReader(robot.log._present.path))
     monkeypatch.setattr(Tally, "advance", failing)
     surveyor, asked = Surveyor(replica), GetSurvey(quantities=["mean"], client="me")
     try:

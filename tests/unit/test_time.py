@@ -251,4 +251,4 @@ def test_later_ticks_ask_the_clock_alone(new_logger):
     logger = new_logger(clock=clock)
     logger.start()
     collect(logger, 10)
-    assert logger.present_run.collect.__globals__["clock"] is clock
+    assert logger._present.run.collect.__globals__["clock"] is clock

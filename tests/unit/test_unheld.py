@@ -209,7 +209,7 @@ def test_a_logger_that_ends_without_close_says_it_in_its_file(new_logger, tmp_pa
     logger.add(robot.q, "q")
     logger.start()
     turned(logger, robot)
-    logger.abandon()
+    logger._abandon()
     (path,) = tmp_path.glob("*.silo")
     assert ALONE in silo.open_log(path).warnings[0]
 
@@ -220,5 +220,5 @@ def test_looking_beside_the_loop_gives_it_the_interpreter_in_between(new_logger)
         logger.add(array, f"x{number}")
     logger.start()
     pauses = []
-    assert logger.present_run.left_behind(lambda: pauses.append(1)) == []
+    assert logger._present.run.left_behind(lambda: pauses.append(1)) == []
     assert len(pauses) > 4

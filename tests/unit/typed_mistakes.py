@@ -49,11 +49,11 @@ log.start(unsaved="save")
 log.start(unsaved="keep")  # wrong
 log.save(["silo", "csv"], folder=Path("logs"))
 log.save("bag")
-log.save(silo.FileType.CSV)
+log.save(silo.types.FileType.CSV)
 log.save(["cvs"])  # wrong
 log.save("cvs")  # wrong
 silo.save(["cvs"])  # wrong
-silo.save(["csv", silo.FileType.SILO])
+silo.save(["csv", silo.types.FileType.SILO])
 log.publish()  # wrong
 silo.get_logger().set("joints", divider=2)
 silo.get_logger().set("joints", dividr=2)  # wrong

@@ -4,8 +4,9 @@ Misspelt names are Python's own matter: it says which one was meant.
 """
 
 from collections.abc import Iterable
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
+from silo.core.calls import former_member
 from silo.errors import ArgumentError, StateError, UnknownNameError
 
 C = TypeVar("C", bound=type)
@@ -63,7 +64,7 @@ OTHER_NAMES = {
     "shutdown": "it is log.close()",
     "finish": "it is log.stop(), log.save() and log.close()",
     "running": "it is log.is_running",
-    "closed": "it is log.is_closed",
+    "closed": "a closed logger raises StateError; log.is_running says whether it logs",
     "clear": "log.start() begins with empty buffers, log.remove('x') forgets an element",
     "reset": "it is log.restart(): a new run with empty buffers",
     "write": "it is log.save('csv')",
@@ -96,6 +97,30 @@ OTHER_NAMES = {
 SETTLED = ("freq", "frequency", "frequency_hz", "rate", "hz", "max_time")
 
 
+# members of before, which work for one release: where they are, and what to write instead
+FORMER = {
+    "cleanup": ("close", "log.close()"),
+    "element": ("__getitem__", "log['x']"),
+    "enable": ("_scripted.enable", "log.set('x', enabled=True)"),
+    "disable": ("_scripted.disable", "log.set('x', enabled=False)"),
+    "apply": ("_scripted.apply", "log.set('x', divider=2)"),
+    "set_limits": ("_conditions.set_limits", "log.limit('x', (red_low, yellow_low, yellow_high, red_high))"),
+    "set_trigger": ("_conditions.set_trigger", "log.trigger('fall', 'x > 1')"),
+    "remove_derived": ("_conditions.remove_derived", "log.derive('x', None)"),
+    "remove_limits": ("_conditions.remove_limits", "log.limit('x', None)"),
+    "remove_trigger": ("_conditions.remove_trigger", "log.trigger('fall', None)"),
+    "source_failures": ("_present.failures", "log['x'].failures"),
+    "state": ("_life.state", "log.is_running"),
+    "is_closed": ("_is_closed", ""),
+    "ignored": ("_ignored", ""),
+    "revision": ("_table.revision", ""),
+    "segment_path": ("_present.path", ""),
+    "saved_before_start": ("_present.saved_before", ""),
+    "problems": ("_scripted.problems", ""),
+    "abandon": ("_abandon", ""),
+}
+
+
 class Elsewhere:
     """A name that a logger lacks: asking for it raises UnknownNameError with what to write instead.
 
@@ -114,6 +139,13 @@ class Settled(Elsewhere):
 
     def __set__(self, thing: object, value: object) -> NoReturn:
         raise StateError(f"{self._name} can't be set later: {self._way_out}; nothing was changed")
+
+
+class Former(Elsewhere):
+    """A member of before: it works for one release, and says once what to write instead."""
+
+    def __get__(self, thing: object, owner: type) -> Any:
+        return self if thing is None else former_member(thing, "log", self._name, FORMER)
 
 
 class ElementsName(Elsewhere):
@@ -151,6 +183,8 @@ def with_other_names(cls: C) -> C:
     """Have a class of loggers tell what to write instead of each of `OTHER_NAMES`."""
     for name, way_out in OTHER_NAMES.items():
         setattr(cls, name, (Settled if name in SETTLED else Elsewhere)(name, way_out))
+    for name in FORMER:
+        setattr(cls, name, Former(name, ""))
     return cls
 
 

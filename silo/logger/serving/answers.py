@@ -10,60 +10,69 @@ from typing import Any, Protocol
 import msgspec
 
 from silo.conditions.robot import ConditionRobot, ConditionsOfLogger
-from silo.core.elements import State, Table
+from silo.core.elements import LoggerOptions, State, Table
 from silo.errors import SaveError, ScriptError, StateError
+from silo.logger.current_run import CurrentRun
 from silo.loop.run import Run
 from silo.rpc.declaring import Reply, Request
 from silo.rpc.refusals import WHYS, RefusedWhy, RequestRefusedError, answered
 from silo.rpc.serving import Dispatch, Turn
 from silo.state.handover import RobotState
-from silo.state.robot import StateOfLogger, StateRobot
+from silo.state.robot import StateOfLogger, StateRobot, TableOfLogger
 
 
-class Served(StateOfLogger, ConditionsOfLogger, Protocol):
+class Samples(Protocol):
+    """What a logger's run holds, seen from here."""
+
+    def look_for_unheld(self, run: Run | None = None, found: Sequence[int] | None = None) -> None: ...
+    def note_saved(self, run_id: str, ticks: int, /) -> None: ...
+
+
+class Served(StateOfLogger, Protocol):
     """A logger, seen from here: what its clients may know of it and ask of it."""
 
+    options: LoggerOptions
+    _present: CurrentRun
+
     @property
-    def state(self) -> State: ...
+    def _scripted(self) -> TableOfLogger: ...
+    @property
+    def _conditions(self) -> ConditionsOfLogger: ...
+    @property
+    def _data(self) -> Samples: ...
     @property
     def stop_reason(self) -> str: ...
     @property
     def ticks(self) -> int: ...
     @property
     def has_unsaved(self) -> bool: ...
-    @property
-    def segment_path(self) -> str: ...
-    @property
-    def present_run(self) -> Run | None: ...
-
-    def look_for_unheld(self, run: Run | None = None, found: Sequence[int] | None = None) -> None: ...
-    def note_saved(self, run_id: str, ticks: int, /) -> None: ...
 
 
 def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
     """Return what the helper is to know now; with the table, unless that revision was sent before."""
-    with logger.lock:
-        revision = logger.revision
+    with logger._scripted.lock:
+        revision = logger._scripted.revision
         return RobotState(
             logger=logger.options.name,
             pid=os.getpid(),
-            state=logger.state,
+            state=State.RUNNING if logger.is_running else State.STOPPED,
             revision=revision,
             options_json=msgspec.json.encode(logger.options),
             folder=logger.options.folder,
             script=logger.options.script,
-            segment=logger.segment_path,
+            segment=logger._present.path,
             reason=logger.stop_reason,
             by=by,
-            table=Table(revision, logger.elements) if revision != table_sent else None,
-            extras=logger.extras,
-            saved=logger.saved_before_start,
+            table=Table(revision, logger._scripted.elements) if revision != table_sent else None,
+            extras=logger._conditions.extras,
+            saved=logger._present.saved_before,
         )
 
 
 def answer(logger: Served, request: Request[Any]) -> Reply:
     """Do what a client asks; whatever goes wrong becomes words."""
-    dispatch = Dispatch([StateRobot(logger), ConditionRobot(logger)], _not_ours)
+    state = StateRobot(logger, logger._scripted, lambda: logger._present.saved_before)
+    dispatch = Dispatch([state, ConditionRobot(logger._conditions)], _not_ours)
     running = RefusedWhy.RUNNING if logger.is_running else RefusedWhy.INVALID
     whys = {**WHYS, StateError: running, SaveError: RefusedWhy.FAILED, ScriptError: RefusedWhy.FAILED}
     reply = answered(lambda: dispatch.reply(request), whys)

@@ -182,14 +182,14 @@ class Serving:
         """The last look at a run that stopped by itself, which its loop has no time for."""
         logger = self._logger_ref()
         if logger is not None and not logger.is_running:
-            logger.look_for_unheld()
+            logger._data.look_for_unheld()
 
     def _look(self) -> None:
         """Tell of arrays that nobody but silo holds any more. The loop has the interpreter in between."""
         logger = self._logger_ref()
-        run = logger.present_run if logger is not None else None
+        run = logger._present.run if logger is not None else None
         if logger is not None and run is not None:
-            logger.look_for_unheld(run, run.left_behind(lambda: time.sleep(PAUSE_S)))
+            logger._data.look_for_unheld(run, run.left_behind(lambda: time.sleep(PAUSE_S)))
 
     def _handle(self, message: object) -> None:
         logger = self._logger_ref()
@@ -204,7 +204,7 @@ class Serving:
             self._replied(message)
         elif isinstance(message, LinkSaved):
             if logger is not None and message.ticks:
-                logger.note_saved(message.run, message.ticks)
+                logger._data.note_saved(message.run, message.ticks)
             future = self._saves.pop(message.job, None)
             if future is not None:
                 if message.error:
@@ -337,7 +337,7 @@ class Serving:
     def hand_over(self) -> None:
         """Make the present run known to the helper process, before its first tick. Never waits."""
         logger = self._logger_ref()
-        run = logger.present_run if logger is not None else None
+        run = logger._present.run if logger is not None else None
         if run is None:
             return
         offer = RunOffer(run.id, str(run.segment.path), run.segment.named)
@@ -372,7 +372,7 @@ class Serving:
         """
         logger = self._logger_ref()
         # what was derived just now may not have been told yet
-        extras = logger.extras if logger is not None else None
+        extras = logger._conditions.extras if logger is not None else None
         request = Save(types=types, name=name, folder=folder, extras=extras, client="the robot program")
         _, saving = self._asked(request, SaveStarted, "it saves nothing later")
         return self._wait(saving, "it had begun to save, and goes on when it wakes")
@@ -461,7 +461,7 @@ class Serving:
         logger = self._logger_ref()
         if self._parted() or logger is None:
             return
-        if has_left(logger.options) or (logger.ticks and logger.extras.judged):
+        if has_left(logger.options) or (logger.ticks and logger._conditions.extras.judged):
             try:
                 self._spawn()
             except (SiloError, OSError) as error:
@@ -490,4 +490,4 @@ class Serving:
         if kind is None or logger is None or not logger.has_unsaved:
             self.close()
         else:
-            self.abandon(logger.segment_path, logger.ticks)
+            self.abandon(logger._present.path, logger.ticks)

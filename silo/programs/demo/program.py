@@ -11,7 +11,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from silo.core.elements import NO_EXTRAS, Action, FileType, TriggerOptions
+from silo.core.elements import NO_EXTRAS, Action, FileType
 from silo.core.quantities.writing import many, size_text
 from silo.logger.logger import Logger
 from silo.programs.demo.robot import SimulatedRobot
@@ -151,15 +151,15 @@ def judge(log: Logger) -> None:
         return
     log.derive("tilt", "hypot(base/euler_0, base/euler_1)", group="base", unit="rad")
     log.limit("base/tilt", (None, None, 0.08, 0.15), hysteresis=0.01)
-    log.set_trigger(TriggerOptions("slip", "base/tilt > 0.1", 1.0, 1.0, holdoff_s=2.0, keep=20, armed=False))
+    log.trigger("slip", "base/tilt > 0.1", pre=1.0, post=1.0, holdoff=2.0, keep=20, armed=False)
 
 
 def welcome(log: Logger) -> str:
     """Return what a user needs to know at the start."""
-    options = log.options
+    options, running = log.options, "running" if log.is_running else "stopped"
     script = options.script if Path(options.script).exists() else f"{options.script} (none yet: everything is logged)"
     return (
-        f"logger '{options.name}': {len(log.elements)} elements at {options.frequency_hz:g} Hz, {log.state.value}\n"
+        f"logger '{options.name}': {len(log.elements)} elements at {options.frequency_hz:g} Hz, {running}\n"
         f"  script  {script}\n"
         f"  folder  {options.folder}\n"
         f"  watch   silo-tui {options.name}   or   silo watch {options.name}\n"

@@ -1,0 +1,18 @@
+"""What silo returns and takes, by name, for annotations: `def keep(saved: silo.types.SavedFile) -> None`."""
+
+from silo.analysis.compare import Comparison
+from silo.core.elements import ElementInfo, FileType, SavedFile, Storage, Threads
+from silo.logger.results import LoggedElement, NewValues
+from silo.logger.serving.serving import Serving
+
+__all__ = [
+    "Comparison",
+    "ElementInfo",
+    "FileType",
+    "LoggedElement",
+    "NewValues",
+    "SavedFile",
+    "Serving",
+    "Storage",
+    "Threads",
+]
