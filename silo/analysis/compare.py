@@ -337,7 +337,7 @@ def _meeting(
         raise ElementError("there is no sample in common")
     whole = len(mine) == len(one) == len(other)
     places = None if whole else (mine.values, theirs.values)
-    moved_ns = other.as_if_started(one.start_ns).time_ns
+    moved_ns = other._as_if_started(one.start_ns).time_ns
     return met.setdefault(key, _Meeting(places, mine.times, moved_ns, span, stamps))
 
 
@@ -351,7 +351,7 @@ def _differences(
     if one.components != other.components:
         raise ElementError(f"components {one.components or 'none'} and {other.components or 'none'}")
     if not units.same(one.unit, other.unit) and {one.unit, other.unit}.isdisjoint(("", "-")):
-        other = other.in_unit(one.unit)
+        other = other.to(one.unit)
     meeting = _meeting(one.name, (one.time_ns, other.time_ns), (one.start_ns, other.start_ns), shift_s, met)
     other = replace(other, time_ns=meeting.moved_ns, start_ns=one.start_ns)
     if one.components:
@@ -426,7 +426,7 @@ def _moment(log: Log, event: Event, which: str) -> float:
     if isinstance(found, Signal):
         moments = found.when()
         if not len(moments):
-            raise ElementError(f"the event '{found.name}' doesn't happen in the {which} run, which {found.span}")
+            raise ElementError(f"the event '{found.name}' doesn't happen in the {which} run, which {found._span}")
         return float(moments[0])
     return real(f"the time of the event in the {which} run", found, -1e9, 1e9, "s")
 
@@ -437,14 +437,14 @@ def _by_course(one: Signal, other: Signal) -> float:
         raise ElementError(f"'{one.name}' has components: name one of them, such as '{one.name}_{one.components[0]}'")
     if len(one) < 2 or len(other) < 2:
         raise ElementError(f"'{one.name}' has too few samples to lay runs on each other by it")
-    step_s = min(one.step_ns, other.step_ns) * 1e-9
-    one, other = one.in_order(), other.in_order()
+    step_s = min(one._step_ns, other._step_ns) * 1e-9
+    one, other = one._in_order(), other._in_order()
     spans = [each.times[-1] - each.times[0] for each in (one, other)]
     step_s = max(step_s, max(spans) / MOST_SHIFT_SAMPLES)
     courses = []
     for each in (one, other):
         grid = np.arange(each.times[0], each.times[-1] + step_s / 2, step_s)
-        values = np.nan_to_num(np.interp(grid, each.times, each.columns("align by")[0]))
+        values = np.nan_to_num(np.interp(grid, each.times, each._columns("align by")[0]))
         courses.append(values - values.mean())
     if not all(course.any() for course in courses):
         raise ElementError(f"'{one.name}' stands still in a run: runs can't be laid on each other by it")

@@ -2,7 +2,7 @@
 
 log = silo.open_log("anymal_2026", folder="logs")
 torque = log["/log/joints/tau"]
-torque.average(2.0, 3.5)
+torque.mean(2.0, 3.5)
 """
 
 import math
@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,7 +26,7 @@ from silo.analysis.signal import Signal
 from silo.analysis.stretches import clipped, resampled
 from silo.core.arguments import INT64, real, shown, switch, text
 from silo.core.arguments import path as file_path
-from silo.core.calls import no_attribute, told_class
+from silo.core.calls import former_member, no_attribute, told_class
 from silo.core.elements import NO_EXTRAS
 from silo.core.kinds import SCALAR
 from silo.core.names import is_glob
@@ -150,19 +150,15 @@ class Log(Mapping[str, Signal]):
             (name, element.unit, element.kind, element.count, element.divider, element.lost or "")
             for name, element in zip(self._elements, self.recording.elements, strict=True)
         ]
-        rows += [(one.name, one.unit, one.kind, len(one), one.divider, "") for one in map(self.element, self._derived)]
+        rows += [
+            (one.name, one.unit, one.kind, len(one), one.divider, "") for one in map(self.__getitem__, self._derived)
+        ]
         return html_table(repr(self)[1:-1], ("element", "unit", "kind", "samples", "divider", "lost"), rows)
 
-    def element(self, name: str) -> Signal:
-        """Return a signal, as `log[name]`.
-
-        Args:
-            name: its name, with or without the prefix.
-
-        Raises:
-            UnknownSignalError: there is none of this name; the message has those most alike.
-        """
-        return self[name]
+    def _ipython_key_completions_(self) -> list[str]:
+        """What `log["<TAB>` offers: the names, and what they are without the prefix."""
+        prefix = f"{self.recording.prefix.rstrip('/')}/"
+        return [key for name in self for key in dict.fromkeys((name.removeprefix(prefix), name))]
 
     @property
     def name(self) -> str:
@@ -171,10 +167,12 @@ class Log(Mapping[str, Signal]):
 
     if not TYPE_CHECKING:  # type checkers know which names there are
 
-        def __getattr__(self, name: str) -> NoReturn:
+        def __getattr__(self, name: str) -> object:
+            if name == "element":
+                return former_member(self, "log", name, {"element": ("__getitem__", "log['q']")})
             known = not name.startswith("_") and name not in _OTHER_NAMES and name in self
             others = {name: f"the signal is log['{name}']"} if known else _OTHER_NAMES
-            no_attribute("a log", name, type(self), others)
+            return no_attribute("a log", name, type(self), others)
 
     def names(self, pattern: str = "*") -> list[str]:
         """Return names of elements, in the order of the file. Where there are none, a warning has names alike.

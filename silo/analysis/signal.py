@@ -11,7 +11,7 @@ Operators are NumPy's, which call `silo.analysis.compute.numpy_functions`; frame
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias, Union
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, Union
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
@@ -23,7 +23,7 @@ from silo.analysis.compute.samples import Samples, new_times
 from silo.core import units
 from silo.core.arguments import INT64, shown, text
 from silo.core.arrays.values import with_nan
-from silo.core.calls import no_attribute, told_class
+from silo.core.calls import former_member, no_attribute, told_class
 from silo.core.printing import html_table
 from silo.core.recording import within
 from silo.errors import ElementError
@@ -48,7 +48,15 @@ _OTHER_NAMES = {
     "tolist": "it is .values.tolist()",
     "fft": "it is .spectrum()",
 }
-
+# members of before, which work for one release: where they are, and what to write instead
+FORMER = {
+    "average": ("mean", "signal.mean()"),
+    "in_unit": ("to", "signal.to('deg')"),
+    **{name: (f"_{name}", "") for name in (
+        "as_if_started", "bounds", "check_overlap", "columns", "falls", "held", "holding", "in_order",
+        "nothing_in_common", "numbers", "places", "seconds", "seconds_of", "span", "stamps", "step_ns",
+    )},
+}  # fmt: skip
 
 Operand: TypeAlias = Union["Signal", float, int, NDArray[Any]]
 
@@ -119,10 +127,10 @@ class Signal(Samples, _Operators):
         Raises:
             ElementError: the time is before the first sample.
         """
-        times = self.seconds(time_s)
-        places = self.places(self.stamps(times))
+        times = self._seconds(time_s)
+        places = self._places(self._stamps(times))
         if (places < 0).any():
-            raise ElementError(f"'{self.name}' has no value yet at {np.min(times):g} s; it {self.span}")
+            raise ElementError(f"'{self.name}' has no value yet at {np.min(times):g} s; it {self._span}")
         return self.values[places] if np.ndim(places) else self.values[int(places)]
 
     def clip(self, start_s: float | None = None, stop_s: float | None = None) -> "Signal":
@@ -156,23 +164,23 @@ class Signal(Samples, _Operators):
             raise ElementError(f"unknown method {method!r} to resample '{self.name}': choose 'hold' or 'linear'")
         mine, time_ns = self, new_times(self, times)
         if isinstance(times, Signal):
-            mine = self.as_if_started(times.start_ns)
+            mine = self._as_if_started(times.start_ns)
             if len(times):
-                mine.check_overlap(times, f"resample '{self.name}' at the times of '{times.name}'")
-        inside = time_ns >= mine.bounds[0] if len(self) else np.zeros(len(time_ns), bool)
+                mine._check_overlap(times, f"resample '{self.name}' at the times of '{times.name}'")
+        inside = time_ns >= mine._bounds[0] if len(self) else np.zeros(len(time_ns), bool)
         if method == "linear" and len(self):
-            inside &= time_ns <= mine.bounds[1]
+            inside &= time_ns <= mine._bounds[1]
         if len(time_ns) and not inside.any():
             asked = (time_ns[[0, -1]] - mine.start_ns) * 1e-9
             raise ElementError(
-                f"can't resample '{self.name}': '{self.name}' {self.span}, the times asked for are from "
+                f"can't resample '{self.name}': '{self.name}' {self._span}, the times asked for are from "
                 f"{asked[0]:g} to {asked[1]:g} s"
             )
         time_ns = time_ns[inside]
         if method == "hold":
-            return mine.held(time_ns)
-        mine = mine.in_order()
-        columns = mine.columns("interpolate")
+            return mine._held(time_ns)
+        mine = mine._in_order()
+        columns = mine._columns("interpolate")
         # relative to the first stamp: doubles hold nanoseconds only over a few months
         new, old = (time_ns - mine.start_ns).astype(np.float64), (mine.time_ns - mine.start_ns).astype(np.float64)
         made = np.stack([np.interp(new, old, column) for column in columns], axis=-1) if columns else np.empty((0, 0))
@@ -180,8 +188,8 @@ class Signal(Samples, _Operators):
 
     # --------------------------------------------------------------------------------------------------------- units
 
-    def in_unit(self, unit: str) -> "Signal":
-        """Return the signal converted to another unit: `mm` to `m`, `rpm` to `rad/s`.
+    def to(self, unit: str) -> "Signal":
+        """Return the signal converted to another unit: `signal.to("deg")`, `mm` to `m`, `rpm` to `rad/s`.
 
         Args:
             unit: the unit of the result.
@@ -189,7 +197,7 @@ class Signal(Samples, _Operators):
         Raises:
             ElementError: one unit isn't a multiple of the other as far as silo knows.
         """
-        text("unit", unit, "signal.in_unit('rad/s')")
+        text("unit", unit, "signal.to('rad/s')")
         factor = units.factor(self.unit, unit)
         if factor is None:
             doubts = "".join(f"; {words}" for words in map(units.doubt, (self.unit, unit)) if words)
@@ -198,17 +206,6 @@ class Signal(Samples, _Operators):
                 f"truth, say so by .with_unit('{unit}'){doubts}"
             )
         return replace(self, unit=unit, values=self.values if factor == 1.0 else wide(self) * factor)
-
-    def to(self, unit: str) -> "Signal":
-        """Return the signal converted to another unit: `signal.to("deg")`. The same as `in_unit`.
-
-        Args:
-            unit: the unit of the result.
-
-        Raises:
-            ElementError: one unit isn't a multiple of the other as far as silo knows.
-        """
-        return self.in_unit(unit)
 
     def with_unit(self, unit: str) -> "Signal":
         """Return the same values under another unit.
@@ -222,15 +219,6 @@ class Signal(Samples, _Operators):
         return replace(self, unit=given)
 
     # ---------------------------------------------------------------------------------------------------- statistics
-
-    def mean(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Return the mean in a window, as `average`.
-
-        Args:
-            start_s: seconds since start; None: from the first sample.
-            stop_s: seconds since start; None: to the last sample.
-        """
-        return self.average(start_s, stop_s)
 
     def median(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
         """Return the median of the samples in a window, per component.
@@ -250,7 +238,7 @@ class Signal(Samples, _Operators):
         """
         return self._statistic(np.nanvar, start_s, stop_s)
 
-    def average(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
+    def mean(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
         """Return the mean of the samples in a window (whole signal by default), per component.
 
         NaN samples are left out.
@@ -303,12 +291,12 @@ class Signal(Samples, _Operators):
 
     def derivative(self) -> "Signal":
         """Return the change per second, by central differences over the real time stamps."""
-        columns = [calculus.derivative(self.times, column) for column in self.columns("differentiate")]
+        columns = [calculus.derivative(self.times, column) for column in self._columns("differentiate")]
         return self._with(columns, units.quotient(self.unit, "s"), f"d({self.name})")
 
     def integral(self) -> "Signal":
         """Return the area under the signal since its first sample, by trapezoids; a NaN sample adds nothing."""
-        columns = [calculus.integral(self.times, column) for column in self.columns("integrate")]
+        columns = [calculus.integral(self.times, column) for column in self._columns("integrate")]
         return self._with(columns, units.product(self.unit, "s"), f"integral({self.name})")
 
     def spectrum(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -324,7 +312,7 @@ class Signal(Samples, _Operators):
             ElementError: some components have NaN, others not.
         """
         pieces = [
-            spectra.longest_piece(self.time_ns, column, most=None) for column in self.columns("take the spectrum of")
+            spectra.longest_piece(self.time_ns, column, most=None) for column in self._columns("take the spectrum of")
         ]
         found = [spectra.lines_of(piece) for piece in pieces]
         if not found:
@@ -338,7 +326,7 @@ class Signal(Samples, _Operators):
 
     def norm(self) -> "Signal":
         """Return the length of a vector, sample by sample."""
-        columns = self.columns("take the norm of")
+        columns = self._columns("take the norm of")
         length = np.sqrt(sum((column**2 for column in columns), np.zeros(len(self))))
         return replace(self, name=f"|{self.name}|", values=length, kind="scalar", components=(), labels={})
 
@@ -365,11 +353,11 @@ class Signal(Samples, _Operators):
 
     def any(self) -> bool:
         """Return whether any value is true, or not 0."""
-        return bool(np.any(self.numbers("look for truths in")))
+        return bool(np.any(self._numbers("look for truths in")))
 
     def all(self) -> bool:
         """Return whether all values are true, or not 0."""
-        return bool(np.all(self.numbers("look for truths in")))
+        return bool(np.all(self._numbers("look for truths in")))
 
     def when(self) -> NDArray[np.float64]:
         """Return the times at which a mask becomes true: `(signal > 1).when()`.
@@ -394,9 +382,11 @@ class Signal(Samples, _Operators):
 
     if not TYPE_CHECKING:  # type checkers know which names there are
 
-        def __getattr__(self, name: str) -> NoReturn:
+        def __getattr__(self, name: str) -> object:
+            if name in FORMER:
+                return former_member(self, "signal", name, FORMER)
             others = {one: f"it is signal['{one}']" for one in self.components} | _OTHER_NAMES
-            no_attribute("a signal", name, type(self), others)
+            return no_attribute("a signal", name, type(self), others)
 
     # ------------------------------------------------------------------------------------------------------- plotting
 
@@ -500,19 +490,19 @@ class Signal(Samples, _Operators):
         return within(self.time_ns, start, stop)
 
     def _bound(self, argument: str, given: float) -> NDArray[np.int64]:
-        time = self.seconds(given)
+        time = self._seconds(given)
         if time.ndim or np.isnan(time):
             raise ElementError(f"{argument} must be one time in seconds since start, got {shown(given)}")
-        return self.stamps(time)
+        return self._stamps(time)
 
     def _statistic(
         self, function: Callable[..., Any], start_s: float | None, stop_s: float | None, exact: bool = False
     ) -> Any:
-        values = self.numbers("take statistics of")[self._window(start_s, stop_s)]
+        values = self._numbers("take statistics of")[self._window(start_s, stop_s)]
         if not len(values):
             low = "its start" if start_s is None else f"{start_s:g} s"
             high = "its end" if stop_s is None else f"{stop_s:g} s"
-            raise ElementError(f"'{self.name}' has no sample from {low} to {high}; it {self.span}")
+            raise ElementError(f"'{self.name}' has no sample from {low} to {high}; it {self._span}")
         if isinstance(values, np.ma.MaskedArray) and not (exact and values.count(axis=0).all()):
             values = with_nan(values)
         if isinstance(values, np.ma.MaskedArray):

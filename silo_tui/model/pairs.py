@@ -27,7 +27,7 @@ def pair_of(x_ns: NDArray[np.int64], x_values: NDArray[Any], y_ns: NDArray[np.in
     x, y = as_floats(x_values), as_floats(y_values)
     if len(x):
         source = Samples("x", x, x_ns)
-        x = np.where(source.holding(y_ns), x[source.places(y_ns)], np.nan)
+        x = np.where(source._holding(y_ns), x[source._places(y_ns)], np.nan)
     else:
         x = np.full(len(y), np.nan)
     good = np.isfinite(x) & np.isfinite(y)

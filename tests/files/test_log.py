@@ -58,6 +58,11 @@ class TestLog:
             log["/log/imu/ac"]
         assert log.get("none") is None
 
+    def test_names_are_completed_with_and_without_the_prefix(self, log):
+        offered = log._ipython_key_completions_()
+        assert set(log) <= set(offered)
+        assert {name.removeprefix("/log/") for name in log} <= set(offered)
+
     def test_patterns_and_namespaces(self, log):
         assert log.names("*/state/*") == ["/log/state/mode", "/log/state/text", "/log/state/on"]
         assert log.names("imu/*") == ["/log/imu/acc", "/log/imu/q"]
@@ -167,14 +172,14 @@ class TestValues:
 class TestStatistics:
     def test_of_a_window(self):
         wave = signal([1.0, 2.0, 3.0, 10.0])
-        assert wave.average(0, 1.0) == 2.0
+        assert wave.mean(0, 1.0) == 2.0
         assert wave.rms(0.5, 1.0) == pytest.approx(np.sqrt(6.5))
         assert wave.std(0, 1.0) == pytest.approx(np.std([1, 2, 3]))
         assert (wave.min(), wave.max(), wave.max(0, 1.0)) == (1, 10, 3)
 
     def test_nan_is_left_out(self):
         holes = signal([[1.0, np.nan], [3.0, np.nan]])
-        assert repr(holes.average().tolist()) == "[2.0, nan]"
+        assert repr(holes.mean().tolist()) == "[2.0, nan]"
         assert repr(holes.max().tolist()) == "[3.0, nan]"
 
     def test_large_integers_stay_exact(self):
@@ -182,11 +187,11 @@ class TestStatistics:
 
     def test_an_empty_window_is_an_error_with_the_span(self):
         with pytest.raises(ElementError, match=r"no sample from 7 s to its end; it has samples from 0 to 0.5 s"):
-            signal([1.0, 2.0]).average(7)
+            signal([1.0, 2.0]).mean(7)
 
     def test_strings_have_none(self):
         with pytest.raises(ElementError, match="no numbers"):
-            signal(["a"]).average()
+            signal(["a"]).mean()
 
 
 class TestCalculus:

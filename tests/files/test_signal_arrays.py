@@ -160,7 +160,7 @@ def test_reductions_of_numpy_are_plain_numbers(log):
     for function in (np.mean, np.std, np.min, np.max, np.median, np.sum, np.ptp):
         assert function(x) == function(x.values)
     assert np.percentile(x, 50) == x.median() == 9.5
-    assert x.mean() == x.average() == 9.5
+    assert x.mean() == np.mean(x) == 9.5
     assert x.var() == pytest.approx(x.std() ** 2)
 
 
@@ -192,7 +192,7 @@ def test_a_signal_is_converted_by_its_unit(log):
         (lambda x, y, q: y[x > 5], "their time stamps differ; write mask.resample(signal)"),
         (lambda x, y, q: q["w"], "has no component 'w'; it has: x, y, z"),
         (lambda x, y, q: q[:, 7], "one sample of '/log/q' has shape (3,)"),
-        (lambda x, y, q: x > y, "the unit of one is 'm', of the other 'mm'; convert that one by .in_unit('m')"),
+        (lambda x, y, q: x > y, "the unit of one is 'm', of the other 'mm'; convert that one by .to('m')"),
         (lambda x, y, q: x == "TROT", "its values are"),
         (lambda x, y, q: bool(x), "neither true nor false: write .any(), .all() or len(...)"),
         (lambda x, y, q: x and y, "neither true nor false"),
@@ -279,3 +279,18 @@ def test_every_operator_of_numpy_is_one_of_signals(log):
     assert (log["x"] == None) is False  # noqa: E711
     with pytest.raises(silo.ElementError, match="has no meaning for signals"):
         divmod(gait, 2)
+
+
+class TestNumpysStatistics:
+    @pytest.mark.parametrize("name", ["max", "min", "mean", "std", "var", "median"])
+    def test_of_one_component_they_are_the_methods(self, name, recwarn):
+        q = silo.Signal("q", np.array([1.0, 5.0, 3.0]), np.arange(3))
+        assert getattr(np, name)(q) == getattr(q, name)()
+        assert not recwarn.list
+
+    @pytest.mark.parametrize("name", ["max", "min", "mean", "std", "var", "median"])
+    def test_of_several_they_are_the_methods_too_and_say_how_to_have_numpys_own(self, name):
+        q = silo.Signal("q", np.array([[1.0, 5.0], [np.nan, 3.0]]), np.arange(2))
+        with pytest.warns(silo.LogWarning, match=rf"write np\.{name}\(signal\.values\) for the former"):
+            made = getattr(np, name)(q)
+        assert np.array_equal(made, getattr(q, name)())

@@ -133,7 +133,7 @@ class TestSums:
         ("one", "other"), [("m", "mm"), ("rad", "deg"), ("rad/s", "rpm"), ("s", "ms"), ("Nm", "mNm")]
     )
     def test_units_of_different_size_are_not_added_and_it_is_said_how_to_convert(self, one, other):
-        with pytest.raises(ElementError, match=rf"in_unit\('{one}'\)"):
+        with pytest.raises(ElementError, match=rf"to\('{one}'\)"):
             signal(one) + signal(other)
 
     def test_dropping_the_unit_lets_them_meet(self):
@@ -160,15 +160,15 @@ class TestConversion:
         ],
     )
     def test_values_are_multiplied(self, unit, to, factor):
-        converted = signal(unit).in_unit(to)
+        converted = signal(unit).to(to)
         np.testing.assert_allclose(converted.values, factor * np.array([1.0, 2.0, 3.0]), rtol=1e-14)
         assert (converted.unit, converted.name) == (to, f"/{unit}")
 
     def test_what_can_not_be_converted_is_told(self):
         with pytest.raises(ElementError, match=r"'/rad' is in 'rad', which can't be converted to 'm'"):
-            signal("rad").in_unit("m")
+            signal("rad").to("m")
         with pytest.raises(ElementError, match="'°C'"):
-            signal("°C").in_unit("K")
+            signal("°C").to("K")
 
     def test_a_word_that_is_not_known_is_told_with_the_one_that_is_meant(self):
         with pytest.raises(ElementError, match=r"doesn't know 'radians', did you mean 'rad'\?"):
@@ -236,7 +236,7 @@ class TestConversion:
         assert units.doubt("parsec/s").endswith("doesn't know 'parsec'; a word of your own is written '[parsec]/s'")
 
     def test_whole_numbers_become_fractions(self):
-        assert signal("mm", [1, 2]).in_unit("m").values.tolist() == [0.001, 0.002]
+        assert signal("mm", [1, 2]).to("m").values.tolist() == [0.001, 0.002]
 
     def test_with_unit_changes_no_value(self):
         relabelled = signal("mm").with_unit("m")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import silo
+from silo.core import calls
 from silo.logger import default
 from silo.logger.logger import Logger
 from silo.logger.null import NullLogger
@@ -76,7 +77,8 @@ def test_save_writes_the_files(init):
     assert saved.path.endswith(".silo")
 
 
-def test_cleanup_is_close_for_one_release_and_says_so_once(init, caplog):
+def test_cleanup_is_close_for_one_release_and_says_so_once(init, caplog, monkeypatch):
+    monkeypatch.setattr(calls, "_told_words", set())
     log = init()
     silo.array("x")
     silo.start()

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import silo
+from silo.analysis.signal import FORMER as FORMER_OF_SIGNALS
 from silo.core import calls
 from silo.logger.arguments.other_names import FORMER
 
-MOST = {silo.Logger: 32, silo.Client: 58, silo.Signal: 62}
+MOST = {silo.Logger: 32, silo.Client: 58, silo.Signal: 45}
 
 
 @pytest.fixture(autouse=True)
@@ -46,6 +47,15 @@ def test_a_member_of_before_works_and_says_once_what_to_write(name, new_logger, 
         getattr(log, name)
         assert [words for words in caplog.messages if f"log.{name} is " in words] == caplog.messages
         assert len(caplog.messages) == 1
+
+
+@pytest.mark.parametrize("name", FORMER_OF_SIGNALS)
+def test_a_signals_member_of_before_works_and_says_once_what_to_write(name, caplog):
+    q = silo.Signal("q", np.arange(3.0), np.arange(3))
+    getattr(q, name)
+    getattr(q, name)
+    assert len(caplog.messages) == 1
+    assert f"signal.{name} is " in caplog.text
 
 
 def test_members_of_before_do_what_they_did(new_logger):

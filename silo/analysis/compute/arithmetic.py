@@ -49,7 +49,7 @@ def compared(
     """
     if isinstance(other, str | bytes) or one.values.dtype.kind in "SU":
         return _texts_compared(one, other, function, sign)
-    values, made, name = _both(one, other, function, sign, swapped, lambda each: each.numbers("compare"), "compare")
+    values, made, name = _both(one, other, function, sign, swapped, lambda each: each._numbers("compare"), "compare")
     return replace(made, name=name, values=_truths(values, sign), unit="-", labels={})
 
 
@@ -108,7 +108,7 @@ def _words(other: object) -> str:
 
 def wide(signal: Samples) -> NDArray[Any]:
     """Return the values in a type that doesn't wrap around: small integers and bools as int64."""
-    values = signal.numbers("calculate with")
+    values = signal._numbers("calculate with")
     if values.dtype.kind == "u" and values.dtype.itemsize == 8:
         return values.astype(np.float64)
     return values.astype(np.int64) if values.dtype.kind in "iu" else values
@@ -125,18 +125,18 @@ def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tupl
     """
     other = in_order(other, one.components)
     if other.start_ns != one.start_ns:
-        other, two_clocks = other.as_if_started(one.start_ns), True
+        other, two_clocks = other._as_if_started(one.start_ns), True
     if np.array_equal(one.time_ns, other.time_ns):
         return one, other
-    one.check_overlap(other, what)
-    fast: Samples = one if one.step_ns <= other.step_ns else other
+    one._check_overlap(other, what)
+    fast: Samples = one if one._step_ns <= other._step_ns else other
     slow: Samples = other if fast is one else one
-    half = fast.step_ns / 2 if len(fast) > 1 else 0.0
-    one_rate = two_clocks and slow.step_ns < 1.5 * fast.step_ns
-    places = slow.places(fast.time_ns + int(half) if one_rate else fast.time_ns)
-    inside = (places >= 0) & (slow.holding(fast.time_ns, half) | (fast.time_ns < slow.bounds[0]))
+    half = fast._step_ns / 2 if len(fast) > 1 else 0.0
+    one_rate = two_clocks and slow._step_ns < 1.5 * fast._step_ns
+    places = slow._places(fast.time_ns + int(half) if one_rate else fast.time_ns)
+    inside = (places >= 0) & (slow._holding(fast.time_ns, half) | (fast.time_ns < slow._bounds[0]))
     if not inside.any():
-        raise one.nothing_in_common(other, what)
+        raise one._nothing_in_common(other, what)
     time_ns, places = fast.time_ns[inside], places[inside]
     made = {id(fast): fast.values[inside], id(slow): slow.values[places]}
     return (
@@ -150,15 +150,15 @@ def common_words(one: Samples, other: Samples, common: Samples) -> str:
 
     A step of the slower one is no loss: so much its phase may differ. `common` is what `aligned` gave for `one`.
     """
-    moved = other.as_if_started(one.start_ns)
+    moved = other._as_if_started(one.start_ns)
     if not len(common) or common.time_ns is one.time_ns:
         return ""
     several = [each for each in (one, moved) if len(each) > 1]  # a single one holds on
-    step = max((each.step_ns for each in several), default=0.0)
-    begin, end = common.bounds
-    if all(begin - each.bounds[0] <= step and each.bounds[1] - end <= step for each in several):
+    step = max((each._step_ns for each in several), default=0.0)
+    begin, end = common._bounds
+    if all(begin - each._bounds[0] <= step and each._bounds[1] - end <= step for each in several):
         return ""
-    return f"{common.seconds_of(begin):g} to {common.seconds_of(end):g} s"
+    return f"{common._seconds_of(begin):g} to {common._seconds_of(end):g} s"
 
 
 def together(one: One, other: Other, what: str) -> tuple[One, Other]:
@@ -166,10 +166,10 @@ def together(one: One, other: Other, what: str) -> tuple[One, Other]:
     mine, theirs = aligned(one, other, what)
     span = common_words(one, other, mine)
     if span:
-        shorter = other if len(one) and one.seconds_of(one.bounds[1]) > other.seconds_of(other.bounds[1]) else one
+        shorter = other if len(one) and one._seconds_of(one._bounds[1]) > other._seconds_of(other._bounds[1]) else one
         warn_outside(
-            f"{what}: only from {span}, the time that both have; '{one.name}' {one.span}, '{other.name}' {other.span}. "
-            f"To hold the last value of '{shorter.name}' beyond its end, write .resample(...) of it"
+            f"{what}: only from {span}, the time that both have; '{one.name}' {one._span}, '{other.name}' "
+            f"{other._span}. To hold the last value of '{shorter.name}' beyond its end, write .resample(...) of it"
         )
     return mine, theirs
 
@@ -181,8 +181,8 @@ def in_common(one: One, other: Other) -> tuple[One, Other, str]:
     """
     mine, theirs = aligned(one, other, f"compare '{one.name}'", two_clocks=True)
     span = common_words(one, other, mine)
-    other = other.as_if_started(one.start_ns)
-    return mine, theirs, span and f"compared from {span}: the first {one.span}, the second {other.span}"
+    other = other._as_if_started(one.start_ns)
+    return mine, theirs, span and f"compared from {span}: the first {one._span}, the second {other._span}"
 
 
 def warn_outside(words: str) -> None:
@@ -208,7 +208,7 @@ def _unit(one: Samples, other: Samples | float | NDArray[Any], sign: str, swappe
     if units.same(one.unit, other.unit):
         return one.unit
     convert = units.factor(other.unit, one.unit) is not None
-    way_out = f"convert that one by .in_unit('{one.unit}')" if convert else "drop a unit by .with_unit('-')"
+    way_out = f"convert that one by .to('{one.unit}')" if convert else "drop a unit by .with_unit('-')"
     raise ElementError(
         f"can't calculate '{one.name}' {sign} '{other.name}': the unit of one is '{one.unit}', of the other "
         f"'{other.unit}'; {way_out}"

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from silo.analysis.compute.arithmetic import combined, compared, wide
+from silo.analysis.compute.arithmetic import combined, compared, warn_outside, wide
 from silo.analysis.compute.samples import Samples
 from silo.core import units
 from silo.core.arrays.values import with_nan
@@ -49,6 +49,8 @@ _LOGIC = {
 }  # fmt: skip
 # of functions that are no ufuncs: those whose result is a signal of the same unit
 _KEPT = {np.clip, np.round, np.around, np.nan_to_num, np.unwrap, np.real, np.imag, np.cumsum, np.copy}
+# those that a signal has as methods: both mean the same
+_STATISTICS = {np.max, np.amax, np.min, np.amin, np.mean, np.std, np.var, np.median}
 _JOINING = {np.concatenate, np.append, np.hstack}  # of whatever stamps
 
 
@@ -165,6 +167,8 @@ def function_of(function: Callable[..., Any], args: Any, keywords: dict[str, Any
 
     Raises ElementError where several signals differ in unit or stamps.
     """
+    if function in _STATISTICS and len(args) == 1 and isinstance(args[0], Samples) and not keywords:
+        return _statistic(args[0], function)
     signals = list(_signals([args, keywords]))
     _check_together(function.__name__, signals, stamps=function not in _JOINING)
     if function is np.unwrap and signals and "period" not in keywords:
@@ -174,6 +178,19 @@ def function_of(function: Callable[..., Any], args: Any, keywords: dict[str, Any
     if function in _KEPT and isinstance(first, Samples) and np.shape(made) == first.values.shape:
         name = f"{function.__name__}({first.name})"
         return replace(first, name=name, values=made, labels={})
+    return made
+
+
+def _statistic(signal: Samples, function: Callable[..., Any]) -> Any:
+    """Return `signal.max()` for `np.max(signal)`: per component, of the samples that are there."""
+    name = function.__name__.removeprefix("a")
+    made = getattr(signal, name)()
+    plain = function(_plain(signal))
+    if np.shape(plain) != np.shape(made) or (np.isnan(plain) and not np.isnan(made)):
+        warn_outside(
+            f"np.{name} of '{signal.name}' is signal.{name}() now, per component and without NaN: write "
+            f"np.{name}(signal.values) for the former"
+        )
     return made
 
 

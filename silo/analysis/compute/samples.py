@@ -142,7 +142,7 @@ class Samples:
             components=components,
         )
 
-    def numbers(self, purpose: str) -> NDArray[Any]:
+    def _numbers(self, purpose: str) -> NDArray[Any]:
         """Return the values, bools as int64.
 
         Args:
@@ -155,7 +155,7 @@ class Samples:
             raise ElementError(f"can't {purpose} '{self.name}': its values are no numbers ({self.dtype})")
         return self.values.astype(np.int64) if self.values.dtype.kind == "b" else self.values
 
-    def columns(self, purpose: str) -> list[NDArray[np.float64]]:
+    def _columns(self, purpose: str) -> list[NDArray[np.float64]]:
         """Return each component as float64 of shape `(m,)`.
 
         Args:
@@ -164,7 +164,7 @@ class Samples:
         Raises:
             ElementError: they are no real numbers.
         """
-        values = with_nan(self.numbers(purpose))
+        values = with_nan(self._numbers(purpose))
         if values.dtype.kind == "c":
             raise ElementError(f"can't {purpose} complex '{self.name}': take .component('real') or ('imag')")
         flat = values.reshape(len(self), -1) if len(self) else values.reshape(0, max(1, len(self.components)))
@@ -172,27 +172,27 @@ class Samples:
 
     # ------------------------------------------------------------------------------------------------- when it is
 
-    def held(self: Self, time_ns: NDArray[np.int64]) -> Self:
+    def _held(self: Self, time_ns: NDArray[np.int64]) -> Self:
         """Return the values that hold at these stamps.
 
         Args:
             time_ns: none of them may be before the first sample.
         """
-        return replace(self, values=self.values[self.places(time_ns)], time_ns=time_ns)
+        return replace(self, values=self.values[self._places(time_ns)], time_ns=time_ns)
 
-    def places(self, time_ns: NDArray[np.int64]) -> Any:
+    def _places(self, time_ns: NDArray[np.int64]) -> Any:
         """Return which sample holds at each stamp; -1 before the first.
 
         Args:
             time_ns: stamps, ns.
         """
-        if not self.falls:
+        if not self._falls:
             return np.searchsorted(self.time_ns, time_ns, side="right") - 1
         order = np.argsort(self.time_ns, kind="stable")
         found = np.searchsorted(self.time_ns[order], time_ns, side="right") - 1
         return np.where(found < 0, -1, order[found])
 
-    def seconds(self, given: object) -> NDArray[np.float64]:
+    def _seconds(self, given: object) -> NDArray[np.float64]:
         """Return times as an array of numbers, of any shape.
 
         Args:
@@ -213,7 +213,7 @@ class Samples:
             f"times of '{self.name}' must be numbers, in seconds since start (or a rate in Hz), got {shown(given)}"
         )
 
-    def stamps(self, times: NDArray[np.float64]) -> NDArray[np.int64]:
+    def _stamps(self, times: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the stamps in nanoseconds of times.
 
         Args:
@@ -227,21 +227,21 @@ class Samples:
         return np.asarray(np.clip(since, low, high) + self.start_ns, np.int64)
 
     @property
-    def span(self) -> str:
+    def _span(self) -> str:
         """From when to when there are samples, in words."""
         if not len(self):
             return "has no sample"
-        first, last = (self.seconds_of(end) for end in self.bounds)
+        first, last = (self._seconds_of(end) for end in self._bounds)
         return f"has samples from {first:g} to {last:g} s"
 
     @property
-    def bounds(self) -> tuple[int, int]:
+    def _bounds(self) -> tuple[int, int]:
         """The smallest and the largest stamp, ns; there must be samples."""
-        if self.falls:
+        if self._falls:
             return int(self.time_ns.min()), int(self.time_ns.max())
         return int(self.time_ns[0]), int(self.time_ns[-1])
 
-    def seconds_of(self, stamp_ns: int) -> float:
+    def _seconds_of(self, stamp_ns: int) -> float:
         """Return a stamp in seconds since start.
 
         Args:
@@ -250,13 +250,13 @@ class Samples:
         return (stamp_ns - self.start_ns) * 1e-9
 
     @cached_property
-    def falls(self) -> bool:
+    def _falls(self) -> bool:
         """Whether a stamp is smaller than the one before: a clock stepped back in the log."""
         return falls(self.time_ns)
 
-    def in_order(self: Self) -> Self:
+    def _in_order(self: Self) -> Self:
         """Return the same with its samples in the order of their stamps; itself where they are."""
-        if not self.falls:
+        if not self._falls:
             return self
         order = np.argsort(self.time_ns, kind="stable")
         return replace(self, values=self.values[order], time_ns=self.time_ns[order])
@@ -275,7 +275,7 @@ class Samples:
             return replace(self, start_ns=start.start_ns)
         return replace(self, start_ns=whole("start (in nanoseconds, or a signal)", start, *INT64))
 
-    def as_if_started(self: Self, start_ns: int) -> Self:
+    def _as_if_started(self: Self, start_ns: int) -> Self:
         """Return the same `times` in a log that started at another stamp.
 
         Args:
@@ -283,7 +283,7 @@ class Samples:
         """
         return replace(self, time_ns=self.time_ns + (start_ns - self.start_ns), start_ns=start_ns)
 
-    def holding(self, time_ns: NDArray[np.int64], slack_ns: float = 0.0) -> NDArray[np.bool_]:
+    def _holding(self, time_ns: NDArray[np.int64], slack_ns: float = 0.0) -> NDArray[np.bool_]:
         """Return at which stamps a value holds: from the first sample to where one more would come.
 
         A single sample, as of a map, holds on; there must be one.
@@ -292,15 +292,15 @@ class Samples:
             time_ns: stamps, ns.
             slack_ns: by how much earlier the end is: the stamp of one more may come early.
         """
-        first, last = self.bounds
-        return (time_ns >= first) & (time_ns < last + self.step_ns - slack_ns)
+        first, last = self._bounds
+        return (time_ns >= first) & (time_ns < last + self._step_ns - slack_ns)
 
     @property
-    def step_ns(self) -> float:
+    def _step_ns(self) -> float:
         """Nanoseconds from sample to sample, as a rule; infinite where there are fewer than two."""
         return float(np.median(np.diff(self.time_ns))) if len(self) > 1 else float("inf")
 
-    def check_overlap(self, other: "Samples", what: str) -> None:
+    def _check_overlap(self, other: "Samples", what: str) -> None:
         """Raise an error where this and another signal of the same start have no time in common.
 
         The last sample holds until the next would come.
@@ -313,12 +313,12 @@ class Samples:
             ElementError: they have no time in common; the message has both spans.
         """
         if len(self) and len(other):
-            begins, ends = zip(*(each.bounds for each in (self, other)), strict=True)
-            if begins[1] < ends[0] + self.step_ns and begins[0] < ends[1] + other.step_ns:
+            begins, ends = zip(*(each._bounds for each in (self, other)), strict=True)
+            if begins[1] < ends[0] + self._step_ns and begins[0] < ends[1] + other._step_ns:
                 return
-        raise self.nothing_in_common(other, what)
+        raise self._nothing_in_common(other, what)
 
-    def nothing_in_common(self, other: "Samples", what: str) -> ElementError:
+    def _nothing_in_common(self, other: "Samples", what: str) -> ElementError:
         """Return the error that says that this and another signal have no time in common.
 
         Args:
@@ -326,8 +326,8 @@ class Samples:
             what: what can't be done then.
         """
         return ElementError(
-            f"can't {what}: there is no time in common; since the start of its log '{self.name}' {self.span}, "
-            f"'{other.name}' {other.span}"
+            f"can't {what}: there is no time in common; since the start of its log '{self.name}' {self._span}, "
+            f"'{other.name}' {other._span}"
         )
 
 
@@ -338,7 +338,7 @@ def new_times(signal: Samples, times: object) -> NDArray[np.int64]:
     """
     if isinstance(times, Samples):
         return times.time_ns
-    given = signal.seconds(times)
+    given = signal._seconds(times)
     if given.ndim == 0:
         rate = float(given)
         if not 0 < rate < np.inf:
@@ -347,19 +347,19 @@ def new_times(signal: Samples, times: object) -> NDArray[np.int64]:
             )
         if not len(signal):
             return np.empty(0, np.int64)
-        first, last = signal.bounds
+        first, last = signal._bounds
         steps = (last - first) * 1e-9 * rate
         if steps > MOST_SAMPLES:
             raise ElementError(
                 f"can't resample '{signal.name}' at {rate:g} Hz: that is {steps:.3g} samples, at most "
-                f"{MOST_SAMPLES:,} are made; it {signal.span}"
+                f"{MOST_SAMPLES:,} are made; it {signal._span}"
             )
         count = int(steps + 1e-9) + 1
         # not in whole nanoseconds each: the rate is to be met over the whole signal
         return np.asarray(first + np.round(np.arange(count) * (1e9 / rate)).astype(np.int64), np.int64)
     if given.ndim > 1:
         raise ElementError(f"times to resample '{signal.name}' at must have one dimension, got shape {given.shape}")
-    return signal.stamps(given)
+    return signal._stamps(given)
 
 
 def in_order(signal: Self, components: tuple[str, ...]) -> Self:

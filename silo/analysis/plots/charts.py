@@ -144,9 +144,9 @@ def _held(over: CurveSource, signal: CurveSource) -> Floats:
     """The value of `over` that held at each sample of the signal; NaN before its first and beyond its last."""
     values, _ = over.as_numbers()
     source = Samples(over.name, values, over.time_ns)
-    where = source.places(signal.time_ns)
+    where = source._places(signal.time_ns)
     held = np.full(len(where), np.nan)
-    known = source.holding(signal.time_ns) if len(source) else where >= 0
+    known = source._holding(signal.time_ns) if len(source) else where >= 0
     held[known] = values[where[known]]
     return held
 

@@ -29,7 +29,7 @@ def signal_chart(signals: Sequence[Samples], title: str = "") -> Chart:
             (CurveSource(part.name, part.unit, part.time_ns, part.values, part.labels), part.start_ns) for part in parts
         ]
     if not any(len(picked.values) for picked, _ in found):
-        raise ElementError(f"there is nothing to plot: {', '.join(f'{one.name!r} {one.span}' for one in signals)}")
+        raise ElementError(f"there is nothing to plot: {', '.join(f'{one.name!r} {one._span}' for one in signals)}")
     return chart_of([one for one, _ in found[:MOST_CURVES]], [zero for _, zero in found[:MOST_CURVES]], title)
 
 
