@@ -44,6 +44,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         stop as stop,
         stop_recording as stop_recording,
         update as update,
+        value as value,
     )
     from silo.logger.logger import Logger as Logger
     from silo.logger.null import NullLogger as NullLogger
@@ -60,7 +61,7 @@ __version__ = VERSION
 
 _HOMES = {
     "silo.logger.default": (
-        "add array close collect get_logger init mark record restart save serve start stop stop_recording update"
+        "add array close collect get_logger init mark record restart save serve start stop stop_recording update value"
     ),
     "silo.errors": "ConnectionLostError ElementError LogWarning RefusedError SaveError SiloError StateError",
     "silo.analysis.log": "Log",

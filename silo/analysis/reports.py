@@ -51,6 +51,7 @@ class LogReport(msgspec.Struct, frozen=True):
     elements: tuple[ElementReport, ...]
     failed: int = 0
     events: tuple[LogEvent, ...] = ()
+    about: dict[str, str] = {}
 
 
 class SignalStats(msgspec.Struct, frozen=True):
@@ -87,6 +88,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
         elements=elements,
         failed=sum(element.failures.count for element in recording.elements),
         events=tuple(events_of(recording, int(times[0]) if len(times) else 0)),
+        about=dict(recording.about),
     )
 
 
@@ -164,6 +166,7 @@ def format_report(facts: LogReport, width: int) -> str:
         f"logger {facts.logger}, started {when:%Y-%m-%d %H:%M:%S %z}" if when else f"logger {facts.logger}",
         f"{entries}, {facts.ticks} ticks, {facts.duration_s:.6g} s{rate}, lost {facts.lost}"
         + (f", failed {facts.failed}" if facts.failed else ""),
+        *(f"{key}: {text}" for key, text in facts.about.items()),
         "",
     ]
     rows = [

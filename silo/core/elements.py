@@ -302,6 +302,7 @@ class LoggerOptions(msgspec.Struct, frozen=True):
         checked: variables are copied by NumPy instead of by address.
         threads: who may call `collect()`.
         id: drawn by the logger, tells it from others of its name.
+        about: where its runs come from: host, versions, commit, and what the program says of them.
     """
 
     name: str = "silo"
@@ -316,6 +317,7 @@ class LoggerOptions(msgspec.Struct, frozen=True):
     checked: bool = False
     threads: Threads = Threads.SINGLE
     id: str = ""  # drawn by the logger, tells it from others of its name
+    about: dict[str, str] = {}
 
     def default_buffer_size(self, divider: int) -> int:
         """Return samples that hold `max_time_s`; 10 s when the logging time is not limited.

@@ -4,7 +4,7 @@ The segment's reader makes a `Recording` (a snapshot), every file writer takes o
 It knows no logger, no file and no process.
 """
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, cast
@@ -197,6 +197,7 @@ class Recording:
         why: it was saved, in a few words.
         events: what happened in this run, marks and all, in the order of time; their ticks may lie outside of those
             that are kept.
+        about: where it comes from: host, versions, the program's commit, and what the program said of it.
     """
 
     logger: str
@@ -211,6 +212,7 @@ class Recording:
     why: str = ""
     extras: Conditions = NO_EXTRAS
     events: tuple[LoggedEvent, ...] = ()
+    about: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         span = (int(self.time_ns[-1]) - int(self.time_ns[0])) * 1e-9 if len(self.time_ns) else 0.0

@@ -86,6 +86,7 @@ def _counted() -> str:
 init = _making(Logger)
 add = _of_default(Logger.add, early=True)
 array = _of_default(Logger.array, early=True)
+value = _of_default(Logger.value, early=True)
 update = _of_default(Logger.update)
 start = _of_default(Logger.start)
 stop = _of_default(Logger.stop)
@@ -139,4 +140,5 @@ __all__ = [
     "stop",
     "stop_recording",
     "update",
+    "value",
 ]

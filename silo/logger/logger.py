@@ -8,11 +8,11 @@ or the state takes one lock, which `collect()` never touches.
 import functools
 import logging
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from types import TracebackType
 from typing import TYPE_CHECKING, NoReturn
 
-from silo.core.arguments import whole, word
+from silo.core.arguments import switch, whole, word
 from silo.core.calls import told_class
 from silo.core.elements import (
     DEFAULT_MAX_TIME_S,
@@ -47,6 +47,8 @@ from silo.logger.registrations import Registrations
 from silo.logger.results import Elements, LoggedElement, as_html
 from silo.logger.run_data import RunData
 from silo.logger.scripted_table import ScriptedTable
+from silo.logger.timing import ELEMENTS as TIMES
+from silo.logger.timing import timed
 from silo.logger.unclosed import (
     drop_journals,
     end_namesakes,
@@ -81,9 +83,9 @@ class Logger(metaclass=HidesOtherNames):
 
     Args:
         name: of the logger, and the start of its file names: letters, digits, `_`, `.` and `-`.
-        frequency: control ticks per second (Hz).
-        max_time: how long fixed and growing logs may become (s), 0 for no limit; a run that has other buffers as well
-            ends then too, which its start says.
+        frequency: control ticks per second: a number (Hz), or words (`"500Hz"`, `"1kHz"`).
+        max_time: how long fixed and growing logs may become: a number (s) or words (`"10min"`), 0 for no limit; a run
+            that has other buffers as well ends then too, which its start says.
         script: YAML file with the configuration; read by `update()` if it exists.
         prefix: start of all element names.
         clock: returns the time stamp of a tick, as int nanoseconds or float seconds; the system clock if not given.
@@ -97,6 +99,9 @@ class Logger(metaclass=HidesOtherNames):
         checked: copy each variable by NumPy instead of by address, 10 times slower.
         threads: `"single"`: `collect()` belongs to the thread that calls it first after each start; `"serialized"`: any
             thread, one at a time.
+        about: what is to be known of its runs: `{"operator": "alice"}`. Stands in every file, beside host, versions and
+            the git commit of the program's folder.
+        timing: log how late the loop is, too: elements `period`, `lateness` and `work` (s) in the group `timing`.
 
     Raises:
         ElementError: an argument is out of range.
@@ -106,8 +111,8 @@ class Logger(metaclass=HidesOtherNames):
         self,
         name: str = "silo",
         *,
-        frequency: float = 100.0,
-        max_time: float = DEFAULT_MAX_TIME_S,
+        frequency: float | str = 100.0,
+        max_time: float | str = DEFAULT_MAX_TIME_S,
         script: str | os.PathLike[str] = "logger.yaml",
         prefix: str = "/log",
         clock: Callable[[], int | float] | None = None,
@@ -117,6 +122,8 @@ class Logger(metaclass=HidesOtherNames):
         memory_limit_mb: int = 1024,
         checked: bool = False,
         threads: AnyThreads = Threads.SINGLE,
+        about: Mapping[str, object] | None = None,
+        timing: bool = False,
     ) -> None:
         options = logger_options(
             name=name,
@@ -130,7 +137,9 @@ class Logger(metaclass=HidesOtherNames):
             memory_limit_mb=memory_limit_mb,
             checked=checked,
             threads=threads,
+            about=about,
         )
+        with_times = switch("timing", timing)
         self._clock = nanosecond_clock(clock)
         end_namesakes(options.name)
         self.options = options
@@ -144,12 +153,17 @@ class Logger(metaclass=HidesOtherNames):
         self._ignored = 0
         self._mark: Mark = no_mark
         self._freeing = False  # it was closed, and what it has is let go of
+        self._times = [
+            self._scripted.array(name, group="timing", unit="s", description=words)
+            for name, words in (TIMES.items() if with_times else ())
+        ]
         watch(self)  # its data outlives a process that ends without close()
 
     # ------------------------------------------------------------------------------- what its parts do
 
     add = of("_scripted", ScriptedTable.add)
     array = of("_scripted", ScriptedTable.array)
+    value = of("_scripted", ScriptedTable.value)
     update = of("_scripted", ScriptedTable.update)
     set = of("_scripted", ScriptedTable.set)
     remove = of("_scripted", ScriptedTable.remove)
@@ -297,7 +311,9 @@ class Logger(metaclass=HidesOtherNames):
             self._life.running = True
             warn_of_end(self.options, self._table.infos)
             self._set_mark(run.mark)
-            self._set_collect(run.collect)
+            self._set_collect(
+                timed(run.collect, self._times, self.options.frequency_hz) if self._times else run.collect
+            )
             self._life.tell()
 
     def _hand_over(self) -> None:

@@ -126,6 +126,7 @@ class NullLogger(metaclass=HidesOtherNames):
     def mark(self, text: str = "mark", *more: object) -> None:
         """Mark nothing."""
 
+    value = _nothing(Logger.value)
     update = _nothing(Logger.update)
     start = _nothing(Logger.start)
     stop = _nothing(Logger.stop)

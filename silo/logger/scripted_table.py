@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import msgspec
+import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from silo.core.arguments import line, switch, text
@@ -36,7 +37,7 @@ from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 from silo.loop.arena import Arena
 from silo.loop.plan import Element
-from silo.loop.types import describe, kind_of, label_map
+from silo.loop.types import as_numbers, describe, kind_of, label_map
 from silo.segment.retention import large_text
 from silo.settings.options import refusal
 from silo.settings.typed import ElementSettings, apply_settings, rate_words, read_options
@@ -73,6 +74,7 @@ class ScriptedTable:
         """
         self._options, self._table, self._conditions, self._life, self._owner = options, table, conditions, life, owner
         self._arena = Arena()
+        self._values: dict[tuple[str, str], NDArray[Any]] = {}  # of `value`, by name and group
         self.is_updated = False
         self._reads_script = True
         self._said_late = False
@@ -259,6 +261,33 @@ class ScriptedTable:
         made = self._arena.array(*array_layout(shape, dtype))
         self.add(made, name, **keywords)
         return made
+
+    def value(self, name: str, value: object, **options: "Unpack[ElementKeywords]") -> None:
+        """Log what has no memory that stays: a number, a tensor, a result. Once per tick, or now and then.
+
+        `log.value("cost", cost)`: the first call registers the element, each writes its value, which holds until the
+        next. Numbers are float64; arrays and tensors (of NumPy, torch, JAX ..., also on a GPU) keep type and shape.
+
+        Args:
+            name: its name after prefix and group.
+            value: a number, or what NumPy can make an array of numbers of.
+            **options: the keywords of `add`, of the first call.
+
+        Raises:
+            SourceError: it is no number and no array of numbers.
+            ElementError: it has another shape than the first one, or a type that can't be kept in it.
+        """
+        given = as_numbers(name, value)
+        made = self._values.get((name, options.get("group", "")))
+        if made is None:
+            made = self.array(name, given.shape, given.dtype, **options)
+            self._values[name, options.get("group", "")] = made
+        if given.shape != made.shape or not np.can_cast(given.dtype, made.dtype, "same_kind"):
+            raise ElementError(
+                f"log.value({name!r}, ...) began with {made.dtype} of shape {made.shape}, got {given.dtype} of shape "
+                f"{given.shape}: give another name to what is something else; nothing was changed"
+            )
+        made[...] = given
 
     def update(self, *, read_script: bool = True) -> None:
         """Make what was added part of the table, and read the script if it exists.

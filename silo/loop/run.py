@@ -150,6 +150,7 @@ class Run:
             pid_namespace=pid_namespace(),
             extras=extras,
             number=number,
+            about=options.about,
             served=served,
         )
 

@@ -9,12 +9,14 @@ import enum
 import functools
 import keyword
 import math
+import numbers
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from silo.core import kinds
 from silo.core.arguments import INT64, shown, text, whole
@@ -358,6 +360,25 @@ class _Computed:
 def _is_plain(items: list[object] | tuple[object, ...]) -> bool:
     """Whether a list holds plain values, which only an expression can follow."""
     return all(isinstance(item, bool | int | float | complex | str | bytes | np.generic | enum.Enum) for item in items)
+
+
+def as_numbers(name: str, value: object) -> NDArray[Any]:
+    """Return a number as float64, an array or tensor as an array of NumPy. Raises SourceError for anything else."""
+    if isinstance(value, numbers.Real) and not isinstance(value, bool | np.generic):
+        return np.array(value, np.float64)
+    for step in ("detach", "cpu"):  # of torch: what has a gradient, or lies on a GPU, is no array yet
+        value = getattr(value, step, lambda now=value: now)()
+    try:
+        plain = not hasattr(value, "__array__") and hasattr(value, "__dlpack__")
+        found = np.from_dlpack(value) if plain else np.asarray(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, RuntimeError, BufferError) as error:
+        raise SourceError(f"log.value({name!r}, ...): NumPy makes no array of it ({error})") from None
+    if found.dtype.kind not in "biufc":
+        raise SourceError(
+            f"log.value({name!r}, ...) takes numbers and arrays of numbers, got a {type(value).__name__}; texts and "
+            f"enumerations are read where they stand: log.add(robot, attr={name!r})"
+        )
+    return found
 
 
 def label_map(labels: type[enum.Enum] | Mapping[int, str] | None) -> Mapping[int, str] | None:

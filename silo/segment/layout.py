@@ -176,6 +176,7 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     unheld: int = -1
     number: int = 0  # of the run among those of its logger, from 1; 0 in older segments
     served: bool = False  # by a helper process, be it down: what none has seen is to be judged when both are gone
+    about: dict[str, str] = {}
 
 
 def page_up(size_bytes: int) -> int:

@@ -72,6 +72,7 @@ class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     why: str = ""
     extras: Conditions = NO_EXTRAS
     events: tuple[LoggedEvent, ...] = ()
+    about: dict[str, str] = {}
 
 
 def pack_facts(facts: RecordingFacts) -> bytes:

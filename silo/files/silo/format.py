@@ -172,6 +172,7 @@ class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     span: tuple[int, int] = (0, 0)
     extras: Conditions = NO_EXTRAS
     markers: int = 0
+    about: dict[str, str] = {}
 
 
 def file_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:

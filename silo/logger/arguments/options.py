@@ -30,8 +30,10 @@ from silo.core.elements import (
     Threads,
     join_name,
 )
+from silo.core.quantities.reading import SECONDS, read_amount
 from silo.core.runtime import FOLDER_GONE
 from silo.errors import ElementError, SourceError
+from silo.logger.provenance import about_run
 from silo.loop.types import MAX_ENTRIES
 from silo.settings.options import option_problems, refusal
 from silo.settings.typed import ElementSettings, apply_settings, read_options, whole_edits
@@ -39,6 +41,7 @@ from silo.settings.typed import ElementSettings, apply_settings, read_options, w
 log = logging.getLogger("silo")
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
+HERTZ = {"hz": 1.0, "khz": 1e3}
 MAX_STRING_BYTES = 1_000_000
 MAX_DIMENSIONS = 32  # of NumPy 1
 
@@ -46,8 +49,8 @@ MAX_DIMENSIONS = 32  # of NumPy 1
 def logger_options(
     *,
     name: str,
-    frequency: float,
-    max_time: float,
+    frequency: float | str,
+    max_time: float | str,
     script: str | os.PathLike[str],
     prefix: str,
     folder: str | os.PathLike[str],
@@ -56,6 +59,7 @@ def logger_options(
     memory_limit_mb: int,
     checked: bool,
     threads: str | Threads,
+    about: Mapping[str, object] | None,
 ) -> LoggerOptions:
     """Return options with absolute paths. Raises ElementError that names the argument, its value and its range."""
     if not NAME_PATTERN.fullmatch(text("the logger's name", name, 'silo.Logger("robot")')):
@@ -66,8 +70,8 @@ def logger_options(
         )
     return LoggerOptions(
         name=name,
-        frequency_hz=real("frequency", frequency, 0, 1e6, "Hz", include_low=False),
-        max_time_s=real("max_time", max_time, 0, 1e9, "s (0: no limit)"),
+        frequency_hz=real("frequency", _number(frequency, HERTZ), 0, 1e6, "Hz", include_low=False),
+        max_time_s=real("max_time", _number(max_time, SECONDS), 0, 1e9, "s (0: no limit)"),
         prefix=_prefix(prefix),
         script=_absolute("script", script),
         folder=_absolute("folder", folder),
@@ -77,7 +81,15 @@ def logger_options(
         checked=switch("checked", checked),
         threads=word("threads", threads, Threads),
         id=secrets.token_hex(4),
+        about=about_run(about),
     )
+
+
+def _number(given: object, units: Mapping[str, float]) -> object:
+    """Return the number of `"60s"` or `"500Hz"`, in the unit of the argument; anything else as it is."""
+    amount = read_amount(given)
+    factor = units.get(amount[1].lower()) if amount is not None else None
+    return given if amount is None or factor is None else amount[0] * factor
 
 
 def _absolute(argument: str, given: object) -> str:
