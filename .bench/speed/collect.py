@@ -267,7 +267,7 @@ def main() -> None:
         if count in ORIGINAL_US:
             best, median = ORIGINAL_US[count]
             print(f"{'':<34}the C++ original, on its day: {best:g} at best, {median:g} in the median")
-        log.close()
+        log.close(discard=True)
     print(f"\nthe same in a loop of 1000 Hz that sleeps between its ticks ({load()})\n")
     for count in sizes[:4]:
         arrays = scattered(count)
@@ -276,7 +276,7 @@ def main() -> None:
         candidates = {"silo": log.collect, "loop": python_loop(arrays), "4 kB copy": COPIED.copy}
         candidates |= {"mcap, one message": mcap} if mcap is not None else {}
         show(f"{count} scattered float64, paced", paced_us(candidates, ticks=500 if quick else 1500))
-        log.close()
+        log.close(discard=True)
     print()
     arrays = scattered(500)
     variants: dict[str, dict[str, object]] = {
@@ -301,14 +301,14 @@ def main() -> None:
         show(f"500, {name}", timed({"silo": log.collect}, 0.15))
         assert log.is_running
         assert not log.lost
-        log.close()
+        log.close(discard=True)
     print()
     for count in (10, 100, 1000, 5000):
         log = new_logger()
         log.array("q", count, size=2000)
         log.start()
         show(f"arena, {count} float64", timed({"silo": log.collect}, seconds))
-        log.close()
+        log.close(discard=True)
 
     class Robot:
         pass
@@ -320,13 +320,13 @@ def main() -> None:
         log.add(robot, attr=f"a{i}", size=2000)
     log.start()
     show("100 attributes", timed({"silo": log.collect}, seconds))
-    log.close()
+    log.close(discard=True)
     log = new_logger(checked=True)
     for i, array in enumerate(arrays):
         log.add(array, f"x{i}", size=2000)
     log.start()
     show("500 scattered, checked=True", timed({"silo": log.collect}, seconds))
-    log.close()
+    log.close(discard=True)
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ def robot(*, bridge: bool) -> Iterator[tuple[silo.Logger, int, int]]:
             bridges = [one.pid for one in psutil.Process().children() if "silo.bridges.foxglove" in one.cmdline()]
             yield log, serving.foxglove_port or 0, sum(bridges)
             log.stop()
-        log.close()
+        log.close(discard=True)
 
 
 def lateness_us(log: silo.Logger, seconds: float) -> np.ndarray:

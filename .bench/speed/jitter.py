@@ -85,7 +85,7 @@ def with_silo(ticks: int, folder: str) -> tuple[np.ndarray, str]:
         said, _ = client.communicate()
         assert client.returncode == 0, "the client failed: the figures say nothing"
         log.stop()
-    log.close()
+    log.close(discard=True)
     return found, said.strip()
 
 

@@ -96,7 +96,7 @@ def main() -> None:
         },
         wanted.seconds,
     )
-    log.close()
+    log.close(discard=True)
     load = ", ".join(f"{one:.1f}" for one in os.getloadavg())
     print(f"{wanted.elements} elements; Python {platform.python_version()}, NumPy {np.__version__}")
     print(f"{os.cpu_count()} processors, load {load}\n")

@@ -49,7 +49,7 @@ def main() -> None:
     timed("as many edits", lambda: log._scripted.apply(edits))
     timed("set of the whole table", lambda: log.set("/", divider=1))
     timed("start of the changed table", log.start)
-    log.close()
+    log.close(discard=True)
 
     class Robot:
         pass
@@ -61,7 +61,7 @@ def main() -> None:
     timed("add of attributes, each", lambda: [log.add(robot, attr=f"a{i}", size=9) for i in range(count)], count)
     timed("start of attributes", log.start)
     timed("restart of attributes", log.restart)
-    log.close()
+    log.close(discard=True)
     data = np.zeros(50_000_000)
     timed("copy of 400 MB", data.copy)
 
