@@ -262,7 +262,7 @@ class SiloApp(Guarded, App[None]):
         self.context.run_flow(self.context.session.reload())
 
     def command_detail(self) -> None:
-        from silo_tui.screens.large import open_large
+        from silo_tui.screens.detail import open_large
         from silo_tui.screens.monitor import MonitorScreen
 
         if isinstance(self.screen, MonitorScreen):

@@ -6,7 +6,7 @@ Screens, dialogs and commands import this and never `silo_tui.app`; it imports w
 """
 
 from collections.abc import Callable, Coroutine, Sequence
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 from textual import events
 from textual.app import App
@@ -291,6 +291,8 @@ class SiloScreen(Leaving[None]):
     """A full screen of the app: keys from the list of commands, each carried out by the screen or else by the app."""
 
     scope = ""
+    PARTS: ClassVar[Sequence[type]] = ()  # what else carries out commands of the screen: the classes of `parts`
+    parts: Sequence[object] = ()
     aside = False  # triggers, alarms, recordings, events: who goes from one to another comes back from both at once
 
     @property
@@ -308,7 +310,7 @@ class SiloScreen(Leaving[None]):
         command = BY_ID[command_id]
         if not self.context.allows(command):
             return
-        places = (self, self.context.runner, self.app)
+        places = (self, *self.parts, self.context.runner, self.app)
         found = (getattr(place, f"command_{command_id}", None) for place in places)
         handler: Callable[..., Any] | None = next(filter(None, found), None)
         if handler is not None:

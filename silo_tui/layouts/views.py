@@ -5,8 +5,8 @@ from dataclasses import replace
 
 from silo_tui.context import Context
 from silo_tui.layouts.layout import KeptLayout
-from silo_tui.model.plots import SPANS_S
 from silo_tui.model.table_columns import TREE
+from silo_tui.model.window import SPANS_S
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.live import Session

@@ -11,7 +11,8 @@ from silo_tui.model.limits import NO_BOUNDS, Bounds4, level_line, lines_of
 from silo_tui.model.live import offset_text
 from silo_tui.model.overlay import SIGN
 from silo_tui.model.panels import Panel, sides
-from silo_tui.model.plots import NOBODY, Owners, Picture, Plotted, PlotWindow, draw_panel, together
+from silo_tui.model.plots import NOBODY, Owners, Picture, Plotted, draw_panel, together
+from silo_tui.model.window import PlotWindow
 
 LIMIT = "╌"
 YELLOW, RED = -3, -4

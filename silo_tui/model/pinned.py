@@ -29,8 +29,9 @@ from silo.core.arrays.columns import (
 from silo.core.elements import ElementInfo, LoggedEvent
 from silo.core.quantities.writing import duration
 from silo.errors import SiloError
-from silo_tui.model.plots import SECOND_NS, Plotted
+from silo_tui.model.plots import Plotted
 from silo_tui.model.source import PlotSource, Samples
+from silo_tui.model.window import SECOND_NS
 
 SLICES = 32  # the span is fetched in so many pieces
 QUICK_S = 10.0  # what isn't looked at is fetched too where all of it comes within that time

@@ -8,7 +8,8 @@ from silo.core.arrays.columns import HOLE_TEXTS, Gap
 from silo_tui.model import braille, text
 from silo_tui.model.columns import ColumnPiece, ColumnStore
 from silo_tui.model.live import Reading, entry_text, offset_text
-from silo_tui.model.plots import Picture, Plotted, PlotWindow
+from silo_tui.model.plots import Picture, Plotted
+from silo_tui.model.window import PlotWindow
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
-"""The time window of the monitor, shared by all its plots: span, pause, cursor, y scale; and what a plot is of."""
+"""What a plot is of, and how it is drawn: the dots of each signal, its axis, what stands at the cursor."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -13,10 +13,7 @@ from silo.core.elements import ElementInfo, Entry
 from silo_tui.model import axes, braille, dots
 from silo_tui.model.columns import ColumnPiece, ColumnStore, Floats, hold_piece
 from silo_tui.model.log_axis import LogAxis, axis_of, scale_of, words_of
-
-SPANS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
-MAX_COLUMNS = 4096
-SECOND_NS = 1_000_000_000
+from silo_tui.model.window import PlotWindow
 
 Owners = NDArray[np.int8]
 
@@ -47,75 +44,6 @@ class Plotted:
 def plots_of(elements: list[ElementInfo]) -> list[Plotted]:
     """Return every entry of every element, in their order."""
     return [Plotted(element, position) for element in elements for position in range(len(element.entries))]
-
-
-@dataclass
-class PlotWindow:
-    """State of the time axis. Widths are in columns, two per cell."""
-
-    span_s: float = 10.0
-    paused_end_ns: int | None = None  # right edge while the picture stands still
-    cursor: int | None = None  # columns from the right edge
-    at_ns: int | None = None  # while the picture stands still: the moment of cursor A
-    other_ns: int | None = None  # the moment of cursor B
-    fixed_scale: bool = False
-    logs: set[str] = field(default_factory=set)  # entries whose axis has powers of ten
-    scales: dict[str, tuple[float, float]] = field(default_factory=dict)
-    log_scales: dict[str, tuple[float, float]] = field(default_factory=dict)  # values at the ends of such axes
-    spans: tuple[float, ...] = SPANS_S
-    _bases: dict[str, tuple[int, int]] = field(default_factory=dict)
-
-    @property
-    def paused(self) -> bool:
-        """Whether the picture stands still while the data goes on."""
-        return self.paused_end_ns is not None
-
-    @property
-    def span_ns(self) -> int:
-        """The span in nanoseconds."""
-        return round(self.span_s * SECOND_NS)
-
-    def column_ns(self, columns: int) -> int:
-        """Return the width of a column so that `columns` of them cover the span."""
-        return max(1, math.ceil(self.span_ns / max(1, min(columns, MAX_COLUMNS))))
-
-    def zoom(self, *, closer: bool) -> bool:
-        """Take the next shorter or longer span; False at the end of the list."""
-        place = self.spans.index(self.span_s) + (-1 if closer else 1)
-        if not 0 <= place < len(self.spans):
-            return False
-        self.span_s = self.spans[place]
-        return True
-
-    def move_cursor(self, cells: int, columns: int) -> int:
-        """Move the cursor to the right (positive) or left by cells; it appears in the middle.
-
-        Returns the columns by which it would have left the window: negative to the left.
-        """
-        if self.cursor is None:
-            self.cursor = columns // 4 * 2
-            return 0
-        wanted = self.cursor - 2 * cells
-        self.cursor = max(0, min(columns - 2, wanted))
-        return self.cursor - wanted
-
-    def follow_scale(self, key: str, found: tuple[float, float] | None, lines: int, base: int = 0) -> axes.Scale:
-        """Return bottom and top of an axis: around what was found in the window, or as it was when it was held.
-
-        It stays as it is while the values lie inside and use at least half of it: axes that jump can't be read.
-        """
-        held = self.scales.get(key) if self._bases.get(key, (0, lines)) == (base, lines) else None
-        if self.fixed_scale and held is not None:
-            return held
-        if found is None:
-            return self.scales.get(key, (math.nan, math.nan))
-        self._bases[key] = (base, lines)
-        if held is not None and held[0] <= found[0] and found[1] <= held[1]:
-            used = (found[1] / 2 - found[0] / 2) >= (held[1] / 2 - held[0] / 2) / 2
-            if used or braille.is_constant(*found):
-                return held
-        self.scales[key] = axes.round_scale(*found, lines)
-        return self.scales[key]
 
 
 @dataclass(frozen=True)

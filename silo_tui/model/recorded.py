@@ -23,9 +23,10 @@ from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import Between, between
 from silo_tui.model.columns import Floats, Marks
 from silo_tui.model.live import Reading
-from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, signs_of
+from silo_tui.model.plots import signs_of
 from silo_tui.model.searching import found_in
 from silo_tui.model.source import Samples
+from silo_tui.model.window import MAX_COLUMNS, SECOND_NS, SPANS_S
 
 TILE = 64
 MAX_TILES = 4096  # 8 MB

@@ -12,9 +12,9 @@ import numpy as np
 
 from silo.core.arrays.columns import ColumnGrid, bins_of
 from silo_tui.model.columns import ColumnStore
-from silo_tui.model.plots import SECOND_NS, SPANS_S
 from silo_tui.model.recorded import SHORT_SPANS_S
 from silo_tui.model.source import Samples
+from silo_tui.model.window import SECOND_NS, SPANS_S
 
 SPANS = (*SHORT_SPANS_S, *SPANS_S)
 SAMPLES = 200  # in a picture at first

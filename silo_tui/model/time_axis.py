@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from silo_tui.model import text
 from silo_tui.model.happened import RANK
-from silo_tui.model.plots import SECOND_NS, PlotWindow
+from silo_tui.model.window import SECOND_NS, PlotWindow
 
 NO_BREAK = "\u00a0"
 FAR = 10  # cells that a letter may stand beside its place

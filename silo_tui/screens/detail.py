@@ -26,7 +26,7 @@ from silo.analysis.compute.spectra import (
     spectrum_of,
 )
 from silo.core.arrays.values import as_floats
-from silo.core.quantities.writing import duration
+from silo.core.quantities.writing import duration, many
 from silo.errors import SiloError
 from silo_tui.actions import bindings_for, key_of
 from silo_tui.modal import run_alone
@@ -35,13 +35,13 @@ from silo_tui.model.big_plot import BigPlot
 from silo_tui.model.columns import Floats
 from silo_tui.model.pairs import histogram_of, pair_of
 from silo_tui.model.panels import LETTERS
-from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, Plotted
+from silo_tui.model.plots import Plotted
 from silo_tui.model.source import Samples
+from silo_tui.model.window import MAX_COLUMNS, SECOND_NS
 from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.detail_plot import DetailPlot
-from silo_tui.widgets.plot_stack import PlotStack
 
 MODES = ("time", "x-y", "spectrum", "histogram")
 LEVELS = ("linear", "log", "dB")
@@ -61,16 +61,17 @@ class Analysed:
     top_hz: float = 0.0
 
 
-class LargePlot(MonitorScreen, inherit_bindings=False):
+class DetailScreen(MonitorScreen, inherit_bindings=False):
     """A plot of up to eight entries: the first `count` of `plots` are those of the panel that was chosen.
 
     The monitor below it lends its window and its pause, and gets them back as they are then.
     """
 
-    below: MonitorScreen
+    scope = "detail"
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("detail")
 
-    def share(self, monitor: MonitorScreen, stack: PlotStack) -> None:
-        """Take over what a monitor shows; `stack` draws the plot over time."""
+    def __init__(self, monitor: MonitorScreen) -> None:
+        super().__init__(monitor.session, monitor.live_source, [])
         plots, count = monitor.stack.for_detail()
         self.below = monitor
         self.plots = list(plots[:MAX_SERIES])
@@ -82,10 +83,9 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         self._peak: int | None = None
         self._top_hz = 0.0
         self.window, self.pause = monitor.window, monitor.pause
-        self.stack = stack
+        self.stack = stack = self.new_stack(plots[:1])
         stack.show_panels([tuple(self.plots[: self.count])])
-        stack.prefix, stack.fresh = monitor.stack.prefix, monitor.stack.fresh
-        stack.ended = monitor.stack.ended
+        stack.fresh, stack.ended = monitor.stack.fresh, monitor.stack.ended
         stack.readings, stack.bounds, stack.events = monitor.stack.readings, monitor.stack.bounds, monitor.stack.events
         self._asked = stack.store
         self.plot = DetailPlot()
@@ -112,11 +112,6 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         """What a pause holds: all that the monitor has."""
         return self.below.stack.plots
 
-    @property
-    def span_s(self) -> float:
-        """The span of the window."""
-        return self.window.span_s
-
     def request_view(self) -> None:
         """Show what is wanted over time; the other views are computed when that has settled."""
         self._title()
@@ -131,8 +126,9 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
             self._timer.stop()
         self._timer = self.set_timer(DEBOUNCE_S, self._begin)
 
-    def _more_is_here(self) -> None:
-        super()._more_is_here()
+    def more_is_here(self) -> None:
+        """Tell it in the title too."""
+        super().more_is_here()
         self._title()
 
     def _title(self) -> None:
@@ -149,8 +145,13 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         return f"{LETTERS[place]} " if self.count > 1 or self.mode == "x-y" else ""
 
     def _place(self) -> str:
-        back = (self.source.end_ns - self._end_ns) / SECOND_NS
-        return text.span(self.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
+        if self.file is not None:
+            begin_ns, end_ns = self.source.begin_ns, self.source.end_ns
+            begin = max(0.0, (self.end_ns - begin_ns) / SECOND_NS - self.window.span_s)
+            end = min((end_ns - begin_ns) / SECOND_NS, begin + self.window.span_s)
+            return f"{begin:.6g} … {end:.6g} s ({text.span(self.window.span_s)})"
+        back = (self.source.end_ns - self.end_ns) / SECOND_NS
+        return text.span(self.window.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
 
     def _begin(self) -> None:
         run_alone(self, "draw", self._draw)
@@ -174,7 +175,7 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
 
     async def _samples(self, plotted: Plotted) -> Samples:
         """Raw samples; where there are none, the middle of columns of one sample each."""
-        start_ns, end_ns = self._shown_ns
+        start_ns, end_ns = self.shown_ns
         try:
             return await self.source.samples(plotted.name, start_ns, end_ns)
         except SiloError:
@@ -228,7 +229,7 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
             notes.append(f"r = {found.correlation:.3f}  slope {text.compact(found.slope)}{per}")
         work = " J (hysteresis)" if sorted(units) == ["Nm", "rad"] or sorted(units) == ["N", "m"] else ""
         notes.append(f"loop area {text.compact(found.area)}{work}")
-        notes.append(f"newest ●  older • ∙ ·   {len(found.x)} samples in {text.span(self.span_s)}")
+        notes.append(f"newest ●  older • ∙ ·   {len(found.x)} samples in {text.span(self.window.span_s)}")
         return Analysed(drawn, notes)
 
     async def _histogram(self) -> Analysed:
@@ -263,14 +264,14 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
             self._said = ""
             self.request_view()
         elif self.mode == MODES[0]:
-            self.command_log_axis()
+            self.arranger.command_log_axis()
         else:
             self.say(f"{key_of('level')} is for signals over time and for spectra: {key_of('mode')} leads there")
 
     def command_find(self) -> None:
         """Find in what is drawn: moments over time, peaks in a spectrum."""
         if self.mode == MODES[0]:
-            super().command_find()
+            self.finder.command_find()
         elif not self._peaks:
             self._go_to_peak(1)  # says why there is none
         else:
@@ -288,13 +289,13 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
 
     def command_next_found(self) -> None:
         if self.mode == MODES[0]:
-            super().command_next_found()
+            self.finder.command_next_found()
         else:
             self._go_to_peak(1)
 
     def command_previous_found(self) -> None:
         if self.mode == MODES[0]:
-            super().command_previous_found()
+            self.finder.command_previous_found()
         else:
             self._go_to_peak(-1)
 
@@ -374,31 +375,38 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
 
     def command_back(self) -> None:
         """Leave cursor B, then the cursor, then the screen; the pause stays with the monitor."""
-        if self.mode != MODES[0] and self.plot.cursor is not None:
+        over_time = self.mode == MODES[0]
+        if not over_time and self.plot.cursor is not None:
             self.plot.cursor = None
             self.plot.refresh()
-        elif self.mode == MODES[0] and (self.window.other_ns is not None or self.window.cursor is not None):
+        elif (
+            self.file is None
+            and self.mode == MODES[0]
+            and (self.window.other_ns is not None or self.window.cursor is not None)
+        ):
             super().command_back()
         else:
-            self.leave()
-
-    def leave(self) -> None:
-        """Give the window back to the monitor."""
-        self.context.leave_screen()
-        if self.below in self.app.screen_stack:
-            self.below.take_back()
+            self.context.leave_screen()
+            if self.below in self.app.screen_stack:
+                self.below.take_back()
 
 
-class DetailScreen(LargePlot, inherit_bindings=False):
-    """The large plot of a logger."""
+class FileDetailScreen(DetailScreen, inherit_bindings=False):
+    """The same of a file."""
 
-    scope = "detail"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("detail")
+    scope = "file_detail"
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file_detail")
 
-    def __init__(self, monitor: MonitorScreen) -> None:
-        super().__init__(monitor.session, monitor.live_source, [])
-        plots, _ = monitor.stack.for_detail()
-        self.share(monitor, PlotStack(plots[:1], monitor.window, monitor.source))
+
+def open_large(monitor: MonitorScreen) -> None:
+    """Show the chosen plot alone; say so where nothing of it can be drawn."""
+    if not monitor.stack.plots:
+        return
+    if not monitor.stack.for_detail()[0]:
+        texts = f"{many(len(monitor.stack.plots), 'text')}: nothing to draw"
+        monitor.say(texts if monitor.file is not None else "nothing that is on to plot")
+    else:
+        monitor.app.push_screen((DetailScreen if monitor.file is None else FileDetailScreen)(monitor))
 
 
 def _decimals(step: float) -> int:

@@ -20,7 +20,7 @@ from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches, wor
 from silo_tui.model.paths import typed_file
 from silo_tui.screens.dialogs import Prompt
 from silo_tui.screens.list_screen import ListScreen
-from silo_tui.screens.searching import Searching
+from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, StatusBar
@@ -157,7 +157,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
         if not event.at_ns or event.tick < 0:
             self.say("this happened before the first tick: no place in the plots")
             return
-        stack = [each for each in self.app.screen_stack if isinstance(each, Searching)]
+        stack = [each for each in self.app.screen_stack if isinstance(each, MonitorScreen)]
         plots = next((each for each in reversed(stack) if each.session is self.session), None)
         if plots is None:
             keys = f"{key_of('monitor')} in the table plots what is marked, then {key_of('events')} and"
@@ -165,7 +165,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
             return
         while self.app.screen is not plots:
             self.app.pop_screen()
-        plots.call_after_refresh(plots.jump_to_event, event)
+        plots.call_after_refresh(plots.finder.jump_to_event, event)
 
 
 def _write_csv(path: Path, shown: Sequence[LoggedEvent]) -> None:

@@ -20,8 +20,9 @@ from silo_tui.context import SiloScreen
 from silo_tui.modal import run_aside
 from silo_tui.model.panels import Panel, has_curves, sides
 from silo_tui.model.paths import typed_path
-from silo_tui.model.plots import SECOND_NS, Plotted
+from silo_tui.model.plots import Plotted
 from silo_tui.model.source import PlotSource, Samples
+from silo_tui.model.window import SECOND_NS
 from silo_tui.screens.dialogs import Prompt
 
 FORMATS = (".csv", ".png", ".svg")

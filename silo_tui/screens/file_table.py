@@ -158,7 +158,7 @@ class FileTableScreen(ElementsScreen):
         return super().mode_keys() or ((("back", "Back"),) if self._leave is not None else ())
 
     def command_plot(self) -> None:
-        from silo_tui.screens.file_monitor import FileMonitorScreen
+        from silo_tui.screens.monitor import FileMonitorScreen
 
         chosen = self.session.rows.targets()
         names = [self.session.table.names[int(row)] for row in chosen]

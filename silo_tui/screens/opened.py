@@ -64,7 +64,7 @@ async def _show(context: Context, opened: "FileSession") -> None:
 
 
 async def _show_plots(context: Context, opened: "FileSession", names: list[str]) -> None:
-    from silo_tui.screens.file_monitor import FileMonitorScreen
+    from silo_tui.screens.monitor import FileMonitorScreen
 
     monitor = FileMonitorScreen(opened, names)
     await context.app.push_screen(monitor)

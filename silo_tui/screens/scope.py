@@ -23,7 +23,7 @@ from silo_tui.context import SiloScreen
 from silo_tui.modal import run_aside
 from silo_tui.model import text
 from silo_tui.model.plot_facts import extremes
-from silo_tui.model.plots import Picture, Plotted, PlotWindow
+from silo_tui.model.plots import Picture, Plotted
 from silo_tui.model.scope import (
     AUTO_S,
     LEVEL_STEPS,
@@ -38,6 +38,7 @@ from silo_tui.model.scope import (
     picture_of,
 )
 from silo_tui.model.source import PlotSource, Samples, entry_samples
+from silo_tui.model.window import PlotWindow
 from silo_tui.screens.dialogs import Prompt
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar

@@ -6,7 +6,7 @@
 import asyncio
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from silo.core.arrays.columns import ColumnStore, HistoryColumns
 from silo.core.elements import BufferType
@@ -17,7 +17,7 @@ from silo_tui.model import text
 from silo_tui.model.buffers import PinHandle
 from silo_tui.model.held import HeldSource
 from silo_tui.model.plots import Plotted
-from silo_tui.model.source import PlotSource, Samples, entry_samples
+from silo_tui.model.source import HeldRows, PlotSource, Samples, entry_samples
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.live_source import in_pieces
@@ -141,6 +141,14 @@ class Pause:
         return self._live.live
 
     @property
+    def held(self) -> HeldRows:
+        """What is held, and the logger's buffers behind it; of a file all."""
+        held = self.source or self._live
+        if held.live:
+            raise RefusedError("nothing is held: space holds the picture")
+        return cast(HeldRows, held)
+
+    @property
     def text(self) -> str:
         """How much is held; empty while nothing is."""
         if self.source is None:
@@ -157,9 +165,10 @@ class Pause:
         return f"PAUSED {ago} ago, {held} held" if held else f"PAUSED {ago} ago"
 
     def held_ns(self, plots: Sequence[Plotted]) -> tuple[int, int]:
-        """The oldest and the newest moment that can be looked at: of what is held, or of the logger's buffers."""
-        if self.source is not None:
-            return self.source.begin_ns, self.source.end_ns
+        """The oldest and the newest moment that can be looked at: held, in a file, or in the logger's buffers."""
+        if self.source is not None or not self.possible:
+            held = self.source or self._live
+            return held.begin_ns, held.end_ns
         newest_ns, started_ns = self._live.end_ns, self._session.status.started_ns
         spans = [0]
         for element in {plotted.element.name: plotted.element for plotted in plots}.values():
@@ -247,6 +256,8 @@ class Pause:
     async def bring(self, time_ns: int, around_ns: int) -> bool:
         """Have a moment pinned; False where neither pins nor the logger's buffers hold it any more."""
         await self.settled()
+        if not self.possible:
+            return self._live.begin_ns <= time_ns <= self._live.end_ns
         return self.source is not None and await self.source.bring(time_ns, around_ns)
 
     def release(self) -> None:

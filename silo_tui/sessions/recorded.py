@@ -28,8 +28,9 @@ from silo_tui.model.facts import Facts
 from silo_tui.model.file_facts import FileFacts
 from silo_tui.model.limits import Bounds4
 from silo_tui.model.plots import trend
-from silo_tui.model.recorded import RecordingSource
+from silo_tui.model.recorded import WHOLE, RecordingSource
 from silo_tui.model.table_columns import FILE_COLUMNS
+from silo_tui.model.window import SECOND_NS, PlotWindow
 from silo_tui.sessions.live import Session
 
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
@@ -119,6 +120,14 @@ class FileSession(Session):
             return ""
         return f"{datetime.fromtimestamp(self.time_ns // 1_000_000 / 1000):%Y-%m-%d %H:%M:%S.%f}"[:-3]
 
+    def window_of(self, names: Sequence[str]) -> PlotWindow:
+        """Return the window that shows all there is of these elements, up to their end."""
+        begin, end = self.source.extent_ns(names)
+        spans = self.source.spans_s
+        fitting = (end - begin) / SECOND_NS * WHOLE  # a looping buffer has the end of a long run only
+        span = fitting if spans[0] < fitting < 0.7 * spans[-1] else spans[-1]
+        return PlotWindow(span, end, at_ns=self.time_ns, spans=tuple(sorted({*spans, span})))
+
     def read(self, names: Sequence[str]) -> None:
         """Bring the values of these elements at the moment shown."""
         self.live.readings.update(self.source.readings(names, self.time_ns))
@@ -155,6 +164,13 @@ class FileSession(Session):
             if not set(quantities) <= told.setdefault(name, {}).keys():
                 told[name].update(await asyncio.to_thread(self._facts.of, name, quantities, at_ns))
         self.table.facts = Facts({**known, **found}, 0, at_ns, told)
+
+
+def clock(time_ns: int) -> str:
+    """Return the time of the day of a moment, two blanks before it; empty where it is none of the system's clock."""
+    if time_ns < EPOCH_FROM_NS:
+        return ""
+    return f"  {datetime.fromtimestamp(time_ns // 1000 / 1e6):%H:%M:%S.%f}"[:-3]
 
 
 def _bounds_of(recording: Recording, elements: Sequence[ElementInfo]) -> dict[str, Bounds4]:

@@ -18,8 +18,8 @@ from silo_tui.actions import BY_ID, Command, commands_for, footer_for, key_of, k
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words
 from silo_tui.model.people import head_words as people_head
-from silo_tui.model.plots import PlotWindow
 from silo_tui.model.table_columns import STEADY
+from silo_tui.model.window import PlotWindow
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import thin_head
 from silo_tui.unforeseen import Guarded

@@ -33,9 +33,10 @@ from silo_tui.model.panels import (
     title_lines,
 )
 from silo_tui.model.plot_facts import PlotFacts, missing
-from silo_tui.model.plots import HOLE, NOBODY, Plotted, PlotWindow, pieces_of
+from silo_tui.model.plots import HOLE, NOBODY, Plotted, pieces_of
 from silo_tui.model.source import PlotSource
 from silo_tui.model.time_axis import axis_line, axis_word
+from silo_tui.model.window import PlotWindow
 from silo_tui.widgets.panel_list import PanelList
 from silo_tui.widgets.series import series_style
 
@@ -56,7 +57,7 @@ class PlotStack(PanelList):
         super().__init__(plots, source)
         self.window = window
         self.store = ColumnStore((), 1, 1)
-        self.readings: dict[str, Reading] = {}
+        self.readings: Mapping[str, Reading] = {}
         self.bounds: Mapping[str, Bounds4] = {}  # the limits of scalars
         self.level: float | None = None  # of a scope that waits for the first signal
         self.events: dict[str, list[tuple[int, str]]] = {}  # of texts: since when which

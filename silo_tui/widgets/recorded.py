@@ -4,7 +4,8 @@ import numpy as np
 
 from silo_tui.model import text
 from silo_tui.model.live import offset_text
-from silo_tui.model.plots import Plotted, PlotWindow, plots_of
+from silo_tui.model.plots import Plotted
+from silo_tui.model.window import PlotWindow
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.plot_stack import PlotStack
 
@@ -12,9 +13,8 @@ from silo_tui.widgets.plot_stack import PlotStack
 class RecordedStack(PlotStack):
     """Plots of a file: the value at the cursor, minimum, maximum and mean of the window; the axis counts its time."""
 
-    def __init__(self, session: FileSession, names: list[str], window: PlotWindow) -> None:
-        elements = [element for name in names if (element := session.source.element(name)) is not None]
-        super().__init__(plots_of(elements), window, session.source)
+    def __init__(self, session: FileSession, plots: list[Plotted], window: PlotWindow) -> None:
+        super().__init__(plots, window, session.source)
         self.prefix = session.status.prefix.rstrip("/")
         self._file = session
 

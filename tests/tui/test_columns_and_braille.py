@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from silo_tui.model import braille, dots
 from silo_tui.model.columns import ColumnStore, hold
-from silo_tui.model.plots import PlotWindow
+from silo_tui.model.window import PlotWindow
 
 values = st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=60).map(np.array)
 

@@ -322,13 +322,11 @@ def test_every_command_has_its_method():
     from silo_tui.app import SiloApp
     from silo_tui.commands.runner import CommandRunner
     from silo_tui.screens.alarms import AlarmsScreen
-    from silo_tui.screens.detail import DetailScreen
+    from silo_tui.screens.detail import DetailScreen, FileDetailScreen
     from silo_tui.screens.events import EventsScreen, FileEventsScreen
-    from silo_tui.screens.file_detail import FileDetailScreen
-    from silo_tui.screens.file_monitor import FileMonitorScreen
     from silo_tui.screens.file_table import FileTableScreen
     from silo_tui.screens.loggers import LoggersScreen
-    from silo_tui.screens.monitor import MonitorScreen
+    from silo_tui.screens.monitor import FileMonitorScreen, MonitorScreen
     from silo_tui.screens.recordings import RecordingsScreen
     from silo_tui.screens.scope import ScopeScreen
     from silo_tui.screens.settings import SettingsScreen
@@ -354,7 +352,7 @@ def test_every_command_has_its_method():
     }
     for command in COMMANDS:
         for scope in command.scopes if "any" not in command.scopes else screens:
-            owners = (screens[scope], CommandRunner, SiloApp)
+            owners = (screens[scope], *screens[scope].PARTS, CommandRunner, SiloApp)
             assert any(hasattr(owner, f"command_{command.id}") for owner in owners), (scope, command.id)
 
 

@@ -9,8 +9,9 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
 from silo_tui.model.columns import ColumnPiece, ColumnStore
 from silo_tui.model.overlay import ghost_piece, overlay_of
-from silo_tui.model.plots import Plotted, PlotWindow, draw_panel, together
+from silo_tui.model.plots import Plotted, draw_panel, together
 from silo_tui.model.recorded import RecordingSource
+from silo_tui.model.window import PlotWindow
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.screens.recordings import RecordingsScreen
 from tests.stand_ins.fake_signals import START_NS

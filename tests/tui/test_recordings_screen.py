@@ -16,9 +16,8 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamp
 from silo.errors import ConnectionLostError
 from silo.files import write
 from silo.rpc.published import EventKind
-from silo_tui.screens.file_monitor import FileMonitorScreen
 from silo_tui.screens.file_table import FileTableScreen
-from silo_tui.screens.monitor import MonitorScreen
+from silo_tui.screens.monitor import FileMonitorScreen, MonitorScreen
 from silo_tui.screens.recordings import FIRST, RecordingsScreen
 from silo_tui.screens.table import TableScreen
 

@@ -11,7 +11,8 @@ from silo.core.arrays.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Gap, N
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo_tui.model import braille, dots, text
 from silo_tui.model.live import entry_text, offset_text
-from silo_tui.model.plots import Plotted, PlotWindow, draw, trend
+from silo_tui.model.plots import Plotted, draw, trend
+from silo_tui.model.window import PlotWindow
 
 WIDTH, HEIGHT = 12, 4
 COLUMNS = 2 * WIDTH

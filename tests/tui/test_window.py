@@ -1,0 +1,120 @@
+"""The time window without a screen: wherever it is moved, it shows what is held, and cursor A is a moment of that."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from silo_tui.model.window import SECOND_NS, SPANS_S, PlotWindow
+
+COLUMNS = 130
+MOMENTS = st.integers(0, 4000 * SECOND_NS)
+MOVES = st.one_of(
+    st.tuples(st.just("go_to"), MOMENTS),
+    st.tuples(st.just("jump_to"), MOMENTS),
+    st.tuples(st.just("pan"), st.sampled_from([-1, 1])),
+    st.tuples(st.just("zoom"), st.booleans()),
+    st.tuples(st.just("show"), MOMENTS),
+)
+
+
+@st.composite
+def standing(draw):
+    """A window that stands still somewhere in what is held."""
+    oldest = draw(st.integers(0, 100 * SECOND_NS))
+    held = oldest, oldest + draw(st.integers(1, 4000 * SECOND_NS))
+    window = PlotWindow(draw(st.sampled_from(SPANS_S)))
+    window.show(draw(st.integers(*held)), held, COLUMNS)
+    return window, held
+
+
+def move(window, held, kind, by):
+    """Do one of MOVES, and draw the cursor where it is then, as a screen does."""
+    if kind == "zoom":
+        window.zoom_still(held, COLUMNS, closer=by)
+    else:
+        getattr(window, kind)(by, held, COLUMNS)
+    column_ns = window.column_ns(COLUMNS)
+    window.place_cursor(window.paused_end_ns // column_ns + 1, column_ns, COLUMNS)
+
+
+@given(standing(), st.lists(MOVES, max_size=12))
+def test_wherever_it_is_moved_it_shows_what_is_held_and_the_cursor_is_a_moment_of_it(made, moves):
+    window, held = made
+    for kind, by in moves:
+        move(window, held, kind, by)
+        begins_ns = window.paused_end_ns - window.span_ns + window.column_ns(COLUMNS)
+        assert window.paused_end_ns <= held[1]
+        assert begins_ns >= held[0] or window.paused_end_ns == held[1]
+        assert window.at_ns is None or held[0] <= window.at_ns <= held[1]
+        assert window.cursor is None or 0 <= window.cursor < COLUMNS
+
+
+@given(standing(), MOMENTS, st.sampled_from(["go_to", "jump_to"]))
+def test_the_moment_gone_to_is_in_the_window_that_follows(made, moment, way):
+    window, held = made
+    move(window, held, way, moment)
+    assert window.at_ns == max(held[0], min(moment, held[1]))
+    assert window.cursor is not None
+
+
+@given(standing(), st.floats(0, 1), st.sampled_from(SPANS_S[1:]))
+def test_zooming_in_and_out_is_a_round_trip_around_the_cursor(made, share, span):
+    window, _ = made
+    held = 0, 20_000 * SECOND_NS  # so that no edge is near
+    window.span_s = span
+    window.show(10_000 * SECOND_NS, held, COLUMNS)
+    move(window, held, "go_to", window.paused_end_ns - int(share * 0.98 * window.span_ns))
+    before, at_ns, cursor = window.paused_end_ns, window.at_ns, window.cursor
+    move(window, held, "zoom", True)
+    assert (window.at_ns, window.span_s) == (at_ns, SPANS_S[SPANS_S.index(span) - 1])
+    assert abs(window.cursor - cursor) <= 1
+    move(window, held, "zoom", False)
+    assert (window.at_ns, window.span_s) == (at_ns, span)
+    assert abs(window.paused_end_ns - before) <= 2 * SPANS_S[-1]  # rounded to whole ns twice
+
+
+@given(standing(), st.sampled_from([-1, 1]))
+def test_panning_there_and_back_is_where_it_was_away_from_the_edges(made, direction):
+    window, _ = made
+    held = 0, 20_000 * SECOND_NS
+    window.show(10_000 * SECOND_NS, held, COLUMNS)
+    move(window, held, "go_to", 10_000 * SECOND_NS - window.span_ns // 3)
+    before = window.paused_end_ns, window.at_ns, window.cursor
+    move(window, held, "pan", direction)
+    assert window.at_ns - before[1] == window.paused_end_ns - before[0] != 0
+    assert abs(window.cursor - before[2]) <= 1
+    move(window, held, "pan", -direction)
+    assert all(abs(now - then) <= 1 for now, then in zip((window.paused_end_ns, window.at_ns), before, strict=False))
+
+
+@given(standing())
+def test_at_an_edge_panning_moves_nothing_and_says_so(made):
+    window, held = made
+    window.show(held[1], held, COLUMNS)
+    assert not window.pan(1, held, COLUMNS)
+    assert window.paused_end_ns == held[1]
+
+
+@given(standing())
+def test_all_held_is_shown_by_the_shortest_span_that_can(made):
+    window, held = made
+    window.fit(held)
+    fitting = [span for span in SPANS_S if span * SECOND_NS >= held[1] - held[0]]
+    assert window.span_s == (fitting or SPANS_S[-1:])[0]
+
+
+@given(st.lists(st.integers(-40, 40), max_size=20))
+def test_a_live_cursor_stays_in_the_window(cells):
+    window = PlotWindow()
+    for some in cells:
+        window.move_cursor(some, COLUMNS)
+        assert 0 <= window.cursor <= COLUMNS - 2
+
+
+@pytest.mark.parametrize("span", [SPANS_S[0], SPANS_S[-1]])
+def test_at_the_end_of_the_spans_zooming_changes_nothing(span):
+    window, held = PlotWindow(span), (0, 10 * SECOND_NS)
+    window.show(8 * SECOND_NS, held, COLUMNS)
+    before = window.paused_end_ns
+    assert not window.zoom_still(held, COLUMNS, closer=span == SPANS_S[0])
+    assert (window.span_s, window.paused_end_ns) == (span, before)
