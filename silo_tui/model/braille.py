@@ -8,6 +8,7 @@ the bottom and at their end of the scale; where data is missing a shade stands, 
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from silo_tui.model.dots import Cells, Dots
 
 POS_INF, NEG_INF, NAN, SEVERAL = "▲", "▼", "×", "!"
 SHADE = "░"
+Scales: TypeAlias = tuple[float, float] | tuple[Floats, Floats]  # bottom and top, of one signal or of each
 CONSTANT = 1e-13  # a smaller share of the value is rounding, not a change
 
 
@@ -40,8 +42,11 @@ def rasterise(
     return dots.lines_of(cells)
 
 
-def curve(low: Floats, high: Floats, scale: tuple[float, float], width: int, height: int) -> Dots:
-    """Return the dots of a curve, shape `(4 * height, 2 * width)`, row 0 on top: neighbouring columns are joined."""
+def curve(low: Floats, high: Floats, scale: Scales, width: int, height: int) -> Dots:
+    """Return the dots of a curve, shape `(4 * height, 2 * width)`, row 0 on top: neighbouring columns are joined.
+
+    Of many curves at once, of shape `(signals, columns)` with as many scales, shape `(signals, 4 * height, 2 * width)`.
+    """
     columns, rows = 2 * width, 4 * height
     low, high = _fit(low, columns), _fit(high, columns)
     valid = ~(np.isnan(low) | np.isnan(high))
@@ -50,35 +55,36 @@ def curve(low: Floats, high: Floats, scale: tuple[float, float], width: int, hei
     lower = np.where(valid, rows - 1 - row_of(low, scale, rows), -1)
     _join(upper, lower, valid)
     at = np.arange(rows)[:, None]
-    lit: Dots = (at >= upper) & (at <= lower)
+    lit: Dots = (at >= upper[..., None, :]) & (at <= lower[..., None, :])
     return lit
 
 
-def row_of(values: Floats, scale: tuple[float, float], rows: int) -> NDArray[np.int64]:
+def row_of(values: Floats, scale: Scales, rows: int) -> NDArray[np.int64]:
     """Return the row of each value, 0 at the bottom, whatever the size of the numbers."""
-    bottom, top = scale
-    # as shares of the largest end: neither 1e308 - -1e308 nor 1 / 1e-310 fits into a float
-    _, exponent = math.frexp(max(abs(bottom), abs(top)))
-    first, last = math.ldexp(bottom, -exponent), math.ldexp(top, -exponent)
-    if not last > first:
-        return np.full(len(values), rows // 2, np.int64)
+    bottom, top = (np.asarray(end, np.float64)[..., None] for end in scale)
     with np.errstate(invalid="ignore", over="ignore", under="ignore"):
-        share = (np.ldexp(values, -exponent) - first) / (last - first)
-    return np.round(np.clip(np.nan_to_num(share, nan=0.0), 0.0, 1.0) * (rows - 1)).astype(np.int64)
+        # as shares of the largest end: neither 1e308 - -1e308 nor 1 / 1e-310 fits into a float
+        _, exponent = np.frexp(np.maximum(np.abs(bottom), np.abs(top)))
+        first, last = np.ldexp(bottom, -exponent), np.ldexp(top, -exponent)
+        rises = last > first
+        share = (np.ldexp(values, -exponent) - first) / np.where(rises, last - first, 1.0)
+    found = np.round(np.clip(np.nan_to_num(share, nan=0.0), 0.0, 1.0) * (rows - 1)).astype(np.int64)
+    return np.where(rises, found, rows // 2)
 
 
 def _join(upper: NDArray[np.int64], lower: NDArray[np.int64], valid: NDArray[np.bool_]) -> None:
     """Stretch each column half way to its neighbour, so that a steep line has no holes."""
-    both = valid[1:] & valid[:-1]
-    above = both & (lower[1:] < upper[:-1] - 1)  # the next column lies higher
-    below = both & (upper[1:] > lower[:-1] + 1)
-    middle_above = (lower[1:] + upper[:-1]) // 2
-    middle_below = (upper[1:] + lower[:-1]) // 2
+    before, after = np.s_[..., :-1], np.s_[..., 1:]
+    both = valid[after] & valid[before]
+    above = both & (lower[after] < upper[before] - 1)  # the next column lies higher
+    below = both & (upper[after] > lower[before] + 1)
+    middle_above = (lower[after] + upper[before]) // 2
+    middle_below = (upper[after] + lower[before]) // 2
     new_upper, new_lower = upper.copy(), lower.copy()
-    new_lower[1:] = np.where(above, np.maximum(new_lower[1:], middle_above), new_lower[1:])
-    new_upper[:-1] = np.where(above, np.minimum(new_upper[:-1], middle_above), new_upper[:-1])
-    new_upper[1:] = np.where(below, np.minimum(new_upper[1:], middle_below), new_upper[1:])
-    new_lower[:-1] = np.where(below, np.maximum(new_lower[:-1], middle_below), new_lower[:-1])
+    new_lower[after] = np.where(above, np.maximum(new_lower[after], middle_above), new_lower[after])
+    new_upper[before] = np.where(above, np.minimum(new_upper[before], middle_above), new_upper[before])
+    new_upper[after] = np.where(below, np.minimum(new_upper[after], middle_below), new_upper[after])
+    new_lower[before] = np.where(below, np.maximum(new_lower[before], middle_below), new_lower[before])
     upper[:], lower[:] = new_upper, new_lower
 
 
@@ -155,8 +161,8 @@ def draw_hole(cells: Cells, hole: DrawnHole) -> None:
 
 def _fit(values: Floats, columns: int) -> Floats:
     """The newest `columns` values, NaN in front where there are fewer."""
-    if len(values) >= columns:
-        return values[len(values) - columns :]
+    if values.shape[-1] >= columns:
+        return values[..., values.shape[-1] - columns :]
     return np.concatenate([np.full(columns - len(values), np.nan), values])
 
 

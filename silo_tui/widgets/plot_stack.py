@@ -4,13 +4,17 @@ Measured: 5 - 8 ms for a screen full; twenty of Textual's Sparkline widgets at 1
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from typing import ClassVar
 
 from rich.segment import Segment
 from rich.style import Style
+from textual import events
 from textual.geometry import Region, Size
+from textual.message import Message
 from textual.strip import Strip
+from textual.widget import Widget
 
 from silo.core.arrays.columns import Gap
 from silo_tui.actions import key_of
@@ -24,12 +28,16 @@ from silo_tui.model.overlay import ghost_piece
 from silo_tui.model.panel_picture import AXIS, LIMIT, RED, YELLOW, Drawn, PanelSource, drawn
 from silo_tui.model.panels import (
     LETTERS,
+    MAX_SERIES,
     CurveKind,
     Panel,
+    first_to_show,
     has_curves,
+    heights,
     kind_of,
     per_title_line,
     sides,
+    stacked,
     title_lines,
 )
 from silo_tui.model.plot_facts import PlotFacts, missing
@@ -37,15 +45,15 @@ from silo_tui.model.plots import HOLE, NOBODY, Plotted, pieces_of
 from silo_tui.model.source import PlotSource
 from silo_tui.model.time_axis import axis_line, axis_word
 from silo_tui.model.window import PlotWindow
-from silo_tui.widgets.panel_list import PanelList
-from silo_tui.widgets.series import series_style
+from silo_tui.unforeseen import Guarded
+from silo_tui.widgets.series import most_series, series_style
 
 CURSOR_A, CURSOR_B = "│", "┊"
 GHOST = Style(dim=True)
 
 
-class PlotStack(PanelList):
-    """Draws the plots that fit."""
+class PlotStack(Guarded, Widget):
+    """Keeps the plots of a screen, which is chosen and which come first, and draws those that fit."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "plot--title", "plot--chosen", "plot--quiet", "plot--line", "plot--stale", "plot--cursor", "plot--band",
@@ -54,7 +62,11 @@ class PlotStack(PanelList):
     DEFAULT_CSS = "PlotStack { height: 1fr; width: 1fr; }"
 
     def __init__(self, plots: list[Plotted], window: PlotWindow, source: PlotSource) -> None:
-        super().__init__(plots, source)
+        super().__init__()
+        self._take(stacked(plots))
+        self.source = source
+        self.chosen = 0  # of all signals, those that share a panel counted one by one
+        self.first = 0  # panel
         self.window = window
         self.store = ColumnStore((), 1, 1)
         self.readings: Mapping[str, Reading] = {}
@@ -366,3 +378,139 @@ class PlotStack(PanelList):
         if share == 1.0 and self.source.live and not self.window.paused:
             return "end" if self.ended else "now"
         return axis_word(share, self.window, self.source.end_ns, self.columns)
+
+    # --------------------------------------------------------------------------------------------------- mouse
+
+    @dataclass
+    class Pointed(Message):
+        """A plot was clicked: which one, and in which column from the right edge (None: beside the curve)."""
+
+        index: int
+        column: int | None
+
+    @dataclass
+    class Wheeled(Message):
+        """The wheel was turned: down (1) or up (-1), to zoom where ctrl was held."""
+
+        step: int
+        zooms: bool
+
+    def on_click(self, event: events.Click) -> None:
+        """Ask for the signal and the place that was clicked."""
+        found = self.place_of(event.y)
+        if found is None:
+            return
+        at, line = found
+        panel = self.panels[at]
+        first = sum(len(each) for each in self.panels[:at])
+        titles = title_lines(panel, self.size.width)
+        if line < titles:
+            side_by_side = per_title_line(self.size.width) if len(panel) > 1 else 1
+            place = line * side_by_side + event.x * side_by_side // max(1, self.size.width)
+            self.post_message(self.Pointed(first + min(place, len(panel) - 1), None))
+            return
+        cell = event.x - AXIS - 1
+        inside = 0 <= cell < self.plot_width
+        index = self.chosen if self.chosen_panel == at else first
+        self.post_message(self.Pointed(index, 2 * (self.plot_width - 1 - cell) if inside else None))
+
+    def place_of(self, y: int) -> tuple[int, int] | None:
+        """Return which panel a line of the widget belongs to, and which line of it that is; None for the time axis."""
+        for at, height in enumerate(self.heights(), self.first):
+            if y < height:
+                return at, y
+            y -= height
+        return None
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Ask for the next plot, or a longer span."""
+        event.stop()
+        self.post_message(self.Wheeled(1, zooms=event.ctrl))
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Ask for the plot before, or a shorter span."""
+        event.stop()
+        self.post_message(self.Wheeled(-1, zooms=event.ctrl))
+
+    # ---------------------------------------------------------------------------------------------- what is plotted
+
+    @property
+    def plots(self) -> list[Plotted]:
+        """All signals, in the order of the panels."""
+        return self._plots
+
+    def _take(self, panels: Sequence[Panel]) -> None:
+        # what is asked for many times a frame is found once: with 700 panels it took 50 ms
+        self.panels = list(panels)
+        self._plots = [plotted for panel in panels for plotted in panel]
+        self.two_sided = any(any(sides(panel)) for panel in panels if has_curves(panel))
+        self.worded = any(len(panel) > 1 or not has_curves(panel) for panel in panels)
+
+    @property
+    def chosen_plot(self) -> Plotted:
+        """The signal that is chosen."""
+        return self.plots[self.chosen]
+
+    @property
+    def chosen_panel(self) -> int:
+        """Where the panel with the chosen signal is."""
+        return self._panel_of(self.chosen)
+
+    def _panel_of(self, index: int) -> int:
+        for at, panel in enumerate(self.panels):
+            index -= len(panel)
+            if index < 0:
+                return at
+        return max(0, len(self.panels) - 1)
+
+    @property
+    def most(self) -> int:
+        """How many curves may share a panel."""
+        return most_series(self.app, MAX_SERIES)
+
+    def show_panels(self, panels: Sequence[Panel]) -> None:
+        """Show these panels; the chosen signal stays the chosen one if it is still there."""
+        chosen = self.plots[self.chosen] if self.plots else None
+        self._take(panels)
+        plots = self.plots
+        self.choose(plots.index(chosen) if chosen in plots else self.chosen)
+
+    def keep(self, plots: Sequence[Plotted]) -> None:
+        """Show these signals: what shares a panel goes on to, new ones come at the end."""
+        known = self.plots
+        panels = [tuple(plotted for plotted in panel if plotted in plots) for panel in self.panels]
+        self.show_panels(
+            [panel for panel in panels if panel] + [(plotted,) for plotted in plots if plotted not in known]
+        )
+
+    def for_detail(self) -> tuple[list[Plotted], int]:
+        """What one large plot shows: the chosen signal, those of its panel, the others; how many share it."""
+        shown = [each for each in self.plots if each.numeric and self.source.is_live(each.element.name)]
+        chosen, panel = self.chosen_plot, self.panels[self.chosen_panel]
+        mine = [each for each in shown if each == chosen] + [each for each in shown if each in panel and each != chosen]
+        return mine + [each for each in shown if each not in panel], max(1, len(mine))
+
+    @property
+    def _room(self) -> int:
+        return max(1, self.size.height - 1)
+
+    def heights(self) -> list[int]:
+        """Return how many lines each panel takes that is on the screen."""
+        return heights(self.panels, self.first, self._room, self.size.width)
+
+    @property
+    def fitting(self) -> int:
+        """Panels that are on the screen."""
+        return len(self.heights())
+
+    def on_screen(self) -> list[Plotted]:
+        """The signals that are visible now."""
+        return [plotted for panel in self.panels[self.first : self.first + self.fitting] for plotted in panel]
+
+    def choose(self, index: int) -> bool:
+        """Chooses a signal and brings it on the screen; True when other panels are visible then."""
+        self.chosen = max(0, min(index, len(self.plots) - 1))
+        first = first_to_show(self.panels, self.first, self.chosen_panel, self._room, self.size.width)
+        moved, self.first = first != self.first, first
+        self.redraw()
+        return moved

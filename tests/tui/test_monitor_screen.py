@@ -213,9 +213,9 @@ async def test_a_short_span_of_a_pause_zooms_on_in_the_large_plot(fake, opened):
         await screen.press("space", *["plus"] * 12, "enter")
         await screen.shows("TIME")
         plot = screen.app.screen
-        assert plot.span_s == 0.001
+        assert plot.window.span_s == 0.001
         await screen.press("minus")
-        assert plot.span_s == 0.002
+        assert plot.window.span_s == 0.002
 
 
 async def test_two_signals_can_be_plotted_against_one_another(fake, opened):
