@@ -109,7 +109,7 @@ async def test_cursor_b_samples_home_end_and_all_work_in_it(new_fake, opened):
         await screen.press("0")
         await screen.until(lambda: window.span_s == 30.0, "all that is held")
         await screen.press("end")
-        await screen.until(lambda: window.at_ns == large(screen)._newest_ns, "the newest")
+        await screen.until(lambda: window.at_ns == large(screen).held_ns[1], "the newest")
 
 
 async def test_a_click_puts_the_cursor_there(fake, opened):
