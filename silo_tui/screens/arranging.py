@@ -8,13 +8,13 @@ from silo_tui.model.panels import Panel, gathered, has_curves, isolate, join, si
 from silo_tui.model.plots import Plotted, plots_of
 
 if TYPE_CHECKING:
-    from silo_tui.screens.monitor import MonitorScreen
+    from silo_tui.screens.plot_screen import PlotScreen
 
 
 class Arranger:
     """The commands of a monitor that change its plots."""
 
-    def __init__(self, screen: "MonitorScreen") -> None:
+    def __init__(self, screen: "PlotScreen") -> None:
         self.screen = screen
 
     def command_scale(self) -> None:
@@ -77,7 +77,7 @@ class Arranger:
             self.screen.stack.keep([plotted for plotted in plots if plotted != self.screen.stack.chosen_plot])
             self.screen.fill_soon()
         else:
-            self.screen.command_back()
+            self.screen.action_command("back")
 
     def command_next_entry(self) -> None:
         """Go over to the next entry of the vector."""

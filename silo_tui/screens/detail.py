@@ -271,7 +271,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
     def command_find(self) -> None:
         """Find in what is drawn: moments over time, peaks in a spectrum."""
         if self.mode == MODES[0]:
-            self.finder.command_find()
+            self.search.command_find()
         elif not self._peaks:
             self._go_to_peak(1)  # says why there is none
         else:
@@ -289,13 +289,13 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
 
     def command_next_found(self) -> None:
         if self.mode == MODES[0]:
-            self.finder.command_next_found()
+            self.search.command_next_found()
         else:
             self._go_to_peak(1)
 
     def command_previous_found(self) -> None:
         if self.mode == MODES[0]:
-            self.finder.command_previous_found()
+            self.search.command_previous_found()
         else:
             self._go_to_peak(-1)
 

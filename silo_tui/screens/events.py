@@ -165,7 +165,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
             return
         while self.app.screen is not plots:
             self.app.pop_screen()
-        plots.call_after_refresh(plots.finder.jump_to_event, event)
+        plots.call_after_refresh(plots.search.jump_to_event, event)
 
 
 def _write_csv(path: Path, shown: Sequence[LoggedEvent]) -> None:

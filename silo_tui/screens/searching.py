@@ -22,7 +22,7 @@ from silo_tui.screens.marking import ask_mark
 
 if TYPE_CHECKING:
     from silo_tui.screens.dialogs import Prompt
-    from silo_tui.screens.monitor import MonitorScreen
+    from silo_tui.screens.plot_screen import PlotScreen
 
 STEP_PERIODS = 64  # as far as the next sample is looked for at first
 HOW = "Enter finds it: 20 either way, >20 rising, <20 falling"
@@ -36,12 +36,11 @@ def value_here(plotted: Plotted, readings: Mapping[str, Reading]) -> str:
     return f"{reading.newest[plotted.position]:.6g}"
 
 
-class Finder:
+class MomentSearch:
     """The commands of a monitor that look for moments and go there."""
 
-    def __init__(self, screen: "MonitorScreen") -> None:
+    def __init__(self, screen: "PlotScreen") -> None:
         self.screen = screen
-        self.found: SearchResult | None = None
         self._stepping = asyncio.Lock()  # two keys at once are two samples
 
     # -------------------------------------------------------------------------------------------- find the moment
@@ -53,7 +52,7 @@ class Finder:
         if not self.screen.stack.plots:
             self.screen.say("nothing is plotted to find something in")
             return
-        self.screen.holder.pause_here()
+        self.screen.pause_here()
         dialog = FindDialog(
             self.screen.session.short_name(self.screen.stack.chosen_plot.name), len(self.screen.stack.plots)
         )
@@ -74,7 +73,7 @@ class Finder:
 
     async def _offer_level(self, line: "Prompt") -> None:
         """Offer the value at the cursor as the level: the line doesn't wait for it."""
-        self.screen.stack.readings = readings = await self.screen.holder.readings_here()
+        self.screen.stack.readings = readings = await self.screen.readings_here()
         line.offer(value_here(self.screen.stack.chosen_plot, readings))
 
     def _find(self, search: Search) -> None:
@@ -88,9 +87,9 @@ class Finder:
 
     def _find_on(self, step: int) -> None:
         """Go on with the search; without one to the highest and lowest number, or the change next to here."""
-        self.screen.holder.pause_here()
-        if self.found is not None:
-            run_alone(self.screen, "find", self._search, self.found.search, step)
+        self.screen.pause_here()
+        if self.screen.found is not None:
+            run_alone(self.screen, "find", self._search, self.screen.found.search, step)
             return
         curve = kind_of(self.screen.stack.chosen_plot) is CurveKind.CURVE
         what = (What.HIGHEST if step > 0 else What.LOWEST) if curve else What.CHANGE
@@ -99,7 +98,7 @@ class Finder:
     async def _search(self, search: Search, step: int, *, keep: bool = True) -> None:
         await self.screen.pause.settled()
         plots = self.screen.stack.plots if search.everywhere else [self.screen.stack.chosen_plot]
-        found, now = self.found, self.screen.now_ns
+        found, now = self.screen.found, self.screen.now_ns
         same = found is not None and found.search == search and found.names == tuple(plot.name for plot in plots)
         if found is None or not same or found.end_ns != self.screen.held_ns[1] or found.ends_before(now, step):
             try:
@@ -108,7 +107,7 @@ class Finder:
                 self.screen.say(f"{search.words}: {error}")
                 return
         if keep:
-            self.found = found
+            self.screen.found = found
         await self._go_to_found(found, step, search.words)
 
     async def _go_to_found(self, found: SearchResult, step: int, words: str) -> None:
@@ -141,7 +140,7 @@ class Finder:
 
     def jump_to_event(self, event: LoggedEvent) -> None:
         """Stand still where something happened; say so where its rows are gone."""
-        self.screen.holder.pause_here()
+        self.screen.pause_here()
         run_alone(self.screen, "find", self._jump_to_event, event)
 
     async def _jump_to_event(self, event: LoggedEvent) -> None:
@@ -165,7 +164,7 @@ class Finder:
         self._event(-1)
 
     def _event(self, step: int) -> None:
-        self.screen.holder.pause_here()
+        self.screen.pause_here()
         run_alone(self.screen, "find", self._go_to_event, step)
 
     async def _go_to_event(self, step: int) -> None:
@@ -192,7 +191,7 @@ class Finder:
         self._step(-1)
 
     def _step(self, step: int) -> None:
-        self.screen.holder.pause_here()
+        self.screen.pause_here()
         run_aside(self.screen, "find", self._step_by, step)
 
     async def _step_by(self, step: int) -> None:
