@@ -28,7 +28,8 @@ INT64 = (-(2**63), 2**63 - 1)
 def shown(value: object) -> str:
     """A value in a message: short, on one line, whatever its class does when it is asked."""
     try:
-        words = " ".join(repr(value).split())
+        said = f"{type(value).__name__}.{value.name}" if isinstance(value, enum.Enum) else repr(value)
+        words = " ".join(said.split())
     except Exception:  # noqa: BLE001  # the mistake that is told of is another one
         words = f"a {type(value).__name__}"
     words = words if len(words) <= MOST_SHOWN else f"{words[:MOST_SHOWN]}..."

@@ -10,7 +10,6 @@ import re
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from enum import Enum
 from typing import Any
 
 import msgspec
@@ -225,12 +224,8 @@ def read_value(option: ElementOption, value: object) -> OptionValue | RelativeVa
         if value is word.value or found is word.value or (number is not None and number == int(word.value)):
             return word.value
     if option.words or number is None:
-        raise UnreadableError(f"{option.problem(shorten(_plainly(value)))}{_hint(option, value)}")
+        raise UnreadableError(f"{option.problem(shorten(shown(value)))}{_hint(option, value)}")
     return number
-
-
-def _plainly(value: object) -> str:
-    return str(value) if isinstance(value, Enum) else shown(value)
 
 
 def _hint(option: ElementOption, value: object) -> str:
