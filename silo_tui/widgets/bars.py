@@ -32,7 +32,7 @@ STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State
 
 
 @dataclass(frozen=True)
-class Part:
+class LinePart:
     """Words of a line. The lowest `rank` gives way first, for one of `shorter` where there is one; 0 never does."""
 
     rank: int
@@ -41,7 +41,7 @@ class Part:
     shorter: tuple[str, ...] = ()
 
 
-def fitting(parts: Sequence[Part], room: int, between: str = "") -> list[Part]:
+def fitting(parts: Sequence[LinePart], room: int, between: str = "") -> list[LinePart]:
     """Return the parts of which so many cells have room."""
     kept = [part for part in parts if part.words]
     while sum(cell_len(part.words) for part in kept) + len(between) * (len(kept) - 1) > room:
@@ -60,7 +60,7 @@ class FittingLine(Guarded, Widget):
     BETWEEN = " │ "
 
     @abstractmethod
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[LinePart]:
         """Return what there is to say, from left to right."""
 
     def line(self, room: int) -> Text:
@@ -108,19 +108,19 @@ class StatusBar(FittingLine):
             line.append(f"  {thin}", style=color(self.app.theme_variables, "warning"))
         return line
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[LinePart]:
         """Return what is as always before what gives way last."""
         session, status, wide = self.session, self.session.status, self.size.width >= 100
         variables = self.app.theme_variables
         if session.at_s is not None:
             red = f"bold {color(variables, 'error')}"
             told = session.facts_words(self.content_size.width, wide=wide)
-            return [Part(rank, words, red if style == "error" else style) for rank, words, style in told]
+            return [LinePart(rank, words, red if style == "error" else style) for rank, words, style in told]
         host = f"{status.host}/" if status.host and self.size.width >= 60 else ""
-        parts = [Part(8, "silo ", "bold"), Part(0, f"{session.address or host + session.name}  ")]
+        parts = [LinePart(8, "silo ", "bold"), LinePart(0, f"{session.address or host + session.name}  ")]
 
         def add(rank: int, words: str, style: str = "") -> None:
-            parts.append(Part(rank, words, style))
+            parts.append(LinePart(rank, words, style))
 
         if not session.link or status.helper_pid == 0:
             add(0, "connecting …")
@@ -135,7 +135,7 @@ class StatusBar(FittingLine):
         if self.mode:
             initials = " ".join(some.split()[0] for some in self.mode.split("  ") if some.strip())
             shorter = tuple(f" {words} " for words in (self.mode.partition(",")[0], initials) if words)
-            parts += [Part(0, "  "), Part(7, f" {self.mode} ", "reverse", shorter)]
+            parts += [LinePart(0, "  "), LinePart(7, f" {self.mode} ", "reverse", shorter)]
         if session.connected:
             self._add_pace(add, wide=wide)
         if lost := session.lost_total:
@@ -308,33 +308,33 @@ class InfoLine(FittingLine):
             return Text(self._said, style=f"bold {color(self.app.theme_variables, 'error')}")
         return super().render()
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[LinePart]:
         """Return what was said last, whole; of the rest what is pending and how many passed the filter stay longest."""
         session, rows, said = self.session, self.session.rows, self._said
-        parts: list[Part] = []
+        parts: list[LinePart] = []
         if rows.anchor is not None:
-            parts.append(Part(3, f"range of {len(rows.range_rows())} ({key_of('range')} marks it)"))
+            parts.append(LinePart(3, f"range of {len(rows.range_rows())} ({key_of('range')} marks it)"))
         if rows.marked_count:
             hidden = f", {rows.hidden_marked} not shown" if rows.hidden_marked else ""
-            parts.append(Part(4, f"{rows.marked_count} marked{hidden}"))
+            parts.append(LinePart(4, f"{rows.marked_count} marked{hidden}"))
         fields, elements = session.table.pending_count
         if fields:
             way = " (stop to apply)" if session.running else f" ({key_of('apply')} to apply)"
-            parts.append(Part(8, f"{fields} pending in {many(elements, 'row')}{way}", "", (f"{fields} pending",)))
+            parts.append(LinePart(8, f"{fields} pending in {many(elements, 'row')}{way}", "", (f"{fields} pending",)))
         if conflicts := int(session.table.conflicts.sum()):
-            parts.append(Part(0, f"! {many(conflicts, 'conflict')}"))
+            parts.append(LinePart(0, f"! {many(conflicts, 'conflict')}"))
         if rows.filter.text:
-            parts.append(Part(6, f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}"))
-            parts += [Part(5, f"? {problem}") for problem in rows.filter.problems[:1]]
+            parts.append(LinePart(6, f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}"))
+            parts += [LinePart(5, f"? {problem}") for problem in rows.filter.problems[:1]]
         if rows.sort not in STEADY or rows.turned:
             since_ns = session.table.facts.since_ns  # 0 of a file: its statistics are of all
             since = f" since {text.clock(since_ns)}" if rows.sort in STATISTICS and since_ns else ""
-            parts.append(Part(2, f"by {rows.sort} {rows.arrow}{since}"))
+            parts.append(LinePart(2, f"by {rows.sort} {rows.arrow}{since}"))
         if not parts and not said and len(rows.tree.lines):
             branches = len(rows.tree.branches)
             in_spaces = f"{len(rows.shown)} in {many(branches, 'name space')}"
-            parts.append(Part(2, in_spaces if branches else f"{rows.place} of {len(rows.shown)}"))
-        return [*parts, Part(0, said) if said else Part(1, _cursor_words(session))]
+            parts.append(LinePart(2, in_spaces if branches else f"{rows.place} of {len(rows.shown)}"))
+        return [*parts, LinePart(0, said) if said else LinePart(1, _cursor_words(session))]
 
 
 class MonitorLine(FittingLine):
@@ -351,7 +351,7 @@ class MonitorLine(FittingLine):
         self._words = words
         self._state = state
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[LinePart]:
         """Return what is shown of what, then what was said."""
         window = self._window
         whole = self._state is None and window.span_s == window.spans[-1]
@@ -361,7 +361,7 @@ class MonitorLine(FittingLine):
         elif window.fixed_scale:
             words.append("y held")
         words += self._words()
-        return [Part((place + 1) * (place < len(words) - 1), each) for place, each in enumerate(words)]
+        return [LinePart((place + 1) * (place < len(words) - 1), each) for place, each in enumerate(words)]
 
 
 class KeyBar(Guarded, Widget):

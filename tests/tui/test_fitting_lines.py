@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from silo_tui.model.fields import Field
-from silo_tui.widgets.bars import Part, fitting
+from silo_tui.widgets.bars import LinePart, fitting
 
-PART = st.builds(Part, st.integers(0, 9), st.text("abc", max_size=9))
+PART = st.builds(LinePart, st.integers(0, 9), st.text("abc", max_size=9))
 PARTS = st.lists(PART, max_size=8, unique_by=lambda part: part.words)
 
 
@@ -28,8 +28,8 @@ def test_what_is_left_out_is_of_a_lower_rank_than_what_stays(parts, room):
 
 
 def test_shorter_words_come_before_none_and_the_last_of_them_stays():
-    mode = Part(2, " paused, 3 s ", "reverse", (" paused ", " P "))
-    parts = [Part(1, "first"), mode, Part(0, "alarm")]
+    mode = LinePart(2, " paused, 3 s ", "reverse", (" paused ", " P "))
+    parts = [LinePart(1, "first"), mode, LinePart(0, "alarm")]
     assert [words(fitting(parts, room)) for room in (30, 18, 13, 0)] == [
         ["first", " paused, 3 s ", "alarm"], [" paused, 3 s ", "alarm"], [" paused ", "alarm"], [" P ", "alarm"],
     ]  # fmt: skip
