@@ -110,7 +110,8 @@ CALLS = {
     ),
     "a type for a size": (
         lambda log: log.add(Z, "z", size=silo.BufferType.LOOPING),
-        "size must be a whole number from 1 to 2147483647, got BufferType.LOOPING, which is for buffer: write buffer='looping'",
+        "size must be a whole number from 1 to 2147483647, got BufferType.LOOPING, "
+        "which is for buffer: write buffer='looping'",
     ),
     "a type for an action": (
         lambda log: log.add(Z, "z", action=silo.BufferType.LOOPING),
