@@ -118,3 +118,38 @@ def test_at_the_end_of_the_spans_zooming_changes_nothing(span):
     before = window.paused_end_ns
     assert not window.zoom_still(held, COLUMNS, closer=span == SPANS_S[0])
     assert (window.span_s, window.paused_end_ns) == (span, before)
+
+
+@st.composite
+def standing_and_a_moment(draw):
+    """A window amid much that is held, and a moment some windows from it."""
+    held = 0, 100_000 * SECOND_NS
+    window = PlotWindow(draw(st.sampled_from(SPANS_S)))
+    window.show(draw(st.integers(20_000, 80_000)) * SECOND_NS, held, COLUMNS)
+    return window, held, window.paused_end_ns + draw(st.integers(-3000, 3000)) * window.span_ns // 1000
+
+
+@given(standing_and_a_moment())
+def test_a_moment_outside_the_window_comes_into_its_middle_and_one_inside_moves_nothing(made):
+    window, held, moment = made
+    end_ns, column_ns = window.paused_end_ns, window.column_ns(COLUMNS)
+    moved = window.jump_to(moment, held, COLUMNS)
+    if end_ns - window.span_ns + column_ns < moment <= end_ns:
+        assert (moved, window.paused_end_ns) == (False, end_ns)
+    elif not end_ns - window.span_ns < moment <= end_ns:
+        assert moved
+        assert abs(window.paused_end_ns - moment - window.span_ns // 2) <= column_ns
+
+
+@given(standing_and_a_moment())
+def test_a_window_follows_the_cursor_by_a_quarter_of_itself_or_as_far_as_it_goes(made):
+    window, held, moment = made
+    end_ns, quarter_ns, column_ns = window.paused_end_ns, window.span_ns // 4, window.column_ns(COLUMNS)
+    begin_ns = end_ns - window.span_ns
+    window.go_to(moment, held, COLUMNS)
+    if moment > end_ns + column_ns:
+        assert abs(window.paused_end_ns - max(end_ns + quarter_ns, moment)) <= column_ns
+    elif moment < begin_ns - column_ns:
+        assert abs(window.paused_end_ns - window.span_ns - min(begin_ns - quarter_ns, moment)) <= column_ns
+    elif begin_ns + column_ns < moment <= end_ns:
+        assert window.paused_end_ns == end_ns
