@@ -153,3 +153,30 @@ def test_a_window_follows_the_cursor_by_a_quarter_of_itself_or_as_far_as_it_goes
         assert abs(window.paused_end_ns - window.span_ns - min(begin_ns - quarter_ns, moment)) <= column_ns
     elif begin_ns + column_ns < moment <= end_ns:
         assert window.paused_end_ns == end_ns
+
+
+@given(st.integers(-500, 500), st.integers(1, 1000))
+def test_an_axis_stays_while_values_lie_in_it_and_use_half_of_it_and_follows_when_they_do_not(low, size):
+    low, size = float(low), float(size)
+    window = PlotWindow()
+    bottom, top = held = window.follow_scale("a", (low, low + size), 4)
+    assert bottom <= low < low + size <= top
+    assert window.follow_scale("a", None, 4) == held
+    room = top - bottom
+    for inside in ((bottom, bottom + 0.55 * room), (top - 0.55 * room, top), (low, low)):
+        assert window.follow_scale("a", inside, 4) == held
+    for other in ((bottom, bottom + 0.2 * room), (bottom - room, top), (bottom, top + room)):
+        fresh = PlotWindow().follow_scale("a", other, 4)
+        assert PlotWindow(scales={"a": held}, _bases=dict(window._bases)).follow_scale("a", other, 4) == fresh != held
+    window.fixed_scale = True
+    assert window.follow_scale("a", (bottom - room, top + room), 4) == held
+    assert window.follow_scale("b", (bottom - room, top + room), 4) != held
+
+
+def test_what_goes_on_follows_what_comes_with_a_span_of_those_for_live_values():
+    window = PlotWindow(0.001)
+    window.spans = (0.001, *SPANS_S)
+    window.paused_end_ns, window.at_ns, window.other_ns, window.cursor = 7, 5, 3, 0
+    window.go_on()
+    assert (window.paused_end_ns, window.at_ns, window.other_ns, window.cursor) == (None, None, None, None)
+    assert (window.spans, window.span_s) == (SPANS_S, SPANS_S[0])
