@@ -21,6 +21,7 @@ from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.compute.expressions import RecordingJudge, narrowed
 from silo.analysis.compute.shapes import assembled, component_names
 from silo.analysis.lookup import names_of
+from silo.analysis.parameters import LoggedParameters
 from silo.analysis.plots.events import LogEvent, events_of
 from silo.analysis.signal import Signal
 from silo.analysis.stretches import clipped, resampled
@@ -398,6 +399,12 @@ class Log(Mapping[str, Signal]):
     def duration_s(self) -> float:
         """Seconds from the first to the last time stamp."""
         return float(self.time_ns[-1] - self.time_ns[0]) * 1e-9 if len(self.time_ns) else 0.0
+
+    @property
+    def parameters(self) -> LoggedParameters:
+        """What was tuned: `log.parameters.at(12.5)` are all values then, `log.parameters.changes` who changed what."""
+        recording = self.recording
+        return LoggedParameters(recording.events, recording.time_ns, recording.offset, self.start_ns)
 
     @property
     def events(self) -> list[LogEvent]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import msgspec
 
 from silo.core.calls import FORMER_WORDS, ToldStruct, present_word, present_words, unknown_argument, unknown_word
+from silo.core.parameters import ParameterChange
 from silo.errors import ArgumentError, ElementError
 
 MAX_DIVIDER = 2**31 - 1
@@ -266,6 +267,7 @@ class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):
     `kind` is a word of `silo.rpc.published.EventKind`, `text` fit to show. `time_ns` is the wall clock's. `tick` counts
     since the start of `run`, -1 where there was none; `stamp_ns` is that tick's time stamp by the logger's own clock, 0
     where it isn't known. `who` is a client as it names itself, or the logger. `number` counts the lines of the log.
+    `change` is what became of parameters, where it tells of that.
     """
 
     kind: str
@@ -276,6 +278,7 @@ class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):
     who: str = ""
     run: str = ""
     number: int = 0
+    change: ParameterChange | None = None
 
     @property
     def at_ns(self) -> int:

@@ -38,6 +38,7 @@ from silo.journal.format import (
     seed_of,
 )
 from silo.segment.layout import STAMP_WORDS, ElementSchema, RingSchema, decode_description
+from silo.segment.parameter_changes import image_event
 from silo.segment.reasons import LostWhy
 from silo.segment.rows import Rows
 from silo.segment.snapshot import snapshot
@@ -220,6 +221,13 @@ class JournalReader:
     def marks(self, since: int = 0) -> list[LoggedEvent]:
         """None: the event log beside the journal has them."""
         return []
+
+    def changes(self, since: int = 0) -> list[LoggedEvent]:
+        """None but the image at the start, likewise."""
+        schema = self.schema
+        if since or not schema.parameters:
+            return []
+        return [image_event(schema.parameters, schema.started_ns, schema.logger, schema.run)]
 
     def snapshot(self) -> Recording:
         """All elements that are saved, as far as they are proven."""

@@ -49,6 +49,7 @@ from silo.logger.run_data import RunData
 from silo.logger.scripted_table import ScriptedTable
 from silo.logger.timing import ELEMENTS as TIMES
 from silo.logger.timing import timed
+from silo.logger.tunables import Tunables
 from silo.logger.unclosed import (
     drop_journals,
     end_namesakes,
@@ -64,6 +65,8 @@ from silo.loop.clocks import nanosecond_clock
 from silo.loop.plan import Element
 from silo.loop.run import Run
 from silo.loop.sources import reads
+from silo.parameters.parameter import Parameter
+from silo.parameters.parameters import Parameters
 from silo.recovery.runs import look_back
 from silo.segment.held_runs import is_due
 from silo.segment.marks import NO_WORDS, Mark, no_mark
@@ -147,6 +150,8 @@ class Logger(metaclass=HidesOtherNames):
         self._table = Registrations(options.prefix)
         self._conditions = LoggerConditions(options, self._table, self._life)
         self._scripted = ScriptedTable(options, self._table, self._conditions, self._life, type(self))
+        self.parameters = Parameters(options.prefix)
+        self._tunables = Tunables(options, self._scripted.add, self._life, self.parameters)
         self._present = CurrentRun()
         self._data = RunData(options, self._table, self._conditions, self._life, self._present)
         self._collect: Callable[[], None] | None = None
@@ -169,6 +174,8 @@ class Logger(metaclass=HidesOtherNames):
     remove = of("_scripted", ScriptedTable.remove)
     load_script = of("_scripted", ScriptedTable.load_script)
     save_script = of("_scripted", ScriptedTable.save_script)
+
+    parameter = of("_tunables", Tunables.parameter)
 
     derive = of("_conditions", LoggerConditions.derive)
     limit = of("_conditions", LoggerConditions.limit)
@@ -223,6 +230,8 @@ class Logger(metaclass=HidesOtherNames):
         if self._collect is not None:
             self._collect()
             return
+        if self.parameters.landing.waiting:
+            self.parameters.landing.land(-1, self._clock())
         self._ignored += 1
         if self._ignored == 1:
             log.warning("%s: %s", self.options.name, self._why_ignored())
@@ -304,6 +313,7 @@ class Logger(metaclass=HidesOtherNames):
                 self._present.run,
                 number=self._present.runs + 1,
                 served=self._life.serving is not None,
+                landing=self.parameters.landing if self.parameters else None,
             )
             run = self._present.replace(make, self.options, self.extras, self._let_go, self._hand_over, self._is_wanted)
             self._life.reason = ""
@@ -572,6 +582,7 @@ class Logger(metaclass=HidesOtherNames):
         if (
             element is not None
             and element.parts
+            and not isinstance(value, Parameter)
             and not any(reads(part.source, (self, value)) for part in element.parts)
         ):
             no_attribute_of(element.info.name, name)

@@ -23,8 +23,12 @@ from silo.core.recording import Recording
 from silo.errors import ArgumentError, ElementError
 from silo.logger.arguments.options import array_layout
 from silo.logger.arguments.other_names import HidesOtherNames, listed, not_deleted, not_set, with_other_names
+from silo.logger.life_cycle import LifeCycle
 from silo.logger.logger import Logger
 from silo.logger.results import Elements, LoggedElement, NewValues, SavedFiles
+from silo.logger.tunables import Tunables
+from silo.parameters.parameter import Parameter
+from silo.parameters.parameters import Parameters
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -119,6 +123,8 @@ class NullLogger(metaclass=HidesOtherNames):
         """Take the arguments of `Logger`."""
         self.options = LoggerOptions(name=name, frequency_hz=frequency, max_time_s=max_time, prefix=prefix)
         self._infos: dict[str, ElementInfo] = {}
+        self.parameters = Parameters(self.options.prefix)
+        self._tunables = Tunables(self.options, self.add, LifeCycle(self.options.name), self.parameters)
 
     def collect(self) -> None:
         """Do nothing."""
@@ -166,6 +172,11 @@ class NullLogger(metaclass=HidesOtherNames):
         made = np.zeros(*array_layout(shape, dtype))
         self.add(made, name, **options)
         return made
+
+    @_like(Logger.parameter)
+    def parameter(self, **given: Any) -> Parameter:
+        """Return a parameter that nobody but the program sets. Raises like `Logger.parameter`."""
+        return self._tunables.parameter(**given)
 
     @_like(Logger.remove)
     def remove(self, name: str) -> int:

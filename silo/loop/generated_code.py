@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from silo.core.elements import BufferType
 from silo.errors import StateError
 from silo.loop.clocks import NOTHING, clock_failed
+from silo.loop.landing import Landing
 from silo.loop.one_writer import guard_lines
 from silo.loop.pieces import memory_window, row_pieces
 from silo.loop.plan import Plan, RingPlan
@@ -80,11 +81,13 @@ def generate(
     after_end: Collect,
     *,
     serialized: bool = False,
+    landing: Landing | None = None,
 ) -> Generated:
     """`collect()` for one run. `on_stop` is called, once, by the tick with which the logger stops by itself.
 
     `after_end` is what a `collect` that somebody kept calls once the run was retired. The run belongs to the thread of
-    its first tick; `serialized` lets threads take turns.
+    its first tick; `serialized` lets threads take turns. `landing` is where changes of parameters wait; without it the
+    text is what it was before there were any.
     """
     addresses = np.concatenate([ring.words for ring in plan.rings])
     memory, base = memory_window(addresses, plan.scratch.words)
@@ -105,7 +108,9 @@ def generate(
         "growth_ended": segment.growth_ended,
         "rows_due": _rows_due,
     }
-    writer = _Writer(plan, segment, names, memory, base, serialized=serialized)
+    if landing is not None:
+        names.objects |= {"waiting": landing.waiting, "land": landing.land}
+    writer = _Writer(plan, segment, names, memory, base, serialized=serialized, lands=landing is not None)
     source = writer.source()
     namespace: dict[str, Any] = dict(names.objects)
     exec(_code(source), namespace)  # of names made here and checked identifiers
@@ -152,8 +157,9 @@ class _Writer:
         base: int,
         *,
         serialized: bool,
+        lands: bool,
     ) -> None:
-        self._serialized = serialized
+        self._serialized, self._lands = serialized, lands
         self._plan, self._segment, self._names = plan, segment, names
         self._memory, self._base = memory, base
         self._state: list[str] = []  # assignments that open `make`, of the names that collect() changes
@@ -173,6 +179,8 @@ class _Writer:
         body += [*self._ring(self._plan.rings[TIME_RING], "n"), "tick = n"]
         if self._plan.time.buffer_type is BufferType.FIXED:
             body += [f"if n >= {self._plan.time.size}:", "    on_stop(FULL)"]
+        if self._lands:  # at the end: at its start row k would show values that law k, before it, didn't have
+            body += ["if waiting:", "    land(n, t)"]
         changed = ", ".join(self._changed + guard.changed)
         stamp = ["stamp[0] = tick"] if self._stamp_gathered else []
         lines = ["def make():", "    tick = 0", *_indent([*self._state, *guard.state, *self._functions], 1)]

@@ -29,6 +29,7 @@ from silo.core.runtime import (
 from silo.errors import SegmentError
 from silo.loop.clocks import looked_at
 from silo.loop.generated_code import Collect, generate
+from silo.loop.landing import Landing
 from silo.loop.orphaned_arrays import Unheld, Watched
 from silo.loop.pieces import words_at
 from silo.loop.plan import Element, Plan, make_plan
@@ -59,11 +60,13 @@ class Run:
         number: int = 0,
         *,
         served: bool = False,
+        landing: Landing | None = None,
     ) -> None:
         """Lay out the buffers. Raises SegmentError where there can be none.
 
         before: the logger's last run, whose layout is taken where the table is the same; number: of this one; served:
-        whether its logger has a helper process, or is to get one again.
+        whether its logger has a helper process, or is to get one again; landing: where changes of parameters wait, of a
+        logger that has any.
         """
         unchanged = before is not None and before._elements is elements
         plan = before.plan.again() if before and unchanged else _laid_out(options, elements)
@@ -77,7 +80,7 @@ class Run:
         self._reader: SegmentReader | None = None
         self.segment = Segment(
             path,
-            self._schema(options, plan, extras, number, served=served),
+            self._schema(options, plan, extras, number, served=served, landing=landing),
             plan.first_rows,
             options.memory_limit_mb * 1_000_000,
             in_memory=options.storage is not Storage.FILE,
@@ -90,7 +93,9 @@ class Run:
             on_stop=on_stop,
             after_end=after_end,
             serialized=options.threads is Threads.SERIALIZED,
+            landing=landing,
         )
+        self._landing = landing
         self.collect: Collect = _nothing
         self._retire: Callable[[], None] = _nothing
         self.mark: Mark = no_mark
@@ -108,7 +113,13 @@ class Run:
         generated = self._generate(self.plan, self.segment)
         self.collect, self._retire = generated.collect, generated.retire
         self.mark = self.segment.mark
+        if self._landing is not None:
+            self._landing.begin_run(self.segment.changes, self._next_row)
         self._unheld.tell_at_start()
+
+    def _next_row(self) -> int:
+        """The index of the next row, -1 while none comes."""
+        return self.segment.ticks if self.segment.is_running else -1
 
     @staticmethod
     def _path(options: LoggerOptions) -> Path:
@@ -125,7 +136,9 @@ class Run:
         return next(path for path in map(folder.joinpath, names) if not path.exists() and not held_name(path).exists())
 
     @staticmethod
-    def _schema(options: LoggerOptions, plan: Plan, extras: Conditions, number: int, *, served: bool) -> SegmentSchema:
+    def _schema(
+        options: LoggerOptions, plan: Plan, extras: Conditions, number: int, *, served: bool, landing: Landing | None
+    ) -> SegmentSchema:
         pid = os.getpid()
         return SegmentSchema(
             logger=options.name,
@@ -152,6 +165,7 @@ class Run:
             number=number,
             about=options.about,
             served=served,
+            parameters=tuple(landing.described()) if landing is not None else (),
         )
 
     @property
@@ -196,6 +210,9 @@ class Run:
         self._retire()
         self.collect = self._retire = _nothing
         self.mark = no_mark
+        if self._landing is not None:
+            self._landing.end_run(self.segment.changes)
+            self._landing = None
         self.plan = dataclasses.replace(self.plan, references=())
         self._elements, self._watched = None, Watched.of(())
         self._unheld.end()

@@ -8,6 +8,7 @@
     marks        slots of 256 bytes, see `silo.segment.marks`
     rings        rows of 8-byte words: tick, time stamp in ns, words gathered from memory
     unheld       one word per element, see `SegmentSchema`
+    parameters   their changes, see `silo.segment.parameter_changes`; of loggers that have any
     chunk data   chunks of `chunk_bytes`, appended while logging
 
 Everything is little-endian and 8-byte aligned; each part begins on a page.
@@ -23,6 +24,7 @@ from typing import TypeVar
 import msgspec
 
 from silo.core.elements import NO_EXTRAS, BufferType, Conditions, ElementInfo, ElementOptions, Entry
+from silo.core.parameters import ParameterInfo
 
 MAGIC = int.from_bytes(b"SILOSEG1", "little")
 LAYOUT_VERSION = 2
@@ -177,6 +179,8 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     number: int = 0  # of the run among those of its logger, from 1; 0 in older segments
     served: bool = False  # by a helper process, be it down: what none has seen is to be judged when both are gone
     about: dict[str, str] = {}
+    parameters: tuple[ParameterInfo, ...] = ()  # with their values at the start of the run
+    parameter_changes: int = -1  # the word position of their changes, -1 where there are none
 
 
 def page_up(size_bytes: int) -> int:

@@ -41,6 +41,7 @@ from silo.segment.layout import (
     decode_description,
 )
 from silo.segment.marks import SLOT_WORDS, read_marks
+from silo.segment.parameter_changes import AREA_BYTES, image_event, read_changes
 from silo.segment.reasons import STOP_TEXTS, LostWhy, StopReason
 from silo.segment.rows import Rows
 from silo.segment.snapshot import snapshot
@@ -171,6 +172,7 @@ class SegmentReader:
                 raise self._damaged(f"rows of ring {ring.ring} don't fit its chunks")
         for element in schema.elements:
             self._check_element(element)
+        ends += [8 * place + AREA_BYTES for place in [schema.parameter_changes] if place >= 0]
         ends += [8 * (element.failures + BLOCK_WORDS) for element in schema.elements if element.failures >= 0]
         if schema.marks >= 0:
             if schema.mark_slots < 0:
@@ -421,6 +423,23 @@ class SegmentReader:
         self._check_size()
         words = self._words[self.schema.marks : self.schema.marks + SLOT_WORDS * self.schema.mark_slots]
         return read_marks(words, since, self.schema.logger, self.schema.run)
+
+    def changes(self, since: int = 0) -> list[LoggedEvent]:
+        """The changes of parameters that landed after number `since`, those that are still there.
+
+        At their head what all parameters were at the start, where that is asked for: `since` is 0.
+        """
+        schema = self.schema
+        if not schema.parameters:
+            return []
+        self._check_size()
+        found = read_changes(self._change_words(), since, schema.parameters, schema.logger, schema.run)
+        image = image_event(schema.parameters, schema.started_ns, schema.logger, schema.run)
+        return found if since else [image, *found]
+
+    def _change_words(self) -> NDArray[np.uint64]:
+        begin = self.schema.parameter_changes
+        return self._words[begin : begin + AREA_BYTES // 8]
 
     def stamped_marks(self, since: int = 0) -> list[LoggedEvent]:
         """The same with the time stamps of their ticks, as far as these are still held."""

@@ -125,6 +125,9 @@ class RowSource(Protocol):
     def marks(self, since: int = 0) -> list[LoggedEvent]:
         """The program's marks after number `since` that are still there."""
 
+    def changes(self, since: int = 0) -> list[LoggedEvent]:
+        """The changes of parameters after number `since` that are still there, from the image at the start on."""
+
 
 def lost_samples(source: RowSource) -> int:
     """Return how many samples could not be kept since start, all elements together."""

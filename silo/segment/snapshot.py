@@ -51,7 +51,7 @@ def snapshot(source: RowSource) -> Recording:
         elements=[element for element in elements if element.count],
         time_looping=schema.time_buffer_type is BufferType.LOOPING,
         warnings=_warnings(source, elements, ticks),
-        events=stamped(source.marks(), stamps, ticks),
+        events=stamped([*source.marks(), *source.changes()], stamps, ticks),
     )
 
 

@@ -46,6 +46,7 @@ from silo.segment.layout import (
     page_up,
 )
 from silo.segment.marks import MARKS_BYTES, SLOTS, Mark, marker, no_mark
+from silo.segment.parameter_changes import AREA_BYTES, ChangeRecord
 from silo.segment.reasons import LostWhy, StopReason
 
 CHUNK_BYTES = 1 << 20
@@ -93,6 +94,7 @@ class Segment:
         self._kept: Path | None = None  # its name after `unlink`
         self.words = memoryview(b"").cast("l")
         self.mark: Mark = no_mark
+        self.changes: ChangeRecord | None = None  # of parameters, where there are any
         self._first_rows = first_rows
         self._first: dict[int, list[Chunk]] = {}
         self._in_memory = in_memory
@@ -104,9 +106,16 @@ class Segment:
         self._directory = self._control + page_up(8 * LINE_WORDS * (1 + len(schema.rings)))
         elements, end = _place_failures(schema.elements, self._directory + page_up(8 * self._directory_words))
         rings, rings_end = _place(schema.rings, end + MARKS_BYTES)
-        self._chunk_data = rings_end + page_up(8 * len(elements))
+        changes = rings_end + page_up(8 * len(elements))
+        self._chunk_data = changes + (page_up(AREA_BYTES) if schema.parameters else 0)
         self.schema = msgspec.structs.replace(
-            schema, rings=rings, elements=elements, marks=end // 8, mark_slots=SLOTS, unheld=rings_end // 8
+            schema,
+            rings=rings,
+            elements=elements,
+            marks=end // 8,
+            mark_slots=SLOTS,
+            unheld=rings_end // 8,
+            parameter_changes=changes // 8 if schema.parameters else -1,
         )
         if elements is not schema.elements:
             elements_json = msgspec.json.encode(elements)
@@ -160,6 +169,8 @@ class Segment:
         self.words = memoryview(mapped).cast("l")
         marks = memoryview(mapped)[8 * self.schema.marks :][:MARKS_BYTES]
         self.mark = marker(marks, self.words, self.ring_control(TIME_RING))
+        if self.schema.parameters:
+            self.changes = ChangeRecord(memoryview(mapped)[8 * self.schema.parameter_changes :][:AREA_BYTES])
         mapped[PAGE : PAGE + len(body)] = body
         header = {
             HeaderWord.VERSION: LAYOUT_VERSION,
@@ -244,6 +255,11 @@ class Segment:
         """Remember that nobody but silo held the array of the element at this place of the schema, seen at a tick."""
         if not self._counted and not self._file.closed:
             self.words[self.schema.unheld + place] = tick + 1
+
+    @property
+    def is_running(self) -> bool:
+        """Whether rows may still come."""
+        return not self._counted and self.words[self._control // 8 + ControlWord.STATE] == SegmentState.RUNNING
 
     def stop(self, reason: StopReason) -> None:
         """Mark that no more rows will come."""
@@ -358,7 +374,7 @@ class Segment:
                     path.unlink(missing_ok=True)
         with self._allocating:
             self.words = memoryview(b"").cast("l")
-            self.mark = no_mark
+            self.mark, self.changes = no_mark, None
             self._next.clear()
             self._first.clear()
             self._file.close()
@@ -387,6 +403,8 @@ def _schema_room(schema: SegmentSchema, elements_json: bytes) -> int:
     rings = tuple(msgspec.structs.replace(ring, offset=2**53) for ring in schema.rings)
     longest = len(str(2**53)) * sum(element.failures >= 0 for element in schema.elements)
     placed = msgspec.structs.replace(schema, rings=rings, marks=2**53, mark_slots=SLOTS, unheld=2**53)
+    if schema.parameters:
+        placed = msgspec.structs.replace(placed, parameter_changes=2**53)
     return page_up(len(_encoded(placed, elements_json)) + longest)
 
 

@@ -7,6 +7,7 @@ happened before the first tick that is kept stands at that one, what happened la
 import struct
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,9 +43,13 @@ def events_topic(recording: Recording, channels: Sequence[Channel]) -> str:
 
 
 def log_message(event: LoggedEvent, logger: str, stamp_ns: int) -> bytes:
-    """One event as a `rcl_interfaces/msg/Log`: who did it is its name, the kind its function, the tick its line."""
+    """One event as a `rcl_interfaces/msg/Log`: who did it is its name, the kind its function, the tick its line.
+
+    Its file is what it changed of parameters, as JSON.
+    """
+    change = msgspec.json.encode(event.change).decode() if event.change is not None else ""
     body = bytearray(struct.pack("<iIB", stamp_ns // _SECOND, stamp_ns % _SECOND, _LEVEL_OF.get(event.kind, INFO)))
-    for text in (event.who or logger, f"{event.kind}: {event.text}", "", event.kind):
+    for text in (event.who or logger, f"{event.kind}: {event.text}", change, event.kind):
         add_text(body, text)
     align(body, 4)
     body += struct.pack("<I", max(event.tick, 0) % 2**32)

@@ -7,10 +7,12 @@ an event is read as it stands in the log, and a recorder that goes on knows whic
 import struct
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import LoggedEvent
+from silo.core.parameters import ParameterChange
 from silo.files.bags.events import event_index, event_record
 from silo.files.bags.message_groups import RECORD_HEAD
 from silo.files.bags.ros_types import ENCAPSULATION
@@ -48,7 +50,7 @@ def last_number(chunk: bytes, index: memoryview, begin: int) -> int:
 def events_of(chunk: bytes, offsets: NDArray[np.uint64], begin: int, tick: int, run: str) -> list[LoggedEvent]:
     """Return the events at these places of a chunk. `tick` is one of the part: ticks in messages count in 32 bits.
 
-    Raises ValueError or struct.error for damaged bytes.
+    Raises ValueError (as msgspec's errors are) or struct.error for damaged bytes.
     """
     return [_event(chunk, offset, begin, tick, run) for offset in offsets.tolist()]
 
@@ -63,8 +65,16 @@ def _event(chunk: bytes, offset: int, begin: int, tick: int, run: str) -> Logged
         texts.append(body[at + 4 : at + 3 + size].decode())
         at += 4 + size
     (line,) = struct.unpack_from("<I", body, at + -at % 4)
-    who, text, _, kind = texts
+    who, text, change, kind = texts
     near = tick + (line - tick + SEQUENCES // 2) % SEQUENCES - SEQUENCES // 2
     return LoggedEvent(
-        kind, text.removeprefix(f"{kind}: "), published_ns, near, logged_ns, who, run, row_of(sequence, begin)
+        kind,
+        text.removeprefix(f"{kind}: "),
+        published_ns,
+        near,
+        logged_ns,
+        who,
+        run,
+        row_of(sequence, begin),
+        msgspec.json.decode(change, type=ParameterChange) if change else None,
     )

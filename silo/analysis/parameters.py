@@ -1,0 +1,61 @@
+"""What the parameters of a run were, and who changed them when: read from the events of its log."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.core.arguments import real
+from silo.core.elements import LoggedEvent
+from silo.core.parameters import ParameterValue
+from silo.errors import ElementError
+
+
+class LoggedParameters:
+    """The parameters of a log: `log.parameters.at(12.5)` are their values then, `.changes` all that changed them."""
+
+    def __init__(self, events: Sequence[LoggedEvent], time_ns: NDArray[np.int64], offset: int, start_ns: int) -> None:
+        """Read what events tell. `time_ns` are the stamps of the ticks before `offset`; times count from `start_ns`."""
+        told = [event for event in events if event.change is not None]
+        self._events = sorted(told, key=lambda event: (event.tick, event.time_ns, event.number))
+        self._time_ns, self._offset, self._start_ns = time_ns, offset, start_ns
+
+    @property
+    def changes(self) -> list[LoggedEvent]:
+        """All changes, oldest first: when, by whom, from the tick on from which the new values held."""
+        return [event for event in self._events if any(old is not None for _, old, _ in _values(event))]
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all that are told of."""
+        return list(dict.fromkeys(name for event in self._events for name, _, _ in _values(event)))
+
+    def at(self, time_s: float) -> dict[str, ParameterValue]:
+        """Return what each parameter was at a time, of a ramp where it went to.
+
+        Args:
+            time_s: seconds since the start of the log; before its first tick and after its last one, these.
+
+        Raises:
+            ElementError: it is no number, or the log tells of no parameters.
+        """
+        time_s = real("time_s", time_s, -1e12, 1e12, "s")
+        if not self._events:
+            raise ElementError("this log tells of no parameters: log.parameter(...) declares them")
+        since = np.searchsorted(self._time_ns, self._start_ns + round(time_s * 1e9), "right") - 1
+        tick = self._offset - len(self._time_ns) + max(0, int(since))
+        found: dict[str, ParameterValue] = {}
+        for event in self._events:
+            for name, old, new in _values(event):
+                if event.tick <= tick:
+                    found[name] = new
+                elif old is not None:  # of what was changed before, nothing is told any more
+                    found.setdefault(name, old)
+        return found
+
+    def __repr__(self) -> str:
+        return f"<LoggedParameters: {len(self.names)}, {len(self.changes)} changes>"
+
+
+def _values(event: LoggedEvent) -> Sequence[tuple[str, ParameterValue | None, ParameterValue]]:
+    return event.change.values if event.change is not None else ()

@@ -1,0 +1,236 @@
+"""Parameters: numbers and words that a program offers to be tuned while it runs. What they are, and which values fit.
+
+Pure rules, without NumPy: clients, helper process and robot program judge alike. A value in memory takes whole words of
+8 bytes, so that what changes is stored in words.
+"""
+
+import enum
+import math
+import struct
+from collections.abc import Sequence
+
+import msgspec
+
+from silo.errors import ElementError
+
+WORD_BYTES = 8
+
+ParameterScalar = float | int | bool | str
+ParameterValue = float | int | bool | str | tuple[float | int | bool | str, ...]  # arrays flat, rows first
+
+
+class ParameterKind(str, enum.Enum):
+    """What a value is."""
+
+    FLOAT = "float"
+    INT = "int"
+    BOOL = "bool"
+    ENUM = "enum"
+    STRING = "string"
+
+
+class Writable(str, enum.Enum):
+    """Whose changes are taken, beside the program's own: nobody's, of this computer, from everywhere."""
+
+    NO = "no"
+    HERE = "here"
+    ANYWHERE = "anywhere"
+
+
+class ParameterInfo(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One parameter. `value` is what it was when this was made: at the start of a run, or when somebody asked.
+
+    `offset` is the position of its first word among the words of all parameters. `locked`: it is closed while the
+    program holds `log.parameters.lock()`. `rate` is in units per second.
+    """
+
+    name: str
+    kind: ParameterKind
+    default: ParameterValue
+    shape: tuple[int, ...] = ()
+    minimum: float | None = None
+    maximum: float | None = None
+    step: float | None = None
+    unit: str = "-"
+    choices: tuple[str, ...] = ()
+    rate: float | None = None
+    writable: Writable = Writable.HERE
+    locked: bool = False
+    string_bytes: int = 0
+    description: str = ""
+    offset: int = 0
+    value: ParameterValue = 0
+
+    @property
+    def count(self) -> int:
+        """How many values it has."""
+        return math.prod(self.shape)
+
+    @property
+    def item_bytes(self) -> int:
+        """What each of them takes."""
+        sizes = {ParameterKind.BOOL: 1, ParameterKind.STRING: self.string_bytes}
+        return sizes.get(self.kind, WORD_BYTES)
+
+    @property
+    def words(self) -> int:
+        """How many words it takes."""
+        return max(1, -(-self.count * self.item_bytes // WORD_BYTES))
+
+    @property
+    def group(self) -> str:
+        """The namespace in which it stands: what belongs together."""
+        return self.name.rpartition("/")[0]
+
+
+class ParameterChange(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What an event changed: names with the values before and after. Of the image at a start there is none before.
+
+    `where` tells by which way it came, `id` what its client called it, `until` the tick at which a ramp was over.
+    """
+
+    values: tuple[tuple[str, ParameterValue | None, ParameterValue], ...] = ()
+    where: str = ""
+    id: str = ""
+    until: int = -1
+
+
+def value_text(value: object, unit: str = "-") -> str:
+    """A value, as it is shown."""
+    if isinstance(value, tuple | list):
+        shown = f"[{', '.join(map(value_text, value))}]"
+    elif isinstance(value, bool):
+        shown = "on" if value else "off"
+    else:
+        shown = repr(value) if isinstance(value, float) else str(value)
+    return shown if unit in ("", "-") else f"{shown} {unit}"
+
+
+def range_text(info: ParameterInfo) -> str:
+    """Which values fit, in words."""
+    if info.kind is ParameterKind.ENUM:
+        return f"one of {', '.join(info.choices)}"
+    if info.kind is ParameterKind.STRING:
+        return f"up to {info.string_bytes} bytes of text"
+    if info.kind is ParameterKind.BOOL:
+        return "true or false"
+    low, high, step = info.minimum, info.maximum, info.step
+    if low is not None and high is not None:
+        text = f"{low:g} to {high:g}"
+    elif low is not None or high is not None:
+        text = f"from {low:g}" if low is not None else f"up to {high:g}"
+    else:
+        text = "a whole number" if info.kind is ParameterKind.INT else "any number"
+    return text + (f" in steps of {step:g}" if step else "")
+
+
+def fitting(info: ParameterInfo, given: object) -> ParameterValue:
+    """Return a value as this parameter keeps it. Raises ElementError, which names it, the value and what fits."""
+    if not info.shape:
+        return _fitting_item(info, given)
+    items = _flat(given, info.shape)
+    if items is None:
+        shape = " x ".join(map(str, info.shape))
+        raise ElementError(f"parameter '{info.name}': takes {shape} values, got {_shown(given)}; nothing was changed")
+    return tuple(_fitting_item(info, item) for item in items)
+
+
+def _flat(given: object, shape: tuple[int, ...]) -> list[object] | None:
+    """The items of an array of this shape, or of a flat list of as many."""
+    listed = given.tolist() if hasattr(given, "tolist") else given
+    if not isinstance(listed, list | tuple):
+        return None
+    items = list(listed)
+    if len(items) == math.prod(shape) and not any(isinstance(item, list | tuple) for item in items):
+        return items if len(shape) == 1 or not hasattr(given, "shape") else None
+    if len(shape) < 2 or len(items) != shape[0]:
+        return None
+    rows = [_flat(item, shape[1:]) for item in items]
+    return None if any(row is None for row in rows) else [item for row in rows if row for item in row]
+
+
+def _fitting_item(info: ParameterInfo, given: object) -> ParameterScalar:
+    if isinstance(given, enum.Enum) and info.kind is ParameterKind.ENUM:
+        given = given.name
+    elif hasattr(given, "item") and getattr(given, "shape", None) == ():
+        given = given.item()
+    if info.kind is ParameterKind.BOOL:
+        return given if isinstance(given, bool) else _refuse(info, given)
+    if info.kind is ParameterKind.ENUM:
+        return given if isinstance(given, str) and given in info.choices else _refuse(info, given)
+    if info.kind is ParameterKind.STRING:
+        fits = (
+            isinstance(given, str) and "\0" not in given and len(given.encode("utf-8", "replace")) <= info.string_bytes
+        )
+        return str(given) if fits and str(given).isprintable() else _refuse(info, given)
+    if isinstance(given, bool) or not isinstance(given, int | float):
+        return _refuse(info, given)
+    return _fitting_number(info, given)
+
+
+def _fitting_number(info: ParameterInfo, given: float) -> float:
+    if isinstance(given, float) and not math.isfinite(given):
+        return _refuse(info, given)
+    if info.kind is ParameterKind.INT and (given != int(given) or not -(2**63) <= given < 2**63):
+        return _refuse(info, given)
+    if info.kind is ParameterKind.FLOAT and abs(given) > 1.7976931348623157e308:
+        return _refuse(info, given)
+    value = int(given) if info.kind is ParameterKind.INT else float(given)
+    low, high = info.minimum, info.maximum
+    if (low is not None and value < low) or (high is not None and value > high):
+        return _refuse(info, given)
+    if info.step:
+        steps = (value - (low or 0.0)) / info.step
+        if abs(steps - round(steps)) > 1e-6 * max(1.0, abs(steps) * 1e-6):
+            return _refuse(info, given)
+    return value
+
+
+def _refuse(info: ParameterInfo, given: object) -> float:
+    unit = "" if info.unit in ("", "-") else f" {info.unit}"
+    raise ElementError(
+        f"parameter '{info.name}': {_shown(given)} doesn't fit, it takes {range_text(info)}{unit}; nothing was changed"
+    )
+
+
+def _shown(given: object) -> str:
+    text = repr(given)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+# ------------------------------------------------------------------------------------------------- in memory
+
+
+def encoded(info: ParameterInfo, value: ParameterValue) -> bytes:
+    """The words of a value that fits."""
+    items: Sequence[ParameterScalar] = value if isinstance(value, tuple) else (value,)
+    if info.kind is ParameterKind.FLOAT:
+        data = struct.pack(f"={len(items)}d", *items)
+    elif info.kind is ParameterKind.INT:
+        data = struct.pack(f"={len(items)}q", *items)
+    elif info.kind is ParameterKind.ENUM:
+        data = struct.pack(f"={len(items)}q", *(info.choices.index(str(item)) for item in items))
+    elif info.kind is ParameterKind.BOOL:
+        data = bytes(map(bool, items))
+    else:
+        data = b"".join(str(item).encode().ljust(info.string_bytes, b"\0") for item in items)
+    return data.ljust(info.words * WORD_BYTES, b"\0")
+
+
+def decoded(info: ParameterInfo, data: bytes | memoryview) -> ParameterValue:
+    """The value in some words."""
+    count = info.count
+    items: list[ParameterScalar]
+    if info.kind is ParameterKind.FLOAT:
+        items = list(struct.unpack_from(f"={count}d", data))
+    elif info.kind in (ParameterKind.INT, ParameterKind.ENUM):
+        items = list(struct.unpack_from(f"={count}q", data))
+        if info.kind is ParameterKind.ENUM:
+            items = [info.choices[int(item)] if 0 <= int(item) < len(info.choices) else str(item) for item in items]
+    elif info.kind is ParameterKind.BOOL:
+        items = [bool(item) for item in bytes(data[:count])]
+    else:
+        size = info.string_bytes
+        parts = [bytes(data[place * size : (place + 1) * size]) for place in range(count)]
+        items = [part.rstrip(b"\0").decode("utf-8", "replace") for part in parts]
+    return tuple(items) if info.shape else items[0]

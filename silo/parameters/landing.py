@@ -1,0 +1,265 @@
+"""How changes of parameters land: whole, at the end of a tick, in the thread of the loop.
+
+What waits stands in a plain list, which `collect()` looks at: 7 ns, where an attribute takes 19 and two words 35. The
+list outlives runs: a change that came while the logger stood still is not lost. Values live in a block of their own,
+not in the segment, which changes at each start.
+"""
+
+import itertools
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.core.parameters import WORD_BYTES, ParameterInfo, ParameterKind, ParameterValue, decoded, encoded
+from silo.loop.sources import OwnMemory
+from silo.segment.parameter_changes import MOST_WORDS, ChangeRecord, OpenChange
+
+MOST_AT_ONCE = 8  # changes that land in one tick
+
+CLOSED = "the program has closed it for now (log.parameters.lock())"
+OVERTAKEN = "the program changed what belongs to it meanwhile: look at it and ask again"
+
+
+@dataclass(eq=False)
+class Change:
+    """A change on its way. It is over once it `landed`, at `tick`, or was `refused`, in words."""
+
+    token: int
+    infos: tuple[ParameterInfo, ...]
+    new: NDArray[np.int64]
+    selection: slice | NDArray[np.int64]
+    who: str
+    where: str
+    id: str = ""
+    expects: Mapping[str, int] = field(default_factory=dict)  # by group, what landed there last
+    own: bool = False  # of the program, which locks don't bind
+    tick: int = -1
+    landed: bool = False
+    refused: str = ""
+    superseded: bool = False
+    old: NDArray[np.int64] | None = None
+    ramp_ns: float = 0.0
+    begun_ns: int = 0
+    fraction: float = 0.0
+    slot: OpenChange | None = None
+    record: ChangeRecord | None = None
+
+    @property
+    def names(self) -> set[str]:
+        """What it changes."""
+        return {info.name for info in self.infos}
+
+
+class Landing:
+    """The values of all parameters of a logger, and the changes that wait for them."""
+
+    def __init__(self) -> None:
+        self.waiting: list[Change] = []
+        self.infos: list[ParameterInfo] = []
+        self.locked = False
+        self.revision = 0
+        self.record: ChangeRecord | None = None  # of the present run
+        self.next_row: Callable[[], int] = _no_row
+        self.last: dict[str, int] = {}  # by parameter, which change it has its value of
+        self.landed: dict[str, int] = {}  # likewise by group
+        self._places: dict[str, int] = {}
+        self._tokens, self._revisions = itertools.count(1), itertools.count(1)
+        self._recording = threading.Lock()
+        self.block: OwnMemory | None = None
+        self._words: NDArray[np.int64] = np.zeros(0, np.int64)
+        self._used = 0
+
+    @property
+    def used_words(self) -> int:
+        """Words that parameters have so far: the next one stands behind them."""
+        return self._used
+
+    def place(self, info: ParameterInfo) -> NDArray[np.int64]:
+        """Give a new parameter its words, behind those before it, with its default in them."""
+        if self.block is None:
+            self.block = OwnMemory(MOST_WORDS * WORD_BYTES)
+            self._words = np.ndarray((MOST_WORDS,), np.int64, self.block)
+        self._places[info.name] = len(self.infos)
+        self.infos.append(info)
+        self._used = info.offset + info.words
+        self._words[info.offset : self._used] = np.frombuffer(encoded(info, info.default), np.int64)
+        return self._words[info.offset : self._used]
+
+    def value(self, info: ParameterInfo) -> ParameterValue:
+        """What a parameter is now."""
+        return decoded(info, self._words[info.offset : info.offset + info.words].tobytes())
+
+    def image(self) -> list[ParameterValue]:
+        """What all of them are at one moment, whichever thread asks: no change lands between two of them."""
+        while True:
+            before, words = self.revision, self._words[: self._used].tobytes()
+            if before == self.revision:
+                return [decoded(info, memoryview(words)[info.offset * WORD_BYTES :]) for info in self.infos]
+
+    def described(self) -> list[ParameterInfo]:
+        """What each is, with its present value."""
+        return [
+            msgspec.structs.replace(info, value=value) for info, value in zip(self.infos, self.image(), strict=True)
+        ]
+
+    def begin_run(self, record: ChangeRecord | None, next_row: Callable[[], int]) -> None:
+        """Record changes there from now on."""
+        self.record, self.next_row = record, next_row
+
+    def end_run(self, record: ChangeRecord | None) -> None:
+        """Record there no more, unless another run began."""
+        if self.record is record:
+            self.record, self.next_row = None, _no_row
+
+    def after(self) -> dict[str, ParameterValue]:
+        """What they will be once all that waits has landed."""
+        values = dict(zip((info.name for info in self.infos), self.image(), strict=True))
+        for change in list(self.waiting):
+            at = 0
+            for info in change.infos:
+                values[info.name] = decoded(info, change.new[at : at + info.words].tobytes())
+                at += info.words
+        return values
+
+    def expected(self, groups: set[str]) -> dict[str, int]:
+        """By group, which change lands there last of those that are on their way, or landed last."""
+        waiting = list(self.waiting)
+        return {
+            group: next(
+                (one.token for one in reversed(waiting) if any(info.group == group for info in one.infos)),
+                self.landed.get(group, 0),
+            )
+            for group in groups
+        }
+
+    def change(self, values: Mapping[str, ParameterValue], who: str, where: str, name: str = "") -> Change:
+        """A change to values that fit, in the order of their words; it is not posted yet."""
+        places = sorted(self._places[one] for one in values)
+        infos = tuple(self.infos[place] for place in places)
+        new = np.frombuffer(b"".join(encoded(info, values[info.name]) for info in infos), np.int64)
+        first, last = infos[0], infos[-1]
+        selection: slice | NDArray[np.int64] = slice(first.offset, last.offset + last.words)
+        if last.offset + last.words - first.offset != len(new):
+            selection = np.concatenate([np.arange(info.offset, info.offset + info.words) for info in infos])
+        return Change(next(self._tokens), infos, new, selection, who, where, name)
+
+    def post(self, change: Change) -> None:
+        """Have a change land at the end of a tick."""
+        self._open(change)
+        self.waiting.append(change)
+
+    def store(self, change: Change) -> None:
+        """Store a change of the program's own, now: it holds from the next row on."""
+        change.own = True
+        self._open(change)
+        self._store(change, self.next_row(), 0, ramps=False)
+
+    def _open(self, change: Change) -> None:
+        record = change.record = self.record
+        if record is not None:
+            places = [self._places[info.name] for info in change.infos]
+            with self._recording:
+                change.slot = record.open(change.who, change.where, change.id, places, change.new.tobytes())
+
+    # --------------------------------------------------------------------------------- in the thread of the loop
+
+    def land(self, n: int, t: int) -> None:
+        """Called by `collect()` where something waits. `n` is the index of the first row with what lands, -1 without
+        rows; `t` is the tick's time stamp.
+        """
+        waiting, place, landed = self.waiting, 0, 0
+        while place < len(waiting) and landed < MOST_AT_ONCE:
+            change = waiting[place]
+            if change.landed:
+                over = self._ramp(change, n, t)
+            else:
+                landed += 1
+                over = self._decide(change, n, t)
+            if over:
+                del waiting[place]
+            else:
+                place += 1
+
+    def _decide(self, change: Change, n: int, t: int) -> bool:
+        """Store it or refuse it. Returns whether it is over: a ramp goes on."""
+        closed = self.locked and any(info.locked for info in change.infos)
+        if closed or any(self.landed.get(group, 0) != token for group, token in change.expects.items()):
+            if change.slot is not None:
+                change.slot.refuse()
+            change.refused = CLOSED if closed else OVERTAKEN
+            return True
+        if change.record is not self.record:  # there was a start meanwhile
+            self._open(change)
+        return self._store(change, n, t, ramps=True)
+
+    def _store(self, change: Change, n: int, t: int, *, ramps: bool) -> bool:
+        if change.old is None:  # else Ctrl-C came when it was stored already
+            change.old = np.array(self._words[change.selection])
+        if change.slot is not None:
+            change.slot.land(n, change.old.tobytes())
+        change.ramp_ns = _ramp_ns(change) if ramps else 0.0
+        if change.ramp_ns:
+            change.begun_ns = t
+        else:
+            self._words[change.selection] = change.new
+        for other in list(self.waiting):
+            other.superseded |= other is not change and other.landed and not other.names.isdisjoint(change.names)
+        self.revision = next(self._revisions)
+        for info in change.infos:
+            self.last[info.name] = self.landed[info.group] = change.token
+        change.tick = n
+        change.landed = True
+        return not change.ramp_ns
+
+    def _ramp(self, change: Change, n: int, t: int) -> bool:
+        """Go a step on the way to the new values; all of a change share one fraction, so that their ratios hold."""
+        assert change.old is not None
+        if not (change.superseded or (self.locked and not change.own and any(info.locked for info in change.infos))):
+            change.fraction = max(change.fraction, min(1.0, (t - change.begun_ns) / change.ramp_ns))
+            self._words[change.selection] = between(change.infos, change.old, change.new, change.fraction)
+            self.revision = next(self._revisions)
+            if change.fraction < 1.0:
+                return False
+        if change.slot is not None:
+            change.slot.end(n)
+        return True
+
+
+def between(
+    infos: Sequence[ParameterInfo], old: NDArray[np.int64], new: NDArray[np.int64], fraction: float
+) -> NDArray[np.int64]:
+    """Words a part of the way from old to new values: numbers between them, all else as it was until the end."""
+    if fraction >= 1.0:
+        return new
+    found: NDArray[np.int64] = np.array(old)
+    at = 0
+    for info in infos:
+        part = slice(at, at + info.words)
+        at += info.words
+        if info.kind is ParameterKind.FLOAT:
+            a, b = old[part].view(np.float64), new[part].view(np.float64)
+            found[part] = (a + fraction * (b - a)).view(np.int64)
+        elif info.kind is ParameterKind.INT:
+            found[part] = old[part] + np.rint(fraction * (new[part] - old[part])).astype(np.int64)
+    return found
+
+
+def _ramp_ns(change: Change) -> float:
+    """How long a change takes that may go so many units per second."""
+    longest, at = 0.0, 0
+    for info in change.infos:
+        part = slice(at, at + info.words)
+        at += info.words
+        if info.rate and change.old is not None:
+            kind = np.float64 if info.kind is ParameterKind.FLOAT else np.int64
+            way = change.new[part].view(kind).astype(float) - change.old[part].view(kind).astype(float)
+            longest = max(longest, float(np.abs(way).max()) / info.rate)
+    return float(round(longest * 1e9))
+
+
+def _no_row() -> int:
+    return -1

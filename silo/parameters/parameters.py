@@ -1,0 +1,330 @@
+"""All parameters of a logger: declared, set, closed for a while, and what clients ask of them in its link thread."""
+
+import enum
+import inspect
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import msgspec
+import numpy as np
+
+from silo.core.calls import told_class
+from silo.core.parameters import (
+    WORD_BYTES,
+    ParameterInfo,
+    ParameterKind,
+    ParameterValue,
+    Writable,
+    decoded,
+    fitting,
+)
+from silo.errors import ElementError
+from silo.parameters.landing import CLOSED, Change, Landing
+from silo.parameters.parameter import Parameter
+from silo.segment.parameter_changes import MOST_WORDS
+
+MOST_WAITING = 64
+MOST_ENDS = 256  # changes of which is remembered what became of them
+BUSY = f"{MOST_WAITING} changes of parameters wait for a tick already: try again in a moment; nothing was changed"
+PROGRAM = "program"
+
+Check = Callable[..., object]
+_TYPES = {
+    ParameterKind.FLOAT: np.float64,
+    ParameterKind.INT: np.int64,
+    ParameterKind.ENUM: np.int64,
+    ParameterKind.BOOL: np.bool_,
+}
+
+
+@told_class("log.parameters")
+class Parameters(Mapping[str, Parameter]):
+    """The parameters of a logger, by name: `log.parameters["kp"].value`, `log.parameters.set({"kp": 50.0})`."""
+
+    def __init__(self, prefix: str = "") -> None:
+        """Begin without any; names may be given without this prefix."""
+        self._prefix = prefix
+        self.landing = Landing()
+        self._known: dict[str, Parameter] = {}
+        self._checks: dict[str, tuple[Check, bool]] = {}  # with whether it wants to see its group
+        self._ends: OrderedDict[str, Change] = OrderedDict()
+        self._reverts: list[tuple[float, Change]] = []
+
+    # ------------------------------------------------------------------------------------------------- read
+
+    def __getitem__(self, name: str) -> Parameter:
+        return self._known[self.full(name)]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(list(self._known))
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and bool(self._matching(name))
+
+    def _matching(self, name: str) -> list[str]:
+        if name in self._known:
+            return [name]
+        return [known for known in self._known if known.endswith(f"/{name.strip('/')}")]
+
+    def full(self, name: str) -> str:
+        """Return the full name of the only parameter that a name means. Raises ElementError."""
+        found = self._matching(name)
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise ElementError(f"'{name}' may be {', '.join(found)}: write more of the name; nothing was changed")
+        from difflib import get_close_matches
+
+        near = get_close_matches(name, [*self._known, *(one.rpartition("/")[2] for one in self._known)], 1)
+        hint = (
+            f"did you mean '{near[0]}'?"
+            if near
+            else f"there are {len(self._known)}: {', '.join(list(self._known)[:5])}"
+        )
+        raise ElementError(f"no parameter '{name}'; {hint}")
+
+    @property
+    def names(self) -> list[str]:
+        """The full names, in the order in which they were declared."""
+        return list(self._known)
+
+    @property
+    def defaults(self) -> dict[str, ParameterValue]:
+        """What each is without anybody's change."""
+        return {info.name: info.default for info in self.landing.infos}
+
+    @property
+    def revision(self) -> int:
+        """Changes with every change that lands."""
+        return self.landing.revision
+
+    def read(self) -> dict[str, ParameterValue]:
+        """Return what all of them are at one moment: for other threads than the loop's, in which a group may land."""
+        return dict(zip(self._known, self.landing.image(), strict=True))
+
+    # -------------------------------------------------------------------------------------- by the program itself
+
+    def set(self, values: Mapping[str, object]) -> None:
+        """Set some parameters now, all or none; they hold from the next row on.
+
+        Args:
+            values: by name, with or without prefix and group where these are clear.
+
+        Raises:
+            ElementError: there is no such parameter, a value doesn't fit, or its check refuses it; nothing was changed.
+        """
+        if not values:
+            return
+        fit = self._fitting(values)
+        self._check(fit)
+        self.landing.store(self.landing.change(fit, "", PROGRAM))
+
+    def reset(self, *names: str) -> None:
+        """Set parameters to their defaults, all of them without names."""
+        self.set({name: self.defaults[self.full(name)] for name in names or self.names})
+
+    def lock(self) -> None:
+        """Close the parameters with `locked=True` to clients: made for the loop, where a phase must not be disturbed.
+
+        What waits for them is refused, a ramp stops where it is; the program itself may set them.
+        """
+        self.landing.locked = True
+
+    def unlock(self) -> None:
+        """Open them again."""
+        self.landing.locked = False
+
+    def _set_one(self, info: ParameterInfo, value: object) -> None:
+        self.set({info.name: value})
+
+    def _fitting(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
+        named = {self.full(name): value for name, value in values.items()}
+        if len(named) < len(values):
+            raise ElementError(f"a parameter is given twice: {', '.join(values)}; nothing was changed")
+        return {name: fitting(self._known[name].info, value) for name, value in named.items()}
+
+    def _check(self, fit: Mapping[str, ParameterValue]) -> dict[str, int]:
+        """Ask the program's checks. Returns which state of their groups they saw; raises ElementError as they say."""
+        asked = {name: self._checks[name] for name in self._checks if name in fit}
+        groups = {self._known[name].info.group for name in fit}
+        partners = {
+            name: check for name, check in self._checks.items() if check[1] and self._known[name].info.group in groups
+        }
+        if not asked and not partners:
+            return {}
+        expects = self.landing.expected({self._known[name].info.group for name in partners})
+        after = {**self.landing.after(), **fit} if partners else dict(fit)
+        for name, (check, wants_group) in {**asked, **partners}.items():
+            group = self._known[name].info.group
+            beside = {one.rpartition("/")[2]: after[one] for one in after if self._known[one].info.group == group}
+            _ask(name, check, (after[name], beside) if wants_group else (after[name],))
+        return expects
+
+    # ------------------------------------------------------------------------------- for clients, in the link thread
+
+    def request(
+        self, values: Mapping[str, object], who: str, where: str, name: str, *, remote: bool, revert_s: float = 0.0
+    ) -> Change:
+        """Have a client's change land at the end of a tick. Raises ElementError where it can't.
+
+        Args:
+            values: by name.
+            who: asks, in words.
+            where: by which way.
+            name: what the client calls the change; asked again by this name, nothing is changed twice.
+            remote: whether it comes from another computer.
+            revert_s: after so long it is taken back, unless it is confirmed.
+        """
+        if name and name in self._ends:
+            return self._ends[name]
+        landing = self.landing
+        if len(landing.waiting) >= MOST_WAITING:
+            raise ElementError(BUSY)
+        if not values:
+            raise ElementError("no parameter is given; nothing was changed")
+        fit = self._fitting(values)
+        for info in (self._known[one].info for one in fit):
+            if info.writable is Writable.NO or (remote and info.writable is not Writable.ANYWHERE):
+                whose = "the program alone sets it" if info.writable is Writable.NO else "it is set on the robot alone"
+                more = "" if info.writable is Writable.NO else ' (writable="anywhere" lets others)'
+                raise ElementError(f"parameter '{info.name}': {whose}{more}; nothing was changed")
+            if landing.locked and info.locked:
+                raise ElementError(f"parameter '{info.name}': {CLOSED}; nothing was changed")
+        expects = self._check(fit)
+        change = landing.change(fit, who, where, name)
+        change.expects = expects
+        if name:
+            self._ends[name] = change
+            while len(self._ends) > MOST_ENDS:
+                self._ends.popitem(last=False)
+        if revert_s:
+            self._reverts.append((time.monotonic() + revert_s, change))
+        landing.post(change)
+        return change
+
+    def end_of(self, name: str) -> Change | None:
+        """Return a change of the newest 256 by what its client called it."""
+        return self._ends.get(name)
+
+    def confirm(self, name: str) -> bool:
+        """Keep a change that would be taken back; False where there is none of that name."""
+        kept = [one for one in self._reverts if one[1].id != name]
+        found = len(kept) < len(self._reverts)
+        self._reverts = kept
+        return found
+
+    def next_revert_s(self) -> float | None:
+        """Return when the next change is to be taken back, of `time.monotonic`."""
+        return min((until_s for until_s, _ in self._reverts), default=None)
+
+    def revert_due(self) -> None:
+        """Take back what nobody confirmed in time, as far as nobody changed it since."""
+        now_s = time.monotonic()
+        due = [change for until_s, change in self._reverts if until_s <= now_s]
+        self._reverts = [one for one in self._reverts if one[0] > now_s]
+        for change in due:
+            if not change.landed or change.old is None:
+                continue
+            values: dict[str, ParameterValue] = {}
+            at = 0
+            for info in change.infos:
+                if self.landing.last.get(info.name) == change.token:
+                    values[info.name] = decoded(info, change.old[at : at + info.words].tobytes())
+                at += info.words
+            if values:
+                self.landing.post(self.landing.change(values, change.who, "taken back: nobody confirmed it"))
+
+    # ------------------------------------------------------------------------------------------------- declared
+
+    def declare(self, info: ParameterInfo, check: Check | None, choices: object) -> Parameter:
+        """Take in a parameter whose name nobody has yet. Raises ElementError where its bounds make no sense."""
+        landing = self.landing
+        info = msgspec.structs.replace(info, offset=landing.used_words)
+        if info.offset + info.words > MOST_WORDS:
+            raise ElementError(f"parameter '{info.name}': a logger has room for {MOST_WORDS} values of parameters")
+        _check_bounds(info)
+        info = msgspec.structs.replace(info, default=fitting(info, info.default))
+        info = msgspec.structs.replace(info, value=info.default)
+        words = landing.place(info)
+        kind = _TYPES.get(info.kind, np.dtype(f"S{info.string_bytes}"))
+        array = np.ndarray(info.shape, kind, landing.block, info.offset * WORD_BYTES)
+        made = Parameter(info, array, words.data.cast("B"), self._set_one, choices)
+        self._known[info.name] = made
+        if check is not None:
+            self._checks[info.name] = check, _arguments(check) > 1
+        return made
+
+
+def _ask(name: str, check: Check, given: tuple[object, ...]) -> None:
+    try:
+        answer = check(*given)
+    except Exception as error:
+        words = str(error) or type(error).__name__
+        raise ElementError(f"parameter '{name}': {words}; nothing was changed") from error
+    if answer is False or isinstance(answer, str):
+        words = answer if isinstance(answer, str) and answer else "its check refuses it"
+        raise ElementError(f"parameter '{name}': {words}; nothing was changed")
+
+
+def _arguments(check: Check) -> int:
+    try:
+        found = inspect.signature(check).parameters.values()
+    except (TypeError, ValueError):  # one written in C tells nothing
+        return 1
+    return sum(
+        one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD) and one.default is one.empty for one in found
+    )
+
+
+def _check_bounds(info: ParameterInfo) -> None:
+    numeric = info.kind in (ParameterKind.FLOAT, ParameterKind.INT)
+    for word, value in (("min", info.minimum), ("max", info.maximum), ("step", info.step), ("rate", info.rate)):
+        if value is None:
+            continue
+        if not numeric:
+            raise ElementError(f"parameter '{info.name}': a {info.kind.value} has no {word}; leave it out")
+        if not np.isfinite(value) or (word in ("step", "rate") and value <= 0):
+            fits = "above 0" if word in ("step", "rate") else "a finite number"
+            raise ElementError(f"parameter '{info.name}': {word} must be {fits}, got {value!r}")
+    if info.minimum is not None and info.maximum is not None and info.minimum > info.maximum:
+        raise ElementError(f"parameter '{info.name}': min {info.minimum:g} is above max {info.maximum:g}")
+
+
+def kind_of_default(
+    name: str, default: object, choices: object
+) -> tuple[ParameterKind, tuple[int, ...], tuple[str, ...]]:
+    """Return what a parameter with this default is, its shape, and the words that it may be."""
+    words = _choice_words(name, choices)
+    if isinstance(default, enum.Enum) and not words:
+        words = tuple(type(default).__members__)
+    value = default.name if isinstance(default, enum.Enum) else default
+    array = np.asarray(value)
+    if words:
+        return ParameterKind.ENUM, array.shape, words
+    kinds = {
+        "f": ParameterKind.FLOAT,
+        "i": ParameterKind.INT,
+        "u": ParameterKind.INT,
+        "b": ParameterKind.BOOL,
+        "U": ParameterKind.STRING,
+    }
+    if array.dtype.kind not in kinds or not array.size:
+        raise ElementError(
+            f"parameter '{name}': a default is a number, a text, True or False, or an array of such, got {default!r}"
+        )
+    return kinds[array.dtype.kind], array.shape, ()
+
+
+def _choice_words(name: str, choices: object) -> tuple[str, ...]:
+    if choices is None:
+        return ()
+    if isinstance(choices, type) and issubclass(choices, enum.Enum):
+        return tuple(choices.__members__)
+    words = tuple(choices) if isinstance(choices, Sequence) and not isinstance(choices, str) else ()
+    if not words or not all(isinstance(word, str) and word for word in words) or len(set(words)) < len(words):
+        raise ElementError(f"parameter '{name}': choices are an enumeration, or different words, got {choices!r}")
+    return words

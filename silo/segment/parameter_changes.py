@@ -1,0 +1,157 @@
+"""Changes of parameters, recorded in the segment as marks are: what landed is as safe as a committed row.
+
+    control      one line: bytes of texts ever begun
+    slots        128 bytes each: number, tick, wall clock, when a ramp was over, which it is of those that landed, where
+                 its text stands, number again
+    texts        a ring of bytes: who, where and which parameters as JSON, the new words, the words before
+
+A slot is opened when a change is accepted, and says so: `tick` waits. When it lands, the words before are copied to
+their place, then the tick is stored: the commit word, one more than the index of the first row with the new values.
+They land in another order than they are accepted: what the program sets itself overtakes what waits.
+Only loggers with parameters have this part.
+"""
+
+import itertools
+import struct
+import time
+import zlib
+from collections.abc import Callable, Sequence
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.core.elements import LoggedEvent
+from silo.core.parameters import WORD_BYTES, ParameterChange, ParameterInfo, decoded, value_text
+
+SLOTS = 1024  # the newest that are kept for readers; a power of two
+SLOT = struct.Struct("@qqqqqqqqq48xq")  # see above, with sizes of head and words, and the checksum of both
+SLOT_WORDS = SLOT.size // WORD_BYTES
+LINE_WORDS = 8
+TEXT_BYTES = 1 << 20
+AREA_BYTES = WORD_BYTES * LINE_WORDS + SLOTS * SLOT.size + TEXT_BYTES
+MOST_WORDS = 1 << 14  # of all parameters of a logger: the largest change takes a third of the texts
+
+TICK, TIME, UNTIL, ORDER = 1, 2, 3, 4  # words of a slot
+WAITS, REFUSED, STANDING = 0, -2, -1  # instead of a tick: not yet, never, while the logger stood still
+
+PARAMETER = "parameter"  # the kind of an event that tells of a change
+MOST_NAMES = 4  # told in the text of an event
+
+
+class OpenChange:
+    """The slot of one change, from its acceptance to its end."""
+
+    __slots__ = ("_at", "_data", "_old", "_order", "_words")
+
+    def __init__(
+        self, words: "memoryview[int]", at: int, data: memoryview, old: slice, order: Callable[[], int]
+    ) -> None:
+        self._words, self._at, self._data, self._old, self._order = words, at, data, old, order
+
+    def land(self, tick: int, old: bytes) -> None:
+        """Commit it: the first row with the new values has this index, -1 while no rows come."""
+        self._data[self._old] = old
+        self._words[self._at + ORDER] = self._order()
+        self._words[self._at + TIME] = time.time_ns()
+        self._words[self._at + TICK] = tick + 1 if tick >= 0 else STANDING
+
+    def refuse(self) -> None:
+        """It never comes."""
+        self._words[self._at + TICK] = REFUSED
+
+    def end(self, tick: int) -> None:
+        """The ramp is over."""
+        self._words[self._at + UNTIL] = tick + 1
+
+
+class ChangeRecord:
+    """The writer's end. Its caller sees to it that one thread at a time opens a change."""
+
+    def __init__(self, area: memoryview) -> None:
+        """Record in these bytes of a segment, zeros so far."""
+        self._words = area.cast("q")
+        self._slots = area[WORD_BYTES * LINE_WORDS :][: SLOTS * SLOT.size]
+        self._texts = area[WORD_BYTES * LINE_WORDS + SLOTS * SLOT.size :]
+        self._numbers, self._landed = itertools.count(1), itertools.count(1)
+        self._place = 0
+
+    def open(self, who: str, where: str, name: str, places: Sequence[int], new: bytes) -> OpenChange:
+        """Note a change of the parameters at these places, that waits to land."""
+        number = next(self._numbers)
+        head = msgspec.json.encode((who, where, name, places))
+        size = len(head) + 2 * len(new)
+        if self._place % TEXT_BYTES + size > TEXT_BYTES:
+            self._place += -self._place % TEXT_BYTES
+        place, self._place = self._place, self._place + size
+        self._words[0] = self._place  # first: whoever reads what is overwritten now can tell
+        begin = place % TEXT_BYTES
+        self._texts[begin : begin + len(head)] = head
+        self._texts[begin + len(head) : begin + len(head) + len(new)] = new
+        at = (number & (SLOTS - 1)) * SLOT.size
+        check = zlib.crc32(new, zlib.crc32(head))
+        SLOT.pack_into(self._slots, at, number, WAITS, 0, 0, 0, place, len(head), len(new), check, number)
+        old = slice(begin + len(head) + len(new), begin + size)
+        return OpenChange(self._words, LINE_WORDS + at // WORD_BYTES, self._texts, old, self._landed.__next__)
+
+
+def read_changes(
+    words: NDArray[np.uint64], since: int, infos: Sequence[ParameterInfo], logger: str, run: str
+) -> list[LoggedEvent]:
+    """What landed after the first `since` changes, as far as the slots still hold it, in its order."""
+    slots = words[LINE_WORDS : LINE_WORDS + SLOTS * SLOT_WORDS].reshape(-1, SLOT_WORDS).view(np.int64)
+    copied = np.ascontiguousarray(slots[slots[:, ORDER] > since])
+    unfinished = copied[copied[:, TICK] == WAITS, ORDER]  # comes next: what landed after it is told then
+    if len(unfinished):
+        copied = copied[copied[:, ORDER] < unfinished.min()]
+    texts = words[LINE_WORDS + SLOTS * SLOT_WORDS :].view(np.uint8)
+    found = [_event(row.tobytes(), words, texts, infos, logger, run) for row in copied[np.argsort(copied[:, ORDER])]]
+    return [event for event in found if event is not None]
+
+
+def _event(
+    slot: bytes, words: NDArray[np.uint64], texts: NDArray[np.uint8], infos: Sequence[ParameterInfo], logger: str,
+    run: str,
+) -> LoggedEvent | None:  # fmt: skip
+    number, tick, time_ns, until, order, place, head_bytes, new_bytes, check, again = SLOT.unpack(slot)
+    if number != again or tick in (WAITS, REFUSED) or not 0 <= head_bytes + 2 * new_bytes <= TEXT_BYTES:
+        return None
+    begin = place % TEXT_BYTES
+    data = texts[begin : begin + head_bytes + 2 * new_bytes].tobytes()
+    if int(words[0]) - place > TEXT_BYTES:  # looked at after the copy: it may be another text by now
+        return None
+    head, new, old = data[:head_bytes], data[head_bytes:][:new_bytes], data[head_bytes + new_bytes :]
+    if zlib.crc32(new, zlib.crc32(head)) != check:
+        return None
+    try:
+        who, where, name, places = msgspec.json.decode(head, type=tuple[str, str, str, list[int]])
+        changed = [infos[one] for one in places]
+    except (msgspec.DecodeError, IndexError):
+        return None
+    at, values = 0, []
+    for info in changed:
+        size = info.words * WORD_BYTES
+        values.append((info.name, decoded(info, old[at : at + size]), decoded(info, new[at : at + size])))
+        at += size
+    change = ParameterChange(tuple(values), where, name, until - 1)
+    text = change_text(change, {info.name: info.unit for info in changed})
+    return LoggedEvent(
+        PARAMETER, text, time_ns, max(tick - 1, -1), who=who or logger, run=run, number=order, change=change
+    )
+
+
+def change_text(change: ParameterChange, units: dict[str, str]) -> str:
+    """What changed, in words."""
+    told = [
+        f"{name.rpartition('/')[2]} {value_text(old)} -> {value_text(new, units.get(name, '-'))}"
+        for name, old, new in change.values[:MOST_NAMES]
+    ]
+    more = len(change.values) - len(told)
+    return ", ".join(told) + (f" and {more} more" if more else "") + (f" ({change.where})" if change.where else "")
+
+
+def image_event(infos: Sequence[ParameterInfo], started_ns: int, logger: str, run: str) -> LoggedEvent:
+    """What all parameters were at the first tick of a run."""
+    change = ParameterChange(tuple((info.name, None, info.value) for info in infos))
+    count = "1 parameter" if len(infos) == 1 else f"{len(infos)} parameters"
+    return LoggedEvent(PARAMETER, f"{count} at the start", started_ns, 0, who=logger, run=run, change=change)

@@ -1,0 +1,121 @@
+"""Parameters as a program has them: declared, read like an array, set by itself."""
+
+import enum
+
+import numpy as np
+import pytest
+
+import silo
+from silo.errors import ElementError
+
+
+class Gait(enum.Enum):
+    STAND = 0
+    TROT = 1
+
+
+def test_a_number_is_read_as_a_value_as_an_array_and_in_expressions(new_logger):
+    kp = new_logger().parameter("kp", 40.0, min=0, max=200, unit="Nm/rad", group="legs")
+    assert (kp.value, kp[...], float(kp), kp * 2, 1 - kp) == (40.0, 40.0, 40.0, 80.0, -39.0)
+    assert np.dot(kp, [1.0, 2.0]).tolist() == [40.0, 80.0]
+    assert f"{kp:.1f}" == "40.0"
+
+
+@pytest.mark.parametrize(
+    ("default", "other"),
+    [(1.5, 2.0), (3, 4), (True, False), (Gait.STAND, Gait.TROT), ("walk", "trot"), ([1.0, 2.0], [3.0, 4.0])],
+)
+def test_every_kind_of_value_is_set_and_read_back(new_logger, default, other):
+    logger = new_logger()
+    one = logger.parameter("one", default)
+    one.value = other
+    assert np.array_equal(one.value, other)
+    logger.parameters.reset()
+    assert np.array_equal(one.value, default)
+
+
+def test_words_are_choices_too(new_logger):
+    mode = new_logger().parameter("mode", "walk", choices=["walk", "trot"])
+    mode.value = "trot"
+    assert mode.value == "trot"
+    with pytest.raises(ElementError, match="'fly' doesn't fit, it takes one of walk, trot"):
+        mode.value = "fly"
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1, 201, 0.3, True, "40", None, [40.0], 10**400])
+def test_what_does_not_fit_is_refused_in_words_that_name_all_and_nothing_changes(new_logger, value):
+    kp = new_logger().parameter("kp", 40.0, min=0, max=200, step=0.5, unit="Nm/rad")
+    with pytest.raises(ElementError, match=r"'/log/kp': .* doesn't fit, it takes 0 to 200 in steps of 0.5 Nm/rad"):
+        kp.value = value
+    assert kp.value == 40.0
+
+
+def test_many_are_set_all_or_none(new_logger):
+    logger = new_logger()
+    kp, kd = logger.parameter("kp", 40.0, max=50), logger.parameter("kd", 1.0)
+    with pytest.raises(ElementError):
+        logger.parameters.set({"kd": 2.0, "kp": 51.0})
+    assert (kp.value, kd.value) == (40.0, 1.0)
+    logger.parameters.set({"kd": 2.0, "kp": 50.0})
+    assert (kp.value, kd.value) == (50.0, 2.0)
+
+
+def test_a_check_refuses_in_its_own_words(new_logger):
+    def above_kd(value, group):
+        if value < group["kd"]:
+            raise ValueError(f"kp must be above kd ({group['kd']})")
+
+    logger = new_logger()
+    logger.parameter("kp", 40.0, check=above_kd)
+    logger.parameter("kd", 1.0)
+    with pytest.raises(ElementError, match=r"'/log/kp': kp must be above kd \(1.0\); nothing was changed"):
+        logger.parameters.set({"kp": 0.5})
+    with pytest.raises(ElementError, match=r"kp must be above kd \(50.0\)"):  # its partner is asked too
+        logger.parameters.set({"kd": 50.0})
+    logger.parameters.set({"kp": 60.0, "kd": 50.0})
+
+
+def test_nobody_writes_past_the_checks(new_logger):
+    gains = new_logger().parameter("gains", [1.0, 2.0], max=5)
+    with pytest.raises(ValueError, match="read-only"):
+        gains[...][0] = 9
+    with pytest.raises(TypeError, match="checked and recorded"):
+        np.add(gains, 1, out=gains)
+    gains[1] = 4.0
+    assert gains.value.tolist() == [1.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("words", "options"),
+    [
+        ("min 2 is above max 1", {"min": 2, "max": 1}),
+        ("step must be above 0", {"step": 0}),
+        ("doesn't fit, it takes up to 30", {"max": 30}),
+        ("writable is True, False or 'anywhere'", {"writable": "all"}),
+    ],
+)
+def test_a_declaration_that_makes_no_sense_adds_nothing(new_logger, words, options):
+    logger = new_logger()
+    with pytest.raises(ElementError, match=words):
+        logger.parameter("kp", 40.0, **options)
+    logger.parameter("kp", 40.0)
+
+
+def test_it_is_an_element_with_ten_samples_a_second(new_logger):
+    logger = new_logger(frequency=100)
+    logger.kp = logger.parameter("kp", 40.0, group="legs")
+    logger.update()
+    assert logger["legs/kp"].info.options.divider == 10
+
+
+def test_without_parameters_the_segment_has_no_room_for_changes(new_logger):
+    logger = new_logger()
+    logger.array("q", 3)
+    logger.start()
+    assert logger.present_run.segment.schema.parameter_changes == -1
+
+
+def test_a_null_logger_has_parameters_that_its_program_sets():
+    kp = silo.NullLogger().parameter("kp", 40.0, max=50)
+    kp.value = 45.0
+    assert kp.value == 45.0

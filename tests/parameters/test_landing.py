@@ -1,0 +1,274 @@
+"""Changes of clients land whole at the end of a tick, and are recorded with the tick from which they held."""
+
+import pytest
+
+import silo
+from silo.errors import ElementError
+from silo.parameters.parameters import MOST_ENDS, MOST_WAITING
+
+
+class Clock:
+    """Turned by hand."""
+
+    now_ns = 0
+
+    def __call__(self):
+        self.now_ns += 10_000_000
+        return self.now_ns
+
+
+@pytest.fixture
+def tuned(new_logger):
+    """A running logger of two gains and what asks for changes: `tuned.ask({"kp": 1.0})`."""
+    logger = new_logger(frequency=100, clock=Clock())
+    logger.parameter("kp", 40.0, min=0, max=200, group="legs", locked=True)
+    logger.parameter("height", 0.3, min=0.1, max=0.5, rate=1.0)  # per second: 0.01 a tick
+    logger.parameter("kd", 1.0, group="legs")
+    logger.start()
+    return logger
+
+
+def ask(logger, values, name="", **more):
+    return logger.parameters.request(values, "alice", "shell", name, **{"remote": False, **more})
+
+
+def read(logger):
+    return {name.rpartition("/")[2]: value for name, value in logger.parameters.read().items()}
+
+
+def told(logger):
+    return [
+        (event.tick, event.who, {name: (old, new) for name, old, new in event.change.values})
+        for event in logger.present_run.reader.changes()
+    ]
+
+
+def test_a_change_waits_for_the_end_of_the_tick_and_holds_from_the_next_row_on(tuned):
+    tuned.collect()
+    change = ask(tuned, {"kp": 50.0, "kd": 2.0})
+    assert read(tuned)["kp"] == 40.0
+    tuned.collect()
+    assert (read(tuned)["kp"], read(tuned)["kd"]) == (50.0, 2.0)
+    assert change.tick == tuned.ticks == 2  # the index of the next row
+    assert told(tuned)[-1] == (2, "alice", {"/log/legs/kp": (40.0, 50.0), "/log/legs/kd": (1.0, 2.0)})
+
+
+def test_the_record_begins_with_what_all_were_and_tells_what_it_really_was_before(tuned):
+    ask(tuned, {"kp": 50.0})
+    tuned.parameters["kp"].value = 45.0
+    tuned.collect()
+    image, own, asked = told(tuned)
+    assert image[2]["/log/legs/kp"] == (None, 40.0)
+    assert own == (0, tuned.name, {"/log/legs/kp": (40.0, 45.0)})
+    assert asked == (1, "alice", {"/log/legs/kp": (45.0, 50.0)})
+
+
+def test_what_waits_when_the_next_run_starts_lands_in_it_and_is_recorded_there(tuned):
+    ask(tuned, {"kp": 50.0})
+    tuned.restart()
+    assert read(tuned)["kp"] == 40.0
+    tuned.collect()
+    assert told(tuned)[-1] == (1, "alice", {"/log/legs/kp": (40.0, 50.0)})
+
+
+def test_before_the_start_and_while_stopped_a_change_lands_at_a_collect_that_logs_nothing(new_logger):
+    logger = new_logger()
+    logger.parameter("kp", 40.0)
+    change = ask(logger, {"kp": 50.0})
+    logger.collect()
+    assert (change.landed, change.tick, read(logger)["kp"]) == (True, -1, 50.0)
+    logger.start()
+    assert told(logger)[0][2] == {"/log/kp": (None, 50.0)}
+
+
+def test_the_values_stay_across_runs(tuned):
+    tuned.parameters["kp"].value = 77.0
+    tuned.restart()
+    assert told(tuned)[0][2]["/log/legs/kp"] == (None, 77.0)
+
+
+def test_a_lock_closes_what_is_declared_so_also_for_what_waits_and_not_for_the_program(tuned):
+    waits = ask(tuned, {"kp": 50.0})
+    tuned.parameters.lock()
+    tuned.collect()
+    assert "closed it for now" in waits.refused
+    with pytest.raises(ElementError, match="closed it for now"):
+        ask(tuned, {"kp": 60.0})
+    ask(tuned, {"kd": 3.0})
+    tuned.collect()
+    tuned.parameters["kp"].value = 55.0
+    assert (read(tuned)["kp"], read(tuned)["kd"]) == (55.0, 3.0)
+    tuned.parameters.unlock()
+    ask(tuned, {"kp": 60.0})
+    assert all("50.0" not in str(one) for one in told(tuned))
+
+
+def test_a_ramp_goes_so_fast_by_the_stamps_and_all_of_a_change_arrive_at_once(tuned):
+    ask(tuned, {"height": 0.4, "kp": 50.0})
+    tuned.collect()
+    tuned.collect()
+    assert (read(tuned)["height"], read(tuned)["kp"]) == (pytest.approx(0.31), pytest.approx(41.0))
+    for _ in range(20):
+        tuned.collect()
+    assert (read(tuned)["height"], read(tuned)["kp"]) == (0.4, 50.0)
+    (event,) = [event for event in tuned.present_run.reader.changes() if event.who == "alice"]
+    assert (event.tick, event.change.until) == (1, 11)
+
+
+def test_what_the_program_sets_ends_a_ramp(tuned):
+    ask(tuned, {"height": 0.4})
+    tuned.collect()
+    tuned.collect()
+    tuned.parameters["height"].value = 0.2
+    tuned.collect()
+    assert read(tuned)["height"] == 0.2
+    assert not tuned.parameters.landing.waiting
+
+
+def test_a_clock_that_goes_back_holds_a_ramp(new_logger):
+    clock = Clock()
+    logger = new_logger(clock=clock)
+    logger.parameter("height", 0.0, rate=1.0)
+    logger.start()
+    ask(logger, {"height": 1.0})
+    for _ in range(11):
+        logger.collect()
+    clock.now_ns = 0
+    logger.collect()
+    assert read(logger)["height"] == pytest.approx(0.1)
+
+
+def test_a_change_whose_partner_the_program_changed_after_the_check_is_refused(new_logger):
+    logger = new_logger()
+    logger.parameter("kp", 40.0, check=lambda value, group: value > group["kd"])
+    logger.parameter("kd", 1.0)
+    logger.start()
+    first, second = ask(logger, {"kp": 5.0}), ask(logger, {"kp": 6.0})
+    logger.parameters["kd"].value = 4.0
+    logger.collect()
+    assert "meanwhile" in first.refused
+    assert "meanwhile" in second.refused
+    ask(logger, {"kp": 6.0})
+    logger.collect()
+    assert read(logger)["kp"] == 6.0
+
+
+def test_a_check_sees_the_values_as_they_will_be(new_logger):
+    logger = new_logger()
+    logger.parameter("kp", 40.0, check=lambda value, group: value > group["kd"])
+    logger.parameter("kd", 1.0)
+    logger.start()
+    ask(logger, {"kd": 30.0})
+    with pytest.raises(ElementError, match="its check refuses it"):
+        ask(logger, {"kp": 20.0})
+    ask(logger, {"kp": 31.0})
+    logger.collect()
+    assert read(logger) == {"kp": 31.0, "kd": 30.0}
+
+
+def test_more_than_so_many_that_wait_are_told_to_come_again(tuned):
+    for _ in range(MOST_WAITING):
+        ask(tuned, {"kd": 2.0})
+    with pytest.raises(ElementError, match="wait for a tick already: try again"):
+        ask(tuned, {"kd": 2.0})
+    tuned.collect()
+    ask(tuned, {"kd": 2.0})
+
+
+def test_a_change_that_is_asked_for_twice_under_one_name_is_done_once_and_its_end_is_remembered(tuned):
+    first = ask(tuned, {"kd": 2.0}, "a")
+    tuned.collect()
+    assert ask(tuned, {"kd": 3.0}, "a") is first
+    assert tuned.parameters.end_of("a").tick == 1
+    for number in range(MOST_ENDS):
+        ask(tuned, {"kd": 2.0}, str(number))
+        tuned.collect()
+    assert tuned.parameters.end_of("a") is None
+
+
+@pytest.mark.parametrize(
+    ("writable", "remote", "words"),
+    [(False, False, "the program alone sets it"), (True, True, "set on the robot alone"), ("anywhere", True, "")],
+)
+def test_whose_changes_are_taken_is_what_the_program_says(new_logger, writable, remote, words):
+    logger = new_logger()
+    logger.parameter("kp", 40.0, writable=writable)
+    if not words:
+        ask(logger, {"kp": 50.0}, remote=remote)
+        return
+    with pytest.raises(ElementError, match=words):
+        ask(logger, {"kp": 50.0}, remote=remote)
+
+
+def test_what_nobody_confirms_is_taken_back_as_far_as_nobody_changed_it_since(tuned):
+    ask(tuned, {"kp": 50.0, "kd": 2.0}, "a", revert_s=1e-9)
+    tuned.collect()
+    tuned.parameters["kd"].value = 3.0
+    tuned.parameters.revert_due()
+    tuned.collect()
+    assert (read(tuned)["kp"], read(tuned)["kd"]) == (40.0, 3.0)
+
+
+def test_what_is_confirmed_stays(tuned):
+    ask(tuned, {"kp": 50.0}, "a", revert_s=1e-9)
+    tuned.collect()
+    assert tuned.parameters.confirm("a")
+    tuned.parameters.revert_due()
+    tuned.collect()
+    assert read(tuned)["kp"] == 50.0
+
+
+class Interrupt:
+    """A record whose change is interrupted once, at its last step."""
+
+    def __init__(self, slot):
+        self.slot, self.done = slot, False
+
+    def land(self, tick, old):
+        self.slot.land(tick, old)
+        if not self.done:
+            self.done = True
+            raise KeyboardInterrupt
+
+    def end(self, tick):
+        self.slot.end(tick)
+
+
+def test_an_interrupt_while_a_change_lands_leaves_it_waiting_and_the_row_whole(tuned):
+    change = ask(tuned, {"kp": 50.0})
+    change.slot = Interrupt(change.slot)
+    with pytest.raises(KeyboardInterrupt):
+        tuned.collect()
+    assert tuned.ticks == 1
+    tuned.collect()
+    assert told(tuned)[-1] == (2, "alice", {"/log/legs/kp": (40.0, 50.0)})
+    assert read(tuned)["kp"] == 50.0
+
+
+def test_a_change_that_waits_is_in_no_record(tuned):
+    ask(tuned, {"kp": 50.0})
+    assert len(told(tuned)) == 1
+
+
+@pytest.mark.parametrize("kind", ["silo", "csv", "bag"])
+def test_a_file_tells_what_held_at_a_time_and_who_changed_it(tuned, kind):
+    tuned.collect()
+    ask(tuned, {"kp": 50.0, "kd": 2.0})
+    for _ in range(5):
+        tuned.collect()
+    tuned.parameters["kp"].value = 60.0
+    tuned.collect()
+    log = silo.open_log(tuned.save(kind).path)
+    held = [log.parameters.at(time_s)["/log/legs/kp"] for time_s in (0.0, 0.015, 0.02, 0.055, 0.06, 99.0)]
+    assert held == [40.0, 40.0, 50.0, 50.0, 60.0, 60.0]
+    assert next((event.tick, event.who) for event in log.parameters.changes) == (2, "alice")
+
+
+def test_changes_that_the_slots_hold_no_more_are_told_from_what_the_next_one_found(tuned):
+    tuned.collect()
+    for value in range(2000):
+        tuned.parameters["kd"].value = float(value)
+    tuned.collect()
+    log = silo.Log(tuned.snapshot())
+    assert log.parameters.at(99.0)["/log/legs/kd"] == 1999.0
+    assert len(log.parameters.changes) == 1024
