@@ -112,7 +112,7 @@ def test_without_parameters_the_segment_has_no_room_for_changes(new_logger):
     logger = new_logger()
     logger.array("q", 3)
     logger.start()
-    assert logger.present_run.segment.schema.parameter_changes == -1
+    assert logger._present.run.segment.schema.parameter_changes == -1
 
 
 def test_a_null_logger_has_parameters_that_its_program_sets():

@@ -39,7 +39,7 @@ def read(logger):
 def told(logger):
     return [
         (event.tick, event.who, {name: (old, new) for name, old, new in event.change.values})
-        for event in logger.present_run.reader.changes()
+        for event in logger._present.run.reader.changes()
     ]
 
 
@@ -111,7 +111,7 @@ def test_a_ramp_goes_so_fast_by_the_stamps_and_all_of_a_change_arrive_at_once(tu
     for _ in range(20):
         tuned.collect()
     assert (read(tuned)["height"], read(tuned)["kp"]) == (0.4, 50.0)
-    (event,) = [event for event in tuned.present_run.reader.changes() if event.who == "alice"]
+    (event,) = [event for event in tuned._present.run.reader.changes() if event.who == "alice"]
     assert (event.tick, event.change.until) == (1, 11)
 
 
