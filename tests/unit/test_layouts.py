@@ -65,7 +65,8 @@ def add_beside_every_field(part) -> int:
         return sum(map(add_beside_every_field, part))
     if not isinstance(part, dict):
         return 0
-    count = sum(map(add_beside_every_field, part.values()))
+    # what a program says of itself is words by names of its own: no fields
+    count = sum(add_beside_every_field(each) for name, each in part.items() if name != "about")
     if all(not key.lstrip("-").isdecimal() for key in part):  # not the labels of an enumeration
         part["novelties"] = {"when": "x > 2", "pre_s": 1.5, "marks": [None, {"tick": 7}]}
         count += 1
