@@ -74,7 +74,7 @@ def flood(client: Client, seconds: float) -> int:
         calls: list[Callable[[], object]] = [
             client.table,
             client.status,
-            client.hello,
+            client._hello,
             lambda: client.history(names, 1_700_000_000_000_000_000, 1_700_000_004_000_000_000, 1_000_000),
         ]
         while time.monotonic() < end:

@@ -22,7 +22,7 @@ def services(connect: Connect, prefix: str) -> dict[str, Call]:
 
     def call(do: "Callable[[Client], str]", caller: str) -> str:
         with connect() as client:
-            client.act_for(caller)
+            client._act_for(caller)
             return do(client)
 
     what: dict[str, Callable[[Client], str]] = {

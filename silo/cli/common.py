@@ -163,7 +163,7 @@ def _forget_discovered() -> None:
 
 def tell_viewers(client: "Client") -> None:
     """Raise RefusedError for who may not change anything, before a word of how a change could be made."""
-    hello = client.hello()
+    hello = client._hello()
     if not hello.may_edit:
         raise RefusedError(hello.why_not)
 

@@ -17,7 +17,7 @@ from silo.client.saves import Saves
 from silo.conditions.requests import ConditionRequests
 from silo.control.requests import LONGEST_LEASE_S, ControlRequests, TakeControl
 from silo.core.arguments import path, real, shown, switch, text, texts, whole
-from silo.core.calls import told_class
+from silo.core.calls import former_member, no_attribute, told_class
 from silo.core.elements import SavedFile
 from silo.core.printing import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SiloError
@@ -49,6 +49,11 @@ if TYPE_CHECKING:
     from silo.live.topic import Topic
     from silo.live.view import View
 
+# members of before, which work for one release: silo's own, of its terminal and its bridges
+FORMER = {
+    name: (f"_{name}", "")
+    for name in ("act_for", "hello", "identity", "keep_view", "kept_view", "kept_views", "survey", "try_now")
+}
 LEASE_S = 15.0  # of control that is renewed: seven renewals, or 15 s of a link that is away
 LONGEST_S = 1e6  # that anybody waits
 
@@ -120,13 +125,20 @@ class Client(
         with ExitStack() as holding:
             return cls(discover(timeout_s, config, holding).one(logger), timeout_s, read_only=read_only)
 
-    def act_for(self, caller: str) -> None:
+    def _act_for(self, caller: str) -> None:
         """Say of changes for whom they are made: as a bridge does, whose own users the robot can't know.
 
         Args:
             caller: in words; events have them behind the name of who is connected.
         """
         self._name = f"{client_name()} for {caller}"
+
+    if not TYPE_CHECKING:  # which know what there is
+
+        def __getattr__(self, name: str) -> object:
+            if name in FORMER:
+                return former_member(self, "client", name, FORMER)
+            return no_attribute("a client", name, type(self), {})
 
     def __repr__(self) -> str:
         found = self.found
@@ -149,7 +161,7 @@ class Client(
         return self._connection.found
 
     @property
-    def identity(self) -> str:
+    def _identity(self) -> str:
         """By which the logger tells this user from other operators: its name over a network; empty without a link."""
         return self._connection.identity
 
@@ -174,7 +186,7 @@ class Client(
         """
         self._connection.link_callbacks.append(callback)
 
-    def try_now(self) -> None:
+    def _try_now(self) -> None:
         """Look for the helper process at once, where the link is lost.
 
         It is looked for by itself five times a second. This returns before it is found: `connected` and `on_link` tell.
@@ -229,7 +241,7 @@ class Client(
         reply = checked(question, self._connection.exchange(question, self._timeout_s))
         return reply.why_not or viewer_words(self._connection.user, self._connection.root.address)
 
-    def hello(self) -> HelloReply:
+    def _hello(self) -> HelloReply:
         """Return who is there, whether this user may change anything, and why not."""
         question = Hello(version=VERSION, client=self._name)
         reply = self._call(question)
@@ -573,7 +585,7 @@ class Client(
                 resume=reply.resume,
             )  # fmt: skip
 
-    def survey(
+    def _survey(
         self,
         quantities: Sequence[str],
         names: Sequence[str] = (),

@@ -104,7 +104,7 @@ class ScriptRequests(Caller):
         """
 
     @ask("ListKeptViews", slow=True)
-    def kept_views(self) -> KeptViews:
+    def _kept_views(self) -> KeptViews:
         """Return the names of the views that are kept beside the logger's script.
 
         Returns:
@@ -112,7 +112,7 @@ class ScriptRequests(Caller):
         """
 
     @ask("ReadKeptView", slow=True)
-    def kept_view(self, name: str) -> KeptView:
+    def _kept_view(self, name: str) -> KeptView:
         """Return a view that is kept beside the logger's script.
 
         Args:
@@ -126,7 +126,7 @@ class ScriptRequests(Caller):
         """
 
     @change(control=False, lane=Lane.DISK, timeout_s=15.0)
-    def keep_view(self, name: str, text: str, overwrite: bool = False) -> str:
+    def _keep_view(self, name: str, text: str, overwrite: bool = False) -> str:
         """Keep a view beside the logger's script, for whoever looks at this logger.
 
         Args:

@@ -246,7 +246,7 @@ async def view_shown(context: Context, name: str) -> str:
                 path.unlink(missing_ok=True)
         elif name.startswith(ROBOT):
             plain = name.removeprefix(ROBOT)
-            layout, problems = read((await context.link.read(lambda client: client.kept_view(plain))).text)
+            layout, problems = read((await context.link.read(lambda client: client._kept_view(plain))).text)
         else:
             layout, problems = files.load(name)
     except ValueError as error:
@@ -259,7 +259,7 @@ async def tell_views(context: Context) -> None:
     """Say which views there are, here and on the robot."""
     known = files.names()
     with suppress(SiloError):  # an older silo, or no link: those of this machine are there all the same
-        known += [ROBOT + name for name in (await context.link.read(lambda client: client.kept_views())).names]
+        known += [ROBOT + name for name in (await context.link.read(lambda client: client._kept_views())).names]
     none = "no views yet; `:view save NAME` makes one, `:view save robot:NAME` one for all who look at this robot"
     context.say(f"views: {', '.join(known)}" if known else none)
 
@@ -268,11 +268,11 @@ async def keep_on_robot(context: Context, name: str, layout: KeptLayout) -> None
     """Keep a view on the robot; over one of that name after a question."""
     link = context.link
     try:
-        said = await link.call(lambda client: client.keep_view(name, write(layout)))
+        said = await link.call(lambda client: client._keep_view(name, write(layout)))
     except RefusedError as refused:
         if why(refused) is not RefusedWhy.EXISTS:
             raise
         if not await confirmed(context.app, f"Write over view {name}?", str(refused), "Write"):
             return
-        said = await link.call(lambda client: client.keep_view(name, write(layout), overwrite=True))
+        said = await link.call(lambda client: client._keep_view(name, write(layout), overwrite=True))
     context.say(f"{said}; silo-tui --view {ROBOT}{name} opens it")

@@ -85,7 +85,7 @@ class Link:
     @property
     def identity(self) -> str:
         """By which the logger tells us from other operators."""
-        return self._client.identity
+        return self._client._identity
 
     async def call(self, job: "Callable[[Client], Result]") -> Result:
         """Run a call that may change something, one after the other."""
@@ -129,7 +129,7 @@ class Link:
 
     def try_now(self) -> None:
         """Look for the helper process at once."""
-        self._client.try_now()
+        self._client._try_now()
 
     def close(self) -> None:
         """Close the connection without waiting for calls that are under way."""

@@ -159,7 +159,7 @@ class Session:
     async def attach(self, link: Link) -> None:
         """Take a new connection and reads everything once."""
         self.link = link
-        hello = await link.call(lambda client: client.hello())
+        hello = await link.call(lambda client: client._hello())
         self.may_edit, self.why_not = hello.may_edit, hello.why_not
         self.identity = self._link.identity
         self.take_status(hello.status)
@@ -285,7 +285,7 @@ class Session:
         wanted = sorted(self.rows.wanted())
         names, asked = (list(details), list(quantities)) if details and quantities else ([], [])
         found = await self._link.read(
-            lambda client: client.survey(wanted, reset=reset, derived=True, some=names, some_quantities=asked)
+            lambda client: client._survey(wanted, reset=reset, derived=True, some=names, some_quantities=asked)
         )
         arrays = np.frombuffer(found.values).reshape(len(wanted), -1)
         if found.revision != self.table.revision or arrays.shape[1] != len(self.table):
@@ -295,7 +295,7 @@ class Session:
             some = found.some
             if not some:  # of an older helper process, which knows nothing of `some`
                 asked = [quantity for quantity in asked if quantity not in {"bad", "least", "most"}]
-                some = (await self._link.read(lambda client: client.survey(asked, names))).values
+                some = (await self._link.read(lambda client: client._survey(asked, names))).values
             columns = np.frombuffer(some).reshape(len(asked), -1)
             told = {
                 name: dict(zip(asked, column, strict=True))
@@ -433,7 +433,7 @@ class Session:
         before = self.status
         self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
-        hello = await self._link.call(lambda client: client.hello())
+        hello = await self._link.call(lambda client: client._hello())
         self.may_edit, self.why_not = hello.may_edit, hello.why_not
         self.identity = self._link.identity
         self.take_status(hello.status)

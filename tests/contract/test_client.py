@@ -32,7 +32,7 @@ def options(client, name):
 
 
 def test_hello_says_which_logger_answers_and_that_it_may_be_changed(client):
-    hello = client.hello()
+    hello = client._hello()
     assert (hello.status.logger, hello.may_edit) == ("robot", True)
     assert hello.status.helper_pid != hello.status.pid
 
@@ -362,7 +362,7 @@ def test_a_lost_link_is_told_and_calls_say_so(side, client):
     side.cut()
     assert side.heard.lost()
     assert not client.connected
-    for call in (client.status, client.table, client.hello, client.start):
+    for call in (client.status, client.table, client._hello, client.start):
         with pytest.raises(ConnectionLostError):
             call()
 
@@ -446,18 +446,18 @@ def test_moments_are_found_where_the_samples_have_them(side, client, what):
 
 
 def measured(client, quantity, name):
-    return np.frombuffer(client.survey([quantity], [name]).values)[0]
+    return np.frombuffer(client._survey([quantity], [name]).values)[0]
 
 
 def test_a_survey_without_names_is_of_the_whole_table_in_its_order(side, client):
-    survey = client.survey(["held", "signs"])
+    survey = client._survey(["held", "signs"])
     assert np.frombuffer(survey.values).reshape(2, -1).shape == (2, 5)
     assert survey.revision == client.table().revision
 
 
 def test_a_survey_tells_elements_entries_and_what_is_saved_only(side, client):
     client.start()
-    client.survey(["max"])
+    client._survey(["max"])
     side.ticks(50)
     entry = next(element for element in client.table().elements if element.name == Q).entries[1]
     wanted = [X, Q, Q + entry.suffix, KEPT]
@@ -465,7 +465,7 @@ def test_a_survey_tells_elements_entries_and_what_is_saved_only(side, client):
     found = np.full(4, np.nan)
     while not np.isfinite(found).all():
         assert time.monotonic() < deadline, found
-        found = np.frombuffer(client.survey(["max"], wanted).values)
+        found = np.frombuffer(client._survey(["max"], wanted).values)
     assert np.isnan(measured(client, "max", "/log/nix"))
     assert np.isnan(measured(client, "max", WORD))
 
@@ -475,20 +475,20 @@ def test_what_is_asked_of_some_beside_all_is_of_the_same_samples(side, client):
     place = [element.name for element in client.table().elements].index(X)
     for _ in range(5):
         side.ticks(7)
-        found = client.survey(["value"], some=[X, Q], some_quantities=["value", "max"])
+        found = client._survey(["value"], some=[X, Q], some_quantities=["value", "max"])
         some = np.frombuffer(found.some).reshape(2, 2)
         assert np.array_equal(np.frombuffer(found.values)[[place]], some[0, :1], equal_nan=True)
-    assert refusal(client.survey, ["value"], some=[X], some_quantities=["beauty"]).why is RefusedWhy.INVALID
+    assert refusal(client._survey, ["value"], some=[X], some_quantities=["beauty"]).why is RefusedWhy.INVALID
 
 
 def test_a_quantity_that_is_none_is_refused(client):
-    assert refusal(client.survey, ["beauty"]).why is RefusedWhy.INVALID
+    assert refusal(client._survey, ["beauty"]).why is RefusedWhy.INVALID
 
 
 def test_statistics_begin_when_a_client_asks_first_and_after_its_reset(side, client):
     client.start()
     side.ticks(5)
-    first = client.survey(["max"]).since_ns
+    first = client._survey(["max"]).since_ns
     side.ticks(5)
-    assert client.survey(["max"]).since_ns == first > 0
-    assert client.survey(["max"], reset=True).since_ns > first
+    assert client._survey(["max"]).since_ns == first > 0
+    assert client._survey(["max"], reset=True).since_ns > first

@@ -233,18 +233,18 @@ class TestRows:
     def test_statistics_are_over_every_sample(self, bench, client):
         derive(bench, client, "twice", "2 * x")
         run(bench, client, 1)
-        wait_until(lambda: client.survey(["max"], ["/log/twice"]).time_ns)
+        wait_until(lambda: client._survey(["max"], ["/log/twice"]).time_ns)
         bench.ticks(40)
         bench.x[...] = 0
         bench.ticks(1)
 
         def high_and_low():
-            found = np.frombuffer(client.survey(["max", "value"], ["/log/twice"]).values).tolist()
+            found = np.frombuffer(client._survey(["max", "value"], ["/log/twice"]).values).tolist()
             return found[1] == 2.0 and found
 
         assert wait_until(high_and_low) == [82.0, 2.0]
         table = client.table()
-        every = np.frombuffer(client.survey(list(QUANTITIES), derived=True).values).reshape(len(QUANTITIES), -1)
+        every = np.frombuffer(client._survey(list(QUANTITIES), derived=True).values).reshape(len(QUANTITIES), -1)
         assert every.shape[1] == len(table.elements) + len(table.derived)
 
     def test_one_that_is_given_a_new_expression_is_judged_anew(self, bench, client):

@@ -131,4 +131,4 @@ def test_a_change_whose_client_has_given_up_is_refused_and_one_that_waits_is_don
 
 def test_a_hello_tells_the_clock_of_the_helper_process(bench, client) -> None:
     before = clock_s()
-    assert before <= client.hello().clock_s <= clock_s()
+    assert before <= client._hello().clock_s <= clock_s()

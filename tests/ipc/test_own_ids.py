@@ -57,7 +57,7 @@ def test_nobody_else_says_who_a_client_is(bench, client) -> None:
 def test_nobody_else_asks_for_statistics_in_the_place_of_a_client_or_begins_them_anew(bench, client) -> None:
     bench.logger.start()
     bench.ticks(5)
-    since_ns = wait_until(lambda: client.survey(["max"]).since_ns)
+    since_ns = wait_until(lambda: client._survey(["max"]).since_ns)
     bench.ticks(5)
     mine, name = client._surveyed, client._name
     with silo.connect("bot") as other:
@@ -65,9 +65,9 @@ def test_nobody_else_asks_for_statistics_in_the_place_of_a_client_or_begins_them
         for proof in ("", theirs.proof, mine.id):
             with pytest.raises(RefusedError, match=r"no survey: 'z.*' is another client's; nothing was changed"):
                 other._call(GetSurvey(quantities=["max"], reset=True, id=mine.id, proof=proof))
-        assert other.survey(["max"], reset=True).since_ns > since_ns
+        assert other._survey(["max"], reset=True).since_ns > since_ns
         assert other._call(GetSurvey(quantities=["max"], reset=True, client=name)).since_ns > since_ns
-    assert client.survey(["max"]).since_ns == since_ns
+    assert client._survey(["max"]).since_ns == since_ns
 
 
 @pytest.mark.slow
@@ -77,5 +77,5 @@ def test_statistics_of_an_older_client_are_those_of_its_name(bench, client) -> N
     asked = GetSurvey(quantities=["max"])
     since_ns = wait_until(lambda: client._call(asked).since_ns)
     bench.ticks(5)
-    assert client.survey(["max"]).since_ns > since_ns
+    assert client._survey(["max"]).since_ns > since_ns
     assert client._call(asked).since_ns == since_ns

@@ -261,11 +261,11 @@ def failure(config: str) -> LayerError:
 def test_who_was_handed_a_file_is_in_with_the_role_that_init_gave(network) -> None:
     alice, bob = (str(network.made.clients[name]) for name in ("alice", "bob"))
     with silo.connect("walker", config=bob) as client:
-        assert not client.hello().may_edit
+        assert not client._hello().may_edit
         with pytest.raises(RefusedError, match=r"user 'bob' may look at .*, not change it"):
             client.start()
     with silo.connect("walker", config=alice) as client:
-        assert client.hello().may_edit
+        assert client._hello().may_edit
         assert client.start().state.value == "running"
         client.stop()
 

@@ -79,7 +79,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 
 def test_roles_hold_at_the_router(site) -> None:
     with silo.connect("walker", config=site.config("bob")) as viewer:
-        assert not viewer.hello().may_edit
+        assert not viewer._hello().may_edit
         with (
             viewer.view(["/log/x"], rate_hz=30) as view,
             silo.connect("walker", config=site.config("alice")) as operator,
@@ -175,7 +175,7 @@ def test_everybody_who_looks_at_its_robots_is_told_what_a_router_refused(refusin
 
 def test_the_status_says_who_of_the_network_is_there(site) -> None:
     with silo.connect("walker", config=site.config("alice")) as operator:
-        operator.hello()
+        operator._hello()
         found = wait_until(lambda: [one for one in operator.status().clients if one.identity])
         assert found[0].who.startswith("alice (proven) from ")
 
@@ -200,7 +200,7 @@ def test_a_robot_asks_nobody(site) -> None:
 def test_a_robot_with_a_password_for_the_router_still_answers_its_own_users(site, monkeypatch) -> None:
     monkeypatch.setenv("SILO_RUNTIME_DIR", str(Path(site.serving.socket_path).parent))
     with Client.connect("walker", config="local") as client:
-        assert client.hello().may_edit
+        assert client._hello().may_edit
         assert client.found.socket
 
 

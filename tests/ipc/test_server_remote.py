@@ -64,7 +64,7 @@ def test_remote_logger_is_found_by_its_configuration(guarded) -> None:
 def test_viewer_sees_values_but_may_not_edit(guarded, logger, until) -> None:
     logger.start()
     with Client.connect("far", config=guarded("viewer", "look")) as client:
-        assert not client.hello().may_edit
+        assert not client._hello().may_edit
         with client.view(["/log/x"], rate_hz=30) as view:
             logger.collect()
             until(view.frame)
@@ -88,7 +88,7 @@ def test_viewer_may_list_and_fetch_recordings_but_not_delete_them(guarded, logge
 
 def test_engineer_may_change(guarded, logger) -> None:
     with Client.connect("far", config=guarded("engineer", "change")) as client:
-        assert client.hello().may_edit
+        assert client._hello().may_edit
         assert client.start().state is State.RUNNING
     assert logger.is_running
 
@@ -101,7 +101,7 @@ def test_wrong_password_is_told_with_what_to_check(guarded) -> None:
 def test_a_denied_change_is_an_event_and_counted_and_who_only_looks_leaves_none(guarded, logger, capsys) -> None:
     with Client.connect("far") as local:
         with Client.connect("far", config=guarded("viewer", "look")) as client:
-            client.hello()
+            client._hello()
             client.status()
             assert local.status().denied == 0
             for _ in range(20):
@@ -157,7 +157,7 @@ def test_a_configuration_with_a_password_is_a_file_of_its_user_alone(guarded, tm
 
 def test_local_clients_need_no_password(guarded) -> None:
     with Client.connect("far") as client:
-        assert client.hello().may_edit
+        assert client._hello().may_edit
 
 
 def test_nothing_with_passwords_is_left_behind(guarded, logger, runtime) -> None:

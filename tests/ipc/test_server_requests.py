@@ -35,7 +35,7 @@ def edit(client: Client, name: str, **changes: object) -> Edit:
 
 
 def test_hello_says_who_serves_and_that_this_user_may_edit(bench, client) -> None:
-    hello = client.hello()
+    hello = client._hello()
     assert hello.may_edit
     assert (hello.status.logger, hello.status.pid) == ("bot", os.getpid())
     assert hello.version == silo.__version__

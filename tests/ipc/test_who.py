@@ -182,7 +182,7 @@ def test_a_stranger_at_an_open_router_sees_and_changes_nothing(tmp_path, runtime
         logger.serve(config=robot)
         wait_until(seen)
         with silo.connect("walker", config=desk) as stranger:
-            hello = stranger.hello()
+            hello = stranger._hello()
             assert (hello.may_edit, INSECURE in hello.why_not) == (False, True)
             assert stranger.status().logger == "walker"
             with pytest.raises(RefusedError, match=r"takes no changes from this network: nobody knows who is behind"):
@@ -205,7 +205,7 @@ def test_a_router_that_lets_in_everybody_lets_nobody_change_anything(tmp_path, r
         logger.serve(config=robot)
         found = wait_until(lambda: _found(desk))
         with Client.connect(found) as stranger:
-            assert not stranger.hello().may_edit
+            assert not stranger._hello().may_edit
             with pytest.raises(RefusedError, match="may look at"):
                 stranger.start()
     close(router)
@@ -238,7 +238,7 @@ def test_a_group_whose_role_is_viewer_looks_and_changes_nothing(shared) -> None:
         owner.start()
     Beside.OWN.of(Path(serving.socket_path)).unlink()
     with Client.connect("lab") as member:
-        hello = member.hello()
+        hello = member._hello()
         assert not hello.may_edit
         assert member.status().logger == "lab"
         with pytest.raises(RefusedError, match=f"group '{GROUP}' may look at lab, not change it") as caught:
@@ -289,7 +289,7 @@ def test_a_role_or_mode_that_there_is_not_is_refused_with_those_that_there_are(s
 def test_a_read_only_client_sends_nothing_that_changes_something(bench) -> None:
     with silo.connect("bot", read_only=True) as looker:
         assert looker.status().logger == "bot"
-        hello = looker.hello()
+        hello = looker._hello()
         assert (hello.may_edit, "read-only" in hello.why_not) == (False, True)
         for change in (looker.start, looker.stop, looker.save, lambda: looker.mark("x"), looker.take_control):
             with pytest.raises(RefusedError, match=r"this is read-only .*nothing was changed"):
@@ -368,7 +368,7 @@ def test_control_is_handed_over_to_an_operator_who_is_connected(bench) -> None:
         anna.take_control()
         with pytest.raises(RefusedError, match="no operator 'carol' is connected"):
             anna.hand_over("carol")
-        bob.hello()
+        bob._hello()
         wait_until(lambda: "@local bob" in {one.identity for one in anna.status().clients})
         anna.hand_over("bob")
         assert bob.status().control.identity == "@local bob"
@@ -415,7 +415,7 @@ def test_the_program_itself_needs_no_control(bench) -> None:
 
 def test_the_status_tells_who_is_connected(bench) -> None:
     with Other("anna") as anna:
-        anna.hello()
+        anna._hello()
         (found,) = wait_until(lambda: anna.status().clients)
         assert (found.who, found.identity) == ("anna@robot3 silo-tui 1", "@local anna")
     with Other("bob") as bob:

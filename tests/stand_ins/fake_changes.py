@@ -222,17 +222,17 @@ class FakeChanges:
         held = [self._held_samples(name).time_ns for name in names]
         return min([int(stamps[0]) for stamps in held if len(stamps)], default=0)
 
-    def kept_views(self) -> KeptViews:
+    def _kept_views(self) -> KeptViews:
         self._ask()
         return KeptViews(f"{FOLDER}/views", sorted(self.views_kept))
 
-    def kept_view(self, name: str) -> KeptView:
+    def _kept_view(self, name: str) -> KeptView:
         self._ask()
         if name not in self.views_kept:
             raise refused(RefusedWhy.NOT_FOUND, f"there is no view '{name}' on the robot")
         return KeptView(f"{FOLDER}/views/{name}.yaml", self.views_kept[name])
 
-    def keep_view(self, name: str, text: str, overwrite: bool = False) -> str:
+    def _keep_view(self, name: str, text: str, overwrite: bool = False) -> str:
         self._ask()
         if name in self.views_kept and not overwrite:
             raise refused(RefusedWhy.EXISTS, f"there is a view '{name}' on the robot")

@@ -47,7 +47,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions):
     """One logger. `calls` holds what was asked to change it; `advance` moves its clock."""
 
     kinds = EventKind
-    identity = "@local me"
+    _identity = "@local me"
 
     def __init__(self, elements: list[ElementInfo] | None = None, name: str = "robot") -> None:
         self.elements = robot_elements() if elements is None else elements
@@ -191,7 +191,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions):
             self.publish(EventKind(kind), text, who, **known)
         return event
 
-    def hello(self) -> HelloReply:
+    def _hello(self) -> HelloReply:
         self._ask()
         why_not = "" if self.may_edit else viewer_words("bob", f"anymal/{self.name}")
         return HelloReply(protocol=PROTOCOL, version=VERSION, user="ann", may_edit=self.may_edit,
@@ -251,7 +251,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions):
     def on_link(self, callback: Callable[[bool], None]) -> None:
         self._link = callback
 
-    def try_now(self) -> None:
+    def _try_now(self) -> None:
         self.calls.append(("try_now",))
 
     def close(self) -> None:

@@ -228,7 +228,7 @@ class FakeRows:
         bases = dict(enumerate(grid.bases))
         return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases, pin.opened.end_ns)
 
-    def survey(
+    def _survey(
         self,
         quantities: Sequence[str],
         names: Sequence[str] = (),

@@ -245,14 +245,14 @@ async def test_a_logger_that_is_back_and_slow_to_answer_is_asked_once_until_it_h
     async with opened(fake) as screen:
         fake.cut()
         await screen.shows("~ NO LINK")
-        answers, asked, hello = threading.Event(), [], fake.hello
+        answers, asked, hello = threading.Event(), [], fake._hello
 
         def slow_hello():
             asked.append(len(asked))
             assert answers.wait(DEADLINE_S)
             return hello()
 
-        fake.hello = slow_hello
+        fake._hello = slow_hello
         fake.mend()
         await screen.until(lambda: asked)
         for _ in range(5):

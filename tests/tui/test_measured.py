@@ -207,7 +207,7 @@ async def test_a_logger_that_knows_no_surveys_is_shown_all_the_same(fake, opened
     def survey(*arguments, **options):
         raise refused(RefusedWhy.INVALID, "the request can't be understood")
 
-    fake.survey = survey
+    fake._survey = survey
     async with opened(fake) as screen:
         await screen.shows("no statistics and signs")
         await screen.until(lambda: "/log/base/position" in screen.session.live.readings, "values")
