@@ -8,6 +8,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -20,11 +21,27 @@ from silo_tui.actions import COMMANDS as ACTIONS
 ROOT = Path(__file__).resolve().parents[2]
 MARK = re.compile(r"<!-- generated: (\w+) -->")
 Page = Callable[[], str]
+PAGES: dict[str, tuple[str, str, str]] = {}  # title, address, text, by their file
 
 
 def on_page_markdown(markdown: str, **_: object) -> str:
     """Put the generated texts into a page; an unknown name is an error."""
     return MARK.sub(lambda mark: GENERATED[mark[1]](), markdown)
+
+
+def on_page_content(html: str, page: Any, **_: object) -> str:
+    """Keep the text of each page for `llms.txt`."""
+    PAGES[page.file.src_uri] = (page.title or page.file.src_uri, page.file.url, page.markdown or "")
+    return html
+
+
+def on_post_build(config: Any, **_: object) -> None:
+    """Write `llms.txt`, which names all pages, and `llms-full.txt`, which has them as one file of Markdown."""
+    site = Path(config["site_dir"])
+    pages = sorted(PAGES.values(), key=lambda one: one[1])
+    head = f"# {config['site_name']}\n\n> {config['site_description']}\n\n"
+    (site / "llms.txt").write_text(head + "\n".join(f"- [{title}]({url})" for title, url, _ in pages) + "\n")
+    (site / "llms-full.txt").write_text(head + "\n\n".join(text for _, _, text in pages))
 
 
 def _row(*cells: str) -> str:

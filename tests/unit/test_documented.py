@@ -113,6 +113,13 @@ def test_a_class_says_what_it_is_made_of(name):
     assert [field for field in fields if not field.startswith("_") and not re.search(rf"\b{field}\b", words)] == []
 
 
+def test_the_reference_of_a_logger_has_each_member_first_what_every_program_calls():
+    page = (Path(__file__).resolve().parents[2] / ".docs" / "reference" / "logger.md").read_text()
+    names = re.findall(r"^::: silo\.Logger\.(\w+)$", page, re.MULTILINE)
+    assert " ".join(names[:11]) == "add array value update serve start collect mark stop save close"
+    assert sorted(names) == sorted(name for name in dir(silo.Logger) if not name.startswith("_"))
+
+
 def test_the_protocol_is_described_by_its_present_number_and_tag():
     page = (Path(__file__).resolve().parents[2] / ".docs" / "protocol.md").read_text()
     assert f"Protocol {PROTOCOL}.\n" in page
