@@ -115,7 +115,7 @@ class LimitMachine(RuleBasedStateMachine):
 
     @rule(
         rows=st.lists(
-            st.tuples(*[st.sampled_from([0.0, 5.0, 9.0, 11.0, 25.0, -15.0, -21.0, float("nan")])] * 2),
+            st.tuples(*[st.sampled_from([0.0, 7.0, 9.0, 11.0, 17.0, 25.0, -7.0, -15.0, -21.0, float("nan")])] * 2),
             min_size=1, max_size=6,
         ),
         context=st.none() | st.lists(st.sampled_from([T, T, F, U]), min_size=6, max_size=6),
