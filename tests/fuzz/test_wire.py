@@ -35,7 +35,6 @@ from silo.core.elements import (
 )
 from silo.errors import SiloError
 from silo.fleet.exchange import decode_reply, encoded
-from silo.helper.decoding import decode_ask, decode_do
 from silo.helper.robot_link import RobotLink
 from silo.helper.saver import Saver
 from silo.helper.servers import Servers
@@ -95,6 +94,7 @@ from silo.requests import (
     Stop,
     TryTrigger,
 )
+from silo.requests.decoding import decode_ask, decode_do
 from silo.rpc.declaring import Request, leaves
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered

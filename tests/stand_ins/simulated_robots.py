@@ -15,11 +15,11 @@ import msgspec
 import zenoh
 
 from silo.core.elements import Present, State, Status
-from silo.helper.decoding import decode_ask, decode_do
 from silo.net.access.probing import reach
 from silo.net.keys import Root
 from silo.net.session import close, open_client
 from silo.requests import GetStatus, Start, Stop
+from silo.requests.decoding import decode_ask, decode_do
 from silo.rpc.declaring import Done
 from silo.rpc.published import Summary
 from silo.rpc.refusals import Refused, RefusedWhy, answered
