@@ -67,7 +67,8 @@ class Judge:
         self.leased = LeasedTriggers()
         self._wake = threading.Event()
         self._ended = False
-        self._due: dict[str, bool] = {}  # runs to be judged: whether they ended while there was no helper process
+        # runs to be judged, and whether they ended while there was no helper process; in the order in which they came
+        self._due: dict[tuple[str, bool], None] = {}
         self._judge: SegmentJudge | None = None
         self._run = self._why = ""
         self._late_s = math.inf
@@ -121,14 +122,17 @@ class Judge:
             from silo.conditions.state_file import note_begun
 
             note_begun(reader.schema)
-        self._due[run] = left
+        self._due[run, left] = None
         self._wake.set()
 
     def needs(self, run: str) -> bool:
         """Whether the rows of a run are still to be judged, or a capture of it is not written yet."""
         judge = self._judge
         is_judged = judge is not None and judge.reader.schema.run == run
-        return is_judged or run in self._due or run in self._writer.left or bool(self._writer.waiting(run))
+        return is_judged or self._is_due(run) or run in self._writer.left or bool(self._writer.waiting(run))
+
+    def _is_due(self, run: str) -> bool:
+        return any(run == one for one, _ in self._due.copy())
 
     # --------------------------------------------------------------------------------- for threads that answer clients
 
@@ -298,17 +302,17 @@ class Judge:
             self._looked = True
             self._look_back()
         present = self._replica.run  # first: those before it are due by then
-        due = sorted(self._due.copy().items(), key=lambda one: not one[1])
+        due = sorted(self._due.copy(), key=lambda one: not one[1])
         for run, left in due:
             try:
                 (self._judge_left if left else self._next_run)(run)
             finally:
-                del self._due[run]
+                del self._due[run, left]  # not what is said of it meanwhile: that it is over
         if not due:
             self._next_run(present)  # let go of, without triggers, or not handed over
         self._adopt()
         if self._memory is not None:
-            self._memory.forget_others(lambda run: run == self._run or run in self._due)
+            self._memory.forget_others(lambda run: run == self._run or self._is_due(run))
         judge = self._judge
         if judge is None or not judge.active:
             self._replica.alarm = ("", 0)

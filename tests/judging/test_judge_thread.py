@@ -76,3 +76,38 @@ def test_a_run_that_cannot_be_opened_is_told_of_once(tmp_path, runtime_folder, m
         logger.close()
     told = [event.text for event in events.log.since(0, 1000)[0] if event.kind == EventKind.BLIND.value]
     assert told == ["triggers and limits of this run are judged no more: its header is damaged"]
+
+
+@pytest.mark.parametrize("is_over", [False, True])
+def test_what_is_said_of_a_run_while_it_is_taken_up_is_not_forgotten(tmp_path, runtime_folder, is_over) -> None:
+    logger = silo.Logger("bot", max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
+    x = logger.array("x", ())
+    logger.trigger("spike", "x > 50", pre="20ms", post="10ms")
+    logger.start()
+    x[...] = 1.0
+    logger.collect()
+    run = logger._present.run.id
+    replica = Replica(robot_state(logger, "", -1))
+    held = HeldRuns(replica, lambda: None)
+    replica.take_run(RunOffer(run, logger._present.path), os.open(logger._present.path, os.O_RDONLY))
+    held.take()
+    judge = Judge(replica, Events(str(tmp_path)), held)
+    taken: list[tuple[str, bool]] = []
+
+    def takes_up(run: str) -> None:
+        taken.append((run, False))
+        if len(taken) == 1:
+            judge.take(run, left=is_over)  # the main thread, at this very moment
+
+    judge._next_run, judge._judge_left = takes_up, lambda run: taken.append((run, True))
+    try:
+        judge.take(run)
+        judge._step()
+        assert judge.needs(run) is is_over
+        judge._step()
+        assert ((run, True) in taken) is is_over
+        assert not judge.needs(run)
+    finally:
+        replica.let_go()
+        held.let_go(held_alone=False)
+        logger.close()
