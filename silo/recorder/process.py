@@ -13,7 +13,7 @@ import msgspec
 
 from silo.core.child import PIPE, ChildProcess
 from silo.core.elements import NO_EXTRAS, Conditions, RecorderState
-from silo.core.runtime import write_private
+from silo.core.runtime import process_facts, write_private
 from silo.files.manifest import RecordedTotals, read_written
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
@@ -80,14 +80,14 @@ class Spare:
             theirs.close()
 
     @property
-    def is_there(self) -> bool:
-        """Whether it lives."""
-        return self.child.is_there
+    def is_ready(self) -> bool:
+        """Whether it lives, and isn't frozen: an order that nobody takes up is a recording that stands still."""
+        return self.child.is_there and process_facts(self.child.pid)[0] != "T"
 
     def end(self) -> None:
-        """Have it end without an order."""
+        """End it without an order: it holds nothing, and a frozen one would end for no other word."""
         self.socket.close()
-        self.child.wait()
+        self.child.kill()
 
 
 class RecorderProcess:
@@ -120,7 +120,10 @@ class RecorderProcess:
 
     def start(self, order: RecordOrder, spare: Spare | None = None) -> None:
         """Start a process, or have one that is there do it. Raises OSError."""
-        fresh = spare if spare is not None and spare.is_there else Spare()
+        if spare is not None and not spare.is_ready:
+            spare.end()
+            spare = None
+        fresh = spare or Spare()
         self.socket, self._child = fresh.socket, fresh.child
         self.socket.setblocking(False)
         self.again_s = 0.0

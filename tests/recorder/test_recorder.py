@@ -13,10 +13,11 @@ from silo.core.elements import RecorderState
 from silo.files.bag_reader import read_bag
 from silo.files.parts.metadata import PART_ENDING
 from silo.recorder.orders import Finish, Follow, RecordOrder, encode
+from silo.recorder.process import RecorderHandover, RecorderProcess, Spare
 from silo.recorder.recorder import Recorder
 from silo.recorder.ring_cursor import Drained, RingCursor
 from silo.recovery.parts import close_parts, left_parts
-from tests.waiting import wait_until
+from tests.waiting import freeze, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -272,3 +273,22 @@ def test_what_no_buffer_has_any_more_is_told_as_lost_for_want_of_a_recorder(reco
     (element,) = read_bag(parts(tmp_path)[-1]).elements
     assert element.lost == report.lost > 0
     assert [f"of ticks 500 to {499 + report.lost}: no recorder read them in time" in one for one in told] == [True]
+
+
+def test_a_frozen_spare_is_passed_over_and_ended(robot, tmp_path) -> None:
+    robot.start()
+    robot.ticks(3)
+    spare = Spare()
+    freeze(spare.child.pid)
+    recorder = RecorderProcess(RecorderHandover(order(tmp_path), "", 0))
+    recorder.start(recorder.order, spare)
+    try:
+        assert not spare.child.is_there
+        assert recorder.pid != spare.child.pid
+    finally:
+        recorder.socket.close()
+        recorder._child.kill()
+    spare = Spare()
+    freeze(spare.child.pid)
+    spare.end()  # waited for ever
+    assert not spare.child.is_there
