@@ -1,6 +1,7 @@
 """Runs that dead programs left, in memory or in journals: all of a folder, all of a logger, one that is named."""
 
 import contextlib
+import itertools
 import logging
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -43,9 +44,13 @@ def sweep(options: LoggerOptions) -> None:
 
 
 def left_of(options: LoggerOptions) -> Iterator[LeftRun]:
-    """Yield what earlier processes of this very logger (its name, its folder) left that is in no file."""
-    segments = [one for one in find_stale(segment_folder(options), options.name) if one.ticks]
-    for one in [*segments, *find_stale_journals(options.folder, options.name)]:
+    """Yield what earlier processes of this very logger (its name, its folder) left that is in no file.
+
+    Journals are looked for once all segments are dealt with: one whose segment goes meanwhile is needed from then on.
+    """
+    segments = (one for one in find_stale(segment_folder(options), options.name) if one.ticks)
+    journals = (one for _ in (0,) for one in find_stale_journals(options.folder, options.name))
+    for one in itertools.chain(segments, journals):
         if one.schema and (one.schema.logger, one.schema.folder) == (options.name, options.folder):
             yield one
 

@@ -20,11 +20,13 @@ import silo
 from silo.cli.codes import EXIT_FAILED
 from silo.cli.main import run
 from silo.client.client import Client
+from silo.core.elements import LoggerOptions
 from silo.core.runtime import process_start
 from silo.errors import LogWarning, SegmentError
 from silo.journal.format import SCHEMA_FILE
 from silo.journal.reader import JournalReader
 from silo.recovery.journals import find_stale_journals, is_written
+from silo.recovery.runs import left_of
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 from tests.crash.durable_robot import OPTIONS
@@ -255,6 +257,15 @@ def test_a_saved_segment_is_swept_with_its_journal(robot, tmp_path, until, monke
     run(["ls"])
     assert not robot.segment.exists()
     assert journals(tmp_path) == []
+
+
+def test_a_journal_whose_segment_goes_while_others_are_saved_is_found(robot, tmp_path, until):
+    grown(robot, until)
+    robot.kill_both(until)
+    left = left_of(LoggerOptions(name="arm", folder=str(tmp_path)))
+    assert next(left).path == robot.segment
+    robot.segment.unlink()  # somebody makes room
+    assert [one.path for one in left] == journals(tmp_path)
 
 
 # --------------------------------------------------------------------------------------------- a living logger
