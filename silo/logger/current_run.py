@@ -217,7 +217,8 @@ class CurrentRun:
         """Save in this process: the link thread, which an answer of the helper comes by, may wait for the caller."""
         assert self.run is not None
         run, ticks = self.run, self.run.segment.ticks
-        paths = ", ".join(file.path for file in save_run(run, options, "saved before the next start", extras))
+        why, held = "saved before the next start", run.reader.snapshot()
+        paths = ", ".join(file.path for file in save_run(held, run.id, options, why, extras))
         self.mark_saved(run, ticks)
         self.saved_before = f"the last run was saved before it is cleared: {paths}"
         log.warning("%s: %s", options.name, self.saved_before)

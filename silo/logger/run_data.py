@@ -142,8 +142,12 @@ class RunData:
         self.look_for_unheld()
         saved = self._saved_by_helper(chosen, name, str(where.resolve()) if folder else "")
         if saved is None:
-            why, extras = "saved by the robot program", self._conditions.extras
-            saved = save_run(run, self._options, why, extras, chosen, name, where)
+            why = "saved by the robot program"
+            with self._life.lock:  # a start(), or close(), of another thread has the memory of this run go
+                self._life.check_open()
+                run = self._present.run or run
+                recording, extras, ticks = run.reader.snapshot(), self._conditions.extras, run.segment.ticks
+            saved = save_run(recording, run.id, self._options, why, extras, chosen, name, where)
         with self._life.lock:
             self._present.mark_saved(run, ticks)
         return SavedFiles(saved)

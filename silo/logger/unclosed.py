@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from silo.core.elements import Conditions, FileType, LoggerOptions, SavedFile, Storage
+from silo.core.recording import Recording
 from silo.errors import SiloError
 from silo.journal.format import list_journals, remove_journal
 from silo.journal.holdings import segment_holdings
@@ -64,7 +65,8 @@ os.register_at_fork(after_in_child=_forked)
 
 
 def save_run(
-    run: Run,
+    recording: Recording,
+    run: str,
     options: LoggerOptions,
     why: str,
     extras: Conditions,
@@ -72,14 +74,13 @@ def save_run(
     name: str = "",
     folder: Path | None = None,
 ) -> list[SavedFile]:
-    """Save a run in this process, with what the event log says of it. Raises SaveError.
+    """Save what a run holds in this process, with what the event log says of it. Raises SaveError.
 
     `extras` are derived signals, limits and triggers as they are now, not as they were when it began.
     """
     from silo.files import LogOfRun, write_run
 
-    where, told = folder or options.folder, LogOfRun(options.folder, run.id)
-    recording = run.reader.snapshot()
+    where, told = folder or options.folder, LogOfRun(options.folder, run)
     return write_run(recording, where, options.name, types, name or None, why=why, events=told, extras=extras)
 
 
@@ -87,7 +88,7 @@ def save_at_end(run: Run, options: LoggerOptions, extras: Conditions) -> bool:
     """Save a run as `.silo`, and say where; False, and said where it stays, if that failed."""
     try:
         held = segment_holdings(run.reader).text
-        saved = save_run(run, options, "program ended without saving", extras)
+        saved = save_run(run.reader.snapshot(), run.id, options, "program ended without saving", extras)
     except SiloError as failure:
         say_where_it_is(run, options, f": {failure}")
         return False

@@ -8,6 +8,7 @@ import pytest
 import silo
 from silo.core.elements import Action
 from silo.errors import ElementError, StateError
+from silo.logger.run_data import RunData
 from tests.stand_ins.ticking import collect, values
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -112,3 +113,20 @@ def test_an_unknown_file_type_is_refused_with_those_that_there_are(counting):
 def test_a_logger_has_no_hook_for_missing_names():
     # with one, Python looks `log.collect` up 8 ns slower in each tick
     assert not hasattr(silo.Logger, "__getattr__")
+
+
+def test_a_start_of_another_thread_while_it_is_saved_takes_nothing_from_under_it(counting, monkeypatch):
+    logger = counting()
+    collect(logger, 5)
+    asked = RunData._saved_by_helper
+
+    def and_another_starts(*arguments):
+        logger.stop()
+        logger.start(unsaved="clear")  # the other thread, at this very moment
+        collect(logger, 2)
+        return asked(*arguments)
+
+    monkeypatch.setattr(RunData, "_saved_by_helper", and_another_starts)
+    (file,) = logger.save()
+    assert len(silo.open_log(file.path).recording.time_ns) == 2
+    assert not logger.has_unsaved
