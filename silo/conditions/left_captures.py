@@ -5,7 +5,6 @@ helper process of that logger, whoever claims the segment.
 """
 
 import contextlib
-import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from silo.conditions.state_file import JudgeState, Untold
 from silo.core.elements import Conditions, LoggedEvent, SavedFile
 from silo.core.runtime import HELD_SUFFIX
 from silo.errors import SegmentError, SiloError, StateError
-from silo.files.event_log import append_events, newest_number, read_events
+from silo.files.event_log import add_missing, read_events
 from silo.files.manifest import CaptureList
 from silo.recorder.left_recordings import log_start
 from silo.recovery.segments import claimed
@@ -32,8 +31,6 @@ _OF_RECORDINGS = {kind.value for kind in (EventKind.STARTED, EventKind.RECORDING
 GONE = "program and helper process died before it was written, and its memory is gone"
 
 Tell = Callable[[EventKind, str, list[SavedFile]], object]
-
-log = logging.getLogger("silo")
 
 
 @dataclass
@@ -195,15 +192,6 @@ def _let_go(path: Path, state: JudgeState, logger: str, folder: str, tell: Tell)
 
 def _log(folder: str, logger: str, run: str, news: list[Untold]) -> None:
     """Have the event log say of that run what nobody came to say."""
-    try:
-        known = {(event.kind, event.text) for event in read_events(folder, logger, run)}
-        fresh = [one for one in news if (one.kind, one.text) not in known]
-        number = newest_number(folder, logger)
-        lines = [
-            LoggedEvent(one.kind, one.text, time.time_ns(), one.tick, one.stamp_ns, logger, run, number + place)
-            for place, one in enumerate(fresh, start=1)
-        ]
-        if lines:
-            append_events(folder, logger, lines)
-    except OSError as error:
-        log.warning("the event log in %s can't be written (%s)", folder, error.strerror)
+    now_ns = time.time_ns()
+    lines = [LoggedEvent(one.kind, one.text, now_ns, one.tick, one.stamp_ns, logger, run) for one in news]
+    add_missing(folder, logger, run, lines)

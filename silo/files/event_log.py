@@ -7,6 +7,7 @@ lines can't be read an event stands in their place that says so: whoever shows o
 
 import contextlib
 import fcntl
+import logging
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -25,6 +26,8 @@ OLDER_ENDING = ".events.1.jsonl"
 _END_BYTES = 64_000  # the newest lines
 
 _BEGIN = b'{"kind":"'
+
+log = logging.getLogger("silo")
 
 _encoder = msgspec.json.Encoder()
 _decoder = msgspec.json.Decoder(LoggedEvent)
@@ -68,6 +71,22 @@ def append_events(folder: str | os.PathLike[str], logger: str, events: Sequence[
             raise
         if os.fstat(descriptor).st_size > MOST_BYTES:
             path.rename(older_event_log(folder, logger))
+
+
+def add_missing(folder: str | os.PathLike[str], logger: str, run: str, events: Sequence[LoggedEvent]) -> None:
+    """Append what the log lacks of a run, numbered on: of a logger that is gone nobody else comes to tell it.
+
+    A disk that refuses is told, and holds nobody up.
+    """
+    try:
+        known = {(event.kind, event.text) for event in read_events(folder, logger, run)}
+        fresh = [event for event in events if (event.kind, event.text) not in known]
+        first = newest_number(folder, logger) + 1
+        if fresh:
+            numbered = [msgspec.structs.replace(event, number=number) for number, event in enumerate(fresh, first)]
+            append_events(folder, logger, numbered)
+    except OSError as error:
+        log.warning("the event log in %s can't be written (%s)", folder, error.strerror)
 
 
 @contextlib.contextmanager

@@ -5,7 +5,6 @@ and the rows are in the runs that are held, and in the last one. A recorder goes
 """
 
 import contextlib
-import logging
 import os
 import select
 from collections.abc import Callable, Sequence
@@ -16,7 +15,7 @@ import msgspec
 from silo.core.elements import LoggedEvent, RecorderState
 from silo.core.runtime import RECORDERS_SUFFIX, list_segments, process_start, runtime_dir
 from silo.errors import SegmentError
-from silo.files.event_log import append_events, newest_number, read_events
+from silo.files.event_log import add_missing
 from silo.recorder.process import RecorderHandover, RecorderProcess, store, stored
 from silo.recovery.left import claimed_file
 from silo.rpc.published import EventKind
@@ -27,8 +26,6 @@ DIED = "the program ended without close(), and its helper process with it; recor
 MOST_LIVES = 3  # of a recorder that dies again and again
 
 Tell = Callable[[str], object]
-
-log = logging.getLogger("silo")
 
 
 def left_lists() -> list[tuple[Path, list[RecorderHandover]]]:
@@ -96,14 +93,10 @@ def _complete(path: Path, kept: Sequence[RecorderHandover], tell: Tell) -> list[
 
 def log_start(reader: SegmentReader) -> None:
     """Have the event log say that a run was started, where nobody was there to say so."""
-    schema, kind = reader.schema, EventKind.STARTED.value
-    try:
-        if not any(event.kind == kind for event in read_events(schema.folder, schema.logger, schema.run)):
-            number, stamp_ns = newest_number(schema.folder, schema.logger) + 1, reader.stamp_of(0)
-            started = LoggedEvent(kind, "started", schema.started_ns, 0, stamp_ns, schema.logger, schema.run, number)
-            append_events(schema.folder, schema.logger, [started])
-    except OSError as error:
-        log.warning("the event log in %s can't be written (%s)", schema.folder, error.strerror)
+    schema = reader.schema
+    kind, stamp_ns = EventKind.STARTED.value, reader.stamp_of(0)
+    started = LoggedEvent(kind, "started", schema.started_ns, 0, stamp_ns, schema.logger, schema.run)
+    add_missing(schema.folder, schema.logger, schema.run, [started])
 
 
 def _runs_of(program: Program, closing: contextlib.ExitStack) -> list[SegmentReader]:
