@@ -52,7 +52,8 @@ def freeze_recorders(client: Client) -> None:
 
 def kill_recorders(pid: int) -> None:
     for one in recorders_of(pid):
-        one.kill()
+        with contextlib.suppress(psutil.NoSuchProcess):  # a frozen spare that its helper process has just ended
+            one.kill()
 
 
 def values_of(folder: Path) -> list[int]:
@@ -152,6 +153,7 @@ def test_a_logger_that_is_closed_while_its_helper_process_is_down_is_recorded_to
     freeze_recorders(client)
     bench.ticks(100)
     pid = client.status().helper_pid
+    freeze(pid)  # else it may start another recorder before it is killed, too
     kill_recorders(pid)
     os.kill(pid, signal.SIGKILL)
     bench.logger.close()
