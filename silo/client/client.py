@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from silo.client.connection import Connection
+from silo.client.parameters import ClientParameters
 from silo.client.renewals import ControlLease, Renewals
 from silo.client.saves import Saves
 from silo.conditions.requests import ConditionRequests
@@ -29,6 +30,7 @@ from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
 from silo.net.found import LoggerAddress
 from silo.net.keys import ClientId
+from silo.parameters.requests import ParameterRequests
 from silo.recorder.requests import RecorderRequests
 from silo.recordings.requests import RecordingRequests
 from silo.requests import AnyReply
@@ -61,7 +63,7 @@ LONGEST_S = 1e6  # that anybody waits
 @told_class("client", make="Client")
 class Client(
     StateRequests, TableRequests, EventRequests, ScriptRequests, ControlRequests, ConditionRequests, SearchRequests,
-    RecordingRequests, RecorderRequests,
+    RecordingRequests, RecorderRequests, ParameterRequests,
 ):  # fmt: skip
     """A connection to one logger. A context manager."""
 
@@ -124,6 +126,11 @@ class Client(
         text("config", config, 'Client.connect("robot", config="client.json5")')
         with ExitStack() as holding:
             return cls(discover(timeout_s, config, holding).one(logger), timeout_s, read_only=read_only)
+
+    @property
+    def parameters(self) -> ClientParameters:
+        """The parameters of the logger, by name: `client.parameters["kp"] = 50.0` waits until that holds."""
+        return ClientParameters(self)
 
     def _act_for(self, caller: str) -> None:
         """Say of changes for whom they are made: as a bridge does, whose own users the robot can't know.

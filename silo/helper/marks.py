@@ -1,6 +1,6 @@
 """Takes what the program notes in its segment into the event log, five times a second and at every end.
 
-That are its marks, and arrays that nobody but silo holds any more.
+That are its marks, changes of parameters, and arrays that nobody but silo holds any more.
 """
 
 import logging
@@ -28,7 +28,7 @@ class MarkReader:
         self._lock = threading.Lock()
         self._run = RunFollower(replica)
         self._known: set[tuple[int, int, str]] = set()  # marks that a helper process before this one took
-        self._taken = 0
+        self._taken, self._changed = 0, -1  # numbers of the newest mark and change; -1: nor what they were at the start
         self._unheld: set[str] = set()  # elements that were told of
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="marks")
@@ -55,13 +55,13 @@ class MarkReader:
             except SegmentError:
                 log.exception("the marks of a run can't be read")
             if self._run.run != before:
-                self._taken, self._unheld = 0, set()
+                self._taken, self._changed, self._unheld = 0, -1, set()
                 self._known = self._events.log.marks_of(self._run.run) if self._run.run else set()
 
     def take_left(self, reader: SegmentReader) -> None:
         """Take those of a run that ended while there was no helper process."""
         known = self._events.log.marks_of(reader.schema.run)
-        for mark in reader.stamped_marks():
+        for mark in [*reader.stamped_marks(), *reader.stamped_changes()]:
             if (mark.time_ns, mark.tick, mark.text) not in known:
                 self._events.publish_mark(mark)
 
@@ -72,6 +72,7 @@ class MarkReader:
     def take(self) -> None:
         """Take what there is now."""
         self._take_marks()
+        self._take_changes()
         self._take_unheld()
 
     def _take_unheld(self) -> None:
@@ -95,6 +96,26 @@ class MarkReader:
         if len(fresh) > MOST_UNHELD:
             text = f"nobody but silo holds the arrays of {len(fresh) - MOST_UNHELD} more elements either"
             self._events.publish(EventKind.UNHELD, text, run=run)
+
+    def _take_changes(self) -> None:
+        with self._lock:
+            reader = self._run.reader
+            if reader is None:
+                return
+            try:
+                changes = reader.stamped_changes(self._changed)
+            except SegmentError:  # somebody cut it short, which others tell
+                return
+            if not changes:
+                return
+            lost = max(0, changes[-1].number - self._changed - len(changes) + (self._changed < 0))
+            self._changed = max(self._changed, changes[-1].number, 0)
+            fresh = [one for one in changes if (one.time_ns, one.tick, one.text) not in self._known]
+        if lost and not self._known:
+            text = f"{lost} changes of parameters were overwritten before they could be read: they change too often"
+            self._events.publish(EventKind.LOST, text, run=reader.schema.run)
+        for one in fresh:
+            self._events.publish_mark(one)
 
     def _take_marks(self) -> None:
         with self._lock:

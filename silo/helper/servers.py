@@ -12,6 +12,7 @@ from silo.history.server import HistoryServer
 from silo.live.publisher import Publisher
 from silo.live.server import LiveServer
 from silo.live.statistics import Surveyor
+from silo.parameters.server import ParameterServer
 from silo.recorder.server import EndlessRecordings, RecorderServer
 from silo.recordings.folder import RecordingFolder
 from silo.recordings.server import RecordingServer
@@ -51,6 +52,7 @@ class Servers(Dispatch):
             LiveServer(publisher, self._surveyor),
             RecordingServer(RecordingFolder(), saver, replica, events),
             RecorderServer(recording, program),
+            ParameterServer(program),
         )
         super().__init__(servers, program.reply)
 

@@ -222,10 +222,10 @@ class JournalReader:
         """None: the event log beside the journal has them."""
         return []
 
-    def changes(self, since: int = 0) -> list[LoggedEvent]:
+    def changes(self, since: int = -1) -> list[LoggedEvent]:
         """None but the image at the start, likewise."""
         schema = self.schema
-        if since or not schema.parameters:
+        if since >= 0 or not schema.parameters:
             return []
         return [image_event(schema.parameters, schema.started_ns, schema.logger, schema.run)]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from silo.core.elements import MARKER, LoggedEvent
+from silo.core.elements import NOTED, LoggedEvent
 from silo.core.runtime import open_own, read_own
 from silo.files.event_log import decoded, event_log_path, older_event_log, read_events
 from silo.segment.reader import SegmentReader
@@ -144,8 +144,9 @@ class EventTail:
         logged: list[LoggedEvent] = []
         with contextlib.suppress(OSError):
             logged = read_events(folder, logger, self._run)
-        known = {(event.time_ns, event.tick, event.text) for event in logged if event.kind == MARKER}
-        left = [mark for mark in reader.stamped_marks() if (mark.time_ns, mark.tick, mark.text) not in known]
+        known = {(event.time_ns, event.tick, event.text) for event in logged if event.kind in NOTED}
+        noted = [*reader.stamped_marks(), *reader.stamped_changes()]
+        left = [one for one in noted if (one.time_ns, one.tick, one.text) not in known]
         if not any(event.kind in (STOPPED, CRASHED) for event in logged):
             left.append(
                 LoggedEvent(

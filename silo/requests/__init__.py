@@ -12,13 +12,14 @@ from silo.control import requests as control
 from silo.history import requests as history
 from silo.history import search_requests as search
 from silo.live import requests as live
+from silo.parameters import requests as parameters
 from silo.recorder import requests as recorder
 from silo.recordings import requests as recordings
 from silo.rpc.declaring import Ask, Do, Reply, Request, leaves
 from silo.scripts import requests as scripts
 from silo.state import requests as state
 
-FEATURES = (state, scripts, control, conditions, history, search, live, recordings, recorder)
+FEATURES = (state, scripts, control, conditions, history, search, live, recordings, recorder, parameters)
 
 if TYPE_CHECKING:
     AnyAsk: TypeAlias = Ask[Any]

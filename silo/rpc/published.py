@@ -142,6 +142,7 @@ class EventKind(Word):
     MARKER = "marker"  # somebody, or the program, marked a tick
     DAMAGED = "damaged"  # stands in place of lines of the event log that can't be read
     UNHELD = "unheld"  # nobody but silo holds the array of an element any more
+    PARAMETER = "parameter"  # a parameter changed, or what all were at a start
     OTHER = "other"
 
 

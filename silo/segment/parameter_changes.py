@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import LoggedEvent
+from silo.core.elements import PARAMETER, LoggedEvent
 from silo.core.parameters import WORD_BYTES, ParameterChange, ParameterInfo, decoded, value_text
 
 SLOTS = 1024  # the newest that are kept for readers; a power of two
@@ -35,7 +35,6 @@ MOST_WORDS = 1 << 14  # of all parameters of a logger: the largest change takes 
 TICK, TIME, UNTIL, ORDER = 1, 2, 3, 4  # words of a slot
 WAITS, REFUSED, STANDING = 0, -2, -1  # instead of a tick: not yet, never, while the logger stood still
 
-PARAMETER = "parameter"  # the kind of an event that tells of a change
 MOST_NAMES = 4  # told in the text of an event
 
 

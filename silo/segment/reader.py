@@ -424,18 +424,22 @@ class SegmentReader:
         words = self._words[self.schema.marks : self.schema.marks + SLOT_WORDS * self.schema.mark_slots]
         return read_marks(words, since, self.schema.logger, self.schema.run)
 
-    def changes(self, since: int = 0) -> list[LoggedEvent]:
-        """The changes of parameters that landed after number `since`, those that are still there.
+    def changes(self, since: int = -1) -> list[LoggedEvent]:
+        """The changes of parameters that landed after the first `since`, those that are still there.
 
-        At their head what all parameters were at the start, where that is asked for: `since` is 0.
+        At their head what all parameters were at the start, where that is asked for: `since` is -1.
         """
         schema = self.schema
         if not schema.parameters:
             return []
         self._check_size()
-        found = read_changes(self._change_words(), since, schema.parameters, schema.logger, schema.run)
+        found = read_changes(self._change_words(), max(since, 0), schema.parameters, schema.logger, schema.run)
         image = image_event(schema.parameters, schema.started_ns, schema.logger, schema.run)
-        return found if since else [image, *found]
+        return found if since >= 0 else [image, *found]
+
+    def stamped_changes(self, since: int = -1) -> list[LoggedEvent]:
+        """The same with the time stamps of their ticks, as far as these are still held."""
+        return [msgspec.structs.replace(one, stamp_ns=self.stamp_of(one.tick)) for one in self.changes(since)]
 
     def _change_words(self) -> NDArray[np.uint64]:
         begin = self.schema.parameter_changes

@@ -125,7 +125,7 @@ class RowSource(Protocol):
     def marks(self, since: int = 0) -> list[LoggedEvent]:
         """The program's marks after number `since` that are still there."""
 
-    def changes(self, since: int = 0) -> list[LoggedEvent]:
+    def changes(self, since: int = -1) -> list[LoggedEvent]:
         """The changes of parameters after number `since` that are still there, from the image at the start on."""
 
 

@@ -11,7 +11,7 @@ from collections import deque
 
 import msgspec
 
-from silo.core.elements import MARKER, LoggedEvent
+from silo.core.elements import NOTED, LoggedEvent
 from silo.core.recording import MOST_EVENTS
 from silo.files.event_log import append_events, read_events
 
@@ -92,8 +92,8 @@ class EventLog:
         return {event.text for event in self.of_run(run) if event.kind == kind}
 
     def marks_of(self, run: str) -> set[tuple[int, int, str]]:
-        """Return wall clock, tick and text of the marks of a run that are in the log."""
-        return {(event.time_ns, event.tick, event.text) for event in self.of_run(run) if event.kind == MARKER}
+        """Return wall clock, tick and text of what the program noted in a run that is in the log: marks, changes."""
+        return {(event.time_ns, event.tick, event.text) for event in self.of_run(run) if event.kind in NOTED}
 
     # -------------------------------------------------------------------------------------------------- the thread
 

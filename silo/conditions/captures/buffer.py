@@ -161,7 +161,7 @@ class CaptureBuffer:
         """The program's marks at ticks of the capture."""
         return [mark for mark in self._reader.marks(since) if self.capture.first <= mark.tick <= self.capture.last]
 
-    def changes(self, since: int = 0) -> list[LoggedEvent]:
+    def changes(self, since: int = -1) -> list[LoggedEvent]:
         """The changes of parameters until the capture's end."""
         return [change for change in self._reader.changes(since) if change.tick <= self.capture.last]
 

@@ -14,9 +14,11 @@ from silo.core.elements import LoggerOptions, State, Table
 from silo.errors import SaveError, ScriptError, StateError
 from silo.logger.current_run import CurrentRun
 from silo.loop.run import Run
+from silo.parameters.parameters import Parameters
+from silo.parameters.robot import ParameterRobot
 from silo.rpc.declaring import Reply, Request
 from silo.rpc.refusals import WHYS, RefusedWhy, RequestRefusedError, answered
-from silo.rpc.serving import Dispatch, Turn
+from silo.rpc.serving import Dispatch, Sender, Turn
 from silo.state.handover import RobotState
 from silo.state.robot import StateOfLogger, StateRobot, TableOfLogger
 
@@ -32,6 +34,7 @@ class Served(StateOfLogger, Protocol):
     """A logger, seen from here: what its clients may know of it and ask of it."""
 
     options: LoggerOptions
+    parameters: Parameters
     _present: CurrentRun
 
     @property
@@ -72,10 +75,10 @@ def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
 def answer(logger: Served, request: Request[Any]) -> Reply:
     """Do what a client asks; whatever goes wrong becomes words."""
     state = StateRobot(logger, logger._scripted, lambda: logger._present.saved_before)
-    dispatch = Dispatch([state, ConditionRobot(logger._conditions)], _not_ours)
+    dispatch = Dispatch([state, ConditionRobot(logger._conditions), ParameterRobot(logger.parameters)], _not_ours)
     running = RefusedWhy.RUNNING if logger.is_running else RefusedWhy.INVALID
     whys = {**WHYS, StateError: running, SaveError: RefusedWhy.FAILED, ScriptError: RefusedWhy.FAILED}
-    reply = answered(lambda: dispatch.reply(request), whys)
+    reply = answered(lambda: dispatch.reply(request, Turn(Sender("", request.client))), whys)
     assert isinstance(reply, Reply)
     return reply
 

@@ -6,6 +6,7 @@ one that the program forgot ends with its helper process.
 """
 
 import concurrent.futures
+import functools
 import itertools
 import logging
 import os
@@ -30,12 +31,14 @@ from silo.logger.serving.identity import drawn_id
 from silo.logger.serving.patience import FROZEN_ROUNDS, ROUND_S, Patience
 from silo.logger.serving.process import HelperProcess
 from silo.logger.serving.viewers import FoxgloveProcess
+from silo.parameters.requests import ParametersSet
+from silo.parameters.robot import ended
 from silo.recorder.requests import RecorderStarted, StartRecorder, StopRecorder
 from silo.recordings.requests import Save, SaveStarted
 from silo.requests import AnyReply
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done
-from silo.rpc.refusals import Refused
+from silo.rpc.refusals import Refused, answered
 from silo.state.handover import RobotState, RunOffer, offer_run
 
 log = logging.getLogger("silo")
@@ -46,6 +49,8 @@ SaveFuture = concurrent.futures.Future[list[SavedFile]]
 _LATE_RECORDING = "what it had not begun by then it won't do; `silo record` tells"
 
 LOOK_S = 1.0  # between looks at what the program holds: 2 ms of processor time for 10,000 arrays
+LANDING_S = 0.001  # between looks whether a change has landed whose client waits for that, nobody else
+WAITS_S = 1.0  # for a tick; then its client hears that it waits
 PAUSE_S = 0.0005  # which the loop has between two slices of a look
 LISTENED_S = FROZEN_ROUNDS * ROUND_S  # what the helper process has not begun by then, it won't begin
 LONG_LIFE_S = 60.0  # a helper process that lived longer was a good one: the next is started at once
@@ -101,6 +106,7 @@ class Serving:
         self._answers: dict[int, concurrent.futures.Future[tuple[AnyReply, SaveFuture]]] = {}
         self._saves: dict[int, SaveFuture] = {}
         self._beats = 0  # that were answered
+        self._landing: list[tuple[int, str, float]] = []  # changes of parameters whose clients wait for their tick
         self._table_sent = -1
         self._by = ""
         self._tries = 0
@@ -153,11 +159,12 @@ class Serving:
         next_look_s = time.monotonic() + LOOK_S
         while self.alive:
             link = self._helper.link.fileno()
-            readable = select.select([link, self._wake], [], [], self._until_look(next_look_s))[0]
+            readable = select.select([link, self._wake], [], [], self._until_due(next_look_s))[0]
             try:
                 if time.monotonic() >= next_look_s:
                     self._look()
                     next_look_s = time.monotonic() + LOOK_S
+                self._look_at_parameters()
                 if self._wake in readable:
                     os.eventfd_read(self._wake)
                     if not self.alive:
@@ -173,10 +180,34 @@ class Serving:
             except (OSError, SiloError):  # gone, or what it sends is no message
                 self._helper_died()
 
-    def _until_look(self, next_look_s: float) -> float | None:
-        """Seconds until the next look at what a running logger's program holds; None while there is nothing to see."""
+    def _until_due(self, next_look_s: float) -> float | None:
+        """Seconds until the next look at what a running logger's program holds, or at changes of its parameters.
+
+        None while there is nothing to see.
+        """
+        if self._landing:
+            return LANDING_S
         logger = self._logger_ref()
-        return max(0.0, next_look_s - time.monotonic()) if logger is not None and logger.is_running else None
+        if logger is None:
+            return None
+        due = [next_look_s] if logger.is_running else []
+        if (revert_s := logger.parameters.next_revert_s()) is not None:
+            due.append(revert_s)
+        return max(0.0, min(due) - time.monotonic()) if due else None
+
+    def _look_at_parameters(self) -> None:
+        """Answer those whose changes landed, or wait for too long; take back what nobody confirmed."""
+        logger = self._logger_ref()
+        if logger is None:
+            return
+        logger.parameters.revert_due()
+        for waits in list(self._landing):
+            number, name, until_s = waits
+            reply = answered(functools.partial(ended, logger.parameters, name))
+            if isinstance(reply, ParametersSet) and reply.waits and time.monotonic() < until_s:
+                continue
+            self._landing.remove(waits)
+            self._send(LinkReply(number, reply))
 
     def _look_at_end(self) -> None:
         """The last look at a run that stopped by itself, which its loop has no time for."""
@@ -197,7 +228,10 @@ class Serving:
             self._by = message.request.client
             reply = answer(logger, message.request)
             self._push_state()
-            self._send(LinkReply(message.number, reply))
+            if isinstance(reply, ParametersSet) and reply.waits:
+                self._landing.append((message.number, reply.name, time.monotonic() + WAITS_S))
+            else:
+                self._send(LinkReply(message.number, reply))
         elif isinstance(message, Beat):
             self._beats += 1
         elif isinstance(message, LinkReply):
@@ -278,6 +312,7 @@ class Serving:
         if not self.alive:
             return  # it ended because the logger is being closed
         self.is_up = False
+        self._landing.clear()  # whoever waited asked the process that died
         self._down.set()
         code = self._helper.end()
         self._fail_pending("the helper process died while it saved; a new one is being started: save again")

@@ -1,0 +1,45 @@
+"""Parameters, as the robot program sets them for its clients."""
+
+import secrets
+from dataclasses import dataclass
+
+from silo.core.parameters import ParameterValue
+from silo.parameters import requests
+from silo.parameters.parameters import Parameters
+from silo.parameters.requests import ParametersSet, ParameterTable
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.rpc.serving import Server, Turn
+
+
+@dataclass(frozen=True)
+class ParameterRobot(Server, does=[requests], robot=True):
+    """Checks changes and has them wait for a tick; the link's thread answers when they have landed."""
+
+    parameters: Parameters
+
+    def read_parameters(self) -> ParameterTable:
+        landing = self.parameters.landing
+        return ParameterTable(landing.described(), landing.locked)
+
+    def set_parameters(
+        self, turn: Turn, values: dict[str, ParameterValue], name: str, revert_after_s: float, remote: bool
+    ) -> ParametersSet:
+        where = "network" if remote else "this computer"
+        name = name or secrets.token_hex(8)
+        self.parameters.request(values, turn.by, where, name, remote=remote, revert_s=revert_after_s)
+        return ended(self.parameters, name)
+
+    def confirm_parameters(self, name: str) -> str:
+        if not self.parameters.confirm(name):
+            raise RequestRefusedError(RefusedWhy.NOT_FOUND, "no change of that name waits to be confirmed")
+        return "it stays"
+
+
+def ended(parameters: Parameters, name: str) -> ParametersSet:
+    """Return what became of a change so far. Raises RequestRefusedError where it was refused at its tick."""
+    change = parameters.end_of(name)
+    if change is None or not (change.landed or change.refused):
+        return ParametersSet(name, waits=True)
+    if change.refused:
+        raise RequestRefusedError(RefusedWhy.CONFLICT, f"{change.refused}; nothing was changed")
+    return ParametersSet(name, change.tick)

@@ -1,0 +1,30 @@
+"""Parameters in the helper process: the robot program has them; from where a change comes is known here."""
+
+from dataclasses import dataclass
+
+from silo.core.parameters import ParameterValue
+from silo.net.access.senders import came_by_network
+from silo.parameters import requests
+from silo.parameters.requests import ParameterRequests, ParametersSet, ParameterTable
+from silo.rpc.declaring import request_of
+from silo.rpc.serving import Server, Turn
+from silo.state.robot_program import RobotProgram
+
+
+@dataclass(frozen=True)
+class ParameterServer(Server, does=[requests]):
+    """Hands on what is asked."""
+
+    robot: RobotProgram
+
+    def list_parameters(self, turn: Turn) -> ParameterTable:
+        found: ParameterTable = self.robot.reply(request_of(ParameterRequests._read_parameters), turn)
+        return found
+
+    def set_parameters(
+        self, turn: Turn, values: dict[str, ParameterValue], name: str, revert_after_s: float, remote: bool
+    ) -> ParametersSet:
+        remote = came_by_network(turn.by)  # whatever it says
+        request = request_of(ParameterRequests._set_parameters, values, name, revert_after_s, remote)
+        found: ParametersSet = self.robot.reply(request, turn)
+        return found

@@ -1,0 +1,135 @@
+"""Parameters by a client: set at the end of a tick, told the tick, refused in words, recorded whatever is killed."""
+
+import os
+import signal
+import threading
+
+import pytest
+
+import silo
+from silo.errors import RefusedError
+from silo.parameters.requests import ParameterRequests
+from silo.rpc.declaring import request_of
+from silo.rpc.published import EventKind
+from tests.ipc.conftest import Heard
+from tests.waiting import wait_until
+
+
+@pytest.fixture
+def tuned(bench):
+    """The served logger with two gains, running; its loop turns in a thread while the test lasts."""
+    logger = bench.logger
+    logger.stop()
+    logger.parameter("kp", 40.0, min=0, max=200, group="legs")
+    logger.parameter("kd", 1.0, group="legs", check=lambda kd: kd < 100)
+    logger.start()
+    ended = threading.Event()
+
+    def turn():
+        while not ended.wait(0.001):
+            logger.collect()
+
+    thread = threading.Thread(target=turn)
+    thread.start()
+    yield logger
+    ended.set()
+    thread.join()
+
+
+def test_a_client_sets_some_and_is_told_the_tick_from_which_they_hold(tuned, client):
+    told = client.parameters.set({"kp": 50.0, "kd": 2.0})
+    assert told.tick > 0
+    assert client.parameters["kp"] == 50.0
+    (change,) = tuned._present.run.reader.changes(0)
+    assert (change.tick, change.change.where) == (told.tick, "this computer")
+    client.parameters["kp"] = 60.0
+    assert dict(client.parameters) == {"/log/legs/kp": 60.0, "/log/legs/kd": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"kp": 201.0, "kd": 2.0}, "201.0 doesn't fit, it takes 0 to 200"),
+        ({"kd": 100.0}, "its check refuses it"),
+        ({"kx": 1.0}, "no parameter 'kx'; there are 2"),
+    ],
+)
+def test_what_is_refused_is_told_in_the_words_of_the_robot_and_nothing_changes(tuned, client, values, words):
+    with pytest.raises(RefusedError, match=words):
+        client.parameters.set(values)
+    assert tuned.parameters.read() == {"/log/legs/kp": 40.0, "/log/legs/kd": 1.0}
+
+
+def test_a_change_is_an_event_and_stands_in_the_file_that_the_helper_process_saves(tuned, client):
+    heard = Heard(client)
+    told = client.parameters.set({"kp": 50.0})
+    event = wait_until(lambda: next((one for one in heard.events if "kp 40.0 -> 50.0" in one.text), None))
+    assert (event.kind, event.tick) == (EventKind.PARAMETER, told.tick)
+    log = silo.open_log(tuned.save().path)
+    (change,) = log.parameters.changes
+    assert (change.tick, change.change.values) == (told.tick, (("/log/legs/kp", 40.0, 50.0),))
+    assert log.parameters.at(1e6)["/log/legs/kp"] == 50.0
+
+
+def test_a_helper_process_that_is_killed_loses_no_change_and_tells_none_twice(tuned, client):
+    client.parameters.set({"kp": 50.0})
+    wait_until(lambda: [one for one in client.events() if "50.0" in one.text])
+    os.kill(tuned._life.serving.helper_pid, signal.SIGKILL)
+    tuned.parameters["kp"].value = 60.0
+
+    def told():
+        try:
+            return [one.text for one in client.events() if one.kind == EventKind.PARAMETER.value]
+        except silo.SiloError:
+            return []
+
+    wait_until(lambda: any("60.0" in text for text in told()))
+    assert sum("-> 50.0" in text for text in told()) == 1
+
+
+def test_a_change_that_no_tick_comes_for_waits_and_is_told_so(bench):
+    bench.logger.stop()
+    bench.logger.parameter("kp", 40.0)
+    with silo.connect("bot") as client:
+        told = client.parameters.set({"kp": 50.0})
+        assert told.waits
+        bench.logger.collect()
+        assert client.parameters["kp"] == 50.0
+
+
+def test_what_is_not_confirmed_is_taken_back_by_the_robot_program(tuned, client):
+    client.parameters.set({"kp": 50.0}, revert_after=0.05)
+    wait_until(lambda: client.parameters["kp"] == 40.0)
+    kept = client.parameters.set({"kp": 60.0}, revert_after=60)
+    assert client.parameters.confirm(kept) == "it stays"
+
+
+def test_setting_and_confirming_need_control_and_reading_does_not():
+    needs = {name: vars(ParameterRequests)[name].request for name in ("_set_parameters", "_confirm_parameters")}
+    assert all(kind.needs_control and kind.key == "do" for kind in needs.values())
+    assert vars(ParameterRequests)["_list_parameters"].request.key == "ask"
+
+
+def test_a_read_only_client_reads(tuned):
+    with silo.connect("bot", read_only=True) as client:
+        assert client.parameters["kp"] == 40.0
+        with pytest.raises(RefusedError):
+            client.parameters["kp"] = 50.0
+
+
+def test_a_client_cannot_say_that_it_is_on_the_robot(monkeypatch):
+    from silo.parameters import server
+    from silo.rpc.serving import Sender, Turn
+
+    sent = []
+
+    class Program:
+        def reply(self, request, turn):
+            sent.append(request.remote)
+
+    monkeypatch.setattr(server, "came_by_network", lambda who: who == "far")
+    request = request_of(ParameterRequests._set_parameters, {"kp": 1.0}, "", 0.0, remote=False)
+    for who in ("far", "near"):
+        turn = Turn(Sender("", who))
+        server.ParameterServer(Program()).set_parameters(turn, request.values, "", 0.0, request.remote)
+    assert sent == [True, False]
