@@ -20,7 +20,7 @@ import msgspec
 import zenoh
 
 from silo.core.elements import State
-from silo.errors import ConnectionLostError, SiloError, VersionError
+from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo.fleet.discovery import namesakes
 from silo.fleet.exchange import exchange, root_at
 from silo.fleet.many import Pending
@@ -105,7 +105,11 @@ class Connection:
             # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
             mine = keys.ClientId.drawn()
             question = Hello(version=VERSION, client=self._who, id=mine.id, proof=mine.proof)
-            reply = checked(question, exchange(borrowed, root, question, timeout_s, self.label_of(found)))
+            label = self.label_of(found)
+            try:
+                reply = checked(question, exchange(borrowed, root, question, timeout_s, label))
+            except RefusedError as refused:  # who connects waits for a logger, and has asked it for nothing yet
+                raise ConnectionLostError(f"{label} can't say who it is: {refused}") from refused
             self._clock.learn(reply.clock_s)
             dead = reply.status.state is State.DEAD
             # with history, as the end of a token that was there before goes untold without

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from silo.errors import ConnectionLostError, VersionError
+from silo.errors import ConnectionLostError, RefusedError, VersionError
 from silo.fleet.discovery import discover
 from silo.fleet.exchange import ask_once, exchange
 from silo.net.access.probing import Layer, LayerError, reach, tls_problem
@@ -47,7 +47,7 @@ def _asked(loggers: list[LoggerAddress], user: str) -> Iterator[tuple[Layer, str
             reply = ask_once(found, Hello(version=VERSION), TIMEOUT_S)
         except VersionError as error:
             raise LayerError(Layer.VERSION, str(error)) from error
-        except ConnectionLostError as error:
+        except (ConnectionLostError, RefusedError) as error:
             raise LayerError(Layer.ROLE, str(error)) from error
         may = (
             "may change it"

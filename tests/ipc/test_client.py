@@ -23,6 +23,7 @@ from silo.fleet.fleet import surveyed
 from silo.fleet.many import Asking
 from silo.requests import Start
 from silo.rpc.published import EventKind
+from silo.rpc.refusals import Refused, RefusedWhy
 from tests.waiting import DEADLINE_S
 
 
@@ -54,6 +55,13 @@ def test_the_link_is_watched_once_its_owner_is_ready(bench, until) -> None:
     finally:
         connection.close()
     assert all(rounds)
+
+
+def test_a_refused_hello_is_no_connection(bench, monkeypatch) -> None:
+    refused = Refused(RefusedWhy.FAILED, "KeyError: 'x'")
+    monkeypatch.setattr("silo.client.connection.exchange", lambda *_, **__: refused)
+    with pytest.raises(ConnectionLostError, match=r"logger 'bot' can't say who it is: KeyError: 'x'"):
+        Client.connect()
 
 
 def test_two_loggers_of_a_name_must_be_told_apart(bench, robots) -> None:
