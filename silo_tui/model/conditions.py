@@ -12,6 +12,7 @@ from silo.errors import ExpressionError
 from silo.expressions.parsing import names_in, parse
 from silo_tui.model import text
 
+IN_SPACE = "signal in "
 NAME, WHEN = 10, 20  # cells of a trigger's name, and those that its condition keeps
 LOUD = (TriggerWord.FIRING,)
 CAUTION = (TriggerWord.HOLDOFF, TriggerWord.BLIND, TriggerWord.OTHER)
@@ -72,20 +73,21 @@ def ago(seconds: float) -> str:
     return f"{seconds / 3600:.0f} h" if seconds < 86_400 else f"{seconds / 86_400:.0f} d"
 
 
-def limit_head(width: int) -> str:
-    """Return the head of the list of alarms."""
-    room = _signal_width(width)
-    return f"!  {'signal':<{room}} {'value':>9} {'limit':>8} {'worst':>9} {'since':>8} {'count':>5}  seen by"
+def limit_head(width: int, space: str = "") -> str:
+    """Return the head of the list of alarms, whose signals are told below the namespace `space`."""
+    room, signal = signal_width(width), IN_SPACE + space if space else "signal"
+    return f"!  {signal:<{room}} {'value':>9} {'limit':>8} {'worst':>9} {'since':>8} {'count':>5}  seen by"
 
 
-def _signal_width(width: int) -> int:
+def signal_width(width: int) -> int:
+    """Return the cells of the signals' names in the list of alarms."""
     return max(14, width - 56)
 
 
 def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = None) -> str:
-    """Return a scalar with limits as a line of so many cells; `short` is its name as it is shown."""
+    """Return a scalar with limits as a line of so many cells; `short` is its name in as many as it has there."""
     now = time.time_ns() if now_ns is None else now_ns
-    room = _signal_width(width)
+    room = signal_width(width)
     if one.is_over and one.since_ns:
         since = clock_text((now - one.since_ns) / 1e9)
     elif one.count and one.last_ns >= one.since_ns > 0:
@@ -96,7 +98,7 @@ def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = Non
     count = one.count + one.stale_count
     limit = f"{one.limit:.4g} s" if one.word is LimitWord.STALE and one.limit is not None else _number(one.limit)
     return (
-        f"{one.word.value:<2} {text.shorten_left(short, room):<{room}} {_number(one.value):>9} {limit:>8} "
+        f"{one.word.value:<2} {short:<{room}} {_number(one.value):>9} {limit:>8} "
         f"{_number(one.worst):>9} {since:>8} {count or '':>5}  {seen}"
     )
 

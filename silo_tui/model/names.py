@@ -1,14 +1,16 @@
 """Names in a column that is too narrow for them: shortened so that names that differ never look alike.
 
-A name keeps its end, which tells most. Levels on its left become their shortest beginning that no other level beside
-them has (`/legs/LF` → `/l…/LF`), then the longest level loses its middle (`drive_temperature` → `drive_te…ature`). Made
-once per table and width, so that scrolling changes nothing.
+Where they don't fit, the namespace that all of them share stands once above them. A name keeps its end, which tells
+most. Levels on its left become their shortest beginning that no other level beside them has (`/legs/LF` → `/l…/LF`), not
+where that saves a letter or two: a joint's `KFE` tells more than its `K…`. Then the longest level loses its middle
+(`drive_temperature` → `drive_te…ature`). Made once per table, namespace and width, so that scrolling changes nothing.
 """
 
 import re
 import unicodedata
 from bisect import bisect_left
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Collection, Container, Iterable, Sequence
+from functools import lru_cache
 
 from silo_tui.model.text import clean
 
@@ -42,6 +44,30 @@ def without_prefix(words: str, prefix: str, levels: Container[str]) -> str:
     return signal.sub(lambda found: "" if found[1] in levels or set(found[1]) & set("*?") else found[0], words)
 
 
+def shared_space(names: Collection[str], width: int, room: int) -> str:
+    """Return the namespace to tell once above names, in at most `room` cells; none where all fit into `width` cells."""
+    if not names or max(map(cells, names)) <= width:
+        return ""
+    first, last = min(names).split("/")[:-1], max(names).split("/")[:-1]
+    same = next((at for at, (one, other) in enumerate(zip(first, last, strict=False)) if one != other), None)
+    levels = first[: min(len(first), len(last)) if same is None else same]
+    while levels and cells("/".join(levels)) > room:
+        levels.pop()
+    return "/".join(levels)
+
+
+def fitting_names_below(names: Sequence[str], width: int, room: int) -> tuple[str, list[str]]:
+    """Return what stands once above names in at most `room` cells, and the names below it in at most `width` each."""
+    space = shared_space(names, width, room)
+    return space, fitting_names([name[len(space) + bool(space) :] for name in names], width)
+
+
+@lru_cache
+def fitted_among(name: str, names: tuple[str, ...], width: int) -> str:
+    """Return one of some names in at most `width` cells: as it differs from the others."""
+    return fitting_names(names, width)[names.index(name)]
+
+
 def fitting_names(names: Sequence[str], width: int) -> list[str]:
     """Return names of at most `width` (8 or more) cells, in the same order; different names stay different."""
     width = max(MIN_WIDTH, width)
@@ -73,7 +99,7 @@ class _Beginnings:
             at = bisect_left(others, level)  # only its neighbours begin as long with the same letters
             beside = others[max(0, at - 1) : at] + others[at + 1 : at + 2]
             length = 1 + max((_common([level, other]) for other in beside), default=0)
-            self._found[key] = level[:length] + MARK if length + 1 < len(level) else level
+            self._found[key] = level[:length] + MARK if length + 2 < len(level) else level
         return self._found[key]
 
 

@@ -11,9 +11,10 @@ from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import SignalLimits
 from silo.errors import ElementError, RefusedError
 from silo_tui.actions import bindings_for, key_of
-from silo_tui.model.conditions import alarms_words, limit_head, limit_row
+from silo_tui.model.conditions import IN_SPACE, alarms_words, limit_head, limit_row, signal_width
 from silo_tui.model.limit_line import HOW, limits_line, read_limits
 from silo_tui.model.lists import Order
+from silo_tui.model.names import fitting_names_below
 from silo_tui.screens.conditions import ConditionsScreen
 from silo_tui.screens.dialogs import Prompt
 from silo_tui.screens.monitor import MonitorScreen
@@ -41,7 +42,13 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("alarms")
 
     def head(self, width: int) -> str:
-        return limit_head(width)
+        return limit_head(width, self._space)
+
+    def prepare(self, found: Sequence[LimitStatus], width: int) -> None:
+        """Fit the names of all into the same cells: different ones stay different."""
+        names, room = [self.session.short_name(one.name) for one in found], signal_width(width)
+        self._space, fitted = fitting_names_below(names, room, room - len(IN_SPACE))
+        self._names = dict(zip(map(self.key_of, found), fitted, strict=True))
 
     @property
     def all(self) -> Sequence[LimitStatus]:
@@ -62,7 +69,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return f"{one.word.value} {self.session.short_name(one.name)} {'NEW' if one.alarm else one.seen_by} {one.why}"
 
     def row_of(self, one: LimitStatus, width: int) -> Text:
-        line = Text(limit_row(one, self.session.short_name(one.name), width))
+        line = Text(limit_row(one, self._names[one.name], width))
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
         if one.is_over or one.word is LimitWord.BLIND:
             line.stylize(f"bold {color(self.app.theme_variables, 'error' if red else 'warning')}", 0, 2)

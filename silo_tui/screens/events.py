@@ -90,7 +90,9 @@ class EventsScreen(ListScreen[LoggedEvent]):
     def going_on(self) -> Sequence[str]:
         count = many(len(self.all), "event")
         follows = "follows" if self._following else f"{key_of('list_top')} follows"
-        return [f"{count}, {follows}" if self.all else "nothing happened yet"]
+        one = self.chosen
+        told = "" if one is None else self.told(one)  # whole: its line may have no room for it
+        return [told, f"{count}, {follows}" if self.all else "nothing happened yet"]
 
     def follow(self, known: str, place: int | None) -> int | None:
         return (0 if self.shown else None) if self._following else super().follow(known, place)

@@ -9,6 +9,7 @@ from textual.widgets import Static
 from silo.expressions.span import Between
 from silo_tui.actions import key_of
 from silo_tui.model import text
+from silo_tui.model.names import fitted_among
 from silo_tui.unforeseen import Guarded
 
 MOST_LINES = 8
@@ -29,7 +30,8 @@ class BetweenTable(Guarded, Static):
         lines.append(" " + "A to B".ljust(name_width) + "".join(f"{title:>{column}}" for title in _TITLES))
         for letter, name, found in facts[:MOST_LINES]:
             head = f"{letter} " if letter else ""
-            lines.append(f"\n {head + text.shorten_left(name, name_width - len(head)):<{name_width}}")
+            fitted = fitted_among(name, tuple(name for _, name, _ in facts), name_width - len(head))
+            lines.append(f"\n {head + fitted:<{name_width}}")
             lines.append("".join(f"{word:>{column}}" for word in words_of(found, column)))
         if len(facts) > MOST_LINES:
             isolates, removes = f"{key_of('isolate_plot')} isolates one", f"{key_of('drop_plot')} takes one away"

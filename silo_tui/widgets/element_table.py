@@ -22,7 +22,7 @@ from textual.strip import Strip
 from silo_tui.model import text
 from silo_tui.model.cells import Sight
 from silo_tui.model.fields import Field
-from silo_tui.model.names import fitting_names
+from silo_tui.model.names import MIN_WIDTH, fitting_names, shared_space
 from silo_tui.model.rows import RowList
 from silo_tui.model.table_columns import (
     ADDED,
@@ -42,6 +42,7 @@ from silo_tui.unforeseen import Guarded
 
 FLAGS = 2
 TREND = 10
+IN_SPACE = f"{NAME} in "  # what stands before the namespace in the head
 DERIVED = "="  # the sign of what is computed from others
 MAX_STRIPS = 4000
 
@@ -49,10 +50,14 @@ Shown = list[tuple[TableColumn, int]]  # columns with their widths
 
 
 class Layout(NamedTuple):
-    """What stands where in a table of some width: names, settings up to `rest`, then what is measured, the rail."""
+    """What stands where in a table of some width: names, settings up to `rest`, then what is measured, the rail.
+
+    Names are told below `space`, which stands in the head.
+    """
 
     width: int
     names: int
+    space: str
     steady: Shown
     rest: int
     measured: Shown
@@ -108,8 +113,8 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         self._settings: dict[int, bytes] = {}
         self._painted: dict[int, Content] = {}
         self._ready: dict[int, Content] = {}  # found to differ, not painted yet
-        self._names: list[str] = []
-        self._names_of: tuple[int, int, int, str] | None = None
+        self._names: dict[tuple[int, str], dict[str, str]] = {}  # as they fit, by width and what they are below
+        self._names_of: tuple[object, ...] = ()
         self._trends: dict[int, str] = {}  # by row; all of them are drawn together, once a second
         self._trends_of: object = None
         self._trends_due_s = 0.0
@@ -147,7 +152,7 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
             rest = width - 1 - sum(1 + cells for _, cells in measured)
             steady = shown_columns([each for each in self._offered if not each.measured], sight, rest - FLAGS, rest)
             names = max(8, rest - FLAGS - sum(1 + cells for _, cells in steady))
-            self._laid = Layout(width, names, steady, rest, measured)
+            self._laid = Layout(width, names, self._space_of(names), steady, rest, measured)
         return self._laid
 
     @property
@@ -423,9 +428,12 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         element = self.session.table.elements[row]
         several = len(element.entries) > 1
         sign = ("▼ " if element.name in self.rows.unfolded else "► ") if several else "  "
-        label = element.name.rpartition("/")[2] + (f" |{len(element.entries)}|" if several else "")
-        words = f"{'  ' * depth}{sign}{label}"
-        return words if len(words) <= width else self._name_in(row, width)
+        space, _, label = self.session.short_name(element.name).rpartition("/")
+        begin, end = "  " * depth + sign, f" |{len(element.entries)}|" if several else ""
+        room = width - cell_len(begin + end)
+        if room < MIN_WIDTH:
+            return self._name_in(row, width, "")
+        return begin + (label if cell_len(label) <= room else self._name_in(row, room, space)) + end
 
     def _segments(self, row: int, depth: int, *, is_cursor: bool) -> Iterator[Segment]:
         values, pending, conflicts = self._values[:, row], self._pending[:, row], self._conflicts[:, row]
@@ -447,7 +455,8 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         marked = "table--marked" if self.rows.marked[row] or self._range[row] else ""
         yield Segment(">" if marked else " ", self._style(*base, marked))
         width = self.laid.names
-        name = self._tree_name(row, depth, width) if self.rows.sort == TREE else self._name_in(row, width)
+        in_tree = self.rows.sort == TREE
+        name = self._tree_name(row, depth, width) if in_tree else self._name_in(row, width, self.laid.space)
         yield Segment(fitted(name, width), self._style(*base, marked))
         for column, cell_width in self.laid.steady:
             words, style = column.draw(self.sight, row, cell_width)
@@ -467,14 +476,29 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
             yield Segment(" ", self._style(*base))
             yield from self._cell(word, styles, bool(pending[column.field]))
 
-    def _name_in(self, row: int, width: int) -> str:
-        """Return a name as this table at this width has it: made once for all, so that scrolling changes nothing."""
-        names = self.session.table.names
-        made_for = (id(names), len(names), width, self.session.table.prefix)
+    def _space_of(self, width: int) -> str:
+        """Return the namespace of all that is shown, where names don't fit with it and the head has room for it."""
+        if self.rows.sort == TREE:
+            return ""  # branches tell it
+        names, short = self.session.table.names, self.session.short_name
+        return shared_space([short(names[row]) for row in self.rows.shown.tolist()], width, width - len(IN_SPACE))
+
+    def _name_in(self, row: int, width: int, space: str) -> str:
+        """Return a name as this table has it below a namespace, at this width.
+
+        Made once for all of them, whatever is shown, so that neither scrolling nor a filter by values changes one.
+        """
+        names, short = self.session.table.names, self.session.short_name
+        made_for = (id(names), len(names), self.session.table.prefix)
         if self._names_of != made_for:
-            self._names = fitting_names([self.session.short_name(name) for name in names], width)
             self._names_of = made_for
-        return self._names[row]
+            self._names.clear()
+        key = width, space
+        if key not in self._names:
+            below = [name for name in map(short, names) if not space or name.startswith(f"{space}/")]
+            fitted = fitting_names([name[len(space) + bool(space) :] for name in below], width)
+            self._names[key] = dict(zip(below, fitted, strict=True))
+        return self._names[key][short(names[row])]
 
     def _cell(self, word: str, styles: list[str], underlined: bool) -> Iterator[Segment]:
         """Underline the word alone, not the room around it."""
@@ -529,6 +553,7 @@ class TableHead(Guarded, ScrollView):
         table, rows = self._table, self._table.rows
         laid, sort = table.laid, rows.sort
         mark = f" ↓{NAME}" if sort == TREE else f" {rows.arrow}{sort}" if sort in (NAME, ADDED) else f" {NAME}"
+        mark += f" in {laid.space}" * bool(laid.space)
         steady = [Segment(" " * (FLAGS - 1) + mark.ljust(laid.names + 1), plain)]
         measured: list[Segment] = []
         for column, width in (*laid.steady, *laid.measured):

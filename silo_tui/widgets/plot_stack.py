@@ -24,6 +24,7 @@ from silo_tui.model.dots import BLANK
 from silo_tui.model.happened import EVENT_LINE, columns_of, in_plots
 from silo_tui.model.limits import Bounds4
 from silo_tui.model.live import Reading, offset_text
+from silo_tui.model.names import fitted_among
 from silo_tui.model.overlay import ghost_piece
 from silo_tui.model.panel_picture import AXIS, LIMIT, RED, YELLOW, Drawn, PanelSource, drawn
 from silo_tui.model.panels import (
@@ -215,7 +216,7 @@ class PlotStack(Guarded, Widget):
             now = self._short_fact(at, place)
             unit = "" if plotted.element.unit == "-" else f" {plotted.element.unit}"
             head = f"{'>' if chosen else ' '}{self.letter(plotted)} "
-            name = text.shorten_left(self._short(plotted), max(8, room - len(head) - len(now) - len(unit) - 3))
+            name = self._fitted(plotted, max(8, room - len(head) - len(now) - len(unit) - 3))
             colored = Style(color=self._color(panel, place).color, bold=True, bgcolor=style.bgcolor)
             words = f"{name}{'→' if sides(panel)[place] else ''}"
             found += [
@@ -236,6 +237,10 @@ class PlotStack(Guarded, Widget):
         """What stands beside the name of one of several signals."""
         return self.facts.brief(self.panels[at][place], self._panel(at).pictures[place])
 
+    def _fitted(self, plotted: Plotted, width: int) -> str:
+        """Return its name in so many cells, as it differs from those of the other plots."""
+        return fitted_among(self._short(plotted), tuple(dict.fromkeys(map(self._short, self.plots))), width)
+
     def _short(self, plotted: Plotted) -> str:
         name = plotted.name
         return name[len(self.prefix) :] if self.prefix and name.startswith(self.prefix + "/") else name
@@ -251,7 +256,7 @@ class PlotStack(Guarded, Widget):
         letter = self.letter(plotted)
         mark = (">" if chosen else " ") + (f"{letter} " if letter else "")
         room = self.size.width - len(facts) - len(unit) - len(mark) - 3
-        name = text.shorten_left(self._short(plotted), max(8, room))
+        name = self._fitted(plotted, max(8, room))
         origin = self._panel(at).origins[0] if facts and kind_of(plotted) is CurveKind.CURVE else ""
         if origin and len(name) + len(origin) + 7 <= room:
             name += f"  from {origin}"

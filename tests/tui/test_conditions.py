@@ -1,6 +1,7 @@
 """Triggers and alarms on the screen: how they stand, what is done with them, what a condition would have done."""
 
 import pytest
+from msgspec.structs import replace
 from textual.widgets import Input
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
@@ -27,6 +28,8 @@ HOT = LimitStatus(
     12, NOW_NS - 9 * 10**9, 10, NOW_NS - 12 * 10**9, NOW_NS, 2, alarm=True,
 )  # fmt: skip
 
+JOINTS = ("HAA", "HFE", "KFE")
+
 
 class TestWords:
     def test_a_trigger_is_a_line(self):
@@ -40,8 +43,10 @@ class TestWords:
         assert len(row) <= 80
 
     def test_the_head_tells_the_worst_alarm_and_how_many_triggers_watch(self):
-        assert head_words([FALL, BLIND], [HOT]) == ("HH 1", True, "T 1")
+        assert head_words([FALL, BLIND], [HOT]) == ("1 alarm HH", True, "1 trigger armed")
         assert head_words([], []) == ("", False, "")
+        assert head_words([BLIND], []) == ("", False, "")  # none is armed: nothing to tell
+        assert head_words([replace(FALL, state=TriggerWord.FIRING)], [])[2] == "trigger fall fires"
 
     def test_the_editor_gives_back_the_trigger_that_it_shows(self):
         options = TriggerOptions("a", "x > 3", 5.0, 0.05, "falling", "x < 1", 0.02, 10.0, "single", keep=20)
@@ -396,6 +401,18 @@ async def test_names_of_triggers_never_look_alike(size, fake, opened):
         shown = [line.split()[1] for line in screen.text.splitlines() if "x > 1" in line and "ARMED" in line]
         assert len(set(shown)) == 2
         assert size[0] < 160 or shown == names
+
+
+@pytest.mark.slow
+async def test_twelve_motors_look_different_in_the_alarms(fake, opened):
+    legs = [f"/log/legs/{leg}/{joint}/winding_temperature" for leg in ("LF", "RF", "LH", "RH") for joint in JOINTS]
+    fake.limit_statuses = [replace(HOT, name=name, limits=name) for name in legs]
+    async with opened(fake) as screen:
+        await screen.press("A")
+        await screen.shows("signal in /legs")
+        lines = [line.split()[1] for line in screen.text.splitlines() if line.startswith("HH")]
+        assert len(set(lines)) == 12
+        assert sum("KFE" in line for line in lines) == 4
 
 
 @pytest.mark.slow

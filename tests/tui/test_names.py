@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from silo.core.quantities.writing import size_text
 from silo_tui.model import text
-from silo_tui.model.names import cells, first_levels, fitting_names, without_prefix
+from silo_tui.model.names import cells, first_levels, fitting_names, fitting_names_below, without_prefix
 
 # cells for names in a table of 80, 120 and 160 columns with the columns of settings or of statistics
 WIDTHS = [20, 29, 52]
@@ -46,8 +46,36 @@ def test_levels_on_the_left_become_their_unique_beginning_and_the_longest_loses_
     assert fitted["/legs/LF/HAA/drive_temperature"] == "/l…/LF/HAA/drive_tem…ature"
 
 
+@pytest.mark.parametrize("width", [20, 24, 29])
+def test_a_joint_is_never_hidden(width):
+    for name, fits in zip(LEGS, fitting_names(LEGS, width), strict=True):
+        assert name.split("/")[3] in fits.split("/")
+
+
+def test_a_level_of_few_letters_stays_whole_as_that_saves_one():
+    names = ["/legs/LF/KFE/winding_temperature", "/legs/LF/HAA/winding_temperature", "/legions/LF/HAA/x"]
+    assert fitting_names(names, 24)[0] == "/legs/LF/KFE/windi…ature"
+
+
+def test_the_namespace_that_all_share_stands_once_above():
+    names = ["/legs/LF/HAA/drive_temperature", "/legs/RH/KFE/winding_temperature"]
+    assert fitting_names_below(names, 27, 20) == (
+        "/legs", ["LF/HAA/drive_temperature", "RH/KFE/winding_temperature"],
+    )  # fmt: skip
+    assert fitting_names_below(names[:1], 27, 8) == ("/legs/LF", ["HAA/drive_temperature"])  # as it has room
+    assert fitting_names_below(names, 40, 20) == ("", names)  # where all fit, they are whole
+
+
+@given(NAMES, st.integers(12, 40))
+def test_below_what_they_share_different_names_never_look_alike(names, width):
+    space, fitted = fitting_names_below(names, width, width - 8)
+    assert len(set(fitted)) == len(names)
+    assert all(name.startswith(space) for name in names)
+    assert cells(space) <= max(0, width - 8)
+
+
 def test_levels_that_begin_alike_keep_the_letters_in_which_they_differ():
-    names = ["/controller/a/long_signal_name", "/contact/a/long_signal_name"]
+    names = ["/controller/a/long_signal_name", "/contactor/a/long_signal_name"]
     first, second = fitting_names(names, 26)
     assert (first[:7], second[:7]) == ("/contr…", "/conta…")
 
