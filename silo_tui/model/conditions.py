@@ -116,15 +116,25 @@ def alarms_words(found: Sequence[LimitStatus]) -> str:
     return f"{', '.join(parts)} │ {many(len(found), 'limit')}{f', {blind} blind' if blind else ''}"
 
 
-def head_words(triggers: Sequence[TriggerStatus], limits: Sequence[LimitStatus]) -> tuple[str, bool, str]:
-    """Return for the status line the worst alarm (empty for none), whether it is red, and how many triggers watch."""
+def head_words(
+    triggers: Sequence[TriggerStatus], limits: Sequence[LimitStatus]
+) -> tuple[tuple[str, str], bool, tuple[str, str]]:
+    """Return for the status line the alarms and the worst, whether that is red, and what triggers do.
+
+    Words and shorter ones, empty where there is nothing to tell.
+    """
     over = [one for one in limits if one.is_over]
     worst = next((word for word in (LimitWord.RED_HIGH, LimitWord.RED_LOW, LimitWord.YELLOW_HIGH, LimitWord.YELLOW_LOW,
                                     LimitWord.STALE) if any(one.word is word for one in over)), None)  # fmt: skip
-    watching = sum(one.state in (TriggerWord.ARMED, TriggerWord.FIRING, TriggerWord.HOLDOFF) for one in triggers)
-    firing = "!" if any(one.state is TriggerWord.FIRING for one in triggers) else ""
-    alarm = f"{worst.value} {len(over)}" if worst else ""
-    return alarm, worst in (LimitWord.RED_HIGH, LimitWord.RED_LOW), f"T {watching}{firing}" if triggers else ""
+    firing = [one.options.name for one in triggers if one.state is TriggerWord.FIRING]
+    armed = sum(one.state in (TriggerWord.ARMED, TriggerWord.HOLDOFF) for one in triggers)
+    watching = ("", "")
+    if firing or armed:
+        watching = (
+            (f"trigger {firing[0]} fires", "FIRES") if firing else (f"{many(armed, 'trigger')} armed", f"{armed} armed")
+        )
+    alarm = (f"{many(len(over), 'alarm')} {worst.value}", f"{worst.value} {len(over)}") if worst else ("", "")
+    return alarm, worst in (LimitWord.RED_HIGH, LimitWord.RED_LOW), watching
 
 
 # --------------------------------------------------------------------------------------------------------- the editor

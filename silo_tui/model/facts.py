@@ -26,7 +26,8 @@ OLD = "~~"  # of no row in particular: nothing comes, or it can't be carried liv
 MEANINGS = {
     "HH LL": "beyond its red limit, above or below", "H L": "beyond its yellow limit, above or below",
     "NN": "nan or inf among its newest values", "==": "frozen: it changes no more, or a limit calls it stale",
-    "<<": "slow: fewer samples than its divider asks for", "XX": "samples lost: the buffer could not keep them",
+    "<<": "slow: fewer samples than its divider asks for; in the head: the whole loop, and rows have no sign of it",
+    "XX": "samples lost: the buffer could not keep them",
     OLD: "the value is old: no link, or the program is dead",
 }  # fmt: skip
 WORDS = {"nan": NOT_FINITE, "frozen": FROZEN, "slow": SLOW}

@@ -1,9 +1,10 @@
 """Names in a column that is too narrow for them: shortened so that names that differ never look alike.
 
 Where they don't fit, the namespace that all of them share stands once above them. A name keeps its end, which tells
-most. Levels on its left become their shortest beginning that no other level beside them has (`/legs/LF` → `/l…/LF`), not
-where that saves a letter or two: a joint's `KFE` tells more than its `K…`. Then the longest level loses its middle
-(`drive_temperature` → `drive_te…ature`). Made once per table, namespace and width, so that scrolling changes nothing.
+most. Levels on its left become their shortest beginning that no other level beside them has (`/legs/LF` → `/l…/LF`);
+one that would lose a single letter stays, as a joint's `KFE` tells more than `K…`. Then the longest level loses its
+middle (`drive_temperature` → `drive_te…ature`). Made once per table, namespace and width, so that scrolling changes
+nothing.
 """
 
 import re

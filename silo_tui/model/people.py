@@ -14,7 +14,7 @@ def head_words(status: Status, identity: str) -> tuple[str, str]:
         "" if control is None else "you have" if control.identity == identity else f"{name_of(control.identity)} has"
     )
     others = len(status.clients) - 1
-    return f"{holder} control" if holder else "", f"+{many(others, 'other')}" if others > 0 else ""
+    return f"{holder} control" if holder else "", f"{many(others, 'other')} here" if others > 0 else ""
 
 
 def people_words(status: Status, identity: str) -> str:

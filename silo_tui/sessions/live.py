@@ -17,6 +17,7 @@ from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import Recordings
 from silo.rpc.frames import Frame
 from silo.rpc.published import Event, EventKind
+from silo.rpc.quantities import SLOW, SLOW_SHARE
 from silo.rpc.refusals import RefusedWhy
 from silo.settings.typed import ElementSettings, apply_settings
 from silo.state.requests import EditsApplied, Unsaved
@@ -48,6 +49,7 @@ NO_STATUS = Status(
     prefix="", folder="", script="",
 )  # fmt: skip
 
+SLOW_TOLD_S = 15.0  # after the loop was slow rates of elements, measured over ten of their samples, tell of it
 
 _CONDITION_KINDS = {
     EventKind.TRIGGERED, EventKind.CAPTURED, EventKind.BLIND, EventKind.LIMIT, EventKind.LIMIT_ENDED,
@@ -81,6 +83,7 @@ class Session:
         self.overlay: Overlay | None = None  # a saved run over the plots
         self.left_files: list[SavedFile] = []  # of a robot program that died
         self.happened: list[LoggedEvent] = []  # the newest lines of the event log
+        self._slow_s = -SLOW_TOLD_S  # monotonic, when the loop was slow last
         self.jitter_s = 0.0  # of the loop, as the newest survey says
         self.triggers: list[TriggerStatus] = []
         self.limits: list[LimitStatus] = []  # worst first
@@ -142,6 +145,11 @@ class Session:
     def fresh(self) -> bool:
         """Whether the values on the screen are of now."""
         return self.connected and not self.dead
+
+    @property
+    def loop_slow(self) -> bool:
+        """Whether the loop as a whole is slower than it should be."""
+        return self.running and 0 < self.measured_hz < SLOW_SHARE * self.status.frequency_hz
 
     @property
     def run_seconds(self) -> float:
@@ -301,7 +309,13 @@ class Session:
                 name: dict(zip(asked, column, strict=True))
                 for name, column in zip(names, columns.T.tolist(), strict=True)
             }
-        self.table.facts = Facts(dict(zip(wanted, arrays, strict=True)), found.since_ns, found.time_ns, told)
+        quantities_of_all = dict(zip(wanted, arrays, strict=True))
+        if self.loop_slow:
+            self._slow_s = time.monotonic()
+        if time.monotonic() - self._slow_s < SLOW_TOLD_S:  # one fact, which the head tells
+            bits = np.nan_to_num(quantities_of_all["signs"]).astype(np.int64)
+            quantities_of_all["signs"] = (bits & ~SLOW).astype(float)
+        self.table.facts = Facts(quantities_of_all, found.since_ns, found.time_ns, told)
         self.jitter_s = found.jitter_s
 
     def change(self, settings: ElementSettings) -> int:

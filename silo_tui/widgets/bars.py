@@ -13,7 +13,6 @@ from textual.widget import Widget
 from silo.core.elements import State
 from silo.core.quantities.writing import clock_text, many
 from silo.core.stalls import idle_words, is_stalled
-from silo.rpc.quantities import SLOW_SHARE
 from silo_tui.actions import BY_ID, Command, commands_for, footer_for, key_of, key_that_retries, with_keys
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words
@@ -143,9 +142,11 @@ class StatusBar(FittingLine):
         elif session.connected:
             add(4, "  lost 0")
         alarm, is_red, watching = head_words(session.triggers, session.limits)
-        if alarm:
-            add(0, f"  {alarm}", f"bold {color(variables, 'error' if is_red else 'warning')}")
-        add(9, f"  {watching}" if watching else "")
+        style = f"bold {color(variables, 'error' if is_red else 'warning')}"
+        long, short = (f"  {words}" if words else "" for words in alarm)
+        parts.append(Part(11, long, style, (short,)))  # an alarm never gives way, its words do
+        long, short = (f"  {words}" if words else "" for words in watching)
+        parts.append(Part(9, long, "", (short, "")))
         self._add_others(add)
         return parts
 
@@ -171,10 +172,9 @@ class StatusBar(FittingLine):
         if not (self.mode or status.recorders) or wide:  # what isn't normal needs the room
             add(3, f"  {status.enabled}/{status.elements}" + (" elements" if wide else ""), "")
         rate = session.measured_hz
-        slow = session.running and 0 < rate < SLOW_SHARE * status.frequency_hz
         if session.running and is_stalled(session.idle_s, status.frequency_hz):
             add(0, f"  ‼ {idle_words(session.idle_s)}", f"bold {color(variables, 'error')}")
-        elif slow:
+        elif session.loop_slow:
             caution = f"bold {color(variables, 'warning')}"
             jittery = session.jitter_s and wide
             jitter = f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}" if jittery else ""

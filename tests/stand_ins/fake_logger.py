@@ -51,6 +51,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions):
 
     def __init__(self, elements: list[ElementInfo] | None = None, name: str = "robot") -> None:
         self.elements = robot_elements() if elements is None else elements
+        self.measured_hz = HZ
         self.name, self.pid, self.revision = name, 4711, 1
         self._state, self.now_ns, self.started_ns, self.lost = State.STOPPED, START_NS, 0, 0
         self.saved, self.may_edit, self.connected, self.reason = True, True, True, ""
@@ -225,7 +226,8 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions):
         self._ask()
         return Status(
             logger=self.name, host="anymal", user="ann", pid=self.pid, helper_pid=self.pid + 1, state=self.state,
-            revision=self.revision, frequency_hz=HZ, measured_hz=HZ if self.state is State.RUNNING else 0.0,
+            revision=self.revision, frequency_hz=HZ,
+            measured_hz=self.measured_hz if self.state is State.RUNNING else 0.0,
             ticks=self.ticks, started_ns=self.started_ns, last_tick_ns=self.now_ns if self.started_ns else 0,
             lost=self.lost, elements=len(self.elements), enabled=sum(info.options.enabled for info in self.elements),
             entries=sum(len(info.entries) for info in self.elements), max_time_s=10.0, prefix="/log",

@@ -58,7 +58,7 @@ class FakeView:
             elements=self.values, entries=tuple(info.name + entry.suffix for info in infos for entry in info.entries),
             plots=self.plots, unpublished=frozenset(unpublished),
             missing=frozenset(name for name in self.values if name not in known), time_ns=client.now_ns,
-            tick=client.ticks, state=client.state, measured_hz=HZ, lost_total=client.lost,
+            tick=client.ticks, state=client.state, measured_hz=client.measured_hz, lost_total=client.lost,
             held=np.array(held, np.int64), lost=np.zeros(len(held), np.int64), newest=np.array(newest, float),
             texts=texts, column_ns=self.column_ns, first=column.first, low=column.low, high=column.high,
             marks=None, bases={}, since_ns=since_ns, sizes=client.other_sizes(self.values), missed=0,
@@ -249,7 +249,8 @@ class FakeRows:
         entries = {info.name + entry.suffix: info for info in infos for entry in info.entries}
         found, more = (
             np.array(
-                [[self._measured(each, name, known.get(name) or entries.get(name)) for name in of] for each in asked]
+                [[self._measured(each, name, known.get(name) or entries.get(name)) for name in of] for each in asked],
+                np.float64,
             )
             for asked, of in ((quantities, names or list(known)), (some_quantities, some))
         )

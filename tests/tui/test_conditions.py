@@ -43,10 +43,12 @@ class TestWords:
         assert len(row) <= 80
 
     def test_the_head_tells_the_worst_alarm_and_how_many_triggers_watch(self):
-        assert head_words([FALL, BLIND], [HOT]) == ("1 alarm HH", True, "1 trigger armed")
-        assert head_words([], []) == ("", False, "")
-        assert head_words([BLIND], []) == ("", False, "")  # none is armed: nothing to tell
-        assert head_words([replace(FALL, state=TriggerWord.FIRING)], [])[2] == "trigger fall fires"
+        assert head_words([FALL, BLIND], [HOT]) == (
+            ("1 alarm HH", "HH 1"), True, ("1 trigger armed", "1 armed"),
+        )  # fmt: skip
+        assert head_words([], []) == (("", ""), False, ("", ""))
+        assert head_words([BLIND], []) == (("", ""), False, ("", ""))  # none is armed: nothing to tell
+        assert head_words([replace(FALL, state=TriggerWord.FIRING)], [])[2][0] == "trigger fall fires"
 
     def test_the_editor_gives_back_the_trigger_that_it_shows(self):
         options = TriggerOptions("a", "x > 3", 5.0, 0.05, "falling", "x < 1", 0.02, 10.0, "single", keep=20)
@@ -101,7 +103,7 @@ class TestScreens:
     async def test_triggers_are_listed_armed_and_forced(self, fake, opened):
         fake.trigger_statuses = [FALL, BLIND]
         async with opened(fake) as screen:
-            await screen.shows("T 1")
+            await screen.shows("1 trigger armed")
             await screen.press("T")
             await screen.shows("abs(base/roll) > 0.6")
             await screen.press("t")
@@ -162,7 +164,7 @@ class TestScreens:
     async def test_alarms_are_listed_and_acknowledged(self, fake, opened):
         fake.limit_statuses = [HOT, LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0)]
         async with opened(fake) as screen:
-            await screen.shows("HH 1")
+            await screen.shows("1 alarm HH")
             await screen.press("A")
             await screen.shows("86.31")
             assert "1 now │ 2 limits" in screen.text
@@ -212,7 +214,7 @@ class TestScreens:
         fake.limit_statuses = [LimitStatus(name, name, LimitWord.RED_HIGH, value=9.0, count=1)]
         async with opened(fake, size=(120, 24)) as screen:
             await screen.until(lambda: screen.session.beyond == {fake.elements[0].name: "HH"})
-            await screen.shows("HH 1")
+            await screen.shows("1 alarm HH")
 
     async def test_a_plot_makes_a_trigger_at_its_level(self, fake, opened):
         async with opened(fake) as screen:

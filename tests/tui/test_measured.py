@@ -7,7 +7,7 @@ import pytest
 
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import ElementInfo, ElementOptions, Entry
-from silo.rpc.quantities import FROZEN, NOT_FINITE
+from silo.rpc.quantities import FROZEN, NOT_FINITE, SLOW
 from silo_tui.model import text
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -24,6 +24,23 @@ async def test_signs_stand_in_their_column_with_statistics_beside(fake, opened):
         line = next(line for line in screen.text.splitlines() if "/base/position" in line)
         assert " NN " in line
         assert "columns: statistics of every sample since" in screen.text
+
+
+async def test_a_slow_loop_is_one_sign_in_the_head_not_one_of_each_row(fake, opened):
+    fake.run()
+    fake.measured_hz = 0.9 * fake.status().frequency_hz
+    fake.facts = {"signs": {element.name: SLOW for element in fake.elements} | {"/log/base/position": SLOW | FROZEN}}
+    async with opened(fake) as screen:
+        await screen.until(lambda: lines_with(screen, "=="), "the other sign")
+        assert screen.text.count("<<") == 1
+        assert "<<" in screen.text.splitlines()[0]
+
+
+async def test_a_slow_element_of_a_loop_at_its_rate_has_its_sign(fake, opened):
+    fake.run()
+    fake.facts = {"signs": {"/log/base/position": SLOW}}
+    async with opened(fake) as screen:
+        await screen.until(lambda: any("<<" in line for line in lines_with(screen, "/base/position")), "its sign")
 
 
 async def test_an_order_by_value_is_two_keys_and_shows_the_largest_first(fake, opened):

@@ -9,7 +9,7 @@ from textual import events
 from silo.core.elements import State
 from silo.rpc.published import EventKind
 from silo_tui.model.fields import Field
-from tests.stand_ins.fake_signals import signal
+from tests.stand_ins.fake_signals import scalar, signal
 
 FIRST = "/log/base/orientation"
 
@@ -363,3 +363,14 @@ async def test_a_filter_that_leaves_nothing_says_which_term_takes_it(fake, opene
     async with opened(fake) as screen:
         await screen.type("/torque LF unit:V")
         await screen.shows("0 of 72; without unit:V: 3")
+
+
+async def test_the_namespace_of_what_is_shown_stands_once_in_the_head_where_names_do_not_fit(new_fake, opened):
+    names = [f"/log/legs/{leg}/{joint}/winding_temperature" for leg in ("LF", "RH") for joint in ("HAA", "KFE")]
+    async with opened(new_fake([*map(scalar, names), scalar("/log/battery/voltage")])) as screen:
+        await screen.shows("/l…/LF/KFE/winding…ature")  # a joint is never left out
+        assert "name in" not in screen.text
+        await screen.press("/", *"winding", "enter")
+        await screen.shows("name in /legs ")
+        await screen.shows("RH/KFE/winding_tem…ature")
+        assert "/legs/" not in screen.text
