@@ -144,9 +144,9 @@ class StatusBar(FittingLine):
         alarm, is_red, watching = head_words(session.triggers, session.limits)
         style = f"bold {color(variables, 'error' if is_red else 'warning')}"
         long, short = (f"  {words}" if words else "" for words in alarm)
-        parts.append(Part(11, long, style, (short,)))  # an alarm never gives way, its words do
+        parts.append(LinePart(11, long, style, (short,)))  # an alarm never gives way, its words do
         long, short = (f"  {words}" if words else "" for words in watching)
-        parts.append(Part(9, long, "", (short, "")))
+        parts.append(LinePart(9, long, "", (short, "")))
         self._add_others(add)
         return parts
 
