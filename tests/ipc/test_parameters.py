@@ -7,6 +7,7 @@ import threading
 import pytest
 
 import silo
+from silo.cli.main import run
 from silo.errors import RefusedError
 from silo.parameters.requests import ParameterRequests
 from silo.rpc.declaring import request_of
@@ -133,3 +134,25 @@ def test_a_client_cannot_say_that_it_is_on_the_robot(monkeypatch):
         turn = Turn(Sender("", who))
         server.ParameterServer(Program()).set_parameters(turn, request.values, "", 0.0, request.remote)
     assert sent == [True, False]
+
+
+def test_the_shell_lists_sets_saves_compares_and_loads(tuned, client, tmp_path, capsys):
+    preset = tmp_path / "walk.yaml"
+    preset.write_text("kp: 10   # of Monday\n")
+    assert run(["param", "set", "bot", "kp=50", "kd=2.5"]) == 0
+    assert "it holds from tick" in capsys.readouterr().out
+    assert run(["param", "get", "bot", "kp"]) == 0
+    assert capsys.readouterr().out == "50.0\n"
+    assert run(["param", "save", "bot", str(preset)]) == 0
+    assert preset.read_text() == "kp: 50.0   # of Monday\n/log/legs/kd: 2.5\n"
+    client.parameters.set({"kp": 60.0})
+    capsys.readouterr()
+    assert run(["param", "diff", "bot", str(preset)]) == 4
+    assert capsys.readouterr().out == f"/log/legs/kp: 60.0 now, 50.0 in {preset}\n"
+    assert run(["param", "load", "bot", str(preset)]) == 0
+    assert run(["param", "diff", "bot", str(preset)]) == 0
+    capsys.readouterr()
+    assert run(["param", "ls", "bot"]) == 0
+    assert "/log/legs/kp   50.0  -     0 to 200    40.0" in capsys.readouterr().out
+    assert run(["param", "set", "bot", "kp=201"]) == 1
+    assert "201.0 doesn't fit, it takes 0 to 200" in capsys.readouterr().err

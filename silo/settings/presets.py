@@ -1,0 +1,132 @@
+"""Presets of parameters: YAML files `name: value` of which lines and comments stay when they are written again."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import yaml
+
+from silo.core.parameters import ParameterInfo, ParameterKind, ParameterValue, fitting
+from silo.errors import ElementError, ScriptError
+from silo.files.atomic import atomic_file
+from silo.settings.yaml_nodes import compose, explain, line_of
+
+_TRUTH = {"true": True, "on": True, "yes": True, "false": False, "off": False, "no": False}
+
+
+def typed_value(info: ParameterInfo, words: str | Sequence[str]) -> ParameterValue:
+    """Return the value that somebody wrote for a parameter. Raises ElementError for one that doesn't fit."""
+    if info.shape:
+        items = [part.strip() for part in words.strip(" []").split(",")] if isinstance(words, str) else list(words)
+        return fitting(info, [_item(info, item) for item in items])
+    return fitting(info, _item(info, words if isinstance(words, str) else str(list(words))))
+
+
+def _item(info: ParameterInfo, word: str) -> object:
+    """A word as what the parameter is; as it is where it isn't one: `fitting` refuses it then in words."""
+    try:
+        if info.kind is ParameterKind.FLOAT:
+            return float(word)
+        if info.kind is ParameterKind.INT:
+            return int(word)
+    except ValueError:
+        return word
+    return _TRUTH.get(word.lower(), word) if info.kind is ParameterKind.BOOL else word
+
+
+def find_parameter(name: str, infos: Sequence[ParameterInfo]) -> ParameterInfo:
+    """Return the only parameter that a name means, whole or its end behind a `/`. Raises ElementError."""
+    ending = f"/{name.strip('/')}"
+    found = [one for one in infos if one.name == name] or [one for one in infos if one.name.endswith(ending)]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise ElementError(f"'{name}' may be {', '.join(one.name for one in found)}: write more of the name")
+    names = ", ".join(one.name for one in infos[:5])
+    raise ElementError(
+        f"no parameter '{name}'" + (f"; there are {len(infos)}: {names}" if infos else "; there are none")
+    )
+
+
+def read_preset(path: str | os.PathLike[str], infos: Sequence[ParameterInfo]) -> dict[str, ParameterValue]:
+    """Return the values of a preset by full names.
+
+    Raises ScriptError, with file, line, parameter and range of each that makes no sense.
+    """
+    file = Path(path)
+    found: dict[str, ParameterValue] = {}
+    wrong = []
+    for name, value in _pairs(file, _text(file)):
+        why = _take(name.value, value, infos, found)
+        if why:
+            wrong.append(f"{file}:{line_of(name)}: {why}")
+    if wrong:
+        raise ScriptError("\n".join(wrong) + "\nnothing was changed")
+    return found
+
+
+def _take(name: str, value: yaml.Node, infos: Sequence[ParameterInfo], found: dict[str, ParameterValue]) -> str:
+    """Add the value of a line to what was found; why it makes no sense, empty where it does."""
+    words = value.value if isinstance(value, yaml.ScalarNode) else [one.value for one in value.value]
+    try:
+        info = find_parameter(name, infos)
+        read = typed_value(info, words)
+    except ElementError as error:
+        return str(error).removesuffix("; nothing was changed")
+    if info.name in found:
+        return f"parameter '{info.name}' stands there twice"
+    found[info.name] = read
+    return ""
+
+
+def write_preset(path: str | os.PathLike[str], values: Mapping[str, ParameterValue]) -> Path:
+    """Write values, whole or not at all. Of a preset that is there, all other lines, order and comments stay.
+
+    Raises ScriptError where that is no preset, SaveError where the system refuses.
+    """
+    file = Path(path)
+    text = _text(file) if file.exists() else ""
+    left = dict(values)
+    places = []
+    for name, value in _pairs(file, text):
+        known = [one for one in left if one == name.value or one.endswith(f"/{name.value.strip('/')}")]
+        if len(known) == 1:
+            places.append((value.start_mark.index, value.end_mark.index, _written(left.pop(known[0]))))
+    for begin, end, written in sorted(places, reverse=True):
+        text = text[:begin] + written + text[end:]
+    if left and text and not text.endswith("\n"):
+        text += "\n"
+    text += "".join(f"{name}: {_written(value)}\n" for name, value in left.items())
+    with atomic_file(file) as opened:
+        opened.write(text.encode())
+    return file
+
+
+def _written(value: ParameterValue) -> str:
+    """A value as YAML, on one line."""
+    made = yaml.safe_dump(list(value) if isinstance(value, tuple) else value, default_flow_style=True, width=2**20)
+    return str(made).removesuffix("\n").removesuffix("\n...")
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text()
+    except OSError as error:
+        raise ScriptError(f"{file}: can't be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise ScriptError(f"{file}: is no text in UTF-8") from error
+
+
+def _pairs(file: Path, text: str) -> list[tuple[yaml.ScalarNode, yaml.Node]]:
+    try:
+        root = compose(text)
+    except yaml.YAMLError as error:
+        line, why = explain(error, text)
+        raise ScriptError(f"{file}:{line}: {why}") from error
+    if root is None:
+        return []
+    pairs = root.value if isinstance(root, yaml.MappingNode) else None
+    plain = (yaml.ScalarNode, yaml.SequenceNode)
+    if pairs is None or not all(isinstance(a, yaml.ScalarNode) and isinstance(b, plain) for a, b in pairs):
+        raise ScriptError(f"{file}: a preset has lines `name: value`")
+    return list(pairs)
