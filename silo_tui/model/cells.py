@@ -69,9 +69,9 @@ def _cut(words: str, width: int) -> Cell:
 
 
 def unit(sight: Sight, row: int, width: int) -> Cell:
-    """Return the unit; nothing where there is none."""
+    """Return the unit; nothing where there is none. One that is cut shows it: `kg m^` is another than `kg m^2`."""
     word = sight.table.elements[row].unit
-    return "" if word == "-" else word, "quiet"
+    return _cut("" if word == "-" else word, width)
 
 
 def option(field: Field) -> Callable[[Sight, int, int], Cell]:

@@ -9,6 +9,7 @@ from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.rpc.quantities import FROZEN, NOT_FINITE, SLOW
 from silo_tui.model import text
+from tests.stand_ins.fake_signals import scalar
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -336,3 +337,9 @@ def test_large_numbers_keep_the_digits_that_differ():
     assert [text.number(value, 11) for value in (999_999.5, 1_000_000.5)] == ["999999.50", "1000000.50"]
     assert text.number(2**63 - 1, 19, integer=True) == "9223372036854775807"
     assert text.axis_ends(999_999.4, 1_000_000.6) == ("999999.4", "1000000.6", "")
+
+
+async def test_a_unit_that_has_no_room_is_seen_to_be_cut(new_fake, opened):
+    async with opened(new_fake([scalar("/log/base/inertia", "kg m^2")])) as screen:
+        await screen.shows("kg m…")
+        assert "kg m^ " not in screen.text
