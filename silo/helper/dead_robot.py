@@ -65,21 +65,13 @@ def _after_crash(replica: Replica, events: EventNotifier, who: str) -> bool:
 
 def _save(replica: Replica, events: EventNotifier, reader: SegmentReader, who: str) -> None:
     files: list[SavedFile] = []
-    told_s = time.monotonic()
-
-    def progress(fraction: float) -> None:
-        nonlocal told_s
-        if time.monotonic() - told_s > 0.2:
-            told_s = time.monotonic()
-            events.publish(EventKind.SAVING, f"saving after a crash: {fraction:.0%}", progress=fraction)
-
     robot = replica.now.robot
     try:
         with claimed(reader):
             files, held = save_reader(
                 reader,
                 robot.folder,
-                progress=progress,
+                progress=events.progress("saving after a crash"),
                 events=events.log.of_run(reader.schema.run),
                 extras=robot.extras if robot.segment == str(reader.path) else None,
             )

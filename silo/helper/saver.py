@@ -3,7 +3,6 @@
 import logging
 import queue
 import threading
-import time
 from dataclasses import dataclass
 
 from silo.core.elements import Conditions, SavedFile
@@ -20,7 +19,6 @@ from silo.state.events import EventNotifier, plain
 from silo.state.replica import Replica
 
 MAX_WAITING = 4
-PROGRESS_PERIOD_S = 0.1
 MAX_WHY = 80
 
 log = logging.getLogger("silo.helper")
@@ -142,16 +140,6 @@ class Saver:
         names = ", ".join(file_type.name.lower() for file_type in job.request.types)
         by = job.request.client
         self._events.publish(EventKind.SAVING, f"saving {names}", by=by, job=job.number)
-        told_s = time.monotonic()
-
-        def progress(fraction: float) -> None:
-            nonlocal told_s
-            if time.monotonic() - told_s >= PROGRESS_PERIOD_S:
-                told_s = time.monotonic()
-                share = min(max(fraction, 0.0), 1.0)
-                text = f"saving {names}: {share:.0%}"
-                self._events.publish(EventKind.SAVING, text, by=by, job=job.number, progress=share)
-
         events = self._events.log.of_run(job.reader.schema.run)
         order = WriteOrder(
             job.folder,
@@ -163,7 +151,7 @@ class Saver:
             events=events,
             extras=job.extras,
         )
-        report = write_log(job.reader, order, progress)
+        report = write_log(job.reader, order, self._events.progress(f"saving {names}", by=by, job=job.number))
         files = report.files
         if report.error:
             self._failed(job, report.error, files)

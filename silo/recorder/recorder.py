@@ -65,14 +65,12 @@ class Recorder:
         self,
         order: RecordOrder,
         sock: socket.socket,
-        disk: RecorderDisk | None = None,
         calm_down: Callable[[], object] = lambda: None,
         parent: int = 0,
     ) -> None:
         """`calm_down` is called when it has caught up: from then on others may go first. `parent` started it."""
         self._calm_down, self._parent = calm_down, parent or os.getppid()
         self._order, self._socket = order, sock
-        self._disk = disk or RecorderDisk()
         self._runs: deque[SegmentReader] = deque()
         self._drain: RingCursor | None = None
         self._pending = Drained()
@@ -110,7 +108,7 @@ class Recorder:
         else:
             ledger.begin_order(self._order.order)
         self._left = ledger.written.run, ledger.written.next_rows
-        self._writing = Writing(self._order, ledger, self._disk)
+        self._writing = Writing(self._order, ledger, RecorderDisk())
         self._look_for_gone()
         self._last_number = max((entry.number for entry in ledger.written.runs), default=0)
         self._writing.start()

@@ -6,7 +6,7 @@ Any thread of the helper may tell; nobody waits for a slow client or a slow disk
 import logging
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec
@@ -20,6 +20,7 @@ from silo.state.event_log import EventLog
 from silo.state.replica import Replica
 
 MAX_BY = 120
+PROGRESS_PERIOD_S = 0.1
 
 _QUIET = (EventKind.SAVING, EventKind.MARKER)  # not on the console of the robot program
 
@@ -80,6 +81,19 @@ class EventNotifier:
             log.warning("%s: %s, by %s", self._replica.now.robot.logger, text, plain(by))
         self._put(event, by=plain(by), status=status, job=job, progress=progress, files=list(files))
         return event
+
+    def progress(self, what: str, *, by: str = "", job: int = 0) -> Callable[[float], None]:
+        """Return what is called with the share of a save that is done, and tells it some times a second."""
+        told_s = time.monotonic()
+
+        def tell(fraction: float) -> None:
+            nonlocal told_s
+            if time.monotonic() - told_s >= PROGRESS_PERIOD_S:
+                told_s = time.monotonic()
+                share = min(max(fraction, 0.0), 1.0)
+                self.publish(EventKind.SAVING, f"{what}: {share:.0%}", by=by, job=job, progress=share)
+
+        return tell
 
     def is_started(self) -> bool:
         """Whether it is told that the present run was started."""

@@ -97,7 +97,9 @@ def test_the_writing_process_knows_whether_the_robot_program_waits(new_logger, m
     replica = Replica(robot_state(logger, "", -1))
     saver = Saver(
         replica,
-        SimpleNamespace(publish=lambda *_, **__: None, log=SimpleNamespace(of_run=lambda _: [])),
+        SimpleNamespace(
+            publish=lambda *_, **__: None, progress=lambda *_, **__: None, log=SimpleNamespace(of_run=lambda _: [])
+        ),
         SimpleNamespace(tell=lambda _: None),
     )
     job = saver.prepare(Save(types=[FileType.BAG], name="", client="x"), for_robot=for_robot)
