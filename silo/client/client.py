@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 # members of before, which work for one release: silo's own, of its terminal and its bridges
 FORMER = {
     name: (f"_{name}", "")
-    for name in ("act_for", "hello", "identity", "keep_view", "kept_view", "kept_views", "survey", "try_now")
+    for name in ("act_for", "hello", "identity", "keep_view", "kept_view", "kept_views", "measure", "survey", "try_now")
 }
 LEASE_S = 15.0  # of control that is renewed: seven renewals, or 15 s of a link that is away
 LONGEST_S = 1e6  # that anybody waits

@@ -74,7 +74,7 @@ class SearchRequests(Caller):
         )  # fmt: skip
         return found_of(self._call(request))
 
-    def measure(
+    def _measure(
         self, names: Sequence[str], a_ns: int, b_ns: int, pins: "Sequence[Pin]" = (), run: str = ""
     ) -> "dict[str, Between]":
         """Measure signals between two moments in every sample that is held; the helper process adds up.

@@ -104,7 +104,7 @@ class _LinkBuffers:
     ) -> dict[str, Between]:
         """Measure entries between two moments in them and in these pins."""
         held = [each.pin for each in pins if isinstance(each, _LinkPin)]
-        return await self._link.read(lambda client: client.measure(names, a_ns, b_ns, held, run))
+        return await self._link.read(lambda client: client._measure(names, a_ns, b_ns, held, run))
 
 
 def _let_go(pinned: "asyncio.Future[Pin]") -> None:

@@ -80,21 +80,21 @@ def test_a_span_is_measured_in_what_pin_and_buffers_hold_together(bench, client)
     with client.pin(["/log/q_x"], 0, bench.begin_ns + 99 * bench.tick_ns) as pin:
         spiked(bench, -1, 400)
         begin, end = bench.begin_ns + 20 * bench.tick_ns, bench.begin_ns + 450 * bench.tick_ns
-        found = client.measure(["/log/q_x"], end, begin, [pin], pin.opened.run)["/log/q_x"]
-        alone = client.measure(["/log/q_x"], end, begin)["/log/q_x"]
+        found = client._measure(["/log/q_x"], end, begin, [pin], pin.opened.run)["/log/q_x"]
+        alone = client._measure(["/log/q_x"], end, begin)["/log/q_x"]
         assert (alone.largest, found.largest) == (6, 40)
         assert found.samples == alone.samples + 80
         inside = np.array([40 if tick == 60 else tick % 7 for tick in range(20, 100)], float)
         till = bench.begin_ns + 99 * bench.tick_ns
-        held = client.measure(["/log/q_x"], begin, till, [pin], pin.opened.run)["/log/q_x"]
+        held = client._measure(["/log/q_x"], begin, till, [pin], pin.opened.run)["/log/q_x"]
         assert (held.at_a, held.at_b, held.samples) == (20 % 7, 99 % 7, 80)
         assert np.allclose([held.mean, held.std, held.rms], [inside.mean(), inside.std(), np.sqrt((inside**2).mean())])
 
 
 def test_a_span_of_what_nobody_has_is_refused_or_empty(bench, client):
     with pytest.raises(RefusedError, match="nope"):
-        client.measure(["/log/nope"], 0, 1)
+        client._measure(["/log/nope"], 0, 1)
     client.start()
-    assert client.measure(["/log/q_x"], 0, 1)["/log/q_x"].samples == 0
+    assert client._measure(["/log/q_x"], 0, 1)["/log/q_x"].samples == 0
     with pytest.raises(RefusedError, match="out of range"):
-        client.measure(["/log/q_x"], 0, 2**63 - 1)
+        client._measure(["/log/q_x"], 0, 2**63 - 1)

@@ -148,7 +148,7 @@ class FakeRows:
         self.calls.append(("find", tuple(names), Sought(what).value))
         return found
 
-    def measure(
+    def _measure(
         self, names: Sequence[str], a_ns: int, b_ns: int, pins: Sequence[FakePin] = (), run: str = ""
     ) -> dict[str, Between]:
         self._ask()
