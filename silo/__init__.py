@@ -56,6 +56,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         LoggerOptions as LoggerOptions,
     )
     from silo.core.recording import Recording as Recording
+    from silo import errors as errors, types as types
 
 __version__ = VERSION
 

@@ -14,7 +14,7 @@ x = np.zeros(3)
 silo.Logger("typed", freq=500)  # wrong
 silo.Logger("typed", storage="dsk")  # wrong
 silo.Logger("typed", threads="many")  # wrong
-silo.Logger("typed", frequency="500Hz")  # wrong
+silo.Logger("typed", frequency="500Hz", max_time="60s")
 silo.init("typed", frequency=500, storage="memory")
 silo.init("typed", freq=500)  # wrong
 
