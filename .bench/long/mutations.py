@@ -1,15 +1,22 @@
 """Puts small faults into the code, one at a time, and looks whether the nearest tests notice.
 
-    python .bench/long/mutations.py silo/judging silo/history/pins.py --count 100 [--seed TEXT] [--jobs 2] [--out FILE]
+    python .bench/long/mutations.py silo/judging silo/history/pins.py --count 100 [--seed TEXT] [--jobs 2]
+    python .bench/long/mutations.py silo silo_tui --count 2000 --out FILE [--fast] [--minutes 30]
 
 A fault is a comparison that is off by one, a sign, a constant, a condition turned round, a lock that isn't taken, a
 call left out. The places are drawn by a seed, that of the commit if no other is given, from all places of the modules
-that were named. The nearest tests are those that import the module, and those of `NEAREST` for what none imports. A
-fault after which they hang is counted apart. Exit status 1 where some survive.
+that were named. The nearest tests are those that import the module, and those of `NEAREST` for what none imports: first
+those of the fast tier, then the slow ones where these notice nothing. A fault after which they hang is counted apart.
+Exit status 1 where some survive.
+
+With `--out` each result is a line of JSON that is written as soon as it is there, and what stands in the file already
+isn't tried again while its module is the same: a run that was ended goes on, those of several days add up, and the
+table is that of the whole file.
 """
 
 import argparse
 import ast
+import hashlib
 import json
 import os
 import random
@@ -20,7 +27,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -63,6 +70,8 @@ NEAREST = {
     "silo_tui": ["tests/tui"],
 }
 MOST_FILES = 12  # of nearest tests
+TIERS = ("not slow", "slow")
+NO_TESTS = 5  # the exit status where a tier has none
 COMPARED = {
     ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "==",
     ast.Is: "is not", ast.IsNot: "is", ast.In: "not in", ast.NotIn: "in",
@@ -85,6 +94,7 @@ class Fault:
     start: int
     before: str
     after: str
+    text: str  # of its module: the digest of what was there when it was drawn
 
     @property
     def told(self) -> str:
@@ -101,6 +111,7 @@ class Places(ast.NodeVisitor):
         for line in text.encode().splitlines(keepends=True):
             self._lines.append(self._lines[-1] + len(line))
         self._bytes = text.encode()
+        self._digest = hashlib.sha256(self._bytes).hexdigest()[:12]
         self.found: list[Fault] = []
         self.visit(ast.parse(text))
 
@@ -114,7 +125,7 @@ class Places(ast.NodeVisitor):
 
     def _add(self, kind: str, start: int, end: int, after: str) -> None:
         line = self._bytes[:start].count(b"\n") + 1
-        self.found.append(Fault(self._module, line, kind, start, self._bytes[start:end].decode(), after))
+        self.found.append(Fault(self._module, line, kind, start, self._bytes[start:end].decode(), after, self._digest))
 
     def _between(self, left: ast.AST, right: ast.AST, pattern: str, kind: str, after: str) -> None:
         start, end = self._span(left)[1], self._span(right)[0]
@@ -235,23 +246,24 @@ class Copy:
         if shared.is_dir():
             (folder / "shared").symlink_to(shared)
 
-    def passes(self, tests: list[str], limit_s: float) -> bool | None:
-        """Run tests; None where they don't end."""
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *tests]
+    def passes(self, tests: Iterable[str], tier: str, limit_s: float) -> bool | None:
+        """Run the tests of a tier; None where they don't end."""
+        options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", tier]
+        command = [sys.executable, "-m", "pytest", *options, *tests]
         environment = {**os.environ, "PYTHONPATH": str(self.root), "PYTHONDONTWRITEBYTECODE": "1"}
         process = subprocess.Popen(
             command, cwd=self.root, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             start_new_session=True,
         )  # fmt: skip
         try:
-            return process.wait(limit_s) == 0
+            return process.wait(limit_s) in (0, NO_TESTS)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, 9)
             process.wait()
             return None
 
-    def tried(self, fault: Fault, tests: list[str], limit_s: float) -> str:
-        """Return what became of a fault: killed, survived, hung or no code."""
+    def tried(self, fault: Fault, limits: Mapping[str, float]) -> str:
+        """Return what became of a fault after the tests of all tiers: killed, survived, hung or no code."""
         path = self.root / fault.module
         text = path.read_bytes()
         end = fault.start + len(fault.before.encode())
@@ -262,16 +274,20 @@ class Copy:
             return "no code"
         try:
             path.write_bytes(changed)
-            passed = self.passes(tests, limit_s)
+            for tier, limit_s in limits.items():
+                passed = self.passes(nearest(fault.module), tier, limit_s)
+                if not passed:
+                    return "hung" if passed is None else "killed"
         finally:
             path.write_bytes(text)
-        return "hung" if passed is None else "survived" if passed else "killed"
+        return "survived"
 
 
 def drawn(modules: list[str], count: int, seed: str) -> Iterator[Fault]:
-    """Draw faults from all places, whatever their module's size."""
+    """Draw faults from all places, whatever their module's size; a larger count goes on where a smaller one ended."""
     places = [fault for module in modules for fault in Places(module, (ROOT / module).read_text()).found]
-    yield from random.Random(seed).sample(places, min(count, len(places)))
+    random.Random(seed).shuffle(places)
+    yield from places[:count]
 
 
 def main() -> int:
@@ -281,60 +297,89 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=50)
     parser.add_argument("--seed", default="")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="the result of each fault, as JSON lines")
+    parser.add_argument("--out", type=Path, help="the result of each fault, as JSON lines; what is there is kept")
+    parser.add_argument("--fast", action="store_true", help="the fast tier's tests alone")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no fault after these")
     wanted = parser.parse_args()
     commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
     seed = wanted.seed or commit.stdout.strip()
-    faults = list(drawn(modules_of(wanted.modules), wanted.count, seed))
-    print(f"{len(faults)} faults, seed {seed}", flush=True)
-    results: list[tuple[Fault, str]] = []
-    with tempfile.TemporaryDirectory() as folder:
-        copies: SimpleQueue[Copy] = SimpleQueue()
-        for number in range(wanted.jobs):
-            made = Path(folder) / str(number)
-            made.mkdir()
-            copies.put(Copy(made))
-        limits = _limits({tuple(nearest(fault.module)) for fault in faults}, copies)
-
-        def one(fault: Fault) -> tuple[Fault, str]:
-            tests = tuple(nearest(fault.module))
-            if tests not in limits:
-                return fault, "no test passes without it"
-            copy = copies.get()
-            try:
-                return fault, copy.tried(fault, list(tests), limits[tests])
-            finally:
-                copies.put(copy)
-
-        with ThreadPoolExecutor(wanted.jobs) as pool:
-            for fault, result in pool.map(one, faults):
-                results.append((fault, result))
+    results = recorded(wanted.out)
+    faults = [fault for fault in drawn(modules_of(wanted.modules), wanted.count, seed) if fault not in results]
+    print(f"{len(faults)} faults, seed {seed}, {len(results)} tried before", flush=True)
+    end_s = time.monotonic() + 60 * wanted.minutes
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(wanted.jobs) as pool:
+        trial = Trial(Path(folder), wanted.jobs, TIERS[:1] if wanted.fast else TIERS, end_s)
+        for fault, result in zip(faults, pool.map(trial.of, faults), strict=True):
+            if result:
+                results[fault] = result
                 print(f"{result:9} {fault.told}", flush=True)
-    if wanted.out:
-        lines = [json.dumps({**asdict(fault), "result": result}) for fault, result in results]
-        wanted.out.write_text("\n".join(lines) + "\n")
+                if wanted.out:
+                    record(wanted.out, fault, result)
     print(_table(results))
-    return int(any(result == "survived" for _, result in results))
+    return int("survived" in results.values())
 
 
-def _limits(sets: set[tuple[str, ...]], copies: "SimpleQueue[Copy]") -> dict[tuple[str, ...], float]:
-    """Return how long each set of tests may take, of those that pass without a fault."""
-    copy = copies.get()
-    found = {}
-    for tests in sets:
-        begin_s = time.monotonic()
-        if copy.passes(list(tests), 900):
-            found[tests] = 4 * (time.monotonic() - begin_s) + 20
-        else:
-            print(f"these fail without any fault: {' '.join(tests)}", flush=True)
-    copies.put(copy)
+def record(path: Path, fault: Fault, result: str) -> None:
+    """Write what became of a fault; the line before may have been cut off, so that each begins its own."""
+    with path.open("a") as file:
+        file.write(f"\n{json.dumps({**asdict(fault), 'result': result})}")
+
+
+def recorded(path: Path | None) -> dict[Fault, str]:
+    """Return what was tried before; a line that was cut off isn't."""
+    found: dict[Fault, str] = {}
+    for line in path.read_text().splitlines() if path and path.exists() else ():
+        try:
+            fields = json.loads(line)
+        except ValueError:
+            continue
+        result = fields.pop("result")
+        found[Fault(**fields)] = result
     return found
 
 
-def _table(results: list[tuple[Fault, str]]) -> str:
+class Trial:
+    """Tries one fault in each of some copies at a time."""
+
+    def __init__(self, folder: Path, jobs: int, tiers: Sequence[str], end_s: float) -> None:
+        self._tiers, self._end_s = tiers, end_s
+        self._limits: dict[tuple[str, ...], dict[str, float]] = {}
+        self._copies: SimpleQueue[Copy] = SimpleQueue()
+        for number in range(jobs):
+            made = folder / str(number)
+            made.mkdir()
+            self._copies.put(Copy(made))
+
+    def of(self, fault: Fault) -> str:
+        """Return what became of a fault; nothing where time is over."""
+        copy = self._copies.get()
+        try:
+            if time.monotonic() >= self._end_s:
+                return ""
+            tests = tuple(nearest(fault.module))
+            if tests not in self._limits:  # two threads may both measure: they find the same
+                self._limits[tests] = self._measured(copy, tests)
+            limits = self._limits[tests]
+            return copy.tried(fault, limits) if limits else "no test passes without it"
+        finally:
+            self._copies.put(copy)
+
+    def _measured(self, copy: Copy, tests: tuple[str, ...]) -> dict[str, float]:
+        """Return how long the tests of each tier may take, of those that pass without a fault."""
+        found = {}
+        for tier in self._tiers:
+            begin_s = time.monotonic()
+            if copy.passes(tests, tier, 900):
+                found[tier] = 4 * (time.monotonic() - begin_s) + 20
+            else:
+                print(f"these fail without any fault: -m '{tier}' {' '.join(tests)}", flush=True)
+        return found
+
+
+def _table(results: Mapping[Fault, str]) -> str:
     """Return how many were killed, by folder."""
     counts: dict[str, Counter[str]] = {}
-    for fault, result in results:
+    for fault, result in results.items():
         for where in (str(Path(fault.module).parent), "all"):
             counts.setdefault(where, Counter())[result] += 1
     lines = [f"{'':28} {'killed':>7} {'hung':>5} {'survived':>9} {'score':>6}"]
