@@ -107,10 +107,13 @@ def write_run(
 
 
 def size_of(path: Path) -> int:
-    """Bytes of a file, or of all files in a folder."""
-    if path.is_dir():
-        return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
-    return path.stat().st_size
+    """Bytes of a file, or of all files in a folder; 0 of what somebody deleted as soon as it was there."""
+    try:
+        if path.is_dir():
+            return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+        return path.stat().st_size
+    except FileNotFoundError:
+        return 0
 
 
 def _file_types(types: Iterable[FileType | str]) -> list[FileType]:

@@ -14,15 +14,15 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import CodeType
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType
+from silo.core.parameters import ParameterInfo
 from silo.errors import StateError
 from silo.loop.clocks import NOTHING, clock_failed
-from silo.loop.landing import Landing
 from silo.loop.one_writer import guard_lines
 from silo.loop.pieces import memory_window, row_pieces
 from silo.loop.plan import Plan, RingPlan
@@ -30,6 +30,7 @@ from silo.loop.scratch import Slot, packer
 from silo.loop.slow_reads import SlowReads
 from silo.loop.sources import ValuePath
 from silo.segment.layout import ORDERED_STORES, STAMP_WORDS, TIME_RING, RingControl, RingSchema
+from silo.segment.parameter_changes import ChangeRecord
 from silo.segment.reasons import StopReason
 from silo.segment.writer import Chunks, Segment
 
@@ -73,6 +74,24 @@ class _Names:
         return name
 
 
+class LandsChanges(Protocol):
+    """Where changes wait, until `land(n, t)` at the end of a tick stores them; `n` is the index of the next row."""
+
+    waiting: list[Any]
+
+    def land(self, n: int, t: int, /) -> None:
+        """Store or refuse what waits."""
+
+    def described(self) -> Sequence[ParameterInfo]:
+        """What each parameter is, with its present value."""
+
+    def begin_run(self, record: ChangeRecord | None, next_row: Callable[[], int], /) -> None:
+        """Record changes there from now on."""
+
+    def end_run(self, record: ChangeRecord | None, /) -> None:
+        """Record there no more, unless another run began."""
+
+
 def generate(
     plan: Plan,
     segment: Segment,
@@ -81,7 +100,7 @@ def generate(
     after_end: Collect,
     *,
     serialized: bool = False,
-    landing: Landing | None = None,
+    landing: LandsChanges | None = None,
 ) -> Generated:
     """`collect()` for one run. `on_stop` is called, once, by the tick with which the logger stops by itself.
 

@@ -28,8 +28,7 @@ from silo.core.runtime import (
 )
 from silo.errors import SegmentError
 from silo.loop.clocks import looked_at
-from silo.loop.generated_code import Collect, generate
-from silo.loop.landing import Landing
+from silo.loop.generated_code import Collect, LandsChanges, generate
 from silo.loop.orphaned_arrays import Unheld, Watched
 from silo.loop.pieces import words_at
 from silo.loop.plan import Element, Plan, make_plan
@@ -60,7 +59,7 @@ class Run:
         number: int = 0,
         *,
         served: bool = False,
-        landing: Landing | None = None,
+        landing: LandsChanges | None = None,
     ) -> None:
         """Lay out the buffers. Raises SegmentError where there can be none.
 
@@ -137,7 +136,13 @@ class Run:
 
     @staticmethod
     def _schema(
-        options: LoggerOptions, plan: Plan, extras: Conditions, number: int, *, served: bool, landing: Landing | None
+        options: LoggerOptions,
+        plan: Plan,
+        extras: Conditions,
+        number: int,
+        *,
+        served: bool,
+        landing: LandsChanges | None,
     ) -> SegmentSchema:
         pid = os.getpid()
         return SegmentSchema(

@@ -25,7 +25,7 @@ OVERTAKEN = "the program changed what belongs to it meanwhile: look at it and as
 
 
 @dataclass(eq=False)
-class Change:
+class WaitingChange:
     """A change on its way. It is over once it `landed`, at `tick`, or was `refused`, in words."""
 
     token: int
@@ -58,7 +58,7 @@ class Landing:
     """The values of all parameters of a logger, and the changes that wait for them."""
 
     def __init__(self) -> None:
-        self.waiting: list[Change] = []
+        self.waiting: list[WaitingChange] = []
         self.infos: list[ParameterInfo] = []
         self.locked = False
         self.revision = 0
@@ -136,7 +136,7 @@ class Landing:
             for group in groups
         }
 
-    def change(self, values: Mapping[str, ParameterValue], who: str, where: str, name: str = "") -> Change:
+    def change(self, values: Mapping[str, ParameterValue], who: str, where: str, name: str = "") -> WaitingChange:
         """A change to values that fit, in the order of their words; it is not posted yet."""
         places = sorted(self._places[one] for one in values)
         infos = tuple(self.infos[place] for place in places)
@@ -145,20 +145,20 @@ class Landing:
         selection: slice | NDArray[np.int64] = slice(first.offset, last.offset + last.words)
         if last.offset + last.words - first.offset != len(new):
             selection = np.concatenate([np.arange(info.offset, info.offset + info.words) for info in infos])
-        return Change(next(self._tokens), infos, new, selection, who, where, name)
+        return WaitingChange(next(self._tokens), infos, new, selection, who, where, name)
 
-    def post(self, change: Change) -> None:
+    def post(self, change: WaitingChange) -> None:
         """Have a change land at the end of a tick."""
         self._open(change)
         self.waiting.append(change)
 
-    def store(self, change: Change) -> None:
+    def store(self, change: WaitingChange) -> None:
         """Store a change of the program's own, now: it holds from the next row on."""
         change.own = True
         self._open(change)
         self._store(change, self.next_row(), 0, ramps=False)
 
-    def _open(self, change: Change) -> None:
+    def _open(self, change: WaitingChange) -> None:
         record = change.record = self.record
         if record is not None:
             places = [self._places[info.name] for info in change.infos]
@@ -184,7 +184,7 @@ class Landing:
             else:
                 place += 1
 
-    def _decide(self, change: Change, n: int, t: int) -> bool:
+    def _decide(self, change: WaitingChange, n: int, t: int) -> bool:
         """Store it or refuse it. Returns whether it is over: a ramp goes on."""
         closed = self.locked and any(info.locked for info in change.infos)
         if closed or any(self.landed.get(group, 0) != token for group, token in change.expects.items()):
@@ -196,7 +196,7 @@ class Landing:
             self._open(change)
         return self._store(change, n, t, ramps=True)
 
-    def _store(self, change: Change, n: int, t: int, *, ramps: bool) -> bool:
+    def _store(self, change: WaitingChange, n: int, t: int, *, ramps: bool) -> bool:
         if change.old is None:  # else Ctrl-C came when it was stored already
             change.old = np.array(self._words[change.selection])
         if change.slot is not None:
@@ -215,7 +215,7 @@ class Landing:
         change.landed = True
         return not change.ramp_ns
 
-    def _ramp(self, change: Change, n: int, t: int) -> bool:
+    def _ramp(self, change: WaitingChange, n: int, t: int) -> bool:
         """Go a step on the way to the new values; all of a change share one fraction, so that their ratios hold."""
         assert change.old is not None
         if not (change.superseded or (self.locked and not change.own and any(info.locked for info in change.infos))):
@@ -248,7 +248,7 @@ def between(
     return found
 
 
-def _ramp_ns(change: Change) -> float:
+def _ramp_ns(change: WaitingChange) -> float:
     """How long a change takes that may go so many units per second."""
     longest, at = 0.0, 0
     for info in change.infos:

@@ -20,7 +20,7 @@ from silo.core.parameters import (
     fitting,
 )
 from silo.errors import ElementError
-from silo.parameters.landing import CLOSED, Change, Landing
+from silo.parameters.landing import CLOSED, Landing, WaitingChange
 from silo.parameters.parameter import Parameter
 from silo.segment.parameter_changes import MOST_WORDS
 
@@ -48,8 +48,8 @@ class Parameters(Mapping[str, Parameter]):
         self.landing = Landing()
         self._known: dict[str, Parameter] = {}
         self._checks: dict[str, tuple[Check, bool]] = {}  # with whether it wants to see its group
-        self._ends: OrderedDict[str, Change] = OrderedDict()
-        self._reverts: list[tuple[float, Change]] = []
+        self._ends: OrderedDict[str, WaitingChange] = OrderedDict()
+        self._reverts: list[tuple[float, WaitingChange]] = []
 
     # ------------------------------------------------------------------------------------------------- read
 
@@ -168,7 +168,7 @@ class Parameters(Mapping[str, Parameter]):
 
     def request(
         self, values: Mapping[str, object], who: str, where: str, name: str, *, remote: bool, revert_s: float = 0.0
-    ) -> Change:
+    ) -> WaitingChange:
         """Have a client's change land at the end of a tick. Raises ElementError where it can't.
 
         Args:
@@ -206,7 +206,7 @@ class Parameters(Mapping[str, Parameter]):
         landing.post(change)
         return change
 
-    def end_of(self, name: str) -> Change | None:
+    def end_of(self, name: str) -> WaitingChange | None:
         """Return a change of the newest 256 by what its client called it."""
         return self._ends.get(name)
 

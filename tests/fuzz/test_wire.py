@@ -63,6 +63,7 @@ from silo.requests import (
     Acknowledge,
     AddMark,
     ArmTrigger,
+    ConfirmParameters,
     DeleteRecording,
     DiffScript,
     ForceTrigger,
@@ -75,11 +76,13 @@ from silo.requests import (
     GiveControl,
     KeepView,
     ListKeptViews,
+    ListParameters,
     ListRecorders,
     ListRecordings,
     ListScripts,
     LoadScript,
     ReadKeptView,
+    ReadParameters,
     ReadScript,
     ReleaseControl,
     RemoveDerived,
@@ -89,6 +92,7 @@ from silo.requests import (
     SaveScript,
     SetDerived,
     SetLimits,
+    SetParameters,
     SetTrigger,
     Start,
     Stop,
@@ -147,7 +151,8 @@ GOOD: list[Request[Any]] = [
     SetDerived(derived=Derived("fuzz", "2 * x", "V")), RemoveDerived(name="fuzz"),
     RemoveTrigger(name="fuzz"), SetLimits(limits=SignalLimits(name="/log/x", bounds=(-2.0, -1.0, 1.0, 2.0))),
     RemoveLimits(name="/log/x"), TakeControl(), TakeControl(force=True, lease_s=2.0), GiveControl(to="ann"),
-    ReleaseControl(),
+    ReleaseControl(), ListParameters(), ReadParameters(),
+    SetParameters(values={"kp": 2.0}, name="fuzz", revert_after_s=5.0), ConfirmParameters(name="fuzz"),
 ]  # fmt: skip
 
 
@@ -202,6 +207,7 @@ class Bench:
         self.logger = silo.Logger("fuzz", folder=folder / "logs", script=folder / "scripts" / "own.yaml", max_time=1)
         for name, shape in (("x", ()), ("q", 3)):
             self.logger.array(name, shape, action=silo.Action.SAVE_AND_PUBLISH)
+        self.logger.parameter("kp", 1.0, min=0, max=10)
         self.logger.update()
         mine, theirs = socket.socketpair()
         runs, self.runs = handover_pair()

@@ -23,7 +23,7 @@ from silo.state.handover import RobotState
 from silo.state.robot import StateOfLogger, StateRobot, TableOfLogger
 
 
-class Samples(Protocol):
+class RunSamples(Protocol):
     """What a logger's run holds, seen from here."""
 
     def look_for_unheld(self, run: Run | None = None, found: Sequence[int] | None = None) -> None: ...
@@ -42,7 +42,7 @@ class Served(StateOfLogger, Protocol):
     @property
     def _conditions(self) -> ConditionsOfLogger: ...
     @property
-    def _data(self) -> Samples: ...
+    def _data(self) -> RunSamples: ...
     @property
     def stop_reason(self) -> str: ...
     @property
