@@ -5,6 +5,7 @@ import pytest
 
 from silo.core.elements import BufferType
 from silo.errors import FileFormatError, LogNotFoundError
+from silo.files.silo import format as form
 from silo.files.silo.reader import read_silo
 from silo.files.silo.writer import write_silo
 
@@ -37,6 +38,12 @@ def opened(data, tmp_path):
         for entry in element.entries:
             assert len(entry.values) == element.count
     return recording
+
+
+def checked(data):
+    """The file with a checksum that matches its header: what somebody else's program writes wrong."""
+    head, rest = data.split(form.CHECK)
+    return head + form.CHECK + form.checksum(head + form.DATA_LINE) + rest[8:]
 
 
 def has_message(result):
@@ -131,6 +138,17 @@ def test_with_a_damaged_line_of_the_table_all_other_elements_are_read(small, tmp
     assert all(repr(found[name]) == repr(expected[name]) for name in found)
 
 
+@pytest.mark.parametrize(("looping", "kept"), [(0, slice(0, 5)), (1, slice(1, 6))])
+def test_one_sample_more_than_time_stamps_is_left_out_though_the_checksum_matches(small, tmp_path, looping, kept):
+    forged = checked(small.replace(b"/log/b 1 5 1 1", b"/log/b 1 6 1 %d" % looping)) + b"\1"
+    recording = opened(forged, tmp_path)
+    (warning,) = recording.warnings
+    assert warning == "'/log/b' has samples without a time stamp; they are left out"
+    last = recording.elements[-1]
+    assert last.stamp_indices.tolist() == [0, 1, 2, 3, 4]
+    assert last.entries[0].values.tobytes() == forged[-6:][kept]
+
+
 @pytest.mark.parametrize("content", [b"\0", b"\n", b"hello\nworld\n", bytes(range(256)) * 40, b"#\n" * 1000])
 def test_any_other_file_is_an_error_that_names_it(content, tmp_path):
     path = tmp_path / "other.silo"
@@ -165,11 +183,14 @@ def test_damaged_files_of_the_original_do_not_crash(fixtures_folder, tmp_path):
 
 def test_numbers_of_any_size_in_the_table_do_not_crash(small, tmp_path):
     for text in (b"0", b"-1", b"999999999999999999", b"99999999999999999999", b"1e3", b""):
-        for line in (b"/log/a 8 5 1 1", b"/log/s 2 5 1 1", b"/log/time_s 8 5 1 1", b"/log/time_ns 8 5 1 1"):
+        for name in (b"/log/a", b"/log/s", b"/log/time_s", b"/log/time_ns"):
+            (line,) = (line for line in small.split(b"\n") if line.startswith(name + b" "))
             fields = line.split(b" ")
             for position in range(1, 5):
                 changed = b" ".join([*fields[:position], text, *fields[position + 1 :]])
-                opened(small.replace(line, changed, 1), tmp_path)
+                damaged = small.replace(line, changed, 1)
+                opened(damaged, tmp_path)
+                opened(checked(damaged), tmp_path)
 
 
 def test_values_are_read_only_views_of_the_file(small, tmp_path):
