@@ -607,3 +607,11 @@ def test_the_path_of_one_file_and_the_row_of_one_name_are_asked_for_as_one_would
     assert logged.elements["z"] is logged.elements["/log/z"]
     assert logged.elements["z"].name == "/log/z"
     assert [info.name for info in logged.elements[:1]] == ["/log/z"]
+
+
+def test_an_element_that_is_deleted_like_a_key_stays_and_the_way_out_is_said(logged):
+    def delete():
+        del logged["z"]
+
+    told(delete, "log['z'] is only looked at: log.remove('z') forgets it; nothing was changed")
+    assert logged["z"].name == "/log/z"
