@@ -404,6 +404,7 @@ class SiloApp(Guarded, App[None]):
     def command_look_again(self) -> None:
         terminal.repaint(self)
         self._opener.try_again()
+        self.context.say("looking for loggers again")  # mostly nothing else changes on the screen
 
     def command_demo(self) -> None:
         if self._opener.demo is None:

@@ -60,17 +60,10 @@ class PlotWindow:
         wanted = (held[1] - held[0]) / SECOND_NS
         self.span_s = next((span for span in self.spans if span >= wanted), self.spans[-1])
 
-    def move_cursor(self, cells: int, columns: int) -> int:
-        """Move the cursor to the right (positive) or left by cells; it appears in the middle.
-
-        Returns the columns by which it would have left the window: negative to the left.
-        """
-        if self.cursor is None:
-            self.cursor = columns // 4 * 2
-            return 0
-        wanted = self.cursor - 2 * cells
+    def move_cursor(self, cells: int, columns: int) -> None:
+        """Move the cursor to the right (positive) or left by cells; it appears in the middle."""
+        wanted = columns // 4 * 2 if self.cursor is None else self.cursor - 2 * cells
         self.cursor = max(0, min(columns - 2, wanted))
-        return self.cursor - wanted
 
     # ------------------------------------------------------------------------------- while the picture stands still
 

@@ -7,7 +7,7 @@ worker when asked, never while keys are waiting.
 
 import asyncio
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -373,22 +373,23 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             self.context.try_link()
         self.request_view()
 
-    def command_back(self) -> None:
-        """Leave cursor B, then the cursor, then the screen; the pause stays with the monitor."""
-        over_time = self.mode == MODES[0]
-        if not over_time and self.plot.cursor is not None:
-            self.plot.cursor = None
-            self.plot.refresh()
-        elif (
-            self.file is None
-            and self.mode == MODES[0]
-            and (self.window.other_ns is not None or self.window.cursor is not None)
-        ):
-            super().command_back()
-        else:
-            self.context.leave_screen()
-            if self.below in self.app.screen_stack:
-                self.below.take_back()
+    def way_back(self) -> tuple[str, Callable[[], None]]:
+        """Return what Esc leaves: cursor B, the cursor, the screen; the pause stays with the monitor."""
+        if self.mode != MODES[0] and self.plot.cursor is not None:
+            return "No cursor", self._lift_own_cursor
+        with_cursor = self.window.other_ns is not None or self.window.cursor is not None
+        if self.file is None and self.mode == MODES[0] and with_cursor:
+            return super().way_back()
+        return "", self._leave
+
+    def _lift_own_cursor(self) -> None:
+        self.plot.cursor = None
+        self.plot.refresh()
+
+    def _leave(self) -> None:
+        self.context.leave_screen()
+        if self.below in self.app.screen_stack:
+            self.below.take_back()
 
 
 class FileDetailScreen(DetailScreen, inherit_bindings=False):

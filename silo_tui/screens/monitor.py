@@ -1,7 +1,7 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The monitor: the commands of a plot screen."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar
 
 from textual.binding import Binding
@@ -247,23 +247,28 @@ class MonitorScreen(PlotScreen):
         """Return what a pause or a cursor asks for."""
         live = self.live_source.live  # what is held stands still, of a logger that goes on
         paused = (("pause", "Go on"),) if self.window.paused and live else ()
-        back = "No cursor" if self.window.cursor is not None else "Live" if self.window.paused and live else ""
+        back, _ = self.way_back()
         return (*paused, ("cursor_left", "Cursor"), ("back", back)) if back else paused
 
-    def command_back(self) -> None:
-        """Leave cursor B, then the cursor, then the pause, then the screen."""
+    def way_back(self) -> tuple[str, Callable[[], None]]:
+        """Return what Esc leaves, in words for the key bar, and how: B, the cursor, the pause; empty: the screen."""
         if self.file is not None:
-            self.context.leave_screen()
-        elif self.window.other_ns is not None:
-            self.command_cursor_b()
-        elif self.window.cursor is not None:
-            self.window.cursor = self.window.at_ns = None
-            self.stack.redraw()
-            self.line.refresh()
-        elif self.window.paused and self.pause.possible:
-            self.go_on()
-        else:
-            self.context.leave_screen()
+            return "", self.context.leave_screen
+        if self.window.other_ns is not None:
+            return "No B", self.command_cursor_b
+        if self.window.cursor is not None:
+            return "No cursor", self._lift_cursor
+        if self.window.paused and self.pause.possible:
+            return "Live", self.go_on
+        return "", self.context.leave_screen
+
+    def _lift_cursor(self) -> None:
+        self.window.cursor = self.window.at_ns = None
+        self.stack.redraw()
+        self.line.refresh()
+
+    def command_back(self) -> None:
+        self.way_back()[1]()
 
 
 class FileMonitorScreen(MonitorScreen, inherit_bindings=False):

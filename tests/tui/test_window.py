@@ -107,8 +107,10 @@ def test_all_held_is_shown_by_the_shortest_span_that_can(made):
 def test_a_live_cursor_stays_in_the_window(cells):
     window = PlotWindow()
     for some in cells:
+        before = window.cursor
         window.move_cursor(some, COLUMNS)
-        assert 0 <= window.cursor <= COLUMNS - 2
+        wanted = COLUMNS // 2 if before is None else before - 2 * some  # columns from the right edge, two per cell
+        assert abs(window.cursor - max(0, min(COLUMNS - 2, wanted))) <= (1 if before is None else 0)
 
 
 @pytest.mark.parametrize("span", [SPANS_S[0], SPANS_S[-1]])
@@ -180,3 +182,29 @@ def test_what_goes_on_follows_what_comes_with_a_span_of_those_for_live_values():
     window.go_on()
     assert (window.paused_end_ns, window.at_ns, window.other_ns, window.cursor) == (None, None, None, None)
     assert (window.spans, window.span_s) == (SPANS_S, SPANS_S[0])
+
+
+@given(standing_and_a_moment(), st.booleans())
+def test_without_a_cursor_zooming_keeps_the_middle(made, closer):
+    window, held, _ = made
+    middle_ns = window.paused_end_ns - window.span_ns // 2
+    if window.zoom_still(held, COLUMNS, closer=closer):
+        assert abs(window.paused_end_ns - window.span_ns // 2 - middle_ns) <= SPANS_S[-1]
+
+
+@given(st.integers(-5, COLUMNS + 5), st.integers(0, 10**7 - 1))
+def test_a_cursor_is_in_the_column_of_its_moment_or_in_none(column, within):
+    window, end = PlotWindow(), 10_000
+    window.at_ns = (end - 1 - column) * 10**7 + within
+    window.place_cursor(end, 10**7, COLUMNS)
+    assert window.cursor == (column if 0 <= column < COLUMNS else None)
+
+
+@given(standing_and_a_moment())
+def test_as_much_is_shown_as_there_is_on_either_side(made):
+    window, held, moment = made
+    column_ns = window.column_ns(COLUMNS)
+    window.show(held[0] + moment % 1000, held, COLUMNS)
+    assert window.paused_end_ns - window.span_ns + column_ns == held[0]
+    window.show(held[1] + 1, held, COLUMNS)
+    assert window.paused_end_ns == held[1]
