@@ -56,6 +56,8 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         LoggerOptions as LoggerOptions,
     )
     from silo.core.recording import Recording as Recording
+    from silo.simulators.gymnasium import gymnasium as gymnasium
+    from silo.simulators.mujoco import mujoco as mujoco
     from silo import errors as errors, types as types
 
 __version__ = VERSION
@@ -76,6 +78,8 @@ _HOMES = {
     "silo.core.recording": "Recording",
     "silo.loop.types": "register",
     "silo.core.kinds": "vector_at_position",
+    "silo.simulators.gymnasium": "gymnasium",
+    "silo.simulators.mujoco": "mujoco",
 }
 # names of before, which work for one release: where they are
 _FORMER = {

@@ -39,10 +39,7 @@ def main(folder: str) -> None:
     data = mujoco.MjData(model)
     rate_hz = 1 / model.opt.timestep
     with silo.Logger("mujoco", frequency=rate_hz, folder=folder, clock=lambda: float(data.time)) as log:
-        log.add(data.qpos[:3], "position", group="base", unit="m")
-        log.add(data.qpos[3:7], "orientation", group="base", kind="quaternion_wxyz")  # MuJoCo's order
-        log.add(data.qvel, "qvel")
-        log.add(data.ctrl, "ctrl")
+        log.add(silo.mujoco(model, data))  # joints, actuators and sensors by their names, with units
         log.add(data, attr="ncon", group="contacts")  # a number is read each tick
         force = log.array("force", group="contacts", unit="N")
         wrench = np.zeros(6)

@@ -7,7 +7,7 @@ and are refused while the logger runs.
 import logging
 import os
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsIndex
 
@@ -38,6 +38,7 @@ from silo.logger.registrations import Registrations
 from silo.loop.arena import Arena
 from silo.loop.plan import Element
 from silo.loop.types import as_numbers, describe, kind_of, label_map
+from silo.loop.variables import Variables
 from silo.segment.retention import large_text
 from silo.settings.options import refusal
 from silo.settings.typed import ElementSettings, apply_settings, rate_words, read_options
@@ -145,7 +146,7 @@ class ScriptedTable:
         Args:
             source: a NumPy array (any shape, strides and dtype), ctypes object, array.array, memoryview or mmap, read
                 by reference; an object with `attr`, read each due tick; a function without arguments; a dataclass, a
-                registered type, or a list, tuple or dict of such.
+                registered type, or a list, tuple or dict of such; what `silo.mujoco` tells of a simulation.
             name: its name after prefix and group. May be left out where `attr` gives one.
             group: the namespace between prefix and name.
             unit: `"Nm"`, `"rad/s"`, `"-"` for none.
@@ -167,6 +168,11 @@ class ScriptedTable:
             ElementError: a name is taken, a value is out of range; nothing was added.
         """
         self._life.check_open()
+        if isinstance(source, Variables):
+            own = {"name": name, "unit": unit, "attr": attr, "kind": kind, "labels": labels, "limits": limits}
+            shared = {"divider": divider, "action": action, "size": size, "buffer": buffer, "enabled": enabled}
+            self._add_each(source, own, group, description=description, **shared)
+            return
         name = element_name(source, name, attr)
         group, unit = text("group", group, 'group="joints"'), line("unit", "-" if unit is None else unit, 'unit="Nm"')
         kind, description = text("kind", kind, 'kind="pose"'), text("description", description, 'description="..."')
@@ -220,6 +226,26 @@ class ScriptedTable:
                 "%s was added while the logger runs: it is logged from the next start on, as all that is added now",
                 full,
             )
+
+    def _add_each(self, variables: Variables, own: Mapping[str, object], group: str, **options: Any) -> None:
+        """Add variables that have names and units of their own, or none of them."""
+        given = next((word for word, value in own.items() if value not in (None, "", "-")), "")
+        if given:
+            raise ElementError(
+                f"log.add({variables.origin}(...)): {given}= is each variable's own; group, divider, action, size, "
+                "buffer, enabled and description hold for all. log.limit and log.set change one"
+            )
+        added: list[str] = []
+        with self._life.lock:
+            try:
+                for one in variables.each:
+                    place = f"{group}/{one.name}"
+                    self.add(one.source, place, unit=one.unit, kind=one.kind, **options)
+                    added.append(join_name(self._options.prefix, "", place))
+            except ElementError:
+                for name in added:
+                    self._table.remove(name)
+                raise
 
     def _tell_rate(self, name: str, asked: ElementSettings, divider: int) -> None:
         """Tell what became of a rate that no divider gives."""
