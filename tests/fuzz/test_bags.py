@@ -179,6 +179,12 @@ def records(data):
         at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
 
 
+@functools.lru_cache
+def _inflated(size, filling):
+    whole_size = size // len(filling) * len(filling)
+    return whole_size, zstandard.compress(filling * (size // len(filling)))
+
+
 def announced(data, rng):
     """The file with a record that says something else of itself."""
     found = list(records(data))
@@ -195,10 +201,9 @@ def announced(data, rng):
     if how == 1:
         return data[: place + 25] + packed("Q", rng.choice(HUGE)) + data[place + 33 :]
     # a chunk that is whole and unpacks to much more than it takes
-    size = rng.choice([1 << 20, 30 << 20, 63 << 20, 100 << 20])
-    filling = rng.choice([bytes(9), packed("BQ", 0x80, 0), packed("BQHIQQ", 5, 22, 1, 0, 0, 0)])
-    content = zstandard.compress(filling * (size // len(filling)))
-    size = size // len(filling) * len(filling)
+    # the large ones, half of the time that all of this took, are some of many
+    size = rng.choice([*[1 << 20] * 9, 30 << 20, 63 << 20, 100 << 20])
+    size, content = _inflated(size, rng.choice([bytes(9), packed("BQ", 0x80, 0), packed("BQHIQQ", 5, 22, 1, 0, 0, 0)]))
     body = packed("QQQII", START, START, size, 0, 4) + b"zstd" + packed("Q", len(content)) + content
     chunk = packed("BQ", 6, len(body)) + body
     end = place + 9 + int.from_bytes(data[place + 1 : place + 9], "little")
