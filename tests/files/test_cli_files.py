@@ -1,5 +1,6 @@
 """The commands on saved logs, as somebody types them."""
 
+import itertools
 import json
 import subprocess
 import sys
@@ -232,3 +233,29 @@ class TestInfo:
     def test_a_missing_file_is_an_error_of_silo(self, folder):
         with pytest.raises(LogNotFoundError):
             print_file_info(folder / "no.silo", as_json=False)
+
+
+def test_a_data_set_is_made_of_several_logs(tmp_path, new_logger):
+    for number in range(2):
+        log = new_logger(f"arm{number}", clock=itertools.count(-10_000_000, 10_000_000).__next__)
+        log.array("q", 3)
+        if number:
+            log.array("cmd")
+        log.start()
+        for _ in range(50):
+            log.collect()
+        log.save("silo", name=f"run{number}")
+    runs = [str(tmp_path / f"run{number}.silo") for number in range(2)]
+    made = run(convert_command, *runs, str(tmp_path / "set"), "--to", "lerobot", "--fps", "20", "--state", "q",
+               "--action", "cmd")  # fmt: skip
+    assert (made.exit_code, made.stdout) == (0, f"{tmp_path}/set  1 episodes, 10 frames at 20/s\n")
+    assert "left out: " in made.stderr
+    assert "run0.silo: no signal is meant by 'cmd'" in made.stderr
+    for given, words in (
+        ([*runs, "x.csv"], "more than one IN (2) is for data sets: add --to lerobot"),
+        ([runs[0], "x.csv", "--fps", "3"], "--fps is for data sets"),
+        ([runs[0], "x", "--to", "lerobot", "--fps", "3"], "at least one --state"),
+        ([runs[0], "x", "--to", "lerobot", "--fps", "3", "--state", "q", "--rate", "3"], "write --fps instead"),
+    ):
+        refused = run(convert_command, *given)
+        assert (refused.exit_code, words in refused.stderr) == (2, True), refused.stderr

@@ -11,7 +11,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
@@ -70,6 +70,10 @@ _CONVERT_HELP = f"""Convert a log to another format, chosen by the ending of OUT
       silo convert 17 walk.rosbag2         (run number 17 of this folder)
       silo convert run.mcap run.silo
       silo convert --rate 100 rosbag2_2026_11_22 drive.csv
+      silo convert run_*.silo data/ --to lerobot --fps 30 --state 'joints/q*' \\
+          --action 'cmd/*' --task 'pick the cup'
+
+    --to lerobot makes a data set for training (LeRobot v3.0, without cameras) of several runs: an episode of each.
     """
 
 
@@ -78,17 +82,74 @@ def _ending_says(_ctx: click.Context, _param: click.Parameter, value: str | None
         raise click.UsageError(f"the ending of OUT says the format: silo convert IN OUT.{value}")
 
 
+def _of_data_sets(command: _Command) -> _Command:
+    """The options of `--to lerobot`."""
+    for name, metavar, words in reversed(_MANY_PATTERNS):
+        command = click.option(name, metavar=metavar, multiple=True, help=words)(command)
+    command = click.option("--where", metavar="EXPR", default="", help="Only runs for which it is true at their end.")(
+        command
+    )
+    command = click.option("--how", type=click.Choice(["last", "mean"]), help="Of faster signals; last if not given.")(
+        command
+    )
+    command = click.option("--task", metavar="WORDS", default="", help="What was done.")(command)
+    command = click.option("--robot", metavar="WORD", default="", help="The type of robot.")(command)
+    return click.option("--fps", type=click.IntRange(min=1), help="Frames per second of a data set.")(command)
+
+
+_MANY_PATTERNS = (
+    ("--state", "PATTERN", "Signals that are observation.state; several times for several."),
+    ("--action", "PATTERN", "Signals that are action."),
+    ("--also", "PATTERN", "Signals that are features of their own."),
+    ("--window", "PATTERN", "Likewise, with all samples since the frame before."),
+)
+
+
+def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options: dict[str, Any]) -> None:
+    """Write `--to lerobot`, check what was written, and say what was left out."""
+    from silo.datasets.check import check_lerobot
+    from silo.datasets.lerobot import write_lerobot
+
+    if not options["fps"] or not options["state"]:
+        raise click.UsageError("a data set needs --fps and at least one --state: --fps 30 --state 'joints/*'")
+    runs = [_find(source) for source in sources]
+    options["how"] = options["how"] or "last"
+    with progress(f"{target}") as tell:
+        made = write_lerobot(runs, target, force=force, progress=tell, **options)
+    for name, why in made.left_out:
+        click.echo(f"left out: {name}: {why}", err=True)
+    if made.lost:
+        click.echo(f"warning: {made.lost} samples of these runs are lost; column silo/lost says of which", err=True)
+    problems = check_lerobot(target)
+    if problems:
+        raise SiloError(f"'{target}' was written, but {problems[0]}; please report that")
+    click.echo(f"{target}  {made.episodes} episodes, {made.frames} frames at {options['fps']}/s")
+
+
 @click.command("convert", help=_CONVERT_HELP)
-@click.argument("source", type=LogWord(), metavar="IN", shell_complete=_complete_file)
+@click.argument("sources", type=LogWord(), metavar="IN...", nargs=-1, required=True, shell_complete=_complete_file)
 @click.argument("target", metavar="OUT", type=TypedPath(path_type=Path))
 @click.option("-f", "--force", is_flag=True, help="Replace OUT if it exists.")
+@click.option("--to", "kind", type=click.Choice(["lerobot"]), help="Make a data set of all IN, in the folder OUT.")
+@_of_data_sets
 @click.option("--rate", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="All signals at this rate.")
 @click.option("-t", "--type", "--format", hidden=True, is_eager=True, expose_value=False, callback=_ending_says)
-def convert_command(source: str, target: Path, force: bool, rate: float | None) -> None:
+def convert_command(
+    sources: tuple[str, ...], target: Path, force: bool, rate: float | None, kind: str | None, **options: Any
+) -> None:
     """Convert a log; the help is `_CONVERT_HELP`."""
+    if kind is not None:
+        if rate is not None:
+            raise click.UsageError("a data set has frames: write --fps instead of --rate")
+        _make_data_set(sources, target, force, options)
+        return
     from silo.files.convert import convert
 
-    path = _find(source)
+    given = next((f"--{name}" for name, value in options.items() if value), "")
+    if given or len(sources) > 1:
+        what = given or f"more than one IN ({len(sources)})"
+        raise click.UsageError(f"{what} is for data sets: add --to lerobot")
+    path = _find(sources[0])
     with progress(f"{target.name}") as tell:
         recording = convert(path, target, tell, force, lambda read: read if rate is None else _at_rate(read, rate))
     _warn(recording)

@@ -1,0 +1,178 @@
+"""Frames of a run: signals of different rates at one rate, side by side.
+
+A frame holds what was known at its time: the newest sample of each signal, the mean of the samples since the frame
+before, or the newest few (a window).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.analysis.log import Log
+from silo.analysis.signal import Signal
+from silo.core.arguments import INT64
+from silo.errors import ElementError, UnknownSignalError
+
+How = Literal["last", "mean", "window"]
+HOWS: tuple[How, ...] = ("last", "mean", "window")
+
+
+class Feature(msgspec.Struct, frozen=True):
+    """A column of a data set: its name, its type there, the shape of one frame, the names and units of its numbers."""
+
+    name: str
+    dtype: str
+    shape: tuple[int, ...]
+    names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a feature is made of: signals side by side."""
+
+    name: str
+    signals: tuple[Signal, ...]
+    how: How = "last"
+    prefix: str = ""  # of the log: no number is called by it
+    dtype: str = ""  # in the data set; what fits the signals if it is empty
+
+
+@dataclass(frozen=True)
+class Frames:
+    """What was made of one run: `columns[i]` is of shape `(frames, *features[i].shape)`; a shape of 1 is left out."""
+
+    features: tuple[Feature, ...]
+    columns: tuple[NDArray[Any], ...]
+    begin_s: float
+
+    def __len__(self) -> int:
+        return len(self.columns[0])
+
+
+def wanted_of(
+    log: Log, state: Sequence[str], action: Sequence[str], also: Sequence[str], how: How, window: Sequence[str] = ()
+) -> list[Wanted]:
+    """Return the features of a log by patterns: all states and all actions side by side, the others each by itself.
+
+    Raises UnknownSignalError for a pattern that means nothing, ElementError for signals that are no numbers.
+    """
+    prefix = f"{log.recording.prefix.rstrip('/')}/"
+    way_out = "name it in `also`, or one of its parts"
+    made = [
+        Wanted(name, tuple(_checked(signal, "biuf", way_out) for signal in signals), how, prefix, "float32")
+        for name, signals in (("observation.state", _signals(log, state)), ("action", _signals(log, action)))
+        if signals
+    ]
+    for patterns, by in ((also, how), (window, "window")):
+        made += [
+            Wanted(f"observation.{_short(one, prefix).replace('/', '.')}", (one,), by, prefix)
+            for one in (_checked(signal, "biufUS", "name its parts") for signal in _signals(log, patterns))
+        ]
+    twice = [one.name for place, one in enumerate(made) if one.name in {other.name for other in made[:place]}]
+    if twice:
+        raise ElementError(f"'{twice[0]}' is asked for twice; name it once")
+    return made
+
+
+def frames(wanted: Sequence[Wanted], fps: int) -> Frames:
+    """Return the frames in which each of the signals has a value, from the first such time on.
+
+    Raises ElementError where there is no such time.
+    """
+    signals = [signal for one in wanted for signal in one.signals]
+    empty = next((signal.name for signal in signals if not len(signal)), "")
+    if empty:
+        raise ElementError(f"'{empty}' has no samples")
+    begin_ns = max(int(signal.time_ns.min()) for signal in signals)
+    end_ns = min(int(signal.time_ns.max()) for signal in signals)
+    if end_ns < begin_ns:
+        late = max(signals, key=lambda signal: int(signal.time_ns.min()))
+        raise ElementError(f"its signals have no time in common: '{late.name}' begins after another one has ended")
+    count = (end_ns - begin_ns) * fps // 1_000_000_000 + 1
+    # whole numbers: a frame's time never drifts from i / fps
+    grid_ns = begin_ns + np.arange(count, dtype=np.int64) * 1_000_000_000 // fps
+    made = [_column(one, grid_ns, fps) for one in wanted]
+    return Frames(
+        tuple(feature for feature, _ in made),
+        tuple(values for _, values in made),
+        (begin_ns - signals[0].start_ns) * 1e-9,
+    )
+
+
+def _column(wanted: Wanted, grid_ns: NDArray[np.int64], fps: int) -> tuple[Feature, NDArray[Any]]:
+    parts, names, units = [], [], []
+    for signal in (one._in_order() for one in wanted.signals):
+        places = np.searchsorted(signal.time_ns, grid_ns, side="right") - 1
+        flat = np.asarray(signal.values if signal.values.dtype.kind in "US" else np.asarray(signal))
+        flat = flat.reshape(len(signal), -1)
+        if wanted.how == "window":
+            parts.append(_windows(signal, flat, places, fps))
+        elif wanted.how == "mean" and flat.dtype.kind == "f":
+            parts.append(_means(flat, places))
+        else:
+            parts.append(flat[places])
+        short = _short(signal, wanted.prefix)
+        names += [f"{short}_{part}" for part in signal.components] or [short]
+        units += [signal.unit] * flat.shape[1]
+    values = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)
+    shape = values.shape[1:] if wanted.how == "window" else (values.shape[1],)
+    dtype = wanted.dtype or _dtype(values)
+    feature = Feature(wanted.name, dtype, shape, tuple(names), tuple(units))
+    values = values.astype(object if dtype == "string" else dtype, copy=False)
+    return feature, values[:, 0] if shape == (1,) else values
+
+
+def _dtype(values: NDArray[Any]) -> str:
+    kind = values.dtype.kind
+    if kind == "u" and values.size and int(values.max()) > INT64[1]:
+        raise ElementError(f"{int(values.max())} is more than a whole number of a data set holds ({INT64[1]})")
+    return {"f": "float32", "b": "bool", "U": "string", "S": "string"}.get(kind, "int64")
+
+
+def _means(values: NDArray[Any], places: NDArray[np.intp]) -> NDArray[Any]:
+    """Of each frame the mean of its samples since the frame before; where there are none, what held."""
+    made = values[places].astype(np.float64)
+    begins, ends = places[:-1] + 1, places[1:] + 1
+    some = np.flatnonzero(ends > begins)
+    if some.size:
+        # pairs of bounds: of every other one the sum is what lies between two frames, and left out
+        bounds = np.stack([begins[some], ends[some]], axis=1).reshape(-1)
+        padded = np.concatenate([values.astype(np.float64), np.zeros((1, values.shape[1]))])
+        sums = np.add.reduceat(padded, bounds, axis=0)[::2]
+        made[some + 1] = sums / (ends - begins)[some, None]
+    return made
+
+
+def _windows(signal: Signal, values: NDArray[Any], places: NDArray[np.intp], fps: int) -> NDArray[Any]:
+    """Of each frame as many of the newest samples as there are between two, oldest first; at the begin the first."""
+    step_ns = float(np.median(np.diff(signal.time_ns))) if len(signal) > 1 else 1e9 / fps
+    count = max(1, round(1e9 / fps / step_ns))
+    made: NDArray[Any] = values[np.maximum(places[:, None] + np.arange(1 - count, 1), 0)]
+    return made
+
+
+def _signals(log: Log, patterns: Sequence[str]) -> list[Signal]:
+    found: dict[str, Signal] = {}
+    for pattern in patterns:
+        names = log._named(pattern)
+        if not names and pattern not in log:
+            raise UnknownSignalError(f"no signal is meant by '{pattern}'{log._hint(pattern)}")
+        found |= {name: log[name] for name in names or [pattern]}
+    return list(found.values())
+
+
+def _checked(signal: Signal, kinds: str, way_out: str) -> Signal:
+    dtype = signal.values.dtype
+    if dtype.kind not in kinds:
+        held = {"U": "text", "S": "text", "V": "values of several types", "c": "complex numbers"}
+        raise ElementError(f"'{signal.name}' holds {held.get(dtype.kind, str(dtype))}, no numbers; {way_out}")
+    return signal
+
+
+def _short(signal: Signal, prefix: str) -> str:
+    return signal.name.removeprefix(prefix).strip("/")

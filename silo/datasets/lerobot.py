@@ -1,0 +1,292 @@
+"""Runs -> a LeRobot data set, version 3.0, without cameras: one episode per run.
+
+The layout is that of the package lerobot 0.6.1 (`src/lerobot/datasets/`): `meta/info.json`, `meta/stats.json`,
+`meta/tasks.parquet`, `meta/episodes/chunk-*/file-*.parquet`, `data/chunk-*/file-*.parquet`. Its loader checks neither
+time stamps nor totals: `silo.datasets.check` does. Memory holds one run at a time.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.analysis.log import Log
+from silo.analysis.opening import open_log
+from silo.core.arguments import INT64, path, shown, whole
+from silo.core.recording import Progress
+from silo.datasets.frames import HOWS, Feature, Frames, How, frames, wanted_of
+from silo.datasets.moments import Moments, merged
+from silo.errors import ElementError, SaveError, SiloError
+from silo.files.atomic import atomic_folder, replaced_folder
+from silo.files.extras import need
+
+VERSION = "v3.0"
+CHUNKS_SIZE = 1000
+FILE_MB = 100
+DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+TIMESTAMP = Feature("timestamp", "float32", (1,))
+COUNTERS = tuple(Feature(name, "int64", (1,)) for name in ("frame_index", "episode_index", "index", "task_index"))
+
+
+@dataclass
+class DataSet:
+    """What was written: episodes, frames, and what was left out and why, by run."""
+
+    path: Path
+    episodes: int = 0
+    frames: int = 0
+    left_out: list[tuple[str, str]] = field(default_factory=list)
+    lost: int = 0
+
+
+def write_lerobot(
+    runs: Sequence[str | os.PathLike[str] | Log],
+    folder: str | os.PathLike[str],
+    *,
+    fps: int,
+    state: Sequence[str],
+    action: Sequence[str] = (),
+    also: Sequence[str] = (),
+    window: Sequence[str] = (),
+    how: How = "last",
+    task: str | Callable[[Log], str] = "",
+    where: str = "",
+    robot: str = "",
+    force: bool = False,
+    progress: Progress | None = None,
+) -> DataSet:
+    """Write runs as a LeRobot data set: an episode of each.
+
+    A run that has none of the time in common, or for which `where` doesn't hold at its end, is left out and named in
+    what is returned. The folder appears when all of it is written.
+
+    Args:
+        runs: files, or logs.
+        folder: what is made. It must not be there, unless `force`.
+        fps: frames per second (Hz), a whole number.
+        state: patterns of the signals that are `observation.state`, float32, side by side in this order.
+        action: of those that are `action`.
+        also: of those that become features of their own, `observation.<name>`, with their types; texts too.
+        window: likewise, but each frame holds all samples since the frame before: `(samples, numbers)`.
+        how: what of a signal with a higher rate stands in a frame: `"last"` sample, or `"mean"` since the frame before.
+        task: what was done, in words; or a function of a log that says it.
+        where: an expression; only runs count for which it is true at their last sample.
+        robot: the type of robot.
+        force: replace a data set that is there.
+        progress: called with the fraction that is done.
+
+    Raises:
+        SaveError: the folder is there, the system refuses, or no run is left.
+        ElementError: a run's features differ from those of the first one; a number is out of range.
+        SiloError: pyarrow is missing.
+    """
+    fps = whole("fps", fps, 1, INT64[1])
+    if how not in HOWS[:2]:
+        raise ElementError(f"how must be 'last' or 'mean', got {shown(how)}; whole windows are asked for by window=")
+    final = path("folder", folder)
+    if not state:
+        raise ElementError("a data set needs at least one signal of the state: state=['joints/*']")
+    replaced = final.is_dir() and force
+    if replaced and not (final / "meta" / "info.json").is_file():
+        raise SaveError(f"'{final}' is a folder, but no data set: it is not replaced; choose another name")
+    with (replaced_folder if replaced else atomic_folder)(final) as part:
+        part.mkdir(exist_ok=True)
+        with ExitStack() as stack:
+            writer = _Writer(part, fps, robot, stack)
+            done = DataSet(final)
+            for number, run in enumerate(runs):
+                if progress is not None:
+                    progress(number / len(runs))
+                name, log = (run.path or run.name, run) if isinstance(run, Log) else (os.fspath(run), None)
+                try:
+                    log = open_log(run) if log is None else log  # type: ignore[arg-type]  # a path, then
+                    if where and not _holds(log, where):
+                        done.left_out.append((name, f"'{where}' is not true at its end"))
+                        continue
+                    made = frames(wanted_of(log, state, action, also, how, window), fps)
+                except SiloError as error:
+                    done.left_out.append((name, str(error)))
+                    continue
+                words = task(log) if callable(task) else task
+                lost = sum(element.lost for element in log.recording.elements)
+                done.lost += lost
+                writer.add(name, made, words, {"silo/source": name, "silo/begin_s": made.begin_s, "silo/lost": lost})
+            done.episodes, done.frames = len(writer.rows), writer.frames
+            if not writer.rows:
+                why = f": {done.left_out[0][0]}: {done.left_out[0][1]}" if done.left_out else "; name some"
+                raise SaveError(f"no run is left for a data set, nothing was written{why}")
+            writer.end()
+    return done
+
+
+def _holds(log: Log, expression: str) -> bool:
+    values = log.eval(expression).values
+    return bool(len(values)) and bool(np.all(values[-1]))
+
+
+class _Writer:
+    """A data set as it grows: data at once, what is known of episodes and tasks at the end."""
+
+    def __init__(self, folder: Path, fps: int, robot: str, stack: ExitStack) -> None:
+        self._folder, self._fps, self._robot, self._stack = folder, fps, robot, stack
+        self._arrow, self._parquet = (need(name, "convert", "Data sets") for name in ("pyarrow", "pyarrow.parquet"))
+        self._features: tuple[Feature, ...] = ()
+        self._tasks: dict[str, int] = {}
+        self._stats: dict[str, Moments] = {}
+        self._file: Any = None
+        self._sink: Any = None
+        self._place = -1
+        self.rows: list[dict[str, Any]] = []
+        self.frames = 0
+
+    def add(self, name: str, made: Frames, task: str, facts: dict[str, Any]) -> None:
+        """Write an episode. Raises ElementError where its features aren't those of the first one."""
+        if not self._features:
+            self._features = made.features
+        elif made.features != self._features:
+            raise ElementError(f"'{name}': {_difference(self._features, made.features)}; take runs of one kind")
+        count, episode = len(made), len(self.rows)
+        number = self._tasks.setdefault(task, len(self._tasks))
+        steps = np.arange(count, dtype=np.int64)
+        counters = (steps, np.full(count, episode), steps + self.frames, np.full(count, number))
+        columns = dict(zip((one.name for one in self._all), (*made.columns, steps / self._fps, *counters), strict=True))
+        columns["timestamp"] = columns["timestamp"].astype(np.float32)
+        if self._sink is None or self._sink.tell() >= FILE_MB << 20:
+            self._next_file()
+        self._file.write_table(self._table(columns))
+        stats = {one.name: Moments.of(columns[one.name]) for one in self._all if one.dtype != "string"}
+        self._stats = merged(self._stats, stats.items())
+        self.rows.append(
+            {
+                "episode_index": episode,
+                "tasks": [task],
+                "length": count,
+                "data/chunk_index": self._place // CHUNKS_SIZE,
+                "data/file_index": self._place % CHUNKS_SIZE,
+                "dataset_from_index": self.frames,
+                "dataset_to_index": self.frames + count,
+                **{
+                    f"stats/{feature}/{key}": value
+                    for feature, one in stats.items()
+                    for key, value in one.told().items()
+                },
+                "meta/episodes/chunk_index": 0,
+                "meta/episodes/file_index": 0,
+                **facts,
+            }
+        )
+        self.frames += count
+
+    def end(self) -> None:
+        """Write what is known of all."""
+        if self._file is not None:
+            self._file.close()
+        arrow = self._arrow
+        self._write(EPISODES.format(chunk_index=0, file_index=0), arrow.Table.from_pylist(self.rows))
+        index = {"index_columns": ["task"], "column_indexes": [], "columns": [
+            {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
+            for name, kind, numpy in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
+        ]}  # fmt: skip
+        tasks = arrow.table({"task_index": arrow.array(self._tasks.values()), "task": list(self._tasks)})
+        self._write("meta/tasks.parquet", tasks.replace_schema_metadata({"pandas": msgspec.json.encode(index)}))
+        self._json("stats.json", {name: one.told() for name, one in self._stats.items()})
+        episodes = len(self.rows)
+        self._json(
+            "info.json",
+            {
+                "codebase_version": VERSION,
+                "robot_type": self._robot or None,
+                "fps": self._fps,
+                "total_episodes": episodes,
+                "total_frames": self.frames,
+                "total_tasks": len(self._tasks),
+                "chunks_size": CHUNKS_SIZE,
+                "data_files_size_in_mb": FILE_MB,
+                "splits": {"train": f"0:{episodes}"},
+                "data_path": DATA,
+                "video_path": None,
+                "features": {one.name: _told(one) for one in self._all},
+            },
+        )
+
+    @property
+    def _all(self) -> tuple[Feature, ...]:
+        return (*self._features, TIMESTAMP, *COUNTERS)
+
+    def _next_file(self) -> None:
+        if self._file is not None:
+            self._file.close()
+        self._place += 1
+        target = self._folder / DATA.format(
+            chunk_index=self._place // CHUNKS_SIZE, file_index=self._place % CHUNKS_SIZE
+        )
+        target.parent.mkdir(parents=True, exist_ok=True)
+        self._sink = self._stack.enter_context(target.open("wb"))
+        features = {"info": {"features": {one.name: _of_hugging_face(one) for one in self._all}}}
+        fields = [self._arrow.field(one.name, self._type(one)) for one in self._all]
+        schema = self._arrow.schema(fields, metadata={"huggingface": msgspec.json.encode(features)})
+        self._file = self._stack.enter_context(self._parquet.ParquetWriter(self._sink, schema, compression="snappy"))
+
+    def _type(self, feature: Feature) -> Any:
+        kind = getattr(self._arrow, {"bool": "bool_"}.get(feature.dtype, feature.dtype))()
+        if feature.shape == (1,):
+            return kind
+        if len(feature.shape) == 1:
+            return self._arrow.list_(kind, feature.shape[0])
+        for _ in feature.shape:
+            kind = self._arrow.list_(kind)
+        return kind
+
+    def _table(self, columns: dict[str, NDArray[Any]]) -> Any:
+        return self._arrow.table([self._cells(one, columns[one.name]) for one in self._all], schema=self._file.schema)
+
+    def _cells(self, feature: Feature, values: NDArray[Any]) -> Any:
+        if feature.shape == (1,):
+            return self._arrow.array(values, type=self._type(feature))
+        flat = self._arrow.array(values.reshape(-1))
+        if len(feature.shape) == 1:
+            return self._arrow.FixedSizeListArray.from_arrays(flat, feature.shape[0])
+        for size in reversed(feature.shape):
+            flat = self._arrow.ListArray.from_arrays(np.arange(0, len(flat) + 1, size, dtype=np.int32), flat)
+        return flat
+
+    def _write(self, name: str, table: Any) -> None:
+        (self._folder / name).parent.mkdir(parents=True, exist_ok=True)
+        self._parquet.write_table(table, self._folder / name, compression="snappy")
+
+    def _json(self, name: str, value: object) -> None:
+        (self._folder / "meta").mkdir(exist_ok=True)
+        (self._folder / "meta" / name).write_bytes(msgspec.json.format(msgspec.json.encode(value), indent=4))
+
+
+def _told(feature: Feature) -> dict[str, Any]:
+    said = {"dtype": feature.dtype, "shape": list(feature.shape), "names": list(feature.names) or None}
+    return said | ({"units": list(feature.units)} if feature.units else {})
+
+
+def _of_hugging_face(feature: Feature) -> dict[str, Any]:
+    """The feature in the words of the package `datasets` 4."""
+    if len(feature.shape) > 1:
+        return {"shape": list(feature.shape), "dtype": feature.dtype, "_type": f"Array{len(feature.shape)}D"}
+    one = {"dtype": feature.dtype, "_type": "Value"}
+    return one if feature.shape == (1,) else {"feature": one, "length": feature.shape[0], "_type": "List"}
+
+
+def _difference(first: Sequence[Feature], other: Sequence[Feature]) -> str:
+    mine, theirs = ({one.name: one for one in some} for some in (first, other))
+    for name in (*mine, *theirs):
+        if mine.get(name) != theirs.get(name):
+            says = [
+                f"{one.dtype} {list(one.shape)}" if one else "missing" for one in (mine.get(name), theirs.get(name))
+            ]
+            if says[0] == says[1]:
+                return f"'{name}' is made of other signals, or has other units, than in the first run"
+            return f"'{name}' is {says[0]} in the first run and {says[1]} here"
+    return "its features have another order than in the first run"

@@ -1,0 +1,278 @@
+"""Runs as a LeRobot data set: values against the source, statistics against NumPy, damage against the check."""
+
+import itertools
+import json
+import shutil
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import silo
+from silo.analysis.signal import Signal
+from silo.datasets.check import check_lerobot
+from silo.datasets.frames import Wanted, frames
+from silo.datasets.lerobot import write_lerobot
+from silo.datasets.moments import Moments, merged
+
+FPS = 30
+TEN = ("min", "max", "mean", "std", "count", "q01", "q10", "q50", "q90", "q99")
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Three runs of one robot: 200 Hz, a command every 4th tick, a text, an enumeration; the second one failed."""
+    folder = tmp_path_factory.mktemp("runs")
+    for number in range(3):
+        # nanoseconds, in steps of a tick; asked once when the logger is made
+        clock = itertools.count(-5_000_000, 5_000_000).__next__
+        log = silo.Logger("arm", frequency=200, folder=folder, script=folder / "none.yaml", clock=clock)
+        q, command = log.array("q", 3, group="joints", unit="rad"), log.array("cmd", 2, unit="Nm", divider=4)
+        speed, good = log.array("speed"), log.array("ok", dtype=bool)
+        camera = np.array("", "U20")
+        log.add(camera, "camera")
+        log.array("mixed", (), [("a", "f8"), ("b", "i4")], size=1)
+        log.array("huge", (), "u8", size=1)[...] = 2**64 - 1
+        log.start()
+        for tick in range(400 + 50 * number):
+            q[:], command[:], speed[...] = np.sin(tick / 50 + np.arange(3)), (tick, number), tick % 7
+            good[...], camera[...] = number != 1, f"{number}/{tick}.png"
+            log.collect()
+        log.save("silo", name=f"run{number}")
+        log.close()
+    return sorted(folder.glob("*.silo"))
+
+
+@pytest.fixture(scope="module")
+def made(runs, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("set") / "out"
+    return write_lerobot(
+        runs, folder, fps=FPS, state=["joints/*", "speed"], action=["cmd"], also=["camera", "ok"], window=["joints/q"],
+        task=lambda log: f"with {int(log['cmd'].values[0, 1])}", where="ok", robot="arm",
+    )  # fmt: skip
+
+
+# ---------------------------------------------------------------------------------------------------------- frames
+
+
+@st.composite
+def signals(draw):
+    count = draw(st.integers(1, 40))
+    steps = draw(st.lists(st.integers(1, 80_000_000), min_size=count, max_size=count))
+    stamps = np.cumsum(steps, dtype=np.int64) + draw(st.integers(0, 10**18))
+    return Signal("x", np.arange(count) * 1.5 - 7, stamps, start_ns=int(stamps[0]))
+
+
+@given(signals(), st.integers(1, 120))
+def test_a_frame_holds_what_was_known_at_its_time(signal, fps):
+    last, mean = (frames([Wanted("x", (signal,), how)], fps).columns[0] for how in ("last", "mean"))
+    begin, end = int(signal.time_ns[0]), int(signal.time_ns[-1])
+    grid = [begin + i * 10**9 // fps for i in range(10**6) if begin + i * 10**9 // fps <= end]
+    assert len(last) == len(mean) == len(grid)
+    before = -1
+    for at, newest, average in zip(grid, last, mean, strict=True):
+        known = signal.values[signal.time_ns <= at]
+        since = known if before < 0 else signal.values[(signal.time_ns > before) & (signal.time_ns <= at)]
+        assert newest == known[-1]
+        assert average == pytest.approx(since.mean() if len(since) and before >= 0 else known[-1])
+        before = at
+
+
+def test_a_window_holds_all_samples_since_the_frame_before():
+    fast = Signal("imu", np.arange(20.0), np.arange(20, dtype=np.int64) * 10_000_000)
+    made = frames([Wanted("imu", (fast,), "window")], 20)
+    assert made.features[0].shape == (5, 1)
+    assert made.columns[0][..., 0].tolist() == [
+        [0, 0, 0, 0, 0],
+        [1, 2, 3, 4, 5],
+        [6, 7, 8, 9, 10],
+        [11, 12, 13, 14, 15],
+    ]
+
+
+def test_frames_begin_where_every_signal_has_a_value():
+    early = Signal("early", np.arange(10), np.arange(10, dtype=np.int64) * 10**8, unit="m")
+    late = Signal("late", np.arange(10), np.arange(10, dtype=np.int64) * 10**8 + 3 * 10**8)
+    made = frames([Wanted("both", (early, late))], 10)
+    assert made.begin_s == pytest.approx(0.3)
+    assert made.columns[0].tolist() == [[3, 0], [4, 1], [5, 2], [6, 3], [7, 4], [8, 5], [9, 6]]
+    assert (made.features[0].dtype, made.features[0].units) == ("int64", ("m", "-"))
+    apart = Signal("apart", np.arange(2), np.arange(2, dtype=np.int64) + 10**12)
+    for signal, words in ((apart, "no time in common: 'apart'"), (early.clip(2, 3), "'early' has no samples")):
+        with pytest.raises(silo.ElementError, match=words):
+            frames([Wanted("both", (early, signal))], 10)
+
+
+@given(st.lists(st.integers(1, 30), min_size=1, max_size=5), st.integers(0, 99))
+def test_statistics_of_all_are_those_of_the_whole(sizes, seed):
+    parts = [np.random.default_rng([seed, size]).normal(3, 10, (size, 2)) for size in sizes]
+    found: dict = {}
+    for part in parts:
+        found = merged(found, [("x", Moments.of(part))])
+    told, whole = found["x"].told(), np.concatenate(parts)
+    for name, value in (("min", whole.min(0)), ("max", whole.max(0)), ("mean", whole.mean(0)), ("std", whole.std(0))):
+        np.testing.assert_allclose(told[name], value, atol=1e-9)
+    weights = np.array(sizes) / sum(sizes)
+    np.testing.assert_allclose(told["q90"], sum(w * np.quantile(p, 0.9, axis=0) for w, p in zip(weights, parts)))  # noqa: B905
+    assert (told["count"], tuple(told)) == ([len(whole)], TEN)
+
+
+# ------------------------------------------------------------------------------------------------------- a data set
+
+
+def test_every_value_is_the_one_of_the_run_at_that_time(runs, made):
+    assert (made.episodes, len(made.left_out), made.lost) == (2, 1, 0)
+    assert made.left_out[0][0].endswith("run1.silo")
+    assert check_lerobot(made.path) == []
+    table = pq.read_table(made.path / "data/chunk-000/file-000.parquet")
+    rows = pq.read_table(made.path / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    for row, path in zip(rows, (runs[0], runs[2]), strict=True):
+        run = silo.open_log(path)
+        part = table.slice(row["dataset_from_index"], row["length"])
+        times = np.arange(row["length"]) / FPS + 1e-7
+        state = np.concatenate([run["joints/q"].value(times), run["speed"].value(times)[:, None]], axis=1)
+        assert np.array_equal(np.array(part["observation.state"].to_pylist()), state.astype(np.float32))
+        assert np.array_equal(np.array(part["action"].to_pylist()), run["cmd"].value(times))
+        assert part["observation.camera"].to_pylist() == run["camera"].value(times).tolist()
+        newest = np.array(part["observation.joints.q"].to_pylist())[:, -1]
+        assert np.array_equal(newest, run["joints/q"].value(times).astype(np.float32))
+        assert part["timestamp"].to_numpy() == pytest.approx(np.arange(row["length"]) / FPS)
+        assert row["silo/source"] == str(path)
+        for name in ("observation.state", "action", "timestamp", "index"):
+            values = np.array(part[name].to_pylist(), float).reshape(row["length"], -1)
+            np.testing.assert_allclose(row[f"stats/{name}/mean"], values.mean(0), rtol=1e-6, atol=1e-6)
+            np.testing.assert_allclose(row[f"stats/{name}/q99"], np.quantile(values, 0.99, axis=0), rtol=1e-6)
+    assert rows[1]["dataset_to_index"] == len(table) == made.frames
+    assert [row["tasks"] for row in rows] == [["with 0"], ["with 2"]]
+    tasks = pq.read_table(made.path / "meta/tasks.parquet").to_pandas()
+    assert tasks.iloc[1].name == "with 2"
+    assert table["task_index"].to_numpy()[-1] == 1
+
+
+def test_the_head_says_what_the_columns_are(made):
+    info = json.loads((made.path / "meta/info.json").read_text())
+    stats = json.loads((made.path / "meta/stats.json").read_text())
+    assert (info["codebase_version"], info["fps"], info["robot_type"]) == ("v3.0", FPS, "arm")
+    assert info["splits"] == {"train": "0:2"}
+    state = info["features"]["observation.state"]
+    assert state["names"] == ["joints/q_x", "joints/q_y", "joints/q_z", "speed"]
+    assert state["units"] == ["rad", "rad", "rad", "-"]
+    assert {name: (one["dtype"], one["shape"]) for name, one in info["features"].items()} == {
+        "observation.state": ("float32", [4]),
+        "action": ("float32", [2]),
+        "observation.camera": ("string", [1]),
+        "observation.ok": ("bool", [1]),
+        "observation.joints.q": ("float32", [7, 3]),
+        "timestamp": ("float32", [1]),
+        **dict.fromkeys(("frame_index", "episode_index", "index", "task_index"), ("int64", [1])),
+    }
+    assert set(stats) == set(info["features"]) - {"observation.camera"}
+    assert all(tuple(one) == TEN for one in stats.values())
+
+
+def test_others_read_it(made):
+    datasets = pytest.importorskip("datasets")
+    read = datasets.load_dataset("parquet", data_files=str(made.path / "data/*/*.parquet"), split="train")
+    assert len(read) == made.frames
+    assert len(read[0]["observation.joints.q"]) == 7
+
+
+# ---------------------------------------------------------------------------------------------- what is refused
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"state": []}, "at least one signal of the state"),
+        ({"fps": 0}, "fps must be a whole number from 1"),
+        ({"how": "window"}, "how must be 'last' or 'mean'"),
+        ({"state": ["joint/q"]}, "nothing was written: .*run0.silo: no signal is meant by 'joint/q'; did you mean"),
+        ({"state": ["camera"]}, "'/log/camera' holds text, no numbers; name it in `also`"),
+        ({"also": ["mixed"]}, "'/log/mixed' holds values of several types, no numbers; name its parts"),
+        ({"also": ["huge"]}, "18446744073709551615 is more than a whole number of a data set holds"),
+        ({"also": ["speed"], "window": ["speed"]}, "'observation.speed' is asked for twice"),
+        ({"where": "speed > 100"}, "'speed > 100' is not true at its end"),
+    ],
+)
+def test_what_can_not_be_is_refused_and_nothing_is_left(runs, tmp_path, given, words):
+    with pytest.raises(silo.SiloError, match=words):
+        write_lerobot(runs, tmp_path / "out", **({"fps": FPS, "state": ["joints/q"]} | given))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_runs_of_another_kind_are_told_apart(runs, tmp_path, new_logger):
+    log = new_logger("other")
+    log.array("q", 4, group="joints")
+    log.start()
+    log.collect()
+    other = log.save(name="other").path
+    with pytest.raises(
+        silo.ElementError, match=r"other.silo': 'observation.state' is float32 \[3\] in the first run and"
+    ):
+        write_lerobot([runs[0], other], tmp_path / "out", fps=FPS, state=["joints/q"])
+    assert not (tmp_path / "out").exists()
+
+
+def test_only_a_data_set_is_replaced_and_only_if_asked(runs, tmp_path):
+    def write(**more):
+        return write_lerobot(runs[:1], tmp_path / "out", fps=FPS, state=["joints/q"], **more)
+
+    write()
+    with pytest.raises(silo.SaveError, match="exists already"):
+        write()
+    assert write(force=True).episodes == 1
+    (tmp_path / "out/meta/info.json").unlink()
+    with pytest.raises(silo.SaveError, match="no data set: it is not replaced"):
+        write(force=True)
+
+
+def changed(path, column, row, value):
+    table = pq.read_table(path)
+    values = table[column].to_pylist()
+    values[row] = value
+    place = table.schema.get_field_index(column)
+    pq.write_table(
+        table.set_column(place, table.schema.field(place), pa.array(values, table.schema.field(place).type)), path
+    )
+
+
+DATA, EPISODES = "data/chunk-000/file-000.parquet", "meta/episodes/chunk-000/file-000.parquet"
+DAMAGE = {  # the column, where, the row that is changed, to what
+    "timestamp": (DATA, 5, 9.0, "frame 5: timestamp 9 s, frame_index / fps is 0.166667"),
+    "index": (DATA, 3, 0, "index isn't continuous"),
+    "frame_index": (DATA, 0, 1, "episode 0: frame_index doesn't count"),
+    "episode_index": (DATA, -1, 7, "episode 7, there are 2"),
+    "task_index": (DATA, 0, 2, "task_index up to 2, there are 2 tasks"),
+    "action": (DATA, 0, None, "'action': 1 values are missing"),
+    "length": (EPISODES, 0, 3, "episode 0 says frames 0 to 60; 3 from 0 on end at 3"),
+    "dataset_to_index": (EPISODES, 1, 99, "info.json says total_frames 135, there are 99"),
+}
+
+
+@pytest.mark.parametrize("column", DAMAGE)
+def test_what_its_loader_would_take_is_found(made, tmp_path, column):
+    file, row, value, words = DAMAGE[column]
+    copy = shutil.copytree(made.path, tmp_path / "copy")
+    changed(copy / file, column, row, value)
+    assert any(words in problem for problem in check_lerobot(copy)), check_lerobot(copy)
+
+
+def test_a_head_that_says_something_else_is_found(made, tmp_path):
+    copy = shutil.copytree(made.path, tmp_path / "copy")
+    head = copy / "meta/info.json"
+    whole = json.loads(head.read_text())
+    for change, words in (
+        ({"total_episodes": 3}, "total_episodes 3, there are 2"),
+        ({"codebase_version": "v2.1"}, "version v3.0"),
+        ({"features": {}}, "features lack timestamp"),
+    ):
+        head.write_text(json.dumps(whole | change))
+        assert any(words in problem for problem in check_lerobot(copy))
+    head.write_text("{")
+    with pytest.raises(silo.errors.FileFormatError, match=r"info.json'"):
+        check_lerobot(copy)
+    with pytest.raises(silo.errors.LogNotFoundError, match="no data set"):
+        check_lerobot(tmp_path)
