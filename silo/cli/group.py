@@ -28,6 +28,7 @@ _ROWS = (
     ("Loggers", "address", "loggers.address", "Print how any language reaches a topic."),
     ("Loggers", "set", "edits:set_command", "Change how elements are logged."),
     ("Loggers", "param", "loggers.param", "Tune parameters; keep them as presets."),
+    ("Loggers", "excite", "loggers.excite", "Move a parameter around its value, to measure."),
     ("Loggers", "start", "loggers.life_cycle", "Start logging."),
     ("Loggers", "stop", "loggers.life_cycle", "Stop logging; the data stays."),
     ("Loggers", "restart", "loggers.life_cycle", "Stop, and start with empty buffers."),

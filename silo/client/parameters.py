@@ -1,13 +1,14 @@
 """The parameters of a logger, from its client: a mapping of names to values that asks the robot."""
 
 import secrets
-from collections.abc import Iterator, Mapping, MutableMapping
+from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from silo.core.arguments import real
-from silo.core.parameters import ParameterInfo, ParameterValue
+from silo.core.arguments import real, word
+from silo.core.excitation import LONGEST_S, element_of, usual_ramp_s
+from silo.core.parameters import Excitation, ParameterInfo, ParameterValue, Wave
 from silo.errors import ElementError
-from silo.parameters.requests import ParameterRequests, ParametersSet
+from silo.parameters.requests import ExcitationState, ParameterRequests, ParametersSet
 
 if TYPE_CHECKING:
     from silo.core.parameters import ParameterScalar
@@ -75,6 +76,61 @@ class ClientParameters(MutableMapping[str, ParameterValue]):
             What was done, in words.
         """
         return self._client._confirm_parameters(change.name)
+
+    def excite(
+        self,
+        name: str,
+        wave: Wave | str,
+        *,
+        amplitude: float,
+        duration: float,
+        low_hz: float = 0.0,
+        high_hz: float = 0.0,
+        ramp: float | None = None,
+        wait: Callable[[ExcitationState, float], bool | None] | None = None,
+    ) -> ExcitationState:
+        """Move a parameter, or an input, around its value; returns when it is back there.
+
+            robot.parameters.excite("tau_offset", "chirp", amplitude=2.0, duration=20, low_hz=0.1, high_hz=20)
+
+        It ends before its time when this is interrupted or its process dies, a limit fires, somebody sets the
+        parameter or stops the logger, the program closes it, or the loop stands still.
+
+        Args:
+            name: of the parameter; `tau_offset[3]` is a value of an array.
+            wave: a chirp or a multisine from `low_hz` to `high_hz`, a PRBS that decides `high_hz` times a second, or a
+                step.
+            amplitude: to both sides; of a step in its direction.
+            duration: s.
+            low_hz: from where it goes, Hz.
+            high_hz: to where.
+            ramp: s, in which it rises and falls; None: up to 1 s, of a step none.
+            wait: called with how far it is, and to wait so many seconds; True ends it.
+
+        Returns:
+            Why it ended, in which rows it was.
+
+        Raises:
+            RefusedError: it would leave the bounds, or may not be begun by this client; nothing was changed.
+            ConnectionLostError: nobody answers; the robot program ends it within 2 s.
+        """
+        from silo.client.exciting import excite
+
+        name, index = element_of(name)
+        kind = word("wave", wave, Wave)
+        duration_s = real("duration", duration, 0, LONGEST_S, "s", include_low=False)
+        ramp_s = usual_ramp_s(kind, duration_s) if ramp is None else real("ramp", ramp, 0, LONGEST_S, "s")
+        what = Excitation(
+            name,
+            kind,
+            real("amplitude", amplitude, -1e300, 1e300, ""),
+            duration_s,
+            real("low_hz", low_hz, 0, 1e9, "Hz"),
+            real("high_hz", high_hz, 0, 1e9, "Hz"),
+            ramp_s,
+            index,
+        )
+        return excite(self._client, what, wait)
 
     def __getitem__(self, name: str) -> ParameterValue:
         return self.info(name).value

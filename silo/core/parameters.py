@@ -41,7 +41,7 @@ class ParameterInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """One parameter. `value` is what it was when this was made: at the start of a run, or when somebody asked.
 
     `offset` is the position of its first word among the words of all parameters. `locked`: it is closed while the
-    program holds `log.parameters.lock()`. `rate` is in units per second.
+    program holds `log.parameters.lock()`. `rate` is in units per second. `input`: it is 0 but while it is excited.
     """
 
     name: str
@@ -60,6 +60,7 @@ class ParameterInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     description: str = ""
     offset: int = 0
     value: ParameterValue = 0
+    input: bool = False
 
     @property
     def count(self) -> int:
@@ -83,16 +84,55 @@ class ParameterInfo(msgspec.Struct, frozen=True, omit_defaults=True):
         return self.name.rpartition("/")[0]
 
 
+class Wave(str, enum.Enum):
+    """The course of an excitation."""
+
+    CHIRP = "chirp"
+    MULTISINE = "multisine"
+    PRBS = "prbs"
+    STEP = "step"
+
+
+class Excitation(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What a parameter does for `duration_s`, around the value that it had: all numbers of it.
+
+    A chirp goes from `low_hz` to `high_hz`, as long in each octave. A multisine has harmonics of `low_hz` up to
+    `high_hz`. A PRBS decides `high_hz` times a second between both ends. A step is `amplitude` (also a negative one)
+    away. It rises and falls within `ramp_s` at its begin and end. `index` is the value of an array that is meant.
+    """
+
+    name: str
+    wave: Wave
+    amplitude: float
+    duration_s: float
+    low_hz: float = 0.0
+    high_hz: float = 0.0
+    ramp_s: float = 0.0
+    index: int = 0
+
+    @property
+    def text(self) -> str:
+        """All of its numbers in words, but the unit."""
+        course = {
+            Wave.PRBS: f" of {self.high_hz:g} bit/s",
+            Wave.STEP: "",
+        }.get(self.wave, f" {self.low_hz:g} to {self.high_hz:g} Hz")
+        ramps = f", ramps of {self.ramp_s:g} s" if self.ramp_s else ""
+        return f"{self.wave.value}{course}, amplitude {self.amplitude:g}, for {self.duration_s:g} s{ramps}"
+
+
 class ParameterChange(msgspec.Struct, frozen=True, omit_defaults=True):
     """What an event changed: names with the values before and after. Of the image at a start there is none before.
 
     `where` tells by which way it came, `id` what its client called it, `until` the tick at which a ramp was over.
+    Where an `excitation` begins, before and after are the value around which it goes.
     """
 
     values: tuple[tuple[str, ParameterValue | None, ParameterValue], ...] = ()
     where: str = ""
     id: str = ""
     until: int = -1
+    excitation: Excitation | None = None
 
 
 def value_text(value: object, unit: str = "-") -> str:
@@ -176,6 +216,10 @@ def _fitting_number(info: ParameterInfo, given: float) -> float:
     if info.kind is ParameterKind.FLOAT and abs(given) > 1.7976931348623157e308:
         return _refuse(info, given)
     value = int(given) if info.kind is ParameterKind.INT else float(given)
+    if info.input and value:
+        raise ElementError(
+            f"parameter '{info.name}': an input is 0 unless it is excited (`silo excite`); nothing was changed"
+        )
     low, high = info.minimum, info.maximum
     if (low is not None and value < low) or (high is not None and value > high):
         return _refuse(info, given)

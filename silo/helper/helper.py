@@ -153,7 +153,9 @@ class Helper:
         held = HeldRuns(replica, self._poke)
         early = list(taken_over(self._robot, replica, held))
         held.take()  # one that was not handed over
-        events = EventNotifier(session, self._root, replica, EventLog(first.folder, first.logger))
+        events = EventNotifier(
+            session, self._root, replica, EventLog(first.folder, first.logger), self._robot.end_excitation
+        )
         marks = MarkReader(replica, events)
         publisher = Publisher(session, self._root, replica, events)
         saver = Saver(replica, events, self._robot)

@@ -108,7 +108,7 @@ class MarkReader:
                 return
             if not changes:
                 return
-            lost = max(0, changes[-1].number - self._changed - len(changes) + (self._changed < 0))
+            lost = max(0, changes[-1].number - self._changed - len(changes))
             self._changed = max(self._changed, changes[-1].number, 0)
             fresh = [one for one in changes if (one.time_ns, one.tick, one.text) not in self._known]
         if lost and not self._known:

@@ -4,10 +4,11 @@ import concurrent.futures
 import itertools
 import socket
 import threading
-from typing import Any
+from typing import Any, cast
 
 from silo.link.channel import LinkChannel, LinkMessage, LinkReply, LinkRequest
-from silo.rpc.declaring import Do, Done, GoesOn, Reply, Request, spoken
+from silo.parameters.requests import ParameterRequests
+from silo.rpc.declaring import Do, Done, GoesOn, Reply, Request, request_of, spoken
 from silo.rpc.refusals import Refused, RefusedWhy
 
 DEAD = Refused(RefusedWhy.DEAD, "the robot program is gone; start it again")
@@ -33,6 +34,11 @@ class RobotLink(LinkChannel):
             except OSError:
                 return False
         return True
+
+    def end_excitation(self, limit: str) -> None:
+        """Have the robot process end what it excites, if anything: a limit fired. Waits for no answer."""
+        request = request_of(ParameterRequests._stop_excitation, why=f"limit: {limit}")
+        self.tell(LinkRequest(self.number(), cast("Do[Any]", request)))
 
     def number(self) -> int:
         """Return a number by which an event can tell how something ended."""

@@ -176,6 +176,7 @@ class Logger(metaclass=HidesOtherNames):
     save_script = of("_scripted", ScriptedTable.save_script)
 
     parameter = of("_tunables", Tunables.parameter)
+    input = of("_tunables", Tunables.input)
 
     derive = of("_conditions", LoggerConditions.derive)
     limit = of("_conditions", LoggerConditions.limit)

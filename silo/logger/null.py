@@ -183,6 +183,11 @@ class NullLogger(metaclass=HidesOtherNames):
         """Return a parameter that nobody but the program sets. Raises like `Logger.parameter`."""
         return self._tunables.parameter(**given)
 
+    @_like(Logger.input)
+    def input(self, **given: Any) -> Parameter:
+        """Return an input that nobody excites. Raises like `Logger.input`."""
+        return self._tunables.input(**given)
+
     @_like(Logger.remove)
     def remove(self, name: str) -> int:
         """Forget an element or a whole namespace; how many there were."""

@@ -3,6 +3,9 @@
 from collections.abc import Callable
 from typing import Any, Literal
 
+import numpy as np
+from msgspec.structs import replace
+
 from silo.core.arguments import line, text
 from silo.core.calls import told_class
 from silo.core.elements import LoggerOptions, join_name
@@ -74,30 +77,84 @@ class Tunables:
         Raises:
             ElementError: the name is taken, the default doesn't fit, or bounds make no sense; nothing was added.
         """
+        return self._declare(
+            ParameterInfo(
+                name, ParameterKind.FLOAT, default, (), min, max, step, unit, (), rate, _writable(name, writable),
+                locked, string_bytes, description,
+            ),
+            group, check, choices, _divider(self._options.frequency_hz),
+        )  # fmt: skip
+
+    def input(
+        self,
+        name: str,
+        min: float,  # noqa: A002  # as everybody calls it
+        max: float,  # noqa: A002
+        shape: int | tuple[int, ...] = (),
+        *,
+        unit: str = "-",
+        group: str = "",
+        rate: float | None = None,
+        check: Callable[..., object] | None = None,
+        writable: bool | Literal["anywhere"] = True,
+        locked: bool = False,
+        description: str = "",
+    ) -> Parameter:
+        """Offer an input for excitations: `tau_offset = log.input("tau_offset", -5, 5, unit="Nm")`.
+
+        It is 0 but while somebody excites it (`silo excite`), and logged at each tick: the program adds it to what it
+        commands, so that a transfer function can be measured.
+
+        Args:
+            name: its name after prefix and group.
+            min: the least that it may be, 0 or less.
+            max: the most that it may be, 0 or more.
+            shape: of an array of them; one of its values is excited at a time.
+            unit: `"Nm"`, `"-"` for none.
+            group: the namespace between prefix and name.
+            rate: how fast it may move, in units per second.
+            check: called with both ends that it will come to, as that of a parameter.
+            writable: who may excite it, as of a parameter.
+            locked: closed to clients while the program holds `log.parameters.lock()`.
+            description: a line about it.
+
+        Returns:
+            The input, which reads like an array, as a parameter does.
+
+        Raises:
+            ElementError: the name is taken, or bounds make no sense; nothing was added.
+        """
+        zero = np.zeros(shape).tolist()
+        return self._declare(
+            ParameterInfo(
+                name, ParameterKind.FLOAT, zero, (), min, max, None, unit, (), rate, _writable(name, writable),
+                locked, 0, description, input=True,
+            ),
+            group, check, None, 1,
+        )  # fmt: skip
+
+    def _declare(
+        self, given: ParameterInfo, group: str, check: Callable[..., object] | None, choices: Any, divider: int
+    ) -> Parameter:
+        """Add a parameter of which these facts are known, and its element."""
         self._life.check_open()
-        name, group = (
-            text("the parameter's name", name, 'log.parameter("kp", 40.0)'),
-            text("group", group, 'group="legs"'),
-        )
+        how = f"log.{'input' if given.input else 'parameter'}"
+        name, default = text("the parameter's name", given.name, f'{how}("kp", ...)'), given.default
+        group = text("group", group, 'group="legs"')
         if not name:
-            raise ElementError('a parameter needs a name: log.parameter("kp", 40.0)')
+            raise ElementError(f'a parameter needs a name: {how}("kp", ...)')
         full = join_name(self._options.prefix, group, name)
         kind, shape, words = kind_of_default(full, default, choices)
-        info = ParameterInfo(
-            full,
-            kind,
-            default if not hasattr(default, "tolist") else default.tolist(),
-            shape,
-            min,
-            max,
-            step,
-            line("unit", unit, 'unit="Nm/rad"'),
-            words,
-            rate,
-            _writable(full, writable),
-            locked,
-            (string_room(string_bytes) or DEFAULT_STRING_BYTES) if kind is ParameterKind.STRING else 0,
-            text("description", description, 'description="..."'),
+        info = replace(
+            given,
+            name=full,
+            kind=kind,
+            default=default if not hasattr(default, "tolist") else default.tolist(),
+            shape=shape,
+            unit=line("unit", given.unit, 'unit="Nm/rad"'),
+            choices=words,
+            string_bytes=_room(given.string_bytes) if kind is ParameterKind.STRING else 0,
+            description=text("description", given.description, 'description="..."'),
         )
         with self._life.lock:
             if full in self._parameters.names:
@@ -109,12 +166,16 @@ class Tunables:
                 made.array,
                 name,
                 group,
-                unit,
-                _divider(self._options.frequency_hz),
+                info.unit,
+                divider,
                 labels=dict(enumerate(words)) if words else None,
-                description=description,
+                description=info.description,
             )
         return made
+
+
+def _room(string_bytes: int) -> int:
+    return string_room(string_bytes) or DEFAULT_STRING_BYTES
 
 
 def _divider(frequency_hz: float) -> int:

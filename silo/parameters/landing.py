@@ -16,11 +16,14 @@ from numpy.typing import NDArray
 
 from silo.core.parameters import WORD_BYTES, ParameterInfo, ParameterKind, ParameterValue, decoded, encoded
 from silo.loop.sources import OwnMemory
+from silo.parameters.excited import Excited
 from silo.segment.parameter_changes import MOST_WORDS, ChangeRecord, OpenChange
 
 MOST_AT_ONCE = 8  # changes that land in one tick
 
 CLOSED = "the program has closed it for now (log.parameters.lock())"
+STANDS_STILL = "the logger stands still: nothing is recorded"
+SET = "somebody set it"
 OVERTAKEN = "the program changed what belongs to it meanwhile: look at it and ask again"
 
 
@@ -47,6 +50,7 @@ class WaitingChange:
     fraction: float = 0.0
     slot: OpenChange | None = None
     record: ChangeRecord | None = None
+    excited: Excited | None = None  # it moves around what it is
 
     @property
     def names(self) -> set[str]:
@@ -88,6 +92,11 @@ class Landing:
         self._used = info.offset + info.words
         self._words[info.offset : self._used] = np.frombuffer(encoded(info, info.default), np.int64)
         return self._words[info.offset : self._used]
+
+    def place_of(self, info: ParameterInfo, index: int) -> "memoryview[float]":
+        """The memory of one number of a parameter."""
+        place = self._words[info.offset + index :][:1].data.cast("B")
+        return place.cast("d" if info.kind is ParameterKind.FLOAT else "q")  # type: ignore[return-value]
 
     def value(self, info: ParameterInfo) -> ParameterValue:
         """What a parameter is now."""
@@ -162,8 +171,9 @@ class Landing:
         record = change.record = self.record
         if record is not None:
             places = [self._places[info.name] for info in change.infos]
+            what = change.excited.what if change.excited is not None else None
             with self._recording:
-                change.slot = record.open(change.who, change.where, change.id, places, change.new.tobytes())
+                change.slot = record.open(change.who, change.where, change.id, places, change.new.tobytes(), what)
 
     # --------------------------------------------------------------------------------- in the thread of the loop
 
@@ -174,7 +184,9 @@ class Landing:
         waiting, place, landed = self.waiting, 0, 0
         while place < len(waiting) and landed < MOST_AT_ONCE:
             change = waiting[place]
-            if change.landed:
+            if change.excited is not None and change.landed:
+                over = self._excite(change, change.excited, n, t)
+            elif change.landed:
                 over = self._ramp(change, n, t)
             else:
                 landed += 1
@@ -186,15 +198,25 @@ class Landing:
 
     def _decide(self, change: WaitingChange, n: int, t: int) -> bool:
         """Store it or refuse it. Returns whether it is over: a ramp goes on."""
-        closed = self.locked and any(info.locked for info in change.infos)
-        if closed or any(self.landed.get(group, 0) != token for group, token in change.expects.items()):
+        change.refused = self._why_refused(change, n)
+        if change.refused:
             if change.slot is not None:
                 change.slot.refuse()
-            change.refused = CLOSED if closed else OVERTAKEN
             return True
         if change.record is not self.record:  # there was a start meanwhile
             self._open(change)
         return self._store(change, n, t, ramps=True)
+
+    def _why_refused(self, change: WaitingChange, n: int) -> str:
+        if self.locked and any(info.locked for info in change.infos):
+            return CLOSED
+        if any(self.landed.get(group, 0) != token for group, token in change.expects.items()):
+            return OVERTAKEN
+        if change.excited is not None and not np.array_equal(self._words[change.selection], change.new):
+            return OVERTAKEN
+        if change.excited is not None:
+            return STANDS_STILL if n < 0 else change.excited.why_ended()
+        return ""
 
     def _store(self, change: WaitingChange, n: int, t: int, *, ramps: bool) -> bool:
         if change.old is None:  # else Ctrl-C came when it was stored already
@@ -228,6 +250,26 @@ class Landing:
             change.slot.end(n)
         return True
 
+    def _excite(self, change: WaitingChange, excited: Excited, n: int, t: int) -> bool:
+        """Go where its course has come to by now, and note its end."""
+        if change.superseded:
+            excited.let_go(SET)
+        elif self.locked and excited.info.locked:
+            excited.end_soon(CLOSED)
+        elif n < 0 or self.record is not change.record:
+            excited.end_soon(STANDS_STILL)
+        if not excited.go((t - change.begun_ns) / 1e9):
+            self.revision = next(self._revisions)
+            return False
+        self.revision = next(self._revisions)
+        end = self.change({excited.info.name: self.value(excited.info)}, change.who, "")
+        end.where = f"excitation ended: {excited.ended}"
+        self._open(end)
+        if end.slot is not None:
+            end.slot.land(n, end.new.tobytes())
+        excited.until = n
+        return True
+
 
 def between(
     infos: Sequence[ParameterInfo], old: NDArray[np.int64], new: NDArray[np.int64], fraction: float
@@ -250,6 +292,8 @@ def between(
 
 def _ramp_ns(change: WaitingChange) -> float:
     """How long a change takes that may go so many units per second."""
+    if change.excited is not None:
+        return float(change.excited.what.duration_s * 1e9)
     longest, at = 0.0, 0
     for info in change.infos:
         part = slice(at, at + info.words)

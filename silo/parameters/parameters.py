@@ -10,8 +10,10 @@ import msgspec
 import numpy as np
 
 from silo.core.calls import told_class
+from silo.core.excitation import ends_of
 from silo.core.parameters import (
     WORD_BYTES,
+    Excitation,
     ParameterInfo,
     ParameterKind,
     ParameterValue,
@@ -20,6 +22,7 @@ from silo.core.parameters import (
     fitting,
 )
 from silo.errors import ElementError
+from silo.parameters.excitations import Excitations
 from silo.parameters.landing import CLOSED, Landing, WaitingChange
 from silo.parameters.parameter import Parameter
 from silo.segment.parameter_changes import MOST_WORDS
@@ -46,6 +49,7 @@ class Parameters(Mapping[str, Parameter]):
         """Begin without any; names may be given without this prefix."""
         self._prefix = prefix
         self.landing = Landing()
+        self.excitations = Excitations(self.landing)
         self._known: dict[str, Parameter] = {}
         self._checks: dict[str, tuple[Check, bool]] = {}  # with whether it wants to see its group
         self._ends: OrderedDict[str, WaitingChange] = OrderedDict()
@@ -157,11 +161,12 @@ class Parameters(Mapping[str, Parameter]):
         if not asked and not partners:
             return {}
         expects = self.landing.expected({self._known[name].info.group for name in partners})
-        after = {**self.landing.after(), **fit} if partners else dict(fit)
-        for name, (check, wants_group) in {**asked, **partners}.items():
-            group = self._known[name].info.group
-            beside = {one.rpartition("/")[2]: after[one] for one in after if self._known[one].info.group == group}
-            _ask(name, check, (after[name], beside) if wants_group else (after[name],))
+        for swing in [{}, *self.excitations.swings(groups)]:  # what is excited may be anywhere between its ends
+            after = {**self.landing.after(), **swing, **fit} if partners else dict(fit)
+            for name, (check, wants_group) in {**asked, **partners}.items():
+                group = self._known[name].info.group
+                beside = {one.rpartition("/")[2]: after[one] for one in after if self._known[one].info.group == group}
+                _ask(name, check, (after[name], beside) if wants_group else (after[name],))
         return expects
 
     # ------------------------------------------------------------------------------- for clients, in the link thread
@@ -187,13 +192,8 @@ class Parameters(Mapping[str, Parameter]):
         if not values:
             raise ElementError("no parameter is given; nothing was changed")
         fit = self._fitting(values)
-        for info in (self._known[one].info for one in fit):
-            if info.writable is Writable.NO or (remote and info.writable is not Writable.ANYWHERE):
-                whose = "the program alone sets it" if info.writable is Writable.NO else "it is set on the robot alone"
-                more = "" if info.writable is Writable.NO else ' (writable="anywhere" lets others)'
-                raise ElementError(f"parameter '{info.name}': {whose}{more}; nothing was changed")
-            if landing.locked and info.locked:
-                raise ElementError(f"parameter '{info.name}': {CLOSED}; nothing was changed")
+        for name_of_one in fit:
+            self._may_change(self._known[name_of_one].info, remote=remote)
         expects = self._check(fit)
         change = landing.change(fit, who, where, name)
         change.expects = expects
@@ -205,6 +205,32 @@ class Parameters(Mapping[str, Parameter]):
             self._reverts.append((time.monotonic() + revert_s, change))
         landing.post(change)
         return change
+
+    def _may_change(self, info: ParameterInfo, *, remote: bool) -> None:
+        if info.writable is Writable.NO or (remote and info.writable is not Writable.ANYWHERE):
+            whose = "the program alone sets it" if info.writable is Writable.NO else "it is set on the robot alone"
+            more = "" if info.writable is Writable.NO else ' (writable="anywhere" lets others)'
+            raise ElementError(f"parameter '{info.name}': {whose}{more}; nothing was changed")
+        if self.landing.locked and info.locked:
+            raise ElementError(f"parameter '{info.name}': {CLOSED}; nothing was changed")
+
+    def excite(
+        self, what: Excitation, who: str, where: str, name: str, *, remote: bool, frequency_hz: float
+    ) -> WaitingChange:
+        """Have a client's excitation begin with the next tick. Raises ElementError where it can't.
+
+        The program's checks are asked for both ends that it comes to.
+        """
+        if name in self.excitations.known:
+            return self.excitations.known[name]
+        info = self.excitations.described(self._known[self.full(what.name)].info)
+        self._may_change(info, remote=remote)
+        self.excitations.check(info, what, frequency_hz)
+        if any(info.name in change.names for _, change in self._reverts):
+            raise ElementError(f"parameter '{info.name}' is to be taken back soon: confirm it first")
+        for end in ends_of(info, what):
+            expects = self._check({info.name: end})
+        return self.excitations.begin(info, what, who, where, name, expects)
 
     def end_of(self, name: str) -> WaitingChange | None:
         """Return a change of the newest 256 by what its client called it."""

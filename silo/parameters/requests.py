@@ -1,6 +1,6 @@
 """Parameters of a logger: what a client may ask."""
 
-from silo.core.parameters import ParameterInfo, ParameterValue
+from silo.core.parameters import Excitation, ParameterInfo, ParameterValue
 from silo.rpc.declaring import Caller, Reply, ask, change
 
 
@@ -24,6 +24,16 @@ class ParametersSet(Reply, frozen=True):
         if self.waits:
             return "it waits for a tick: the program's loop calls no collect() now"
         return f"it holds from tick {self.tick} on" if self.tick >= 0 else "it holds; the logger stands still"
+
+
+class ExcitationState(Reply, frozen=True):
+    """How far an excitation is: `at_s` after its begin, in row `tick`; `ended` says why, from row `until` on."""
+
+    name: str
+    at_s: float = 0.0
+    tick: int = -1
+    ended: str = ""
+    until: int = -1
 
 
 class ParameterRequests(Caller):
@@ -50,3 +60,18 @@ class ParameterRequests(Caller):
     @change(robot=True)
     def _confirm_parameters(self, name: str) -> str:
         """Keep a change that would be taken back."""
+
+    @change(robot=True)
+    def _excite(self, what: Excitation, name: str, remote: bool = False) -> ExcitationState:
+        """Move a parameter around its value for a while; it ends when `_keep_excitation` doesn't come for 2 s.
+
+        One `name` is done once, as with `_set_parameters`.
+        """
+
+    @change(robot=True)
+    def _keep_excitation(self, name: str) -> ExcitationState:
+        """Say that whoever asked for it is there."""
+
+    @change(robot=True, control=False)
+    def _stop_excitation(self, name: str = "", why: str = "") -> str:
+        """End an excitation, whoever began it; without a name the one that runs."""

@@ -3,10 +3,10 @@
 import secrets
 from dataclasses import dataclass
 
-from silo.core.parameters import ParameterValue
+from silo.core.parameters import Excitation, ParameterValue
 from silo.parameters import requests
 from silo.parameters.parameters import Parameters
-from silo.parameters.requests import ParametersSet, ParameterTable
+from silo.parameters.requests import ExcitationState, ParametersSet, ParameterTable
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn
 
@@ -16,6 +16,7 @@ class ParameterRobot(Server, does=[requests], robot=True):
     """Checks changes and has them wait for a tick; the link's thread answers when they have landed."""
 
     parameters: Parameters
+    frequency_hz: float
 
     def read_parameters(self) -> ParameterTable:
         landing = self.parameters.landing
@@ -33,6 +34,23 @@ class ParameterRobot(Server, does=[requests], robot=True):
         if not self.parameters.confirm(name):
             raise RequestRefusedError(RefusedWhy.NOT_FOUND, "no change of that name waits to be confirmed")
         return "it stays"
+
+    def excite(self, turn: Turn, what: Excitation, name: str, remote: bool) -> ExcitationState:
+        where = "network" if remote else "this computer"
+        self.parameters.excite(what, turn.by, where, name, remote=remote, frequency_hz=self.frequency_hz)
+        return self._excitation(name)
+
+    def keep_excitation(self, name: str) -> ExcitationState:
+        self.parameters.excitations.found(name)[1].keep()
+        return self._excitation(name)
+
+    def stop_excitation(self, turn: Turn, name: str, why: str) -> str:
+        stopped = self.parameters.excitations.stop(name, why or f"stopped by {turn.by}")
+        return "it goes back" if stopped else "nothing is excited"
+
+    def _excitation(self, name: str) -> ExcitationState:
+        change, excited = self.parameters.excitations.found(name)
+        return ExcitationState(name, excited.at_s, change.tick, change.refused or excited.ended, excited.until)
 
 
 def ended(parameters: Parameters, name: str) -> ParametersSet:

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from silo.core.parameters import ParameterValue
+from silo.core.parameters import Excitation, ParameterValue
 from silo.net.access.senders import came_by_network
 from silo.parameters import requests
-from silo.parameters.requests import ParameterRequests, ParametersSet, ParameterTable
+from silo.parameters.requests import ExcitationState, ParameterRequests, ParametersSet, ParameterTable
 from silo.rpc.declaring import request_of
 from silo.rpc.serving import Server, Turn
 from silo.state.robot_program import RobotProgram
@@ -27,4 +27,9 @@ class ParameterServer(Server, does=[requests]):
         remote = came_by_network(turn.by)  # whatever it says
         request = request_of(ParameterRequests._set_parameters, values, name, revert_after_s, remote)
         found: ParametersSet = self.robot.reply(request, turn)
+        return found
+
+    def excite(self, turn: Turn, what: Excitation, name: str, remote: bool) -> ExcitationState:
+        request = request_of(ParameterRequests._excite, what, name, came_by_network(turn.by))  # whatever it says
+        found: ExcitationState = self.robot.reply(request, turn)
         return found

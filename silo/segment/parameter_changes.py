@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import PARAMETER, LoggedEvent
-from silo.core.parameters import WORD_BYTES, ParameterChange, ParameterInfo, decoded, value_text
+from silo.core.parameters import WORD_BYTES, Excitation, ParameterChange, ParameterInfo, decoded, value_text
 
 SLOTS = 1024  # the newest that are kept for readers; a power of two
 SLOT = struct.Struct("@qqqqqqqqq48xq")  # see above, with sizes of head and words, and the checksum of both
@@ -36,6 +36,16 @@ TICK, TIME, UNTIL, ORDER = 1, 2, 3, 4  # words of a slot
 WAITS, REFUSED, STANDING = 0, -2, -1  # instead of a tick: not yet, never, while the logger stood still
 
 MOST_NAMES = 4  # told in the text of an event
+
+
+class _Head(msgspec.Struct, array_like=True):
+    """The facts of a text; of what is no excitation there are four."""
+
+    who: str
+    where: str
+    name: str
+    places: list[int]
+    excitation: Excitation | None = None
 
 
 class OpenChange:
@@ -75,10 +85,19 @@ class ChangeRecord:
         self._numbers, self._landed = itertools.count(1), itertools.count(1)
         self._place = 0
 
-    def open(self, who: str, where: str, name: str, places: Sequence[int], new: bytes) -> OpenChange:
+    def open(
+        self,
+        who: str,
+        where: str,
+        name: str,
+        places: Sequence[int],
+        new: bytes,
+        excitation: Excitation | None = None,
+    ) -> OpenChange:
         """Note a change of the parameters at these places, that waits to land."""
         number = next(self._numbers)
-        head = msgspec.json.encode((who, where, name, places))
+        facts = (who, where, name, places)
+        head = msgspec.json.encode(facts if excitation is None else (*facts, excitation))
         size = len(head) + 2 * len(new)
         if self._place % TEXT_BYTES + size > TEXT_BYTES:
             self._place += -self._place % TEXT_BYTES
@@ -123,8 +142,8 @@ def _event(
     if zlib.crc32(new, zlib.crc32(head)) != check:
         return None
     try:
-        who, where, name, places = msgspec.json.decode(head, type=tuple[str, str, str, list[int]])
-        changed = [infos[one] for one in places]
+        facts = msgspec.json.decode(head, type=_Head)
+        changed = [infos[one] for one in facts.places]
     except (msgspec.DecodeError, IndexError):
         return None
     at, values = 0, []
@@ -132,15 +151,19 @@ def _event(
         size = info.words * WORD_BYTES
         values.append((info.name, decoded(info, old[at : at + size]), decoded(info, new[at : at + size])))
         at += size
-    change = ParameterChange(tuple(values), where, name, until - 1)
+    change = ParameterChange(tuple(values), facts.where, facts.name, until - 1, facts.excitation)
     text = change_text(change, {info.name: info.unit for info in changed})
     return LoggedEvent(
-        PARAMETER, text, time_ns, max(tick - 1, -1), who=who or logger, run=run, number=order, change=change
+        PARAMETER, text, time_ns, max(tick - 1, -1), who=facts.who or logger, run=run, number=order, change=change
     )
 
 
 def change_text(change: ParameterChange, units: dict[str, str]) -> str:
     """What changed, in words."""
+    if change.excitation is not None:
+        name, around, _ = change.values[0]
+        what = f"{name.rpartition('/')[2]} excited around {value_text(around, units.get(name, '-'))}"
+        return f"{what}: {change.excitation.text} ({change.where})"
     told = [
         f"{name.rpartition('/')[2]} {value_text(old)} -> {value_text(new, units.get(name, '-'))}"
         for name, old, new in change.values[:MOST_NAMES]

@@ -35,7 +35,15 @@ def plain(text: str, limit: int = MAX_BY) -> str:
 class EventNotifier:
     """Numbers events, logs and publishes them."""
 
-    def __init__(self, session: zenoh.Session, root: Root, replica: Replica, log: EventLog) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        root: Root,
+        replica: Replica,
+        log: EventLog,
+        limit_fired: Callable[[str], object] | None = None,
+    ) -> None:
+        """Tell by this session; `limit_fired` is called with the words of each limit that fires."""
         self._publisher = session.declare_publisher(
             root.key("event"), congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.INTERACTIVE_HIGH
         )
@@ -43,6 +51,7 @@ class EventNotifier:
         self._lock = threading.Lock()
         self._number = 0
         self.log = log
+        self._limit_fired = limit_fired
 
     def publish(
         self,
@@ -80,6 +89,8 @@ class EventNotifier:
             # whoever sits before the robot wants to know why it does what nobody there asked for
             log.warning("%s: %s, by %s", self._replica.now.robot.logger, text, plain(by))
         self._put(event, by=plain(by), status=status, job=job, progress=progress, files=list(files))
+        if kind is EventKind.LIMIT and self._limit_fired is not None:
+            self._limit_fired(text)
         return event
 
     def progress(self, what: str, *, by: str = "", job: int = 0) -> Callable[[float], None]:

@@ -39,7 +39,8 @@ def _assignments(ctx: click.Context, words: Sequence[str], usage: str) -> Target
 
 def _row(one: "ParameterInfo") -> tuple[str, ...]:
     changed = "" if one.value == one.default else value_text(one.default)
-    return one.name, value_text(one.value), one.unit, range_text(one), changed, one.writable.value
+    writable = "excite" if one.input else one.writable.value
+    return one.name, value_text(one.value), one.unit, range_text(one), changed, writable
 
 
 PARAMETERS: "Listing[list[ParameterInfo]]" = Listing(
@@ -85,7 +86,7 @@ def save(client: "Client", file: str) -> str:
     """Write all values to a preset on this computer; lines and comments of one that is there stay."""
     from silo.settings.presets import write_preset
 
-    values = {one.name: one.value for one in client.parameters.described()}
+    values = {one.name: one.value for one in client.parameters.described() if not one.input}
     return f"{write_preset(file, values)}: {len(values)} parameters"
 
 

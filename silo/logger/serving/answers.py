@@ -75,7 +75,8 @@ def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
 def answer(logger: Served, request: Request[Any]) -> Reply:
     """Do what a client asks; whatever goes wrong becomes words."""
     state = StateRobot(logger, logger._scripted, lambda: logger._present.saved_before)
-    dispatch = Dispatch([state, ConditionRobot(logger._conditions), ParameterRobot(logger.parameters)], _not_ours)
+    parameters = ParameterRobot(logger.parameters, logger.options.frequency_hz)
+    dispatch = Dispatch([state, ConditionRobot(logger._conditions), parameters], _not_ours)
     running = RefusedWhy.RUNNING if logger.is_running else RefusedWhy.INVALID
     whys = {**WHYS, StateError: running, SaveError: RefusedWhy.FAILED, ScriptError: RefusedWhy.FAILED}
     reply = answered(lambda: dispatch.reply(request, Turn(Sender("", request.client))), whys)

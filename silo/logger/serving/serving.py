@@ -191,16 +191,17 @@ class Serving:
         if logger is None:
             return None
         due = [next_look_s] if logger.is_running else []
-        if (revert_s := logger.parameters.next_revert_s()) is not None:
-            due.append(revert_s)
+        parameters = logger.parameters
+        due += [at_s for at_s in (parameters.next_revert_s(), parameters.excitations.next_look_s()) if at_s is not None]
         return max(0.0, min(due) - time.monotonic()) if due else None
 
     def _look_at_parameters(self) -> None:
-        """Answer those whose changes landed, or wait for too long; take back what nobody confirmed."""
+        """Answer those whose changes landed, or wait for too long; take back what nobody confirmed, or is stuck."""
         logger = self._logger_ref()
         if logger is None:
             return
         logger.parameters.revert_due()
+        logger.parameters.excitations.look(logger.options.frequency_hz)
         for waits in list(self._landing):
             number, name, until_s = waits
             reply = answered(functools.partial(ended, logger.parameters, name))
@@ -313,6 +314,8 @@ class Serving:
             return  # it ended because the logger is being closed
         self.is_up = False
         self._landing.clear()  # whoever waited asked the process that died
+        if (logger := self._logger_ref()) is not None:
+            logger.parameters.excitations.stop("", "the helper process died")
         self._down.set()
         code = self._helper.end()
         self._fail_pending("the helper process died while it saved; a new one is being started: save again")

@@ -1,0 +1,164 @@
+"""`silo excite`: a parameter or an input moves around its value for a while, until a key ends it."""
+
+import contextlib
+import select
+import signal
+import sys
+import termios
+import time
+import tty
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import click
+
+from silo.cli.verbs import verb
+from silo.core.arguments import shown
+from silo.core.excitation import element_of, ends_of, number_at, usual_ramp_s
+from silo.core.parameters import Excitation, Wave, value_text
+from silo.core.quantities.reading import seconds_of
+from silo.errors import ElementError
+
+if TYPE_CHECKING:
+    from silo.client.client import Client
+    from silo.parameters.requests import ExcitationState
+
+_ENDS = (signal.SIGTERM, signal.SIGHUP)  # of its terminal, or whoever runs it: it ends as by Ctrl-C
+
+
+@verb(None, "excite", "NAME", short="Move a parameter around its value, to measure.")
+@click.option("--chirp", metavar="FROM-TO", help="A sine whose frequency rises: 0.1-20Hz.")
+@click.option("--multisine", metavar="FROM-TO", help="Sines of many frequencies at once: 0.1-20Hz.")
+@click.option("--prbs", metavar="RATE", help="Jumps between both ends, decided anew so often: 50Hz.")
+@click.option("--step", is_flag=True, help="One jump; negative amplitudes go down.")
+@click.option("--amplitude", type=float, required=True, help="To both sides, in the unit of the parameter.")
+@click.option("--for", "lasting", required=True, metavar="TIME", help="How long: 20s, 2min.")
+@click.option("--ramp", metavar="TIME", help="In which it rises and falls; up to 1s, of a step 0 if not given.")
+@click.option("-y", "--yes", is_flag=True, help="Don't ask.")
+def excite(
+    client: "Client",
+    name: str,
+    chirp: str | None,
+    multisine: str | None,
+    prbs: str | None,
+    step: bool,
+    amplitude: float,
+    lasting: str,
+    ramp: str | None,
+    yes: bool,
+) -> None:
+    """Move a parameter, or an input of the program, around its value for a while; any key ends it.
+
+    It stays within the bounds, or is refused as a whole, and comes back to the value before: at its end, and at once
+    after a key, Ctrl-C, the end of this command or of the link, a limit that fires, or a change of somebody else, who
+    has the last word. Its numbers are an event; `silo bode` and `silo step` tell what came of it.
+
+    \b
+    Examples:
+      silo excite anymal tau_offset --chirp 0.1-20Hz --amplitude 2 --for 20s
+      silo excite anymal kp --step --amplitude 5 --for 3s --yes
+      silo excite 'tau_offset[3]' --multisine 0.5-40Hz --amplitude 1 --for 60s
+    """
+    what = _wanted(name, chirp, multisine, prbs, amplitude, lasting, ramp, step=step)
+    info = client.parameters.info(what.name)
+    low, high = (number_at(end, what.index) for end in ends_of(info, what))
+    around = value_text(number_at(info.value, what.index), info.unit)
+    click.echo(f"{name} around {around}, from {low:g} to {high:g}: {what.text}")
+    divider = next((one.options.divider for one in client.table().elements if one.name == info.name), 1)
+    if divider > 1:
+        click.echo(f"it is logged every {divider} ticks: for `silo bode` set its divider to 1 before (`silo set`)")
+    if not yes:
+        if not sys.stdin.isatty():
+            raise click.UsageError("say --yes to begin without being asked; nothing was changed")
+        click.confirm("begin?", abort=True)
+    for number in _ENDS:
+        signal.signal(number, signal.default_int_handler)
+    with _keys() as key_within:
+        if key_within is not None:
+            click.echo("any key ends it")
+
+        def wait(state: "ExcitationState", seconds: float) -> bool:
+            if key_within is None:
+                time.sleep(seconds)
+                return False
+            click.echo(f"\r{state.at_s:6.1f} of {what.duration_s:g} s ", nl=False)
+            return key_within(seconds)
+
+        ended = client.parameters.excite(
+            name, what.wave, amplitude=what.amplitude, duration=what.duration_s, low_hz=what.low_hz,
+            high_hz=what.high_hz, ramp=what.ramp_s, wait=wait,
+        )  # fmt: skip
+        if key_within is not None:
+            click.echo("")
+    click.echo(f"{name}: {ended.ended or 'it goes back'}; rows {ended.tick} to {ended.until}")
+
+
+def _wanted(
+    name: str,
+    chirp: str | None,
+    multisine: str | None,
+    prbs: str | None,
+    amplitude: float,
+    lasting: str,
+    ramp: str | None,
+    *,
+    step: bool,
+) -> Excitation:
+    """Return what the words ask for. Raises UsageError or ElementError."""
+    chosen = [(Wave.CHIRP, chirp), (Wave.MULTISINE, multisine), (Wave.PRBS, prbs), (Wave.STEP, "" if step else None)]
+    given = [(wave, words) for wave, words in chosen if words is not None]
+    if len(given) != 1:
+        raise click.UsageError("say one of --chirp 0.1-20Hz, --multisine 0.1-20Hz, --prbs 50Hz, --step")
+    wave, words = given[0]
+    low_hz, high_hz = _band(wave, words)
+    duration_s = _seconds("--for", lasting)
+    ramp_s = usual_ramp_s(wave, duration_s) if ramp is None else _seconds("--ramp", ramp)
+    bare, index = element_of(name)
+    return Excitation(bare, wave, amplitude, duration_s, low_hz, high_hz, ramp_s, index)
+
+
+def _band(wave: Wave, words: str) -> tuple[float, float]:
+    if wave is Wave.STEP:
+        return 0.0, 0.0
+    low, dash, high = words.lower().replace(" ", "").removesuffix("hz").rpartition("-")
+    try:
+        if wave is Wave.PRBS:
+            return 0.0, float(high if not dash else "-")
+        return float(low.removesuffix("hz") if dash else high), float(high)
+    except ValueError:
+        example = "50Hz" if wave is Wave.PRBS else "0.1-20Hz"
+        raise ElementError(f"--{wave.value} must be like {example}, got {shown(words)}") from None
+
+
+def _seconds(option: str, words: str) -> float:
+    seconds = seconds_of(words)
+    if seconds is None:
+        raise ElementError(f"{option} must be a time, got {shown(words)}; write 20s, 500ms, 2min")
+    return seconds
+
+
+class _Keys:
+    """Says within so many seconds whether a key was pressed, or Ctrl-C."""
+
+    def __call__(self, seconds: float) -> bool:
+        try:
+            if not select.select([sys.stdin], [], [], seconds)[0]:
+                return False
+        except KeyboardInterrupt:
+            return True
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
+        return True
+
+
+@contextlib.contextmanager
+def _keys() -> Iterator[_Keys | None]:
+    """Have single keys told while this goes on; None where there is no keyboard."""
+    if not sys.stdin.isatty():
+        yield None
+        return
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin)
+    try:
+        yield _Keys()
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

@@ -1,0 +1,333 @@
+"""An excitation stays within its bounds, moves as it says, and leaves the value as it was, whatever ends it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import silo
+from silo.core.excitation import ends_of, number_at, steepest
+from silo.core.parameters import Excitation, ParameterInfo, ParameterKind, Wave, Writable, fitting
+from silo.errors import ElementError
+from silo.parameters.excitations import STALLED
+from silo.parameters.excited import GONE
+from silo.parameters.landing import CLOSED, SET, STANDS_STILL
+from silo.parameters.parameters import Parameters
+
+HZ = 1000
+CHIRP = Excitation("tau", Wave.CHIRP, 2.0, 8.0, 1.0, 50.0, 0.5)
+BAND = {Wave.CHIRP: CHIRP, Wave.MULTISINE: Excitation("tau", Wave.MULTISINE, 2.0, 8.0, 1.0, 50.0, 0.5)}
+
+
+class Clock:
+    """Turned by hand; its ticks are not even."""
+
+    now_ns = 0
+
+    def __call__(self):
+        self.now_ns += 1_000_000
+        return self.now_ns
+
+
+@pytest.fixture
+def robot(new_logger):
+    """A running logger with an input and two gains."""
+    logger = new_logger(frequency=HZ, max_time=60, clock=Clock())
+    logger.input("tau", min=-5, max=5, unit="Nm", locked=True)
+    logger.parameter("kp", 40.0, min=0, max=200, step=0.5, group="legs")
+    logger.parameter("kd", 1.0, group="legs", check=lambda kd, group: kd < group["kp"])
+    logger.start()
+    return logger
+
+
+def excite(logger, what=CHIRP, name="a", **more):
+    return logger.parameters.excite(what, "alice", "shell", name, **{"remote": False, "frequency_hz": HZ, **more})
+
+
+def turn(logger, seconds):
+    for _ in range(round(seconds * HZ)):
+        logger.collect()
+
+
+def values(logger, name="tau"):
+    return silo.Log(logger.snapshot())[name].values
+
+
+def off_by(logger):
+    """Turn until the input is far off, and return by how much."""
+    while abs(now := float(logger.parameters["tau"])) < 1.5:
+        logger.collect()
+    return now
+
+
+def told(logger):
+    return logger._present.run.reader.changes(0)
+
+
+# ------------------------------------------------------------------------------------------------------- what it does
+
+
+@pytest.mark.parametrize("wave", BAND)
+def test_a_band_is_excited_and_hardly_anything_beyond_it_without_a_jump(robot, wave):
+    change = excite(robot, BAND[wave])
+    turn(robot, 9)
+    applied = values(robot)
+    assert (applied[: change.tick] == 0).all()
+    assert (applied[change.excited.until :] == 0).all()
+    assert 1.9 < np.abs(applied).max() <= 2.0
+    assert np.abs(np.diff(applied)).max() <= steepest(BAND[wave]) / HZ * (1 + 1e-9)
+    power = np.abs(np.fft.rfft(applied)) ** 2
+    hz = np.fft.rfftfreq(len(applied), 1 / HZ)
+    assert power[(hz > 0.8) & (hz < 55)].sum() > 0.99 * power.sum()
+    octaves = [power[(hz >= low) & (hz < 2 * low)].sum() for low in (2, 4, 8, 16)]
+    assert max(octaves) < 3 * min(octaves)  # about as much in each
+
+
+def test_a_prbs_goes_to_both_ends_as_often_and_changes_with_its_bits_alone(robot):
+    excite(robot, Excitation("tau", Wave.PRBS, 2.0, 8.0, 0.0, 50.0))
+    turn(robot, 9)
+    applied = values(robot)
+    assert set(applied.tolist()) == {-2.0, 0.0, 2.0}
+    assert abs(applied.mean()) < 0.2
+    changes = np.flatnonzero(np.diff(applied))[1:]
+    assert set(np.diff(changes) % 20) == {0}
+    assert 100 < len(changes) < 300  # of 400 bits
+
+
+def test_a_step_jumps_and_with_a_ramp_it_rises(robot):
+    excite(robot, Excitation("tau", Wave.STEP, -3.0, 1.0))
+    turn(robot, 1.5)
+    excite(robot, Excitation("tau", Wave.STEP, 3.0, 1.0, ramp_s=0.25), "b")
+    turn(robot, 1.5)
+    applied = values(robot)
+    assert set(applied[:1500].tolist()) == {0.0, -3.0}
+    assert applied[1500:].max() == 3.0
+    assert np.abs(np.diff(applied[1500:])).max() == pytest.approx(3.0 / 250)
+
+
+def test_a_gain_goes_in_its_steps_as_fast_as_it_may_and_comes_back(new_logger):
+    logger = new_logger(frequency=HZ, clock=Clock())
+    logger.parameter("kp", 40.0, min=0, max=200, step=0.5, rate=100.0)
+    logger.start()
+    excite(logger, Excitation("kp", Wave.PRBS, 1.8, 2.0, 0.0, 10.0))
+    seen = []
+    for _ in range(2100):
+        logger.collect()
+        seen.append(float(logger.parameters["kp"]))
+    assert set(seen) == {38.5 + place / 2 for place in range(7)}
+    assert np.abs(np.diff(seen)).max() == 0.5
+    assert seen[-1] == 40.0
+
+
+def test_one_value_of_an_array_is_excited(new_logger):
+    logger = new_logger(frequency=HZ, clock=Clock())
+    logger.input("tau", -5, 5, 3)
+    logger.start()
+    excite(logger, Excitation("tau", Wave.STEP, 3.0, 0.5, index=1))
+    turn(logger, 0.2)
+    assert logger.parameters["tau"].value.tolist() == [0.0, 3.0, 0.0]
+    turn(logger, 0.5)
+    assert logger.parameters["tau"].value.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_its_begin_has_all_of_its_numbers_and_its_end_why_also_in_a_file(robot):
+    change = excite(robot)
+    turn(robot, 9)
+    log = silo.open_log(robot.save().path)
+    begin, end = log.parameters.changes
+    assert begin.change.excitation == Excitation("/log/tau", Wave.CHIRP, 2.0, 8.0, 1.0, 50.0, 0.5)
+    assert begin.text == ("tau excited around 0.0 Nm: chirp 1 to 50 Hz, amplitude 2, for 8 s, ramps of 0.5 s (shell)")
+    assert (begin.tick, begin.who, end.tick) == (change.tick, "alice", change.excited.until)
+    assert end.text == "tau 0.0 -> 0.0 Nm (excitation ended: it is over)"
+    assert log["tau"].divider == 1
+
+
+def test_nothing_waits_for_the_loop_before_and_after(robot):
+    waiting = robot.parameters.landing.waiting
+    excite(robot)
+    assert len(waiting) == 1
+    turn(robot, 9)
+    assert not waiting
+
+
+# --------------------------------------------------------------------------------------------------------- how it ends
+
+
+def lease_over(robot, change):
+    change.excited.monotonic = lambda: math.inf
+
+
+def stopped(robot, change):
+    robot.parameters.excitations.stop("", "the key")
+
+
+def locked(robot, change):
+    robot.parameters.lock()
+
+
+def run_over(robot, change):
+    robot.stop()
+
+
+def next_run(robot, change):
+    robot.restart()
+
+
+@pytest.mark.parametrize(
+    ("end", "why"),
+    [(lease_over, GONE), (stopped, "the key"), (locked, CLOSED), (run_over, STANDS_STILL), (next_run, STANDS_STILL)],
+)
+def test_what_ends_it_brings_the_value_back_at_once_without_a_jump(robot, end, why):
+    change = excite(robot)
+    before = off_by(robot)
+    end(robot, change)
+    seen = [before]
+    for _ in range(300):
+        robot.collect()
+        seen.append(float(robot.parameters["tau"]))
+    assert np.abs(np.diff(seen)).max() <= abs(before) / 250 * (1 + 1e-6)
+    assert seen[251:] == [0.0] * 50
+    assert change.excited.ended == why
+    assert not robot.parameters.landing.waiting
+
+
+@pytest.mark.parametrize("by_client", [False, True])
+def test_who_sets_the_value_has_the_last_word(robot, by_client):
+    change = excite(robot, Excitation("kp", Wave.CHIRP, 2.0, 8.0, 1.0, 50.0, 0.5))
+    turn(robot, 2)
+    if by_client:
+        robot.parameters.request({"kp": 50.0}, "bob", "shell", "b", remote=False)
+    else:
+        robot.parameters["kp"].value = 50.0
+    turn(robot, 0.002)
+    assert change.excited.ended == SET
+    turn(robot, 1)
+    assert float(robot.parameters["kp"]) == 50.0
+    assert told(robot)[-1].text == "kp 50.0 -> 50.0 (excitation ended: somebody set it)"
+
+
+def test_the_program_ends_it_by_setting_its_input_to_zero_and_sets_it_to_nothing_else(robot):
+    excite(robot)
+    off_by(robot)
+    with pytest.raises(ElementError, match="an input is 0 unless it is excited"):
+        robot.parameters["tau"].value = 1.0
+    robot.parameters.reset()
+    turn(robot, 1)
+    assert float(robot.parameters["tau"]) == 0.0
+
+
+def test_a_loop_that_stands_still_gets_its_value_back_from_the_link_thread(robot):
+    change = excite(robot)
+    off_by(robot)
+    robot.parameters.excitations.look(HZ)
+    assert float(robot.parameters["tau"])
+    change.excited.went_s = -math.inf
+    robot.parameters.excitations.look(HZ)
+    assert (float(robot.parameters["tau"]), change.excited.ended) == (0.0, STALLED)
+    turn(robot, 1)
+    assert float(robot.parameters["tau"]) == 0.0
+    assert STALLED in told(robot)[-1].text
+
+
+def test_what_nobody_kept_before_its_first_tick_never_begins(robot):
+    change = excite(robot)
+    lease_over(robot, change)
+    turn(robot, 0.01)
+    assert change.refused == GONE
+    assert not values(robot).any()
+
+
+# ----------------------------------------------------------------------------------------------------- what is refused
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        (Excitation("tau", Wave.CHIRP, 5.5, 8.0, 1.0, 50.0), "takes -5 to 5: an amplitude of at most 5 fits"),
+        (Excitation("kp", Wave.STEP, -41.0, 8.0), "40.0 with an amplitude of -41 goes from -1 to 40"),
+        (Excitation("tau", Wave.CHIRP, 1.0, 8.0, 1.0, 401.0), "too fast for a loop of 1000 Hz: up to 400 Hz"),
+        (Excitation("tau", Wave.CHIRP, 1.0, 8.0, 20.0, 10.0), "got 20 to 10 Hz"),
+        (Excitation("tau", Wave.CHIRP, 1.0, 8.0, 1.0, 10.0, 5.0), "half of its 8 s"),
+        (Excitation("tau", Wave.STEP, math.nan, 8.0), "a number other than 0"),
+        (Excitation("tau", Wave.STEP, 1.0, 0.0), "lasts more than 0"),
+        (Excitation("tau", Wave.STEP, 1.0, 8.0, index=1), "values 0 to 0, not 1"),
+        (Excitation("kd", Wave.STEP, 40.0, 8.0), "its check refuses it"),
+        (Excitation("kp", Wave.CHIRP, 39.5, 8.0, 1.0, 10.0), "'/log/legs/kd': its check refuses it"),
+        (Excitation("kx", Wave.STEP, 1.0, 8.0), "no parameter 'kx'"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_as_a_whole(robot, what, words):
+    with pytest.raises(ElementError, match=words):
+        excite(robot, what)
+    assert not robot.parameters.landing.waiting
+
+
+def test_it_is_refused_where_something_else_goes_on(robot):
+    with pytest.raises(ElementError, match="set on the robot alone"):
+        excite(robot, remote=True)
+    robot.parameters.request({"kp": 50.0}, "bob", "shell", "c", remote=False, revert_s=60)
+    with pytest.raises(ElementError, match="on its way"):
+        excite(robot, Excitation("kp", Wave.STEP, 1.0, 8.0))
+    turn(robot, 0.01)
+    with pytest.raises(ElementError, match="confirm it first"):
+        excite(robot, Excitation("kp", Wave.STEP, 1.0, 8.0))
+    first = excite(robot)
+    assert excite(robot) is first  # asked twice by one name
+    with pytest.raises(ElementError, match="excited by alice: one at a time"):
+        excite(robot, name="b")
+    robot.parameters.lock()
+    with pytest.raises(ElementError, match="closed it for now"):
+        excite(robot, name="b")
+    robot.stop()
+    turn(robot, 1)
+    robot.parameters.unlock()
+    with pytest.raises(ElementError, match="stands still"):
+        excite(robot, name="b")
+
+
+def test_while_a_value_swings_its_group_is_checked_for_both_ends(robot):
+    excite(robot, Excitation("kp", Wave.CHIRP, 20.0, 8.0, 1.0, 10.0))
+    turn(robot, 1)
+    with pytest.raises(ElementError, match="'/log/legs/kd': its check refuses it"):
+        robot.parameters.request({"kd": 30.0}, "bob", "shell", "b", remote=False)
+    robot.parameters.request({"kd": 15.0}, "bob", "shell", "c", remote=False)
+    turn(robot, 1)
+    assert float(robot.parameters["kd"]) == 15.0
+
+
+NUMBERS = st.floats(-100, 100)
+
+
+@given(
+    st.sampled_from([ParameterKind.FLOAT, ParameterKind.INT]),
+    st.integers(-20, 20), NUMBERS, st.integers(0, 30), st.integers(0, 30), st.sampled_from([None, 1.0, 2.0]),
+    st.sampled_from([None, 5.0, 500.0]), st.sampled_from(Wave), st.floats(0.1, 40), st.floats(0, 0.5),
+)  # fmt: skip
+def test_no_value_ever_stands_that_would_be_refused(kind, default, amplitude, down, up, step, rate, wave, high, ramp):
+    info = ParameterInfo(
+        "/log/x", kind, default, (), default - down * (step or 1.0), default + up, step, rate=rate,
+        writable=Writable.ANYWHERE,
+    )  # fmt: skip
+    parameters = Parameters()
+    made, landing = parameters.declare(info, None, None), parameters.landing
+    landing.next_row = lambda: 0
+    what = Excitation("x", wave, amplitude, 1.0, 0.1, high, ramp)
+    try:
+        low, high_end = (number_at(end, 0) for end in ends_of(made.info, what))
+        change = parameters.excite(what, "", "", "a", remote=False, frequency_hz=100)
+    except ElementError:
+        return
+    before = default
+    tick = 0
+    while landing.waiting:
+        landing.land(tick, tick * 10_000_000)
+        now = made.value
+        fitting(made.info, now)
+        assert low - 1e-9 <= now <= high_end + 1e-9
+        assert rate is None or step or kind is ParameterKind.INT or abs(now - before) <= rate * 0.01 * (1 + 1e-9)
+        before, tick = now, tick + 1
+        assert tick < 5000
+    assert change.landed
+    assert made.value == default
