@@ -15,7 +15,7 @@ from pathlib import Path
 
 import msgspec
 
-from silo.core.elements import DAMAGED, LoggedEvent
+from silo.core.elements import DAMAGED, NOTED, LoggedEvent
 from silo.core.recording import Recording, with_events
 from silo.core.runtime import open_own
 from silo.files.atomic import lock
@@ -23,6 +23,7 @@ from silo.files.atomic import lock
 MOST_BYTES = 4_000_000
 ENDING = ".events.jsonl"
 OLDER_ENDING = ".events.1.jsonl"
+CRASHED = "crashed"  # the kind of an event
 _END_BYTES = 64_000  # the newest lines
 
 _BEGIN = b'{"kind":"'
@@ -56,37 +57,54 @@ def append_events(folder: str | os.PathLike[str], logger: str, events: Sequence[
     """
     path = event_log_path(folder, logger)
     path.parent.mkdir(parents=True, exist_ok=True)
-    lines = b"".join(_encoder.encode(event) + b"\n" for event in events)
     with _locked(path) as descriptor:
-        before = os.fstat(descriptor).st_size
-        if before and not _ends_with_line(descriptor):
-            lines = b"\n" + lines  # a helper process was killed within a line
-        view = memoryview(lines)
-        try:
-            while view:
-                view = view[os.write(descriptor, view) :]
-        except OSError:
-            with contextlib.suppress(OSError):  # then lines stand twice when they are tried again, and are read once
-                os.ftruncate(descriptor, before)
-            raise
+        # that a program died says whoever comes first
+        died = [one for one in events if one.kind == CRASHED]
+        told = [one for one in died if not lacking([one], read_events(folder, logger, one.run))]
+        _append(descriptor, [one for one in events if one not in told])
         if os.fstat(descriptor).st_size > MOST_BYTES:
             path.rename(older_event_log(folder, logger))
+
+
+def _append(descriptor: int, events: Sequence[LoggedEvent]) -> None:
+    lines = b"".join(_encoder.encode(event) + b"\n" for event in events)
+    before = os.fstat(descriptor).st_size
+    if before and not _ends_with_line(descriptor):
+        lines = b"\n" + lines  # a helper process was killed within a line
+    view = memoryview(lines)
+    try:
+        while view:
+            view = view[os.write(descriptor, view) :]
+    except OSError:
+        with contextlib.suppress(OSError):  # then lines stand twice when they are tried again, and are read once
+            os.ftruncate(descriptor, before)
+        raise
 
 
 def add_missing(folder: str | os.PathLike[str], logger: str, run: str, events: Sequence[LoggedEvent]) -> None:
     """Append what the log lacks of a run, numbered on: of a logger that is gone nobody else comes to tell it.
 
-    A disk that refuses is told, and holds nobody up.
+    Several processes may do so at once: a line stands there once. A folder that is gone is not made again. A disk that
+    refuses is told, and holds nobody up.
     """
     try:
-        known = {(event.kind, event.text) for event in read_events(folder, logger, run)}
-        fresh = [event for event in events if (event.kind, event.text) not in known]
-        first = newest_number(folder, logger) + 1
-        if fresh:
-            numbered = [msgspec.structs.replace(event, number=number) for number, event in enumerate(fresh, first)]
-            append_events(folder, logger, numbered)
+        with _locked(event_log_path(folder, logger)) as descriptor:
+            fresh = lacking(events, read_events(folder, logger, run))
+            numbered = enumerate(fresh, newest_number(folder, logger) + 1)
+            _append(descriptor, [msgspec.structs.replace(one, number=number) for number, one in numbered])
     except OSError as error:
-        log.warning("the event log in %s can't be written (%s)", folder, error.strerror)
+        if Path(folder).is_dir():
+            log.warning("the event log in %s can't be written (%s)", folder, error.strerror)
+
+
+def lacking(events: Iterable[LoggedEvent], known: Iterable[LoggedEvent]) -> list[LoggedEvent]:
+    """Return those of a run that are not known yet: what its program noted by its moment, all else by its words."""
+    there = set(map(_identity, known))
+    return [event for event in events if _identity(event) not in there]
+
+
+def _identity(event: LoggedEvent) -> tuple[object, ...]:
+    return (event.time_ns, event.tick, event.text) if event.kind in NOTED else (event.kind, event.text)
 
 
 @contextlib.contextmanager

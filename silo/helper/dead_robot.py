@@ -3,15 +3,17 @@
 How long it outlives it is decided here: `stays_s`.
 """
 
+import contextlib
 import logging
 import time
+from collections.abc import Sequence
 
-from silo.core.elements import SavedFile
+from silo.core.elements import LoggedEvent, SavedFile
 from silo.errors import SegmentError, SiloError
-from silo.files.saving import describe
+from silo.files.event_log import CRASHED
 from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings
-from silo.recovery.left import BusyError, SavedMeanwhileError, save_reader
+from silo.recovery.left import BusyError, SavedMeanwhileError, death_text, log_end, save_reader, saved_text
 from silo.recovery.segments import claimed, discard, mark_saved
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
@@ -31,19 +33,31 @@ def stays_s(*, news: bool, clients: bool) -> float:
     return WITH_CLIENTS_S if clients else WITHOUT_CLIENTS_S if news else 0.0
 
 
+def log_death(replica: Replica, events: EventNotifier) -> None:
+    """Have the event log say that the program died: first of all, as recorders take that into their last parts."""
+    reader = None
+    with contextlib.suppress(SegmentError):  # told when it is to be saved
+        reader = replica.open_reader()
+        if reader is not None:
+            log_end(reader, log=events.log.add_missing)
+    if reader is None:
+        robot = replica.now.robot
+        events.log.add(LoggedEvent(CRASHED, death_text(robot.pid), time.time_ns(), who=robot.logger, run=replica.run))
+
+
 def after_crash(replica: Replica, events: EventNotifier) -> bool:
     """Save the segment if it isn't saved, delete it once it is, and tell the clients.
 
     Returns whether there was anything to save, which people may want to read about later.
     """
-    who = f"the robot program (process {replica.now.robot.pid})"
+    who = death_text(replica.now.robot.pid)
     try:
         return _after_crash(replica, events, who)
     except SegmentError as error:
-        text = f"{who} ended without close(), and what it had logged can't be read: {error}"
+        text = f"{who}, and what it had logged can't be read: {error}"
         log.error("%s", text)  # noqa: TRY400  # the words say it all
-        replica.mark_dead(text)
-        events.publish(EventKind.CRASHED, text)
+        events.publish(EventKind.SAVE_FAILED, text)
+        _tell(replica, events, text)
         return True
 
 
@@ -51,16 +65,20 @@ def _after_crash(replica: Replica, events: EventNotifier, who: str) -> bool:
     reader = replica.open_reader()
     if reader is None or not reader.ticks or replica.is_saved():
         kept = "all that it logged was saved before" if reader and reader.ticks else "it had logged nothing"
-        text = f"{who} ended without close(); {kept}"
-        replica.mark_dead(text)
-        events.publish(EventKind.CRASHED, text)
+        _tell(replica, events, f"{who}; {kept}")
         if reader is not None:
             _delete(reader)
         return False
-    replica.mark_dead(f"{who} ended without close(); saving {_held(reader)}")
+    replica.mark_dead(f"{who}; saving {_held(reader)}")
     events.publish(EventKind.SAVING, replica.now.died)
     _save(replica, events, reader, who)
     return True
+
+
+def _tell(replica: Replica, events: EventNotifier, text: str, files: Sequence[SavedFile] = ()) -> None:
+    """Tell clients what became of it; the event log has it."""
+    replica.mark_dead(text)
+    events.publish(EventKind.CRASHED, text, files=files, logged=events.log.newest)
 
 
 def _save(replica: Replica, events: EventNotifier, reader: SegmentReader, who: str) -> None:
@@ -77,22 +95,23 @@ def _save(replica: Replica, events: EventNotifier, reader: SegmentReader, who: s
             )
             replica.mark_saved(str(reader.path), reader.ticks)
             mark_saved(reader)
+            log_end(reader, saved_text(files, held), events.log.add_missing)
             _delete(reader)
     except SavedMeanwhileError as error:
         replica.mark_saved(str(reader.path), reader.ticks)
-        text = f"{who} ended without close(); {error}"
+        text = f"{who}; {error}"
         log.warning("%s", text)
     except BusyError as error:
-        text = f"{who} ended without close(); {error}, and says where; `silo recover --list` tells if it did not"
+        text = f"{who}; {error}, and says where; `silo recover --list` tells if it did not"
         log.warning("%s", text)
     except (SiloError, OSError) as error:
-        text = f"{who} ended without close(), and its log could not be saved: {error}; run `silo recover {reader.path}`"
+        text = f"{who}, and its log could not be saved: {error}; run `silo recover {reader.path}`"
         log.error("%s", text)  # noqa: TRY400  # the words say it all
+        events.publish(EventKind.SAVE_FAILED, text)
     else:
-        text = f"{who} ended without close(); saved {held.text}: {describe(files)}"
+        text = f"{who}; {saved_text(files, held)}"
         log.warning("%s", text)
-    replica.mark_dead(text)
-    events.publish(EventKind.CRASHED, text, files=files)
+    _tell(replica, events, text, files)
 
 
 def _held(reader: SegmentReader) -> str:

@@ -29,7 +29,7 @@ from silo.core.quantities.writing import many
 from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError
 from silo.helper.control_threads import RequestThreads
-from silo.helper.dead_robot import after_crash, stays_s
+from silo.helper.dead_robot import after_crash, log_death, stays_s
 from silo.helper.journaling import Journaling
 from silo.helper.marks import MarkReader
 from silo.helper.orphans import OrphanRecovery
@@ -187,7 +187,7 @@ class Helper:
             ended = self._follow_robot(runs, events, saver, people[1], path)
             runs.look(at_end=True)  # the program may have gone on while this process started
             if ended is _Ended.DIED:
-                _tell_death(path, publisher)
+                _tell_death(path, publisher, marks, replica, events)
             marks.stop()  # recordings have them, too
             # a helper process that comes after this one goes on with what was recorded, unless the logger is closed
             forget = ended is not _Ended.FILES_DELETED and not self._term_s
@@ -314,10 +314,12 @@ class Helper:
         self._poke()
 
 
-def _tell_death(path: Path, publisher: Publisher) -> None:
+def _tell_death(path: Path, publisher: Publisher, marks: MarkReader, replica: Replica, events: EventNotifier) -> None:
     """First of all: who looks for the program may find its next start already, and saving takes time."""
     Beside.DEAD.of(path).touch()
     publisher.summary.die()
+    marks.stop()
+    log_death(replica, events)
 
 
 def _stop_judge(judge: Judge, *, deleted: bool, gave_up: bool) -> None:

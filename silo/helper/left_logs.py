@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from silo.core.elements import Conditions, FileType, SavedFile
+from silo.core.elements import FileType, LoggedEvent, SavedFile
 from silo.core.runtime import HELD_SUFFIX, JUDGE_SUFFIX, runtime_dir
 from silo.errors import SegmentError, SiloError
-from silo.files.event_log import read_events
+from silo.files.event_log import CRASHED, add_missing, read_events
 from silo.files.naming import is_capture
 from silo.journal.holdings import Holdings
 from silo.journal.reader import JournalReader
@@ -21,7 +21,7 @@ from silo.recorder.left_recordings import complete_recordings
 from silo.recorder.process import RecorderHandover
 from silo.recordings.folder import RecordingFolder
 from silo.recordings.requests import SavedRecording
-from silo.recovery.left import DIED, RECOVERED, RunReader, has_unsaved, missing, save_reader
+from silo.recovery.left import DIED, has_unsaved, log_end, missing, save_reader, saved_text
 from silo.recovery.runs import claimed_run, let_go
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import held_runs, is_due, is_live, judge_path, program_of, remove
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from silo.conditions.left_captures import RecoveredCaptures
 
 MOST_LOOKED_AT = 100  # of the newest logs in a folder
-_LIFE = (EventKind.STARTED.value, EventKind.CLOSED.value, EventKind.CRASHED.value)
 
 Tell = Callable[[EventKind, str, list[SavedFile]], object]
-Save = Callable[[RunReader, str, Conditions | None], tuple[list[SavedFile], Holdings]]
+Save = Callable[..., tuple[list[SavedFile], Holdings]]
+Log = Callable[[str, str, str, Sequence[LoggedEvent]], object]
 
 
 @dataclass(frozen=True)
@@ -58,30 +58,31 @@ def recover(
     folder: str | os.PathLike[str] | None = None,
     types: Sequence[FileType] = (FileType.SILO,),
     *,
-    save: Save | None = None,
+    save: Save = save_reader,
+    log: Log = add_missing,
     wait: bool = True,
 ) -> Recovered:
     """Save a segment or a journal whose writer is gone, in `folder` or its logger's own, then delete it.
 
-    Waits while another process saves it. `save` is how it is saved, in this process if not given. Raises SegmentError
-    for what isn't one, or is damaged, SavedMeanwhileError if another process saved it, StateError while its own process
-    lives, or if it may not `wait`, SaveError if it can't be saved (it stays).
+    Waits while another process saves it. `save` is how it is saved, `log` how its event log says so. Raises
+    SegmentError for what isn't one, or is damaged, SavedMeanwhileError if another process saved it, StateError while
+    its own process lives, or if it may not `wait`, SaveError if it can't be saved (it stays).
     """
     with claimed_run(Path(path), wait=wait) as reader:
         is_journal = isinstance(reader, JournalReader)
         where = str(folder or (reader.path.parent if is_journal else reader.schema.folder))
         captures = None if isinstance(reader, JournalReader) else _captures(reader, where)
         texts, captured = (captures.texts, captures.files) if captures else ([], [])
+        log_end(reader, log=log)
         if reader.ticks and not has_unsaved(reader):
             let_go(reader)
             freed = "journal was removed" if is_journal else "memory was freed"
             saved = f"all its {reader.ticks} ticks were saved before its process ended; its {freed}"
             return Recovered(captured, Holdings(reader.ticks, 0, 0, 0.0), saved, tuple(texts))
         extras = captures.extras if captures else None
-        if save is not None:
-            files, held = save(reader, where, extras)
-        else:
-            files, held = save_reader(reader, where, types, why=RECOVERED, extras=extras)
+        files, held = save(reader, where, types, extras=extras)
+        if files:
+            log_end(reader, saved_text(files, held), log)
         let_go(reader)
         if files:
             return Recovered([*files, *captured], held, f"saved {held.text}", (*missing(reader), *texts))
@@ -103,7 +104,7 @@ def _captures(reader: SegmentReader, folder: str) -> "RecoveredCaptures | None":
 
 
 def saved_before(folder: Path) -> list[SavedRecording]:
-    """Return the newest log of each logger in a folder whose program died last: it was saved already, nothing is lost.
+    """Return the newest log of each logger in a folder whose program died: it was saved already, nothing is lost.
 
     By the helper process, by an earlier `silo recover`, or by the program itself before it died.
     """
@@ -112,14 +113,16 @@ def saved_before(folder: Path) -> list[SavedRecording]:
         for row in RecordingFolder().listing(str(folder), "", MOST_LOOKED_AT).recordings:
             if row.logger and row.files and not is_capture(Path(row.files[0].name)):
                 newest.setdefault(row.logger, row)
-    return [row for row in newest.values() if row.why in (DIED, RECOVERED) or _died_last(folder, row.logger)]
+    return [row for row in newest.values() if row.why.startswith(DIED) or _is_of_dead(folder, row)]
 
 
-def _died_last(folder: Path, logger: str) -> bool:
+def _is_of_dead(folder: Path, row: SavedRecording) -> bool:
+    """Whether the event log has the run of which a log is told end by its program's death."""
+    events: list[LoggedEvent] = []
     with contextlib.suppress(OSError):
-        kinds = [event.kind for event in read_events(folder, logger) if event.kind in _LIFE]
-        return bool(kinds) and kinds[-1] == EventKind.CRASHED.value
-    return False
+        events = read_events(folder, row.logger)
+    runs = {event.run for event in events if any(file.name in event.text for file in row.files)}
+    return any(event.kind == CRASHED and event.run in runs for event in events)
 
 
 def settle_left(

@@ -56,7 +56,7 @@ class OrphanRecovery:
 
     def _tell(self, kind: EventKind, text: str, files: list[SavedFile]) -> None:
         log.warning("%s", text)
-        self._events.publish(kind, text, files=files)
+        self._events.publish(kind, text, files=files, logged=self._events.log.newest)  # its own run has it logged
 
     def _recover(self, stale: LeftRun) -> None:
         if stale.schema is None or stale.holdings is None:
@@ -65,7 +65,7 @@ class OrphanRecovery:
 
         who = f"an earlier run of this logger (process {stale.schema.pid}) ended without close()"
         try:
-            done = recover(stale.path, save=save_apart, wait=False)
+            done = recover(stale.path, save=save_apart, log=self._events.log.add_missing, wait=False)
         except StateError:
             return  # its own helper, or somebody's `silo recover`, saves it and says so
         except (SiloError, OSError) as error:

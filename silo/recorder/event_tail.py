@@ -11,12 +11,12 @@ from pathlib import Path
 
 import msgspec
 
-from silo.core.elements import NOTED, LoggedEvent
+from silo.core.elements import LoggedEvent
 from silo.core.runtime import open_own, read_own
-from silo.files.event_log import decoded, event_log_path, older_event_log, read_events
+from silo.files.event_log import CRASHED, decoded, event_log_path, older_event_log
+from silo.recovery.left import STOPPED, log_end
 from silo.segment.reader import SegmentReader
 
-STOPPED, CRASHED = "stopped", "crashed"  # kinds: nothing of the run is told after these but what became of its files
 LAST_WORDS_S = 2.0  # how long what is told of the end of a run may take: the disk of the log may hang
 _BLOCK_BYTES = 1 << 20
 
@@ -124,8 +124,9 @@ class EventTail:
     def read_last(self, until: int, *, died: bool = False) -> tuple[LoggedEvent, ...]:
         """Return all that is left at the end; waits a while for event `until`, which the log is to have.
 
-        Of a program that is gone, with the marks that nobody took out of its segment, and that it is gone. It `died`,
-        too, where the kernel still clears up behind it: from the end of its sockets to that of its process time passes.
+        Of a program that is gone, with what its event log is to have of its end, whoever writes it there. It
+        `died`, too, where the kernel still clears up behind it: from the end of its sockets to that of its process time
+        passes.
         """
         found = list(self.read())
         waited_s = time.monotonic()
@@ -135,31 +136,6 @@ class EventTail:
         found += map(self._stamped, self._unstamped)
         self._unstamped = []
         if self._reader.running and (died or not self._reader.alive()):
-            found += self._left_by_program()
+            log_end(self._reader)
+            found += map(self._stamped, self._fresh())
         return tuple(found)
-
-    def _left_by_program(self) -> list[LoggedEvent]:
-        reader = self._reader
-        folder, logger = reader.schema.folder, reader.schema.logger
-        logged: list[LoggedEvent] = []
-        with contextlib.suppress(OSError):
-            logged = read_events(folder, logger, self._run)
-        known = {(event.time_ns, event.tick, event.text) for event in logged if event.kind in NOTED}
-        noted = [*reader.stamped_marks(), *reader.stamped_changes()]
-        left = [one for one in noted if (one.time_ns, one.tick, one.text) not in known]
-        if not any(event.kind in (STOPPED, CRASHED) for event in logged):
-            left.append(
-                LoggedEvent(
-                    CRASHED,
-                    "the robot program ended without close()",
-                    time.time_ns(),
-                    reader.ticks - 1,
-                    reader.last_time_ns,
-                    logger,
-                    self._run,
-                )
-            )
-        return [
-            self._stamped(msgspec.structs.replace(event, number=number))
-            for number, event in enumerate(left, max(self._next, self._seen + 1))
-        ]

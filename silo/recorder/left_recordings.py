@@ -7,7 +7,9 @@ and the rows are in the runs that are held, and in the last one. A recorder goes
 import contextlib
 import os
 import select
+import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -16,13 +18,15 @@ from silo.core.elements import LoggedEvent, RecorderState
 from silo.core.runtime import RECORDERS_SUFFIX, list_segments, process_start, runtime_dir
 from silo.errors import SegmentError
 from silo.files.event_log import add_missing
+from silo.files.manifest import read_written
+from silo.recorder.orders import CLOSED
 from silo.recorder.process import RecorderHandover, RecorderProcess, store, stored
 from silo.recovery.left import claimed_file
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import Program, held_runs, is_live, number_of, readers
+from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 
-DIED = "the program ended without close(), and its helper process with it; recorded from what they left"
 MOST_LIVES = 3  # of a recorder that dies again and again
 
 Tell = Callable[[str], object]
@@ -124,7 +128,7 @@ def _complete_one(kept: RecorderHandover, runs: Sequence[SegmentReader], tell: T
             return f"recording '{order.name}' can't be completed: {error.strerror}; what there is of it stays"
         for reader in runs:
             recorder.follow(reader, None)
-        recorder.finish(kept.ending or DIED, 0)
+        recorder.finish(kept.ending or CLOSED, 0)
         _listen(recorder, tell)
         recorder.reap()
         if recorder.report.state.over:
@@ -133,8 +137,20 @@ def _complete_one(kept: RecorderHandover, runs: Sequence[SegmentReader], tell: T
     if recorder.report.state is not RecorderState.ENDED:
         why = recorder.report.text or "its process died each time"
         return f"{text} can't be completed: {why}; what is there of it stays for the next try"
+    if runs:
+        _log(recorder, runs[-1].schema)
     tell(f"{text}: completed, {recorder.sums().text}")
     return ""
+
+
+def _log(recorder: RecorderProcess, schema: SegmentSchema) -> None:
+    """Have the event log say of its last run what the helper process would have."""
+    name, folder = recorder.order.name, Path(recorder.order.folder)
+    written = read_written(folder, name)
+    texts = [f"recording '{name}': finished {folder / part.name}" for part in written.parts] if written else []
+    texts.append(f"recording '{name}' ended: {recorder.report.text}; {recorder.sums().text}")
+    line = partial(LoggedEvent, EventKind.RECORDING.value, time_ns=time.time_ns(), who=schema.logger, run=schema.run)
+    add_missing(schema.folder, schema.logger, schema.run, [line(text) for text in texts])
 
 
 def _listen(recorder: RecorderProcess, tell: Tell) -> None:

@@ -20,7 +20,7 @@ from silo.errors import SaveError, SiloError
 from silo.files import LogOfRun, PartlySavedError, write, write_run
 from silo.journal.holdings import Holdings, segment_holdings
 from silo.journal.reader import JournalReader
-from silo.recovery.left import RECOVERED, RunReader, missing
+from silo.recovery.left import DIED, RunReader, missing
 from silo.segment.reader import SegmentReader
 
 NICER = 5
@@ -87,16 +87,19 @@ def _failed(error: SiloError) -> WriteReport:
     return WriteReport(1.0, True, 0, list(error.saved) if isinstance(error, PartlySavedError) else [], str(error))
 
 
-def save_apart(reader: RunReader, folder: str, extras: Conditions | None) -> tuple[list[SavedFile], Holdings]:
-    """Save what a dead program left as `.silo`, in a process of its own that is nice to others; no file if it is
-    nothing. Raises SaveError.
+def save_apart(
+    reader: RunReader, folder: str, types: Sequence[FileType], extras: Conditions | None
+) -> tuple[list[SavedFile], Holdings]:
+    """Save what a dead program left in a process of its own that is nice to others; no file if it is nothing.
+
+    Raises SaveError.
     """
     held = segment_holdings(reader)
     if not held.samples:
         return [], held
     journal = str(reader.path) if isinstance(reader, JournalReader) else ""
     order = WriteOrder(
-        folder, reader.schema.logger, [FileType.SILO], "", of_dead=True, journal=journal, why=RECOVERED, extras=extras
+        folder, reader.schema.logger, list(types), "", of_dead=True, journal=journal, why=DIED, extras=extras
     )
     report = write_apart(None if isinstance(reader, JournalReader) else reader, order, lambda _: None)
     if report.error:

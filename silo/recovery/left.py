@@ -8,13 +8,18 @@ import contextlib
 import errno
 import fcntl
 import os
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+
+import msgspec
 
 from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
 from silo.core.runtime import is_at, open_own
 from silo.errors import StateError
+from silo.files.event_log import CRASHED, add_missing
 from silo.journal.holdings import Holdings, recording_holdings
 from silo.journal.reader import JournalReader
 from silo.segment.damage import damage
@@ -22,7 +27,7 @@ from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 
 DIED = "program died"  # why its log was saved
-RECOVERED = "program died, recovered later"
+STOPPED = "stopped"  # a kind of events: as of CRASHED, nothing of a run but what became of it is told after it
 
 RunReader = SegmentReader | JournalReader
 
@@ -51,6 +56,40 @@ class BusyError(StateError):
 
 class SavedMeanwhileError(StateError):
     """Another process saved the run, and freed its memory."""
+
+
+def death_text(pid: int) -> str:
+    """Return that a program died, fit to show."""
+    return f"the robot program (process {pid}) ended without close()"
+
+
+def saved_text(files: list[SavedFile], held: Holdings) -> str:
+    """Return what was saved of it, fit to show."""
+    from silo.files.saving import describe
+
+    return f"saved {held.text}: {describe(files)}"
+
+
+def log_end(reader: RunReader, saved: str = "", log: Callable[..., object] = add_missing) -> None:
+    """Have the event log say what nobody came to say of a run that a dead program left, each line once.
+
+    That it was started, what its program noted, how it ended, and what was `saved` of it by now. Whoever comes first
+    says it, be it the helper process, a recorder on its own, the next start, or `silo recover`; `log` is how.
+    """
+    schema, last = reader.schema, reader.ticks - 1
+    line = partial(LoggedEvent, who=schema.logger, run=schema.run)
+    lines = [line("started", "started", schema.started_ns, 0)]
+    stamp_ns = 0
+    if isinstance(reader, SegmentReader):
+        stamp_ns = reader.last_time_ns
+        lines = [msgspec.structs.replace(lines[0], stamp_ns=reader.stamp_of(0))]
+        lines += sorted([*reader.stamped_marks(), *reader.stamped_changes()], key=lambda one: one.tick)
+        if not reader.running:
+            lines.append(line(STOPPED, reader.stop_reason or "stopped", time.time_ns(), last, stamp_ns))
+    lines.append(line(CRASHED, death_text(schema.pid), time.time_ns(), last, stamp_ns))
+    if saved:
+        lines.append(line("recovered", saved, time.time_ns(), last, stamp_ns))
+    log(schema.folder, schema.logger, schema.run, lines)
 
 
 def has_unsaved(reader: RunReader) -> bool:

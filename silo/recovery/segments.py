@@ -15,7 +15,7 @@ from silo.core.runtime import is_at, list_segments, runtime_dir, sweep_unfinishe
 from silo.errors import SegmentError, StateError
 from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings
-from silo.recovery.left import LeftRun, SavedMeanwhileError, has_unsaved, locked
+from silo.recovery.left import LeftRun, SavedMeanwhileError, has_unsaved, locked, log_end
 from silo.segment.held_runs import hold, is_due, remove
 from silo.segment.layout import ControlWord, SegmentSchema
 from silo.segment.reader import SegmentReader
@@ -78,6 +78,7 @@ def _remove_if_worthless(path: Path) -> bool:
         # what somebody still has to read stays for the next helper process, or `silo recover`
         if not reader.alive() and not has_unsaved(reader) and not is_due(reader.schema):
             with claimed(reader):
+                log_end(reader)
                 discard(reader)
                 return True
     return False

@@ -4,18 +4,21 @@ Any thread may add; a thread of its own writes, so that a disk that hangs holds 
 tried again with the next lines, as long as memory has it.
 """
 
+import contextlib
 import itertools
 import logging
 import threading
 from collections import deque
+from collections.abc import Sequence
 
 import msgspec
 
 from silo.core.elements import NOTED, LoggedEvent
 from silo.core.recording import MOST_EVENTS
-from silo.files.event_log import append_events, read_events
+from silo.files.event_log import append_events, lacking, read_events
 
 RETRY_S = 5.0
+MOST_WAIT_S = 2.0  # what follows a death may take so long: the disk of the log may hang
 
 log = logging.getLogger("silo.helper")
 
@@ -57,6 +60,18 @@ class EventLog:
             self._waiting.append(numbered)
         self._wake.set()
         return numbered
+
+    def add_missing(self, folder: str, logger: str, run: str, events: Sequence[LoggedEvent]) -> None:
+        """Add what neither this process nor another one has told of a run, as `silo.files.event_log.add_missing`.
+
+        Who reads the file next finds it there, unless the disk takes longer than `MOST_WAIT_S`.
+        """
+        known = self.of_run(run)
+        with contextlib.suppress(OSError):
+            known += read_events(folder, logger, run)
+        for event in lacking(events, known):
+            self.add(event)
+        self.wait_written(self.newest, MOST_WAIT_S)
 
     def since(self, number: int, limit: int) -> tuple[list[LoggedEvent], int]:
         """Return the newest `limit` lines after a number, oldest first, and how many older ones that leaves out."""

@@ -66,10 +66,12 @@ class EventNotifier:
         stamp_ns: int = 0,
         run: str = "",
         time_ns: int = 0,
+        logged: int = -1,
     ) -> LoggedEvent:
         """Publish an event with the present status; it stands at `tick`, or at the newest one, of `run` or the present.
 
-        `stamp_ns` is the time stamp of that tick, `time_ns` the wall clock then, where they are known.
+        `stamp_ns` is the time stamp of that tick, `time_ns` the wall clock then, where they are known. `logged` is the
+        number of the line that tells it where that is written already.
         """
         status = self._replica.status()
         newest = status.ticks - 1 if run in ("", self._replica.run) else -1  # of another run nobody knows it here
@@ -83,7 +85,9 @@ class EventNotifier:
             plain(by) or self._replica.now.robot.logger,
             run or self._replica.run,
         )
-        if kind is not EventKind.SAVING:  # only news; how it ends is logged
+        if logged >= 0:
+            event = msgspec.structs.replace(event, number=logged)
+        elif kind is not EventKind.SAVING:  # only news; how it ends is logged
             event = self.log.add(event)
         if came_by_network(by) and kind not in _QUIET:
             # whoever sits before the robot wants to know why it does what nobody there asked for

@@ -132,5 +132,6 @@ def line(event: LoggedEvent, told: str, width: int, logger: str) -> str:
 def gone_words(event: LoggedEvent, events: Sequence[LoggedEvent]) -> str:
     """Return what to say of a moment whose rows are held no more: which file has them, if one was saved since."""
     later = [one for one in events if one.run == event.run and one.number > event.number]
-    saved = next((one.text for one in later if one.kind in ("saved", "captured", "crashed")), "")
+    kinds = ("saved", "captured", "recovered")
+    saved = next((one.text for one in later if one.kind in kinds or "; saved " in one.text), "")
     return f"rows gone; {text.clean(saved)}" if saved else "its rows are held no more, and no save of them is known"

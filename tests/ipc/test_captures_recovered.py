@@ -91,7 +91,7 @@ def test_the_next_start_writes_the_capture_and_no_second_one(robots, tmp_path, c
     folder = tmp_path / "logs"
     wait_until(lambda: captures(folder) and captures(folder, "csv"))
     check(captures(folder)[0])
-    found = wait_until(lambda: [one for one in read_events(folder, "bot") if one.kind == EventKind.RECOVERED.value])
+    found = wait_until(lambda: [one for one in read_events(folder, "bot") if one.kind == EventKind.CAPTURED.value])
     assert "capture 1 of 'fall'" in found[0].text
     wait_until(lambda: len(list(folder.glob("bot_*.silo"))) == 2)
     assert run(["recover", str(folder)]) == 0

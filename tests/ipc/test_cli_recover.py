@@ -59,7 +59,7 @@ def test_what_was_left_is_saved_once(tmp_path: Path, capsys: pytest.CaptureFixtu
     what, why, name = capsys.readouterr().out.splitlines()
     assert (what, why) == (
         "nothing to recover",
-        "what 'arm' logged last was saved already (program died, recovered later):",
+        "what 'arm' logged last was saved already (program died):",
     )
     assert name.split()[0] == str(path)
 

@@ -2,12 +2,15 @@
 
 import contextlib
 import os
+import re
 import resource
+import shutil
 import signal
 import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -21,9 +24,11 @@ from silo.client.client import Client
 from silo.core.elements import RecorderState
 from silo.core.runtime import list_held, list_segments, process_start, runtime_dir
 from silo.files.bag_reader import read_bag
+from silo.files.event_log import read_events
 from silo.files.manifest import read_written
 from silo.recorder.process import stored
 from silo.segment.held_runs import held_runs, recorders_path
+from tests.ipc.conftest import end_helper
 from tests.waiting import answered, freeze, wait_until
 
 pytestmark = pytest.mark.slow
@@ -403,3 +408,39 @@ def test_a_helper_process_of_another_container_leaves_the_recordings_of_this_one
     with Client.connect("bot") as client:
         assert client.recorders()[0].state is RecorderState.RECORDING
         assert "0 lost" in client.stop_recorder()
+
+
+def left_by(robot, folder: Path) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """What the event log says of the run of a dead program but for figures, and the files, with why they were saved."""
+    said = [one for one in read_events(folder, "bot") if str(robot.pid) in one.text and one.kind == "crashed"]
+    assert len({one.run for one in said}) == 1
+    lines = [(one.kind, re.sub(r"[\d.:_-]+", "#", one.text)) for one in read_events(folder, "bot", said[0].run)]
+    files = [(re.sub(r"\d", "#", path.name), open_log(path).recording.why) for path in folder.rglob("*.silo")]
+    return lines, files + [(re.sub(r"\d", "#", path.name), "") for path in sorted(folder.rglob("*.mcap*"))]
+
+
+@pytest.mark.parametrize("by", ["the next program", "recover"])
+def test_whoever_cleans_up_after_a_killed_program_leaves_the_same_event_log_and_files(by, robots, tmp_path) -> None:
+    folder = tmp_path / "logs"
+    robot, parts = began(robots)
+    robot.kill()
+    wait_until(lambda: list(folder.glob("*.silo")) and not list_segments())
+    wait_until(lambda: not list(runtime_dir().glob("*.recorders")))
+    by_helper = left_by(robot, folder)
+    end_helper(robot.helper_pid)
+    shutil.rmtree(folder)
+    robot, parts = began(robots)
+    freeze(robot.helper_pid)
+    robot.kill()
+    os.kill(robot.helper_pid, signal.SIGKILL)
+    wait_until(lambda: list(parts.glob("*.mcap")))  # its recorder finishes by itself
+    assert happened(parts)[-1] == "crashed"
+    by_recorder = [line for line in left_by(robot, folder)[0] if line[0] == "crashed"]
+    assert by_recorder == [line for line in by_helper[0] if line[0] == "crashed"]
+    if by == "recover":
+        assert run(["recover", "--look-in", str(folder)]) == 0
+    else:
+        robots("bot")
+        wait_until(lambda: list(folder.glob("*.silo")) and len(list_segments()) == 1)
+    left = left_by(robot, folder)
+    assert (Counter(left[0]), left[1]) == (Counter(by_helper[0]), by_helper[1])
