@@ -19,10 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.compute.expressions import RecordingJudge, narrowed
+from silo.analysis.compute.responses import Bode, StepResponse
 from silo.analysis.compute.shapes import assembled, component_names
 from silo.analysis.lookup import names_of
 from silo.analysis.parameters import LoggedParameters
 from silo.analysis.plots.events import LogEvent, events_of
+from silo.analysis.responses import bode_between, step_between
 from silo.analysis.signal import Signal
 from silo.analysis.stretches import clipped, resampled
 from silo.core.arguments import INT64, real, shown, switch, text
@@ -336,6 +338,61 @@ class Log(Mapping[str, Signal]):
         if left_out:
             warnings.warn(f"{left_out} more signals match and are not drawn", LogWarning, stacklevel=3)
         return show(chart, ax, path, terminal)
+
+    def bode(
+        self,
+        input: str,  # noqa: A002  # as everybody calls it
+        output: str,
+        start_s: float | None = None,
+        stop_s: float | None = None,
+        *,
+        segment_s: float | None = None,
+    ) -> Bode:
+        """Return the transfer function from one signal to another: `hz, db, deg, coherence = run.bode("tau", "q")`.
+
+        Welch's H1 estimate. Without times it is that of the last excitation of the input, in its band, else of the
+        whole log. Where the coherence is well below 1, noise, something else or what is not linear moves the output.
+
+        Args:
+            input: what was moved.
+            output: what answered.
+            start_s: seconds since start.
+            stop_s: seconds since start.
+            segment_s: how long a window is; a third of it all if it is left out. Longer ones tell closer frequencies
+                apart, more of them average noise.
+
+        Returns:
+            Frequencies in Hz at which the input has power, magnitude in dB, phase in degrees, coherence 0 to 1.
+
+        Raises:
+            ElementError: too few samples, a hole, no power in the input, or signals of several components.
+        """
+        return bode_between(self, input, output, start_s, stop_s, segment_s)
+
+    def step(
+        self,
+        input: str,  # noqa: A002  # as everybody calls it
+        output: str,
+        start_s: float | None = None,
+        stop_s: float | None = None,
+    ) -> StepResponse:
+        """Return how a signal answers to the largest step of another: rise time, overshoot, gain.
+
+        Without times it is that of the last excitation of the input by a step, else of the whole log.
+
+        Args:
+            input: what jumped.
+            output: what answered.
+            start_s: seconds since start.
+            stop_s: seconds since start.
+
+        Returns:
+            `rise_s` from 10 to 90 %, `overshoot` as a share, `settled_s`, `gain`, and the course of it.
+
+        Raises:
+            ElementError: the input has no step, or signals of several components.
+        """
+        return step_between(self, input, output, start_s, stop_s)
 
     def eval(self, expression: str) -> Signal:
         """Return the signal that an expression gives: `log.eval("abs(joints/tau_3) > 20 and mode == STANCE")`.

@@ -1,14 +1,25 @@
 """What the parameters of a run were, and who changed them when: read from the events of its log."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arguments import real
 from silo.core.elements import LoggedEvent
-from silo.core.parameters import ParameterValue
+from silo.core.excitation import ENDED
+from silo.core.parameters import Excitation, ParameterValue
 from silo.errors import ElementError
+
+
+class LoggedExcitation(NamedTuple):
+    """An excitation, in seconds since the start, and why it ended; empty where the log ends before."""
+
+    what: Excitation
+    start_s: float
+    stop_s: float
+    ended: str
 
 
 class LoggedParameters:
@@ -24,6 +35,23 @@ class LoggedParameters:
     def changes(self) -> list[LoggedEvent]:
         """All changes, oldest first: when, by whom, from the tick on from which the new values held."""
         return [event for event in self._events if any(old is not None for _, old, _ in _values(event))]
+
+    @property
+    def excitations(self) -> list[LoggedExcitation]:
+        """What was excited, oldest first, from when to when: `.what` has all of its numbers."""
+        found: list[LoggedExcitation] = []
+        for event in self._events:
+            if event.change is not None and event.change.excitation is not None:
+                stop_s = (int(self._time_ns[-1]) - self._start_ns) * 1e-9 if len(self._time_ns) else 0.0
+                found.append(LoggedExcitation(event.change.excitation, self._seconds(event.tick), stop_s, ""))
+            elif found and not found[-1].ended and event.change is not None and event.change.where.startswith(ENDED):
+                ended = event.change.where.removeprefix(ENDED)
+                found[-1] = found[-1]._replace(stop_s=self._seconds(event.tick), ended=ended)
+        return found
+
+    def _seconds(self, tick: int) -> float:
+        place = min(max(0, tick - self._offset + len(self._time_ns)), len(self._time_ns) - 1)
+        return (int(self._time_ns[place]) - self._start_ns) * 1e-9 if len(self._time_ns) else 0.0
 
     @property
     def names(self) -> list[str]:

@@ -45,6 +45,8 @@ _ROWS = (
     ("Loggers", "recover", "logs.recover", "Save what programs that died left behind."),
     ("Saved files", "convert", "logs.files:convert_command", "Convert a log to another format."),
     ("Saved files", "plot", "logs.files:plot_command", "Draw signals of a log."),
+    ("Saved files", "bode", "logs.responses", "Transfer function between two signals."),
+    ("Saved files", "step", "logs.responses", "Step response: rise time, overshoot."),
     ("Saved files", "stats", "logs.files:stats_command", "Minimum, maximum, mean ... of signals."),
     ("Saved files", "check", "logs.check:check_command", "Judge limits and conditions on a log."),
     ("Saved files", "verify", "logs.verify", "Find what is missing or twice in a log folder."),

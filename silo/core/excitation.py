@@ -9,7 +9,9 @@ from silo.core.parameters import Excitation, ParameterInfo, ParameterKind, Param
 from silo.errors import ElementError
 
 LEASE_S = 2.0  # whoever asked for it and says nothing for so long is gone: it ends
+ENDED = "excitation ended: "  # begins the event of its end
 LONGEST_S = 3600.0
+FINEST = 8  # the lowest sine of a multisine is at most that harmonic of its period
 MOST_BITS = 1 << 16  # of a PRBS
 USUAL_RAMP_S = 1.0
 HIGHEST_SHARE = 0.4  # of the rate of the loop: above, a sine is hardly more than a change of sign
@@ -94,6 +96,14 @@ def _check_numbers(what: Excitation) -> None:
         raise ElementError(
             f"frequencies go up from above 0 Hz, as 0.1-20Hz, got {what.low_hz:g} to {what.high_hz:g} Hz"
         )
+
+
+def period_s(what: Excitation) -> float:
+    """The period of a multisine, of which all its sines are harmonics; 0 of others."""
+    if what.wave is not Wave.MULTISINE:
+        return 0.0
+    lowest = max(1, min(FINEST, int(what.low_hz * what.duration_s)))  # of a period that fits in
+    return lowest / what.low_hz
 
 
 def steepest(what: Excitation) -> float:

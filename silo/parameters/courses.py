@@ -5,12 +5,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from silo.core.excitation import period_s
 from silo.core.parameters import Excitation, Wave
 
 Course = Callable[[float], float]
 
 MOST_LINES = 40  # sines of a multisine
-FINEST = 8  # its lowest sine is at most that harmonic of its period
 POINTS = 1 << 13  # of its period, at which its peak is looked for
 # with these two stages a shift register of so many goes through all of its states
 TAPS = {5: 3, 6: 5, 7: 6, 9: 5, 10: 7, 11: 9, 15: 14, 17: 14}
@@ -46,9 +46,8 @@ def _chirp(what: Excitation) -> Course:
 
 def _multisine(what: Excitation) -> Course:
     """Harmonics that lie evenly in octaves, with phases after Schroeder: a flat crest; never beyond 1."""
-    lowest = max(1, min(FINEST, int(what.low_hz * what.duration_s)))  # of a period that fits in
-    base_hz = what.low_hz / lowest
-    spread = lowest * (what.high_hz / what.low_hz) ** (np.arange(MOST_LINES) / (MOST_LINES - 1))
+    base_hz = 1 / period_s(what)
+    spread = what.low_hz / base_hz * (what.high_hz / what.low_hz) ** (np.arange(MOST_LINES) / (MOST_LINES - 1))
     harmonics = np.unique(np.minimum(np.rint(spread), math.floor(what.high_hz / base_hz + 1e-9)))
     places = np.arange(len(harmonics))
     turns, phases = 2 * np.pi * base_hz * harmonics, -np.pi * places * (places + 1) / len(harmonics)

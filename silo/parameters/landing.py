@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.excitation import ENDED
 from silo.core.parameters import WORD_BYTES, ParameterInfo, ParameterKind, ParameterValue, decoded, encoded
 from silo.loop.sources import OwnMemory
 from silo.parameters.excited import Excited
@@ -263,7 +264,7 @@ class Landing:
             return False
         self.revision = next(self._revisions)
         end = self.change({excited.info.name: self.value(excited.info)}, change.who, "")
-        end.where = f"excitation ended: {excited.ended}"
+        end.where = f"{ENDED}{excited.ended}"
         self._open(end)
         if end.slot is not None:
             end.slot.land(n, end.new.tobytes())

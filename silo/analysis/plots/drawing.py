@@ -50,9 +50,10 @@ class Curve:
 
 @dataclass(frozen=True)
 class Chart:
-    """What one plot shows. The ticks name values (of enumerations) on the left and the right axis.
+    """What one plot shows. The ticks name values (of enumerations) on the left and the right axis, and on x.
 
     `events` are thin lines across the plot: where on x, and what happened there. `levels` are limits: lines along it.
+    `right_span` is where the axis on the right goes from and to, if not to the curves' ends.
     """
 
     curves: Sequence[Curve]
@@ -64,6 +65,8 @@ class Chart:
     right_ticks: Mapping[int, str] = field(default_factory=dict)
     events: Sequence[tuple[float, str]] = ()
     levels: Sequence[DrawnBound] = ()
+    x_ticks: Mapping[float, str] = field(default_factory=dict)
+    right_span: tuple[float, float] | None = None
 
 
 def draw_text(chart: Chart, width: int = 80, height: int = 24, *, color: bool = True) -> str:
@@ -82,8 +85,13 @@ def draw_text(chart: Chart, width: int = 80, height: int = 24, *, color: bool = 
     return "\n".join([_draw(chart, marks, width, height - len(legend), color), *legend])
 
 
-def draw_png(chart: Chart, path: str | os.PathLike[str], width: int = 1200, height: int = 700) -> None:
-    """The chart as a PNG file of `width` x `height` pixels. Raises `SiloError` without matplotlib."""
+def draw_png(
+    chart: Chart | Sequence[Chart], path: str | os.PathLike[str], width: int = 1200, height: int = 700
+) -> None:
+    """The chart, or several below each other, as a PNG file of `width` x `height` pixels.
+
+    Raises `SiloError` without matplotlib.
+    """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -91,7 +99,9 @@ def draw_png(chart: Chart, path: str | os.PathLike[str], width: int = 1200, heig
         raise SiloError('PNG files need matplotlib: pip install "silo-logger[plot]"') from error
     figure = Figure(figsize=(width / 100, height / 100), dpi=100, layout="constrained")
     canvas = FigureCanvasAgg(figure)
-    draw_axes(chart, figure.add_subplot())
+    charts = [chart] if isinstance(chart, Chart) else list(chart)
+    for place, one in enumerate(charts, 1):
+        draw_axes(one, figure.add_subplot(len(charts), 1, place))
     figure.legend(loc="outside lower center", ncols=3)
     with whole_file(Path(path)) as file:
         canvas.print_png(file)
@@ -119,9 +129,13 @@ def draw_axes(chart: Chart, left: Any) -> None:
             axes.text(
                 at, level.value, f"{level.words} {level.value:.6g}", transform=axes.get_yaxis_transform(), **place
             )
+    if chart.x_ticks:
+        left.set_xticks(list(chart.x_ticks), list(chart.x_ticks.values()))
     _name_ticks(left, chart.left_ticks)
     if right is not None:
         right.set_ylabel(chart.right_label)
+        if chart.right_span is not None:
+            right.set_ylim(*chart.right_span)
         _name_ticks(right, chart.right_ticks)
 
 
@@ -182,9 +196,11 @@ def _draw(chart: Chart, marks: Sequence[str], width: int, height: int, color: bo
         if len(x):
             limits.setdefault("x", []).extend((float(x.min()), float(x.max())))
             limits.setdefault(side, []).extend((float(y.min()), float(y.max())))
+    if chart.right_span is not None:
+        limits.setdefault("right", []).extend(chart.right_span)
     _draw_levels(figure, chart, limits, powers, color=color)
     _draw_events(figure, chart, limits)
-    _set_ruler(figure.ruler(axis="x"), limits.get("x"), width // 12)
+    _set_ruler(figure.ruler(axis="x"), limits.get("x"), width // 12, chart.x_ticks)
     _set_ruler(figure.ruler(axis="y", side="left"), limits.get("left"), height // 4, chart.left_ticks, powers["left"])
     right = figure.ruler(axis="y", side="right")
     _set_ruler(right, limits.get("right"), height // 4, chart.right_ticks, powers["right"])
@@ -274,7 +290,7 @@ def _set_ruler(
     ruler: Any,
     values: Sequence[float] | None,
     count: int,
-    names: Mapping[int, str] | None = None,
+    names: Mapping[int, str] | Mapping[float, str] | None = None,
     power: int = 0,
 ) -> None:
     if not values:

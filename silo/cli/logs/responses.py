@@ -1,0 +1,131 @@
+"""`silo bode` and `silo step`: how one signal of a log answers to another."""
+
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+from silo.cli.common import LogWord, TypedPath, show_json
+from silo.cli.logs.files import _complete_file, _complete_signal, _find, _read, _wants_color, _warn
+
+if TYPE_CHECKING:
+    from silo.analysis.log import Log
+    from silo.analysis.plots.drawing import Chart
+
+_Command = TypeVar("_Command", bound=Callable[..., object])
+
+
+def _words(command: _Command) -> _Command:
+    """What both take."""
+    for option in (
+        click.option("--json", "as_json", is_flag=True, help="One JSON object, for machines."),
+        click.option("--height", type=click.IntRange(8, 1000), help="Rows; those of the terminal if not given."),
+        click.option("--width", type=click.IntRange(30, 1000), help="Columns; that of the terminal if not given."),
+        click.option("--png", type=TypedPath(path_type=Path, dir_okay=False), help="Write a picture (matplotlib)."),
+        click.option("--to", "stop", type=float, help="End of the window, s."),
+        click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log."),
+        click.argument("output", metavar="OUT", shell_complete=_complete_signal),
+        click.argument("given", metavar="IN", shell_complete=_complete_signal),
+        click.argument("file", type=LogWord(), shell_complete=_complete_file),
+    ):
+        command = option(command)
+    return command
+
+
+@click.command("bode")
+@_words
+@click.option("--segment", type=float, metavar="S", help="How long a window is; a third of it all if not given.")
+def bode(
+    file: str,
+    given: str,
+    output: str,
+    start: float | None,
+    stop: float | None,
+    png: Path | None,
+    width: int | None,
+    height: int | None,
+    as_json: bool,
+    segment: float | None,
+) -> None:
+    """Draw the transfer function from one signal to another: magnitude, phase, coherence.
+
+    Without a window it is that of the last excitation of IN (`silo excite`), in its band, else of the whole log. A
+    coherence well below 1 says that noise, or something else than IN, moves OUT.
+
+    \b
+    Examples:
+      silo bode run.silo tau_offset joints/q_3
+      silo bode run.silo command speed --from 2 --to 30 --png speed.png
+    """
+    from silo.analysis.plots.responses import bode_charts
+
+    log, title = _opened(file, given, output)
+    found = log.bode(given, output, start, stop, segment_s=segment)
+    if as_json:
+        show_json({name: values.tolist() for name, values in found._asdict().items()})
+    else:
+        _draw(bode_charts(found, title), png, width, height)
+    _warn(log.recording)
+
+
+@click.command("step")
+@_words
+def step(
+    file: str,
+    given: str,
+    output: str,
+    start: float | None,
+    stop: float | None,
+    png: Path | None,
+    width: int | None,
+    height: int | None,
+    as_json: bool,
+) -> None:
+    """Draw how one signal answers to the largest step of another, with rise time and overshoot.
+
+    Without a window it is that of the last step by which IN was excited (`silo excite`), else of the whole log.
+
+    \b
+    Examples:
+      silo step run.silo tau_offset joints/q_3
+      silo step run.silo command speed --from 2 --to 5 --json
+    """
+    from silo.analysis.plots.responses import step_chart
+
+    log, title = _opened(file, given, output)
+    found = log.step(given, output, start, stop)
+    if as_json:
+        facts = found._asdict().items()
+        show_json({name: value.tolist() if hasattr(value, "tolist") else value for name, value in facts})
+    else:
+        units = [unit if unit not in ("", "-") else "" for unit in (log[given].unit, log[output].unit)]
+        _draw([step_chart(found, units[1], title)], png, width, height)
+        size, final = f"{found.step:g} {units[0]}".rstrip(), f"{found.final:.6g} {units[1]}".rstrip()
+        click.echo(f"step of {size} at {found.at_s:.6g} s: from {found.start:.6g} to {final}, gain {found.gain:.4g}")
+        click.echo(
+            f"rise time {found.rise_s:.4g} s (10 to 90 %), overshoot {found.overshoot:.1%}, within 2 % after "
+            f"{found.settled_s:.4g} s"
+        )
+    _warn(log.recording)
+
+
+def _opened(file: str, given: str, output: str) -> "tuple[Log, str]":
+    from silo.analysis.log import Log
+
+    path = _find(file)
+    return Log(_read(path), str(path)), f"{path.name}: {given} to {output}"
+
+
+def _draw(charts: "Sequence[Chart]", png: Path | None, width: int | None, height: int | None) -> None:
+    from silo.analysis.plots.drawing import draw_png, draw_text
+
+    if png is not None:
+        draw_png(charts, png)
+        click.echo(str(png))
+        return
+    size = shutil.get_terminal_size((80, 24))
+    rows = (height or size.lines - 4) // len(charts)
+    for chart in charts:
+        click.echo(draw_text(chart, width or size.columns, rows, color=_wants_color()))
