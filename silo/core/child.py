@@ -5,6 +5,7 @@ Ctrl-C in a terminal reaches this process alone, which ends its children in orde
 """
 
 import contextlib
+import ctypes
 import logging
 import os
 import signal
@@ -22,6 +23,7 @@ from silo.core.runtime import boot_id, pid_namespace, process_facts, process_sta
 log = logging.getLogger("silo")
 
 ENDING_S = 2.0  # how long one may take from closing its channel to its end
+_PR_SET_PDEATHSIG = 1
 NONE, PIPE = subprocess.DEVNULL, subprocess.PIPE
 
 
@@ -104,6 +106,11 @@ class ChildProcess:
             if pipe is not None:
                 pipe.close()
         self._process.wait()
+
+
+def end_with_parent(number: int) -> None:
+    """Have the kernel send this process a signal when the thread ends that started it; 0: none."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
 
 
 def _search() -> str:

@@ -3,11 +3,13 @@
 import contextlib
 import logging
 import os
+import select
 import signal
 import socket
 import sys
 from pathlib import Path
 
+from silo.core.child import end_with_parent
 from silo.core.elements import RecorderState
 from silo.recorder.orders import MAX_PACKET_BYTES, decode_order
 from silo.recorder.recorder import Recorder
@@ -28,7 +30,7 @@ def main() -> int:
         return 1 if problems else 0
     sock = socket.socket(fileno=int(sys.argv[1]))
     parent = int(sys.argv[2]) if len(sys.argv) > 2 else os.getppid()  # of an older silo, which this one has replaced
-    body = sock.recv(MAX_PACKET_BYTES)  # what is kept for the case that one is killed waits here, all imported
+    body = _order(sock)
     if not body:
         return 1
     order = decode_order(body)
@@ -37,6 +39,19 @@ def main() -> int:
     recorder = Recorder(order, sock, calm_down=_let_others_go_first, parent=parent)
     signal.signal(signal.SIGTERM, recorder.on_term)
     return 0 if recorder.run() is RecorderState.ENDED else 1
+
+
+def _order(sock: socket.socket) -> bytes:
+    """The first packet; what is kept for the case that a recorder is killed waits for it here, all imported.
+
+    Should the helper process be killed meanwhile, the kernel ends it, also one that is frozen: nobody knows of it.
+    """
+    if select.select([sock], [], [], 0)[0]:
+        return sock.recv(MAX_PACKET_BYTES)
+    end_with_parent(signal.SIGKILL)
+    body = sock.recv(MAX_PACKET_BYTES)
+    end_with_parent(0)
+    return body
 
 
 def _let_others_go_first() -> None:

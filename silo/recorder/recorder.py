@@ -99,7 +99,14 @@ class Recorder:
             self._send(Report(RecorderState.FAILED, text))
             return RecorderState.FAILED
         with contextlib.closing(ledger):
-            return self._record(ledger)
+            # who had not begun leaves it to who comes next: the order is listed, and may be done by now
+            return RecorderState.ENDED if self._is_left() else self._record(ledger)
+
+    def _is_left(self) -> bool:
+        """Whether who started it is gone, whatever that said before."""
+        poll = select.poll()
+        poll.register(self._socket, 0)
+        return any(found & select.POLLHUP for _, found in poll.poll(0))
 
     def _record(self, ledger: Ledger) -> RecorderState:
         self._ledger = ledger

@@ -1,6 +1,7 @@
 """Endless recordings across deaths and new starts: every tick is in a file, or is told as lost where it is missing."""
 
 import contextlib
+import fcntl
 import os
 import re
 import resource
@@ -124,6 +125,42 @@ def test_a_recorder_that_was_frozen_and_lost_its_helper_process_is_ended_by_its_
     bench.ticks(50)
     assert "450 samples, 0 lost" in client.stop_recorder()
     assert values_of(folder) == list(range(1, 451))
+
+
+def test_a_spare_recorder_that_is_frozen_ends_with_its_helper_process(bench, client) -> None:
+    begin(bench, client)
+    pid, recording = client.status().helper_pid, client.recorders()[0].pid
+    (spare,) = wait_until(lambda: [one.pid for one in recorders_of(pid) if one.pid != recording])
+    wait_until(lambda: Path(f"/proc/{spare}/wchan").read_text().startswith("__skb_wait"))  # it waits for an order
+    freeze(spare)
+    os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: not process_start(spare))
+
+
+def test_a_recorder_that_had_not_begun_when_its_helper_process_was_killed_touches_nothing(bench, client) -> None:
+    bench.logger.set(buffer="looping", size=5000)
+    bench.logger.start()
+    bench.ticks(50)
+    folder = Path(bench.logger.options.folder) / "walks"
+    folder.mkdir(parents=True)
+    pid = client.status().helper_pid
+    with (folder / ".bot.recorder.lock").open("w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        asking = threading.Thread(target=answered, args=[lambda: client.record(["x"], to="walks")])
+        asking.start()
+        late = wait_until(lambda: [one.pid for one in recorders_of(pid)])[0]
+        wait_until(lambda: "walks" in " ".join(file.path for file in psutil.Process(late).open_files()))
+        freeze(late)
+        os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+    bench.ticks(50)
+    bench.logger.close(discard=True)
+    asking.join()
+    written, parts = read_written(folder, "bot"), values_of(folder)
+    assert parts[-50:] == list(range(51, 101))
+    os.kill(late, signal.SIGCONT)
+    wait_until(lambda: not process_start(late))
+    assert (read_written(folder, "bot"), values_of(folder)) == (written, parts)
 
 
 def test_a_recording_that_fails_after_its_run_is_over_is_told_of_that_run(bench, client) -> None:
