@@ -12,6 +12,6 @@ class PartsExtension(griffe.Extension):
         """Put the part's method in the place of each attribute that is made by `of`."""
         for name, member in list(cls.members.items()):
             value = member.value if member.is_attribute else None
-            if isinstance(value, griffe.ExprCall) and value.canonical_path == "silo.logger.parts.of":
+            if isinstance(value, griffe.ExprCall) and value.canonical_path == "silo.core.calls.of":
                 target = value.arguments[1].canonical_path
                 cls.set_member(name, griffe.Alias(name, target, lineno=member.lineno, parent=cls, inherited=True))

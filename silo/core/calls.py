@@ -10,7 +10,7 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from difflib import get_close_matches
 from functools import wraps
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NoReturn, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, NoReturn, ParamSpec, TypeVar, cast
 
 import msgspec
 
@@ -267,3 +267,20 @@ def _shown(value: object) -> str:
     except Exception:  # noqa: BLE001  # the mistake that is told of is another one
         words = "..."
     return words if len(words) <= 40 else "..."
+
+
+def of(part: str, method: Callable[Concatenate[Any, P], R]) -> Callable[Concatenate[Any, P], R]:
+    """Return a method that is one of an object's part: `add = of("_scripted", ScriptedTable.add)`.
+
+    Type checkers see the part's signature, `help()` and the reference its docstring; a wrong call is told of there.
+
+    Args:
+        part: the attribute that holds the part.
+        method: of the part's class.
+    """
+
+    @wraps(method)
+    def call(self: object, *args: P.args, **kwargs: P.kwargs) -> R:
+        return method(getattr(self, part), *args, **kwargs)
+
+    return cast(Callable[Concatenate[Any, P], R], call)

@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, NoReturn
 
 from silo.core.arguments import switch, whole, word
-from silo.core.calls import told_class
+from silo.core.calls import of, told_class
 from silo.core.elements import (
     DEFAULT_MAX_TIME_S,
     Conditions,
@@ -42,13 +42,10 @@ from silo.logger.arguments.other_names import (
 from silo.logger.conditions import LoggerConditions
 from silo.logger.current_run import CurrentRun
 from silo.logger.life_cycle import LifeCycle
-from silo.logger.parts import of
 from silo.logger.registrations import Registrations
 from silo.logger.results import Elements, LoggedElement, as_html
 from silo.logger.run_data import RunData
 from silo.logger.scripted_table import ScriptedTable
-from silo.logger.timing import ELEMENTS as TIMES
-from silo.logger.timing import timed
 from silo.logger.tunables import Tunables
 from silo.logger.unclosed import (
     drop_journals,
@@ -61,7 +58,7 @@ from silo.logger.unclosed import (
     say_where_it_is,
     watch,
 )
-from silo.loop.clocks import nanosecond_clock
+from silo.loop.clocks import TIMES, nanosecond_clock, timed
 from silo.loop.plan import Element
 from silo.loop.run import Run
 from silo.loop.sources import reads

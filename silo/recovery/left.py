@@ -22,7 +22,7 @@ from silo.errors import StateError
 from silo.files.event_log import CRASHED, add_missing
 from silo.journal.holdings import Holdings, recording_holdings
 from silo.journal.reader import JournalReader
-from silo.segment.damage import damage
+from silo.recovery.damage import damage
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 

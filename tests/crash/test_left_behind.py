@@ -24,9 +24,9 @@ from silo.errors import SegmentError
 from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
 from silo.helper.left_logs import recover
 from silo.net.session import owner_is_gone, sweep
+from silo.recovery.damage import damage
 from silo.recovery.segments import find_stale, sweep_segments
 from silo.rpc.published import EventKind
-from silo.segment.damage import damage
 from silo.segment.layout import ControlWord
 from silo.segment.reader import SegmentReader
 from tests.waiting import freeze

@@ -20,8 +20,8 @@ from silo.core.runtime import boot_id
 from silo.errors import SaveError, SegmentError
 from silo.helper.left_logs import recover
 from silo.journal.holdings import segment_holdings
+from silo.recovery.damage import damage
 from silo.recovery.segments import find_stale
-from silo.segment.damage import damage
 from silo.segment.layout import LINE_WORDS, HeaderWord
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import lost_samples

@@ -5,13 +5,13 @@ import inspect
 import numpy as np
 import pytest
 
+from silo.core.calls import of
 from silo.core.elements import LoggerOptions
 from silo.errors import ArgumentError, StateError
 from silo.logger.arguments.other_names import FORMER
 from silo.logger.conditions import LoggerConditions
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.logger import Logger
-from silo.logger.parts import of
 from silo.logger.registrations import Registrations
 from silo.logger.run_data import RunData
 from silo.logger.scripted_table import ScriptedTable

@@ -3,7 +3,7 @@
 import numpy as np
 
 import silo
-from silo.logger import timing
+from silo.loop import clocks
 
 
 def turned(log, ticks=5):
@@ -16,7 +16,7 @@ def turned(log, ticks=5):
 
 def test_period_lateness_and_work_are_logged_in_seconds(new_logger):
     run = turned(new_logger(timing=True))
-    assert [run[f"timing/{name}"].unit for name in timing.ELEMENTS] == ["s"] * 3
+    assert [run[f"timing/{name}"].unit for name in clocks.TIMES] == ["s"] * 3
     period, work = run["timing/period"].values, run["timing/work"].values
     assert np.isnan([period[0], work[0]]).all()
     assert (period[1:] >= work[1:]).all()
@@ -25,10 +25,10 @@ def test_period_lateness_and_work_are_logged_in_seconds(new_logger):
 
 def test_lateness_counts_from_the_tick_that_came_earliest(monkeypatch):
     came = iter([10.0, 10.0, 10.13, 10.13, 10.2, 10.2, 10.25, 10.25, 10.36, 10.36])  # before and after each collect()
-    monkeypatch.setattr(timing.time, "perf_counter", lambda: next(came))
-    values = [np.zeros(()) for _ in timing.ELEMENTS]
+    monkeypatch.setattr(clocks.time, "perf_counter", lambda: next(came))
+    values = [np.zeros(()) for _ in clocks.TIMES]
     late = []
-    tick = timing.timed(lambda: late.append(round(float(values[1]), 6)), values, 10)
+    tick = clocks.timed(lambda: late.append(round(float(values[1]), 6)), values, 10)
     for _ in range(5):
         tick()
     assert late == [0.0, 0.03, 0.0, 0.0, 0.01]

@@ -8,7 +8,7 @@ import pytest
 import silo
 from silo.cli.group import cli
 from silo.errors import ElementError
-from silo.logger.provenance import git_state
+from silo.logger.arguments.provenance import git_state
 from silo.version import VERSION
 
 

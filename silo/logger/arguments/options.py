@@ -33,7 +33,7 @@ from silo.core.elements import (
 from silo.core.quantities.reading import SECONDS, read_amount
 from silo.core.runtime import FOLDER_GONE
 from silo.errors import ElementError, SourceError
-from silo.logger.provenance import about_run
+from silo.logger.arguments.provenance import about_run
 from silo.loop.types import MAX_ENTRIES
 from silo.settings.options import option_problems, refusal
 from silo.settings.typed import ElementSettings, apply_settings, read_options, whole_edits
