@@ -11,6 +11,8 @@ from silo.errors import ElementError
 LEASE_S = 2.0  # whoever asked for it and says nothing for so long is gone: it ends
 ENDED = "excitation ended: "  # begins the event of its end
 LONGEST_S = 3600.0
+LOWEST_HZ = 1e-4
+WHOLE, LARGEST = 2.0**53, 1e300  # beyond, a float is no whole number, or none at all
 FINEST = 8  # the lowest sine of a multisine is at most that harmonic of its period
 MOST_BITS = 1 << 16  # of a PRBS
 USUAL_RAMP_S = 1.0
@@ -41,6 +43,9 @@ def ends_of(info: ParameterInfo, what: Excitation) -> tuple[ParameterValue, Para
     if not 0 <= what.index < info.count:
         raise ElementError(f"{subject}: it has the values 0 to {info.count - 1}, not {what.index}; nothing was changed")
     now = number_at(info.value, what.index)
+    largest = WHOLE if info.kind is ParameterKind.INT else LARGEST
+    if abs(now) + abs(what.amplitude) > largest:
+        raise ElementError(f"{subject}: around {now:g} it can't be excited by {what.amplitude:g}; nothing was changed")
     if what.wave is Wave.STEP:
         low, high = sorted((now, now + what.amplitude))
     else:
@@ -72,7 +77,9 @@ def check_rate(what: Excitation, frequency_hz: float) -> None:
 
 def number_at(value: ParameterValue, index: int) -> float:
     """Return the number of a value that an excitation means, where it is an array."""
-    return float(value[index] if isinstance(value, tuple) else value)
+    found = value[index] if isinstance(value, tuple) else value
+    assert isinstance(found, float | int)
+    return found
 
 
 def _with(info: ParameterInfo, index: int, number: float) -> ParameterValue:
@@ -92,9 +99,9 @@ def _check_numbers(what: Excitation) -> None:
         raise ElementError(f"ramps take 0 to half of its {what.duration_s:g} s, got {what.ramp_s:g} s")
     if what.wave is Wave.PRBS and not 0 < what.high_hz * what.duration_s <= MOST_BITS:
         raise ElementError(f"a PRBS has a rate above 0, and up to {MOST_BITS} bits: got {what.high_hz:g} bit/s")
-    if what.wave in (Wave.CHIRP, Wave.MULTISINE) and not 0 < what.low_hz <= what.high_hz:
+    if what.wave in (Wave.CHIRP, Wave.MULTISINE) and not LOWEST_HZ <= what.low_hz <= what.high_hz:
         raise ElementError(
-            f"frequencies go up from above 0 Hz, as 0.1-20Hz, got {what.low_hz:g} to {what.high_hz:g} Hz"
+            f"frequencies go up from {LOWEST_HZ:g} Hz or more, as 0.1-20Hz, got {what.low_hz:g} to {what.high_hz:g} Hz"
         )
 
 

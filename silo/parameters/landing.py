@@ -137,7 +137,7 @@ class Landing:
 
     def expected(self, groups: set[str]) -> dict[str, int]:
         """By group, which change lands there last of those that are on their way, or landed last."""
-        waiting = list(self.waiting)
+        waiting = [one for one in list(self.waiting) if not one.landed]  # a ramp, and what is excited, has landed
         return {
             group: next(
                 (one.token for one in reversed(waiting) if any(info.group == group for info in one.infos)),

@@ -37,6 +37,7 @@ class ParameterRobot(Server, does=[requests], robot=True):
 
     def excite(self, turn: Turn, what: Excitation, name: str, remote: bool) -> ExcitationState:
         where = "network" if remote else "this computer"
+        name = name or secrets.token_hex(8)
         self.parameters.excite(what, turn.by, where, name, remote=remote, frequency_hz=self.frequency_hz)
         return self._excitation(name)
 

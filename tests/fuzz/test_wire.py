@@ -33,6 +33,7 @@ from silo.core.elements import (
     Table,
     TriggerOptions,
 )
+from silo.core.parameters import Excitation, Wave
 from silo.errors import SiloError
 from silo.fleet.exchange import decode_reply, encoded
 from silo.helper.robot_link import RobotLink
@@ -66,6 +67,7 @@ from silo.requests import (
     ConfirmParameters,
     DeleteRecording,
     DiffScript,
+    Excite,
     ForceTrigger,
     GetEvents,
     GetLimits,
@@ -74,6 +76,7 @@ from silo.requests import (
     GetTable,
     GetTriggers,
     GiveControl,
+    KeepExcitation,
     KeepView,
     ListKeptViews,
     ListParameters,
@@ -96,6 +99,7 @@ from silo.requests import (
     SetTrigger,
     Start,
     Stop,
+    StopExcitation,
     TryTrigger,
 )
 from silo.requests.decoding import decode_ask, decode_do
@@ -153,6 +157,8 @@ GOOD: list[Request[Any]] = [
     RemoveLimits(name="/log/x"), TakeControl(), TakeControl(force=True, lease_s=2.0), GiveControl(to="ann"),
     ReleaseControl(), ListParameters(), ReadParameters(),
     SetParameters(values={"kp": 2.0}, name="fuzz", revert_after_s=5.0), ConfirmParameters(name="fuzz"),
+    Excite(what=Excitation("kp", Wave.CHIRP, 1.0, 0.5, 1.0, 20.0, 0.1), name="fuzz"), KeepExcitation(name="fuzz"),
+    StopExcitation(name="fuzz"), StopExcitation(why="fuzz"),
 ]  # fmt: skip
 
 

@@ -38,6 +38,8 @@ def robot(new_logger):
     logger.input("tau", min=-5, max=5, unit="Nm", locked=True)
     logger.parameter("kp", 40.0, min=0, max=200, step=0.5, group="legs")
     logger.parameter("kd", 1.0, group="legs", check=lambda kd, group: kd < group["kp"])
+    logger.parameter("free", 1e308)
+    logger.parameter("count", 2**60 + 1)
     logger.start()
     return logger
 
@@ -252,6 +254,9 @@ def test_what_nobody_kept_before_its_first_tick_never_begins(robot):
         (Excitation("tau", Wave.CHIRP, 1.0, 8.0, 1.0, 10.0, 5.0), "half of its 8 s"),
         (Excitation("tau", Wave.STEP, math.nan, 8.0), "a number other than 0"),
         (Excitation("tau", Wave.STEP, 1.0, 0.0), "lasts more than 0"),
+        (Excitation("tau", Wave.CHIRP, 1.0, 8.0, 5e-324, 10.0), "from 0.0001 Hz or more"),
+        (Excitation("free", Wave.STEP, 1.7e308, 8.0), "can't be excited by 1.7e.308"),
+        (Excitation("count", Wave.STEP, 1.0, 8.0), "around 1.15292e.18 it can't be excited"),
         (Excitation("tau", Wave.STEP, 1.0, 8.0, index=1), "values 0 to 0, not 1"),
         (Excitation("kd", Wave.STEP, 40.0, 8.0), "its check refuses it"),
         (Excitation("kp", Wave.CHIRP, 39.5, 8.0, 1.0, 10.0), "'/log/legs/kd': its check refuses it"),
@@ -292,6 +297,7 @@ def test_while_a_value_swings_its_group_is_checked_for_both_ends(robot):
     turn(robot, 1)
     with pytest.raises(ElementError, match="'/log/legs/kd': its check refuses it"):
         robot.parameters.request({"kd": 30.0}, "bob", "shell", "b", remote=False)
+    robot.parameters["kd"].value = 2.0  # what landed after it began is no reason to refuse
     robot.parameters.request({"kd": 15.0}, "bob", "shell", "c", remote=False)
     turn(robot, 1)
     assert float(robot.parameters["kd"]) == 15.0
