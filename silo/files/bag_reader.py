@@ -31,7 +31,7 @@ from silo.files.bags.metadata import (
     unpack_facts,
     unpack_times,
 )
-from silo.files.formats import refuse_others
+from silo.files.formats import ROS1_MARK, refuse_others, starts_with
 from silo.files.mcap.index import Index, attachment, read_index, record_at, walked_index
 from silo.files.mcap.writer import MAGIC
 from silo.files.parts.metadata import PART_ATTACHMENT, unpack_part
@@ -85,7 +85,9 @@ def _as_of_others(source: Path, error: ValueError) -> Recording:
 
 def _is_of_others(path: Path) -> bool:
     """Whether the files alone tell that silo did not write it: it writes one .mcap file."""
-    return path.suffix == ".db3" or (path.is_dir() and len(list(path.glob("*.mcap"))) != 1)
+    if path.is_dir():
+        return len(list(path.glob("*.mcap"))) != 1
+    return path.suffix == ".db3" or starts_with(path, ROS1_MARK)
 
 
 def _opened_others(path: Path) -> Recording:

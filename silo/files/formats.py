@@ -92,7 +92,7 @@ class Format(msgspec.Struct, frozen=True):
     @property
     def for_logs(self) -> bool:
         """Whether loggers and recorders write it; all else is what logs are converted to."""
-        return self.saved_as is not None or bool(self.mark)
+        return bool(self.writer) and (self.saved_as is not None or bool(self.mark))
 
     def load_writer(self) -> "Writer":
         """The function that writes a recording with its derived signals: `write(recording, path, progress)`."""
@@ -202,6 +202,15 @@ FORMATS = (
         own_times=True,
         extra="convert",
     ),
+    Format(
+        name="ulog",
+        endings=(".ulg",),
+        about="ULog of PX4",
+        reader="silo.files.others.ulog_file:read_ulog",
+        own_times=True,
+        extra="bags",
+        mark=b"ULog",
+    ),
 )
 SQLITE_ENDING = ".db3"  # a file of rosbag2's other storage, which is read and not written
 FOLDER = next(one for one in FORMATS if one.folder)  # what a name without ending becomes
@@ -237,7 +246,7 @@ def writer_for(path: Path, added: Added | None = None) -> "Writer":
     Raises `SaveError` for an ending that nothing writes.
     """
     found = format_of(path)
-    if found is not None:
+    if found is not None and found.writer:
         return found.load_writer()
     others = added() if added is not None else None
     if others is not None and (write := others.writer(path)) is not None:
@@ -290,20 +299,24 @@ def read_recording(path: "str | os.PathLike[str]", added: Added | None = None) -
         ) from None
 
 
+ROS1_MARK = b"#ROSBAG V"
 _OTHERS = {
-    b"#ROSBAG V": "a bag of ROS 1, which silo doesn't read; convert it: `rosbags-convert --src x.bag --dst x`",
     b"version https://git-lfs": "a pointer of Git LFS, not the file itself; fetch it: `git lfs pull`",
-    b"ULog": "a ULog of PX4, which silo doesn't read; convert it: `ulog2csv` (pyulog)",
 }
 
 
 def refuse_others(path: Path) -> None:
     """Raise FileFormatError for what people take for a log, by its first bytes, with the way to one."""
-    with contextlib.suppress(OSError), path.open("rb") as file:  # the reader will say why
-        start = file.read(32)
-        for mark, words in _OTHERS.items():
-            if start.startswith(mark):
-                raise FileFormatError(f"'{path}' is {words}")
+    for mark, words in _OTHERS.items():
+        if starts_with(path, mark):
+            raise FileFormatError(f"'{path}' is {words}")
+
+
+def starts_with(path: Path, mark: bytes) -> bool:
+    """Whether a file begins with these bytes; one that can't be opened doesn't."""
+    with contextlib.suppress(OSError), path.open("rb") as file:
+        return file.read(len(mark)) == mark
+    return False
 
 
 def _clock_told(recording: "Recording") -> "Recording":
@@ -362,7 +375,7 @@ def readable() -> str:
 
 def writable() -> str:
     """The endings that silo writes, as a list in words."""
-    return _list([one.shown for one in FORMATS])
+    return _list([one.shown for one in FORMATS if one.writer])
 
 
 def _by_mark(path: Path) -> Format | None:

@@ -16,13 +16,13 @@ from silo.files.added import added_formats
 
 RECIPES = Path(__file__).resolve().parents[2] / ".docs" / "recipes"
 
-ULOG = """
+TELEMETRY = """
 from silo.files.formats import Format
-FORMAT = Format(name="ulog", endings=(".ulg",), about="PX4", reader="px4_of_others:read", mark=b"ULog")
+FORMAT = Format(name="tlm", endings=(".tlm",), about="telemetry", reader="tlm_of_others:read", mark=b"TLM1")
 
 def read(path):
     import numpy, silo
-    return silo.Recording("px4", numpy.arange(3), 3, [])
+    return silo.Recording("tlm", numpy.arange(3), 3, [])
 """
 FAILING = """
 from silo.files.formats import Format
@@ -54,7 +54,7 @@ def installed(tmp_path, monkeypatch):
         return folder
 
     yield install
-    for module in ("added_format", "px4_of_others", "failing", "broken", "mine"):
+    for module in ("added_format", "tlm_of_others", "failing", "broken", "mine"):
         sys.modules.pop(module, None)
     added_formats.cache_clear()
 
@@ -83,14 +83,14 @@ def test_a_format_of_another_package_is_written_opened_and_converted(installed, 
     assert CliRunner().invoke(cli, ["stats", str(tmp_path / "a.steps"), "height"]).exit_code == 0
 
 
-def test_its_first_bytes_tell_a_file_also_one_that_silo_says_how_to_convert(installed, tmp_path):
-    for name in ("run.ulg", "run.log"):
-        (tmp_path / name).write_bytes(b"ULog\x01\x12\x35")
-    with pytest.raises(FileFormatError, match="a ULog of PX4, which silo doesn't read"):
-        silo.open_log(tmp_path / "run.ulg")
-    installed("px4_of_others", ULOG)
-    for name in ("run.ulg", "run.log"):
-        assert silo.open_log(tmp_path / name).name == "px4"
+def test_its_first_bytes_tell_a_file_also_one_of_another_ending(installed, tmp_path):
+    for name in ("run.tlm", "run.log"):
+        (tmp_path / name).write_bytes(b"TLM1\x01\x12\x35")
+    with pytest.raises(FileFormatError, match=r"silo doesn't read \.tlm, only"):
+        silo.open_log(tmp_path / "run.tlm")
+    installed("tlm_of_others", TELEMETRY)
+    for name in ("run.tlm", "run.log"):
+        assert silo.open_log(tmp_path / name).name == "tlm"
 
 
 @pytest.mark.parametrize(
@@ -99,8 +99,8 @@ def test_its_first_bytes_tell_a_file_also_one_that_silo_says_how_to_convert(inst
         ("import nothing_of_that_name", "FORMAT", "No module named 'nothing_of_that_name'"),
         ("FORMAT = 5", "FORMAT", "is no silo.files.formats.Format, but of int"),
         ("FORMAT = 5", "OTHER", "OTHER"),
-        (ULOG.replace(".ulg", ".csv").replace(', mark=b"ULog"', ""), "FORMAT", "silo has '.csv' itself"),
-        (ULOG.replace('reader="px4_of_others:read", ', ""), "FORMAT", "a reader or a writer"),
+        (TELEMETRY.replace(".tlm", ".csv").replace(', mark=b"TLM1"', ""), "FORMAT", "silo has '.csv' itself"),
+        (TELEMETRY.replace('reader="tlm_of_others:read", ', ""), "FORMAT", "a reader or a writer"),
     ],
 )
 def test_a_broken_one_is_left_out_and_named_where_it_is_missed(installed, saved, tmp_path, code, target, words):

@@ -13,7 +13,7 @@ from silo.core.recording import NO_FAILURES, Failures
 from silo.errors import LogWarning
 from silo.files.formats import FORMATS, writer_for
 
-ENDINGS = [one.ending for one in FORMATS if one.reader]
+ENDINGS = [one.ending for one in FORMATS if one.reader and one.writer]
 EXPECTED = Failures(3, ((1, 2), (5, 5)))
 
 

@@ -30,10 +30,8 @@ def saved(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "start", "words"),
     [
-        ("x.bag", b"#ROSBAG V2.0\n", "a bag of ROS 1.*rosbags-convert"),
         ("x.mcap", b"version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS.*git lfs pull"),
         ("x.silo", b"version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS"),
-        ("x.ulg", b"ULog\x01\x12\x35", "a ULog of PX4.*ulog2csv"),
     ],
 )
 def test_files_of_others_are_called_by_their_names(name, start, words, tmp_path):
@@ -55,7 +53,7 @@ def test_a_table_of_others_says_that_silo_did_not_write_it(tmp_path):
         silo.open_log(tmp_path / "x.npz")
 
 
-@pytest.mark.parametrize("name", ["x.ulg", "x.txt"])
+@pytest.mark.parametrize("name", ["x.dat", "x.txt"])
 def test_info_of_a_file_that_silo_does_not_read_speaks_of_the_file(name, tmp_path):
     (tmp_path / name).write_bytes(bytes(100))
     error = CliRunner().invoke(info, [str(tmp_path / name)]).exception

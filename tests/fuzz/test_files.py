@@ -338,6 +338,7 @@ def test_every_format_that_is_read_is_fuzzed():
         "numpy",
         "matlab",
         "hdf5",
+        "ulog",  # in tests/files/test_logs_of_others.py
     }
 
 

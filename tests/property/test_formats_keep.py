@@ -19,7 +19,7 @@ NUMBERS = ("<f8", "<f4", "<f2", "|i1", "<i2", "<i4", "<i8", "|u1", "<u2", "<u4",
 TYPES = (*NUMBERS, "<f16", "<M8[ns]", "<M8[D]", "<m8[us]", "|S5", "<U4")
 GIVEN = [name for kind in KINDS for name in kind.orders] + [vector_at_position("world", "base")]
 SHAPES = [(), (1,), (1, 3), (2,), (3,), (2, 2), (3, 1), (2, 1, 2)]
-READ = [one for one in FORMATS if one.reader]
+READ = [one for one in FORMATS if one.reader and one.writer]
 LETTERS = st.text("aäΩ \"',#-b", max_size=4).map(lambda text: text.rstrip("-"))
 
 

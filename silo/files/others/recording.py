@@ -10,7 +10,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import yaml
@@ -21,10 +21,11 @@ from silo.core.recording import RecordedElement, Recording, common_axis, lazy_en
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
 from silo.files.bags.index import DamageNotes, damage_told
-from silo.files.formats import refuse_others
+from silo.files.formats import ROS1_MARK, refuse_others, starts_with
 from silo.files.others import cdr, json_text
 from silo.files.others.mcap_file import McapFile
 from silo.files.others.message_types import FieldSpec, MessageFields, Path, UnknownTypeError, message_type, signals_of
+from silo.files.others.ros1_file import Ros1File
 from silo.files.others.sqlite_file import SqliteFile
 from silo.files.others.topics import Bad, Equal, FileTopic, Unpacked
 from silo.files.silo.values import file_recording
@@ -32,6 +33,7 @@ from silo.files.silo.values import file_recording
 _HEADER: Path = ("header", "stamp")
 _JOINTS = "sensor_msgs/msg/JointState"
 _MOST_TOLD = 5
+_File: TypeAlias = McapFile | SqliteFile | Ros1File
 
 
 def open_others(path: FilePath) -> Recording:
@@ -119,7 +121,7 @@ def _some(words: Sequence[str]) -> str:
 # --------------------------------------------------------------------------------------------------------------- files
 
 
-def _files(path: FilePath, told: DamageNotes) -> list[tuple[McapFile | SqliteFile, bool]]:
+def _files(path: FilePath, told: DamageNotes) -> list[tuple[_File, bool]]:
     """The files of a bag, and of each whether its messages are compressed one by one."""
     about: dict[str, Any] = {}
     paths = [path]
@@ -133,7 +135,7 @@ def _files(path: FilePath, told: DamageNotes) -> list[tuple[McapFile | SqliteFil
     if not paths:
         raise FileFormatError(f"'{path}' is a folder without a bag in it: there is neither an .mcap nor a .db3 file")
     by_message = str(about.get("compression_mode") or "").lower() == "message"
-    found: list[tuple[McapFile | SqliteFile, bool]] = []
+    found: list[tuple[_File, bool]] = []
     for one in paths:
         try:
             file = _file(one, told)
@@ -146,8 +148,10 @@ def _files(path: FilePath, told: DamageNotes) -> list[tuple[McapFile | SqliteFil
     return found
 
 
-def _file(path: FilePath, told: DamageNotes) -> McapFile | SqliteFile:
+def _file(path: FilePath, told: DamageNotes) -> _File:
     refuse_others(path)
+    if starts_with(path, ROS1_MARK):
+        return Ros1File(path)
     if path.suffix == ".db3":
         return SqliteFile(path)
     try:
