@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from textual import events
 from textual.app import App
 from textual.command import CommandPalette
 
@@ -18,6 +19,7 @@ from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider
 from silo_tui.commands.runner import CommandRunner
 from silo_tui.context import Context
+from silo_tui.gate import Gate
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import dots
 from silo_tui.screens.holding import Holding
@@ -85,6 +87,12 @@ class SiloApp(Guarded, App[None]):
         self._thin_words = ""
         self._news = asyncio.Lock()  # events are followed in their order
         self.unforeseen = Unforeseen()
+        self.gate = Gate(self)
+
+    async def on_event(self, event: events.Event) -> None:
+        """Let what is typed in by the gate."""
+        if not isinstance(event, events.Key | events.Paste) or event.is_forwarded or not self.gate.keeps(event):
+            await super().on_event(event)
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """Return our colours for themes that don't have them."""

@@ -1,8 +1,6 @@
-"""What screens and dialogs have in common: their work ends before their widgets go.
+"""What screens and dialogs have in common: their work ends before their widgets go."""
 
-A dialog besides is left once, and keys that come after that are for the screen below.
-"""
-
+import math
 from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Any, ParamSpec, TypeVar, cast
@@ -12,7 +10,6 @@ from textual.await_complete import AwaitComplete
 from textual.dom import DOMNode
 from textual.geometry import Region
 from textual.screen import ModalScreen, Screen
-from textual.widget import Widget
 from textual.widgets import OptionList
 
 from silo_tui.unforeseen import Guarded
@@ -55,26 +52,20 @@ class Leaving(Guarded, Screen[ResultT]):
         await super()._message_loop_exit()
 
 
-def _handed_on(widget: Widget, event: events.Event) -> bool:
-    """Hand on a key that came after its dialog was left; False for all else."""
-    if not isinstance(event, events.Key) or widget.screen in widget.app.screen_stack:
-        return False
-    # what the choice leads to, a line to type in perhaps, is opened first
-    widget.app.call_after_refresh(widget.app.post_message, events.Key(event.key, event.character))
-    return True
-
-
 class Choices(Guarded, OptionList):
     """The choices of a dialog, which have the focus."""
 
-    async def on_event(self, event: events.Event) -> None:
-        """Hand on keys that came too late."""
-        if not _handed_on(self, event):
-            await super().on_event(event)
-
 
 class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual finds styles by the first base
-    """A dialog. Over a slow link keys come in one piece: more are on their way to it when the first one closes it."""
+    """A dialog, which is left once."""
+
+    waits = False  # whether it only stands for what is on its way, and keys wait for that
+    loses = False  # whether an answer loses something
+    drawn_s = math.inf
+
+    def may_lose(self, typed: events.Event) -> bool:
+        """Whether what is typed may lose something: it is dropped where it was typed before this was drawn."""
+        return self.loses
 
     def dismiss(self, result: ResultT | None = None) -> AwaitComplete:
         """Leave with a result; a second time does nothing, where Textual would close what lies below."""
@@ -90,8 +81,3 @@ class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual 
                     below._set_dirty(*regions)
         super().refresh(*regions, repaint=repaint, layout=layout, recompose=recompose)
         return self
-
-    async def on_event(self, event: events.Event) -> None:
-        """Hand on keys that came too late."""
-        if not _handed_on(self, event):
-            await super().on_event(event)

@@ -39,7 +39,11 @@ async def start_stop(context: Context) -> None:
         await session.start(unsaved)
         context.say("started")
     elif await confirmed(
-        context.app, "Stop logging?", f"What was logged stays in memory; {key_of('save_data')} saves it.", "Stop"
+        context.app,
+        "Stop logging?",
+        f"What was logged stays in memory; {key_of('save_data')} saves it.",
+        "Stop",
+        loses=False,
     ):
         await session.stop()
         context.say(f"stopped; {key_of('save_data')} saves the data")
@@ -92,7 +96,7 @@ async def _start_over(context: Context) -> Unsaved | None:
     body = f"The last recording ({held}) is not saved, and starting drops it."
     choices = [
         Choice("no", "Don't start"), Choice("save", "Save it, then start", "s"),
-        Choice("drop", f"Drop {held} and start", "d"),
+        Choice("drop", f"Drop {held} and start", "d", loses=True),
     ]  # fmt: skip
     answer = await context.app.push_screen_wait(Question("Start without saving?", body, choices))
     if answer == "save":
@@ -112,7 +116,7 @@ async def _ask_around(
     if _is_unsaved(context):
         held = _held(context)
         body = Text(f"{held} are not saved, and starting again drops them.\n", style="bold").append_text(body)
-        choices += [Choice("save", f"Save, {steps}", "s"), Choice("drop", f"Drop {held}: {steps}", "d")]
+        choices += [Choice("save", f"Save, {steps}", "s"), Choice("drop", f"Drop {held}: {steps}", "d", loses=True)]
     else:
         choices.append(Choice("go", steps[:1].upper() + steps[1:], key))
     answer = await context.app.push_screen_wait(Question(title, body, [*choices, *others]))
@@ -170,7 +174,7 @@ async def apply(context: Context) -> None:
 async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> str | None:
     elements = len({change.name for change in changes})
     title = f"Apply {many(len(changes), 'edit')} to {many(elements, 'element')}?"
-    keep, discard = Choice("keep", "Keep them pending"), Choice("discard", "Discard all edits")
+    keep, discard = Choice("keep", "Keep them pending"), Choice("discard", "Discard all edits", loses=True)
     body = Text()
     if context.session.running:
         body.append_text(_what_changes(context, changes))
@@ -238,8 +242,8 @@ async def _settle_conflicts(context: Context) -> bool:
         body.append(f"and {len(conflicts) - 200} more\n")
     choices = [
         Choice("back", f"Decide later (look at each: {key_of('discard')} takes theirs)"),
-        Choice("theirs", "Take theirs", "t"),
-        Choice("mine", "Keep yours", "y"),
+        Choice("theirs", "Take theirs", "t", loses=True),
+        Choice("mine", "Keep yours", "y", loses=True),
     ]
     answer = await context.app.push_screen_wait(Question(f"{many(len(conflicts), 'conflict')}", body, choices))
     if answer not in {"theirs", "mine"}:
@@ -399,7 +403,7 @@ async def take_up_edits(context: Context) -> None:
             changes.append(PendingChange(edit.name, field.label, old, new, None))
     body.append_text(diff_text(changes, session.table.prefix))
     choices = [Choice("take", "Take them up again, pending", "t"), Choice("later", "Ask again next time"),
-               Choice("drop", "Drop them", "d")]  # fmt: skip
+               Choice("drop", "Drop them", "d", loses=True)]  # fmt: skip
     question = Question(f"Not applied: {many(len(edits), 'edit')} of {session.name}", body, choices)
     answer = await context.app.push_screen_wait(question)
     if answer not in {"take", "drop"}:

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 from rich.text import Text
 from textual import events
+from textual._time import get_time
 from textual.app import App, ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical, VerticalScroll
@@ -26,11 +27,12 @@ BORDER_AND_TITLE_ROWS = 5
 
 @dataclass(frozen=True)
 class Choice:
-    """One answer; `key` picks it at once."""
+    """One answer; `key` picks it at once. `loses` tells whether something is gone by it."""
 
     value: str
     label: str
     key: str = ""
+    loses: bool = False
 
 
 class Question(Dialog[str | None]):
@@ -60,6 +62,7 @@ class Question(Dialog[str | None]):
         self._title = title
         self._body = body
         self._choices = list(choices)
+        self.loses = any(choice.loses for choice in choices)
         self._about = about
         self.told = ""  # the choice that more is told of
 
@@ -88,6 +91,17 @@ class Question(Dialog[str | None]):
         """Give the focus to the first choice."""
         self.query_one(OptionList).focus()
         self.query_one(OptionList).highlighted = self._begin if self._choices else None
+        self.call_after_refresh(self._drawn)
+
+    def may_lose(self, typed: events.Event) -> bool:
+        """Whether it may: all but Esc and the keys of choices that lose nothing."""
+        harmless = {choice.key for choice in self._choices if choice.key and not choice.loses}
+        return self.loses and not (
+            isinstance(typed, events.Key) and (typed.key == "escape" or typed.character in harmless)
+        )
+
+    def _drawn(self) -> None:
+        self.drawn_s = get_time()
 
     def on_resize(self, event: events.Resize) -> None:
         """Let a long body scroll: the choices are always on the screen."""
@@ -141,9 +155,11 @@ class Question(Dialog[str | None]):
         (options.action_cursor_down if step > 0 else options.action_cursor_up)()
 
 
-async def confirmed(app: App[Any], title: str, body: Text | str, label: str, harmless: str = "No") -> bool:
-    """Ask before something is lost; what loses nothing has the focus."""
-    choices = [Choice("no", harmless), Choice("yes", label, "y")]
+async def confirmed(
+    app: App[Any], title: str, body: Text | str, label: str, harmless: str = "No", *, loses: bool = True
+) -> bool:
+    """Ask before something is done; what does nothing has the focus."""
+    choices = [Choice("no", harmless), Choice("yes", label, "y", loses)]
     return bool(await app.push_screen_wait(Question(title, body, choices)) == "yes")
 
 
@@ -156,8 +172,6 @@ class Prompt(Dialog[str | None]):
         Binding("escape", "leave", "Back", show=False)
     ]
 
-    AUTO_FOCUS = ""
-
     def __init__(
         self,
         title: str,
@@ -169,14 +183,6 @@ class Prompt(Dialog[str | None]):
         super().__init__()
         self._check = check
         self._title, self._body, self._value, self._placeholder = title, body, value, placeholder
-        self._early: list[events.Key] = []
-        self._there = self._typed = False
-
-    def take_early(self, keys: Sequence[events.Key]) -> None:
-        """Take over what was typed before this was there."""
-        self._early = list(keys)
-        if self._there:
-            self._put_early()
 
     def compose(self) -> ComposeResult:
         """Yield title, body, input."""
@@ -200,49 +206,6 @@ class Prompt(Dialog[str | None]):
             self.query_one("#line-problem", Static).update(str(error))
         else:
             self.dismiss(line)
-
-    def on_mount(self) -> None:
-        """Put what was typed early into the line, in place of what it suggests; then give it the focus."""
-        self._there = True
-        self._put_early()
-        self.call_later(self._take_keys)
-
-    def _put_early(self) -> None:
-        """Put what was typed early before what was typed since."""
-        keys, self._early = self._early, []
-        line = self.query_one(Input)
-        since = line.value if self._typed else ""
-        for at, event in enumerate(keys):
-            if at == 0:
-                self._typed, line.value = True, ""
-            self._type(event)
-        if keys:
-            line.value += since
-            line.cursor_position = len(line.value)
-
-    def _take_keys(self) -> None:
-        if self.is_active:
-            self.query_one(Input).select_on_focus = not self._typed  # the next letter would replace what is selected
-            self.set_focus(self.query_one(Input))
-
-    def on_key(self, event: events.Key) -> None:
-        """Take what is typed before the line has the focus."""
-        if self.focused is None and event.key != "escape":
-            event.stop()
-            event.prevent_default()
-            if not self._typed:
-                self._typed, self.query_one(Input).value = True, ""  # what is suggested stands selected
-            self._type(event)
-
-    def _type(self, event: events.Key) -> None:
-        line = self.query_one(Input)
-        if event.key == "enter":
-            self._take(line.value.strip())
-        elif event.key == "backspace":
-            line.value = line.value[:-1]
-        elif event.is_printable and event.character:
-            line.value += event.character
-        line.cursor_position = len(line.value)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Answer with the line."""

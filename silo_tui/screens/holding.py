@@ -11,14 +11,14 @@ from textual.app import ComposeResult
 from textual.widgets import Static
 
 from silo_tui.context import Held, SiloScreen
+from silo_tui.gate import LETS_GO, Gate
 from silo_tui.model import text
-from silo_tui.screens.dialogs import Prompt
 
 TELLS_AFTER_S = 0.3
 
 
 class Holding(Held):
-    """Takes every key; says after a moment for what it waits. Keys typed before a `Prompt` is there go into it."""
+    """Says after a moment for what it waits; what is typed meanwhile is for the dialog that comes."""
 
     CSS = "Holding { background: $background 0%; align: left bottom; } Holding #waiting { display: none; height: 1; \
 width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
@@ -29,10 +29,14 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
         super().__init__()
         self._what = what
         self._began = time.monotonic()
-        self._keys: list[events.Key] = []
         self.ended = False
         self._there = False
         self._answered = False  # whether a dialog was there: what is typed after it is for what follows
+
+    @property
+    def waits(self) -> bool:  # type: ignore[override]
+        """Whether what was asked for is still on its way."""
+        return not self.ended
 
     def compose(self) -> ComposeResult:
         """Yield the line."""
@@ -53,13 +57,12 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
             line.update(f"waiting for {self._what} {text.span(float(f'{waited:.1f}'))}   Esc lets it go on")
 
     def on_screen_suspend(self) -> None:
-        """Hand over what was typed, where the dialog that came is a line to type in; an answer must not be guessed."""
+        """Make room for the dialog that came."""
         for line in self.query("#waiting"):
             line.display = False
-        keys, self._keys, self._answered = self._keys, [], True
-        if isinstance(self.app.screen, Prompt):
-            self.app.screen.take_early(keys)
+        self._answered = True
         self._tell_keys()
+        self._gate.moved()
 
     def _tell_keys(self) -> None:
         for screen in self.app.screen_stack:
@@ -75,21 +78,25 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
 
     def end(self) -> None:
         """Go, at once or as soon as what lies above is gone."""
+        if not self.ended and not self._answered:
+            self._gate.drop()
         self.ended = True
         if self._there and self.is_active:  # one that is still being made can't be taken away
             self.dismiss()
-            for event in self._keys if self._answered else ():
-                self.app.post_message(events.Key(event.key, event.character))
+        self._gate.moved()
+
+    @property
+    def _gate(self) -> Gate:
+        return cast(Gate, cast(Any, self.app).gate)
 
     def on_key(self, event: events.Key) -> None:
         """Keep the key from the screen below."""
         event.stop()
         event.prevent_default()
-        if event.key == "escape":
+        if event.key in LETS_GO:
             self.ended = True
             self.dismiss()
+            self._gate.moved()
         elif event.key == "ctrl+q":
             cast(Any, self.app).context.left()
             self.app.exit()
-        else:
-            self._keys.append(event)

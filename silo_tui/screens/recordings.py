@@ -323,7 +323,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
             body = "\n".join([f"From {where}, for good:", *names[:8], *more])
             choices = [
                 Choice("no", "Keep it" if len(targets) == 1 else "Keep them"),
-                Choice("yes", f"Delete {size}", "y"),
+                Choice("yes", f"Delete {size}", "y", loses=True),
             ]
             self.app.push_screen(
                 Question(f"Delete {what}, {size}?", body, choices), lambda answer: self._delete(targets, answer)

@@ -146,9 +146,17 @@ class Screen:
         for key in keys:
             name = _character_to_key(key) if len(key) == 1 and not key.isalnum() else key
             self.app.post_message(events.Key(name, character_of(name)))
-            for _ in range(3):  # the key, what its command posted, and what that opened
-                await self.pilot._wait_for_screen()
+            await self._carried_out()
         await self.pilot.pause(0)
+
+    async def _carried_out(self) -> None:
+        """Waits until the key, what its command posted, and what that opened is done; or waits itself."""
+        await self.pilot._wait_for_screen()
+        deadline = time.monotonic() + DEADLINE_S
+        while not self.app.gate.free and not getattr(self.app.screen, "waits", False) and self.app.is_running:
+            assert time.monotonic() < deadline, f"a key is not carried out\n{self.text}"
+            await self.pilot._wait_for_screen()
+        await self.pilot._wait_for_screen()
 
     async def leave(self) -> None:
         """Press Esc until nothing is open, and once more."""

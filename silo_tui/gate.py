@@ -1,0 +1,100 @@
+"""The one way in for what is typed: a key is let through when the last one was carried out, with what it opened.
+
+Over a slow link, or in a busy program, keys come before the dialog that they answer was made. Textual gives a key to
+what has the focus as it comes: it answered nobody, or edited the table below.
+"""
+
+import asyncio
+from collections import deque
+from typing import Any
+
+from textual import events
+from textual.message_pump import MessagePump
+
+from silo_tui.modal import Dialog, run_aside
+
+AT_ONCE = ("ctrl+q",)  # ends the program, whatever is waited for
+LETS_GO = ("escape", "ctrl+c")  # what is waited for while a flow is under way
+DROPPED = "keys typed before this question was there were dropped: it may lose something"
+WALKS = 2  # the key up to the app, then what it posted on its way
+Typed = events.Key | events.Paste
+
+
+async def _done(pump: MessagePump, *, drawn: bool = False) -> None:
+    """Wait until a pump has done what it was told until now, and drawn it; or until it has ended."""
+    passed = asyncio.Event()
+    if not (pump.call_after_refresh if drawn else pump.call_later)(passed.set):
+        return
+    waits = asyncio.ensure_future(passed.wait())
+    await asyncio.wait([waits, *([pump._task] if pump._task else [])], return_when=asyncio.FIRST_COMPLETED)
+    waits.cancel()
+
+
+class Gate:
+    """Keeps what is typed until what it is meant for is there. What it waits for are facts, never a time."""
+
+    def __init__(self, app: Any) -> None:
+        self._app = app
+        self._kept: deque[Typed] = deque()
+        self._through: Typed | None = None
+        self._moved = asyncio.Event()
+        self.free = True  # whether all that was typed is carried out
+
+    def keeps(self, typed: Typed) -> bool:
+        """Whether what was typed must wait, or is dropped; else it is carried out now."""
+        if typed is self._through or not self._app.screen_stack:
+            return False
+        key = typed.key if isinstance(typed, events.Key) else ""
+        waits = isinstance(self._app.screen, Dialog) and self._app.screen.waits
+        if key in AT_ONCE or (waits and key in LETS_GO):
+            self._kept.clear()
+            return False
+        self._kept.append(typed)
+        if self.free:
+            self.free = False
+            if not waits:
+                self._let_through()
+            run_aside(self._app, "keys", self._go_on)
+        return True
+
+    def drop(self) -> None:
+        """Forget what was typed for a dialog that never came."""
+        self._kept.clear()
+
+    def moved(self) -> None:
+        """Look again: what was waited for has come, or won't."""
+        self._moved.set()
+
+    def _let_through(self) -> None:
+        typed, top = self._kept.popleft(), self._app.screen
+        if isinstance(top, Dialog) and typed.time < top.drawn_s and top.may_lose(typed):
+            self._app.context.say(DROPPED)
+            return
+        self._through = typed
+        self._app.post_message(typed)
+
+    async def _go_on(self) -> None:
+        try:
+            await self._settled()
+            while self._kept and self._app.screen_stack:
+                self._let_through()
+                await self._settled()
+        finally:
+            self.free = True
+
+    async def _settled(self) -> None:
+        """Wait until the last key was carried out, and what it opened can take keys."""
+        await _done(self._app)
+        while self._app.screen_stack:  # none is there as the program ends
+            top, focused = self._app.screen, self._app.focused
+            if isinstance(top, Dialog) and top.waits:
+                self._moved.clear()
+                await self._moved.wait()
+                continue
+            for _ in range(WALKS):
+                for pump in (focused or top).ancestors_with_self:
+                    await _done(pump)
+            if isinstance(top, Dialog) and top.loses:
+                await _done(top, drawn=True)
+            if self._app.screen_stack[-1:] == [top] and focused is self._app.focused:
+                return

@@ -1,0 +1,82 @@
+"""Keys typed before what they are meant for is there: they go there, or nowhere."""
+
+import asyncio
+
+import pytest
+from textual import events
+
+from silo_tui.model.fields import Field
+from silo_tui.screens.dialogs import Prompt, Question
+from silo_tui.screens.holding import Holding
+from tests.tui.conftest import character_of
+
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
+
+def burst(screen, keys):
+    for key in keys.split():
+        screen.app.post_message(events.Key(key, character_of(key)))
+
+
+@pytest.fixture(params=[Question, Prompt])
+def slow_to_mount(request, monkeypatch):
+    """Lets a kind of dialog be made only when a test says so."""
+    may_mount, begun = asyncio.Event(), asyncio.Event()
+    mount = request.param.on_mount if "on_mount" in vars(request.param) else None
+
+    async def late(dialog):
+        begun.set()
+        await may_mount.wait()
+        if mount is not None:
+            mount(dialog)
+
+    monkeypatch.setattr(request.param, "on_mount", late, raising=False)
+    return request.param, may_mount, begun
+
+
+async def test_an_answer_typed_before_its_dialog_is_made_is_for_the_dialog(slow_to_mount, fake, opened):
+    kind, may_mount, begun = slow_to_mount
+    async with opened(fake) as screen:
+        burst(screen, "e d 5 enter" if kind is Question else "M h i enter")
+        await begun.wait()
+        assert not screen.app.gate.free
+        may_mount.set()
+        if kind is Question:
+            await screen.until(lambda: screen.value("/log/base/orientation", Field.DIVIDER) == "5")
+        else:
+            await screen.until(lambda: any(call[0] == "mark" and "hi" in str(call) for call in fake.calls))
+
+
+async def test_a_question_that_loses_something_takes_no_answer_from_before(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        burst(screen, "t a d")
+        await screen.until(lambda: isinstance(screen.app.screen, Question), "the question")
+        await screen.shows("were dropped")
+        await screen.until(lambda: screen.app.gate.free)
+        assert isinstance(screen.app.screen, Question)
+        assert not any(call[0] == "apply" for call in fake.calls)
+        await screen.press("d")
+        await screen.until(lambda: any(call[0] == "apply" for call in fake.calls))
+
+
+async def test_what_loses_nothing_may_be_answered_blind(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        burst(screen, "S y")
+        await screen.until(lambda: any(call[0] == "stop" for call in fake.calls))
+
+
+async def test_esc_lets_go_what_never_comes(fake, opened):
+    async def never():
+        await asyncio.Event().wait()
+
+    async with opened(fake) as screen:
+        screen.app.context.run_flow(never())
+        await screen.until(lambda: isinstance(screen.app.screen, Holding))
+        burst(screen, "j j y escape")
+        await screen.until(lambda: not isinstance(screen.app.screen, Holding) and screen.app.gate.free)
+        assert screen.session.rows.position == 0
+        await screen.press("j")
+        assert screen.session.rows.position == 1
+        screen.app.workers.cancel_group(screen.app, "flow")
