@@ -1,6 +1,7 @@
 """Keys typed before what they are meant for is there: they go there, or nowhere."""
 
 import asyncio
+import threading
 
 import pytest
 from textual import events
@@ -9,6 +10,7 @@ from silo_tui.model.fields import Field
 from silo_tui.screens.dialogs import Prompt, Question
 from silo_tui.screens.holding import Holding
 from tests.tui.conftest import character_of
+from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -80,3 +82,20 @@ async def test_esc_lets_go_what_never_comes(fake, opened):
         await screen.press("j")
         assert screen.session.rows.position == 1
         screen.app.workers.cancel_group(screen.app, "flow")
+
+
+async def test_what_is_typed_while_an_answer_is_awaited_is_for_the_dialog_it_brings(fake, opened, monkeypatch):
+    answered, scripts = threading.Event(), fake.scripts
+    monkeypatch.setattr(fake, "scripts", lambda: answered.wait(DEADLINE_S) and scripts())
+    async with opened(fake) as screen:
+        burst(screen, "L")
+        await screen.until(lambda: isinstance(screen.app.screen, Holding))
+        burst(screen, "x t u enter")
+        await screen.pilot.pause()
+        assert isinstance(screen.app.screen, Holding)
+        assert not screen.app.gate.free
+        answered.set()
+        await screen.until(lambda: screen.app.gate.free)
+        await screen.shows("nothing to load")  # Enter, in the list of scripts
+        assert screen.session.table.pending_count == (0, 0)
+        assert screen.session.rows.position == 0
