@@ -1,11 +1,13 @@
 """What silo returns and takes, by name, for annotations: `def keep(saved: silo.types.SavedFile) -> None`."""
 
 from silo.analysis.compare import Comparison
+from silo.analysis.compute.responses import Bode, StepResponse
 from silo.core.elements import ElementInfo, FileType, SavedFile, Storage, Threads
 from silo.logger.results import LoggedElement, NewValues
 from silo.logger.serving.serving import Serving
 
 __all__ = [
+    "Bode",
     "Comparison",
     "ElementInfo",
     "FileType",
@@ -13,6 +15,7 @@ __all__ = [
     "NewValues",
     "SavedFile",
     "Serving",
+    "StepResponse",
     "Storage",
     "Threads",
 ]
