@@ -56,6 +56,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         LoggerOptions as LoggerOptions,
     )
     from silo.core.recording import Recording as Recording
+    from silo.run_index.runs import runs as runs
     from silo.simulators.gymnasium import gymnasium as gymnasium
     from silo.simulators.mujoco import mujoco as mujoco
     from silo import errors as errors, types as types
@@ -78,6 +79,7 @@ _HOMES = {
     "silo.core.recording": "Recording",
     "silo.loop.types": "register",
     "silo.core.kinds": "vector_at_position",
+    "silo.run_index.runs": "runs",
     "silo.simulators.gymnasium": "gymnasium",
     "silo.simulators.mujoco": "mujoco",
 }

@@ -8,6 +8,7 @@ signals yet: `silo.expressions.binding` looks names up.
 import ast
 import math
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -123,8 +124,8 @@ _UNFINISHED = "something is missing at the end"
 _CONSTANTS = {"true": 1.0, "false": 0.0}
 
 
-def parse(text: str) -> Expression:
-    """Return an expression as a tree. Raises ExpressionError with the place."""
+def parse(text: str, functions: Mapping[str, tuple[int, int, str]] = FUNCTIONS) -> Expression:
+    """Return an expression as a tree, with these functions. Raises ExpressionError with the place."""
     found = tokens(text)
     try:
         with warnings.catch_warnings():
@@ -138,7 +139,7 @@ def parse(text: str) -> Expression:
         raise ExpressionError(why, text, min(at, len(text.rstrip())), end) from None
     except (RecursionError, MemoryError, ValueError):
         raise ExpressionError("the expression is nested too deeply", text, 0, len(text)) from None
-    return _Reader(found).read(tree)
+    return _Reader(found, functions).read(tree)
 
 
 def _why(error: SyntaxError, found: Tokens) -> str:
@@ -156,8 +157,8 @@ def _why(error: SyntaxError, found: Tokens) -> str:
 class _Reader:
     """Makes our tree of Python's, and counts its nodes."""
 
-    def __init__(self, found: Tokens) -> None:
-        self._found = found
+    def __init__(self, found: Tokens, functions: Mapping[str, tuple[int, int, str]]) -> None:
+        self._found, self._functions = found, functions
         self._skipped = len(found.python) - len(found.python.lstrip())
         self._nodes = 0
 
@@ -210,15 +211,15 @@ class _Reader:
     def _call(self, node: ast.Call) -> Call:
         at, end = self._span(node)
         name = self._found.names.get(at, "") if isinstance(node.func, ast.Name) else ""
-        if name not in FUNCTIONS:
-            near = get_close_matches(name, FUNCTIONS, 1)
-            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(FUNCTIONS)}"
+        if name not in self._functions:
+            near = get_close_matches(name, self._functions, 1)
+            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(self._functions)}"
             raise self._error(
                 f"there is no function '{name}'; {hint}" if name else "only functions are called", node.func
             )
         if node.keywords:
             raise self._error("arguments have no names here", node)
-        fewest, most, _ = FUNCTIONS[name]
+        fewest, most, _ = self._functions[name]
         if not fewest <= len(node.args) <= most:
             wanted = f"{fewest}" if fewest == most else f"{fewest} to {most}"
             example = f", as in {name}(x, 50ms)" if name in ("mean", "std") else ""

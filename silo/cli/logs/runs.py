@@ -1,0 +1,145 @@
+"""`silo runs`, `silo tag`, `silo note`: which runs there are, and what people say of them."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from silo.cli.common import TypedPath, progress, show_json, show_rows
+from silo.core.quantities.writing import many, size_text
+from silo.errors import LogNotFoundError
+
+if TYPE_CHECKING:
+    from silo.run_index.runs import Run, Runs
+
+
+@click.command("runs")
+@click.argument("folders", metavar="[FOLDER]...", nargs=-1, type=TypedPath(path_type=Path))
+@click.option("--where", metavar="EXPR", default="", help="Only those for which it holds.")
+@click.option("--word", "-w", "words", metavar="WORD", multiple=True, help="Only those that have the word somewhere.")
+@click.option("--tag", "tags", metavar="TAG", multiple=True, help="Only those with the tag.")
+@click.option("--since", metavar="WHEN", help="Only those from then on: 2026-11-22, '2026-11-22 14:00'.")
+@click.option("--until", metavar="WHEN", help="Only those before.")
+@click.option("--show", "shown", metavar="EXPR", multiple=True, help="A column more: 'max(joints/tau_3)'.")
+@click.option("--rebuild", is_flag=True, help="Make the index anew from the logs.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
+def runs(
+    folders: tuple[Path, ...],
+    where: str,
+    words: tuple[str, ...],
+    tags: tuple[str, ...],
+    since: str | None,
+    until: str | None,
+    shown: tuple[str, ...],
+    rebuild: bool,
+    as_json: bool,
+) -> None:
+    """List the runs in folders and below, the newest last.
+
+    The first time each log is read once; what is known of it then stands in an index beside the logs.
+
+    EXPR speaks of a whole run: max(joints/tau_3), min, mean, std, rms, last, count of signals; span, lost, limits,
+    triggers, marks; a tag, a parameter, or the last value of a signal by its name.
+
+    \b
+    Examples:
+      silo runs
+      silo runs logs --where 'max(joints/tau_3) > 30 and lost == 0'
+      silo runs logs --tag slip --since 2026-11-22 --show 'rms(imu/acc_z)'
+    """
+    from silo.run_index.runs import runs as find_runs
+    from silo.run_index.runs import told_of
+
+    with progress("index") as tell:
+        found = find_runs(
+            *folders, where=where, since=since, until=until, rebuild=rebuild,
+            told=lambda done, total: tell(done / total) if tell is not None else None,
+        )  # fmt: skip
+    found = found.find(*words)
+    for tag in tags:
+        found = found.where(f"tagged(`{tag}`)")
+    columns = [(expression, found.values(expression)) for expression in shown]
+    if as_json:
+        rows = [told_of(run) | {name: values[place] for name, values in columns} for place, run in enumerate(found)]
+        show_json(rows)
+        return
+    if len(found):
+        head = ("RUN", "ROBOT", "BEGUN", "SPAN", "LOST", "LIMITS", "TASK", *(name for name, _ in columns), "SAID")
+        table = [_row(run, [f"{values[place]:.5g}" for _, values in columns]) for place, run in enumerate(found)]
+        show_rows([head, *table], right=(3, 4, 5, *range(7, 7 + len(columns))))
+    click.echo(_summary(found))
+
+
+@click.command("tag")
+@click.argument("run", metavar="RUN")
+@click.argument("tags", metavar="TAG...", nargs=-1, required=True)
+@click.option("--remove", is_flag=True, help="Take these tags from it.")
+def tag(run: str, tags: tuple[str, ...], remove: bool) -> None:
+    """Give a run tags, or take them; what is said stands beside the run, in silo-labels.jsonl.
+
+    \b
+    Examples:
+      silo tag logs/anymal_2026-11-22_14-00-00_00017.silo slip
+      silo tag 17 slip wet --remove
+    """
+    from silo.run_index.labels import read_labels
+    from silo.run_index.labels import tag as give
+
+    folder, name = _found(run)
+    give(folder, name, () if remove else tags, tags if remove else ())
+    click.echo(f"{name}: {', '.join(read_labels(folder)[name].tags) or 'no tags'}")
+
+
+@click.command("note")
+@click.argument("run", metavar="RUN")
+@click.argument("words", metavar="[WORDS]...", nargs=-1)
+@click.option("--undo", "back", is_flag=True, help="Take the last note or tag back.")
+def note(run: str, words: tuple[str, ...], back: bool) -> None:
+    """Say something of a run, in a sentence.
+
+    \b
+    Examples:
+      silo note 17 'slipped on the wet floor'
+      silo note 17 --undo
+    """
+    from silo.run_index import labels
+
+    folder, name = _found(run)
+    if back == bool(words):
+        raise click.UsageError("write what is to be noted, or --undo")
+    if back:
+        click.echo(f"{name}: took back {labels.undo(folder, name)}")
+        return
+    labels.note(folder, name, " ".join(words))
+    click.echo(f"{name}: {many(len(labels.read_labels(folder)[name].notes), 'note')}")
+
+
+def _found(run: str) -> tuple[Path, str]:
+    """The folder and the name of a run. Raises LogNotFoundError."""
+    from silo.files.naming import find_log
+
+    path = find_log(int(run) if run.isdecimal() else run)
+    if path.is_dir() and path.suffix == "":
+        raise LogNotFoundError(f"'{path}' is a folder; name a run in it")
+    return path.absolute().parent, path.stem
+
+
+def _row(run: "Run", more: list[str]) -> tuple[str, ...]:
+    facts = run.facts
+    said = " ".join([*(f"#{tag}" for tag in run.tags), *run.notes[-1:]])
+    if facts.problem:
+        said = f"can't be read: {facts.problem}"
+    elif facts.kind != "run":
+        said = f"{facts.kind} {said}".strip()
+    return (
+        facts.path, facts.robot, f"{run.begun:%Y-%m-%d %H:%M:%S}", f"{facts.span_s:.4g} s", str(facts.lost or ""),
+        str(facts.limits or ""), facts.task, *more, said,
+    )  # fmt: skip
+
+
+def _summary(found: "Runs") -> str:
+    if not len(found):
+        return "no run; look in another folder, or ask for less"
+    unread = sum(bool(run.facts.problem) for run in found)
+    more = f", of which {unread} can't be read" if unread else ""
+    return f"{many(len(found), 'run')}, {size_text(sum(run.facts.size_bytes for run in found))}{more}"

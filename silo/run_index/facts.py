@@ -1,0 +1,123 @@
+"""What the index knows of a run: where it is from, when, how long, what happened, and each signal in a few numbers."""
+
+import math
+from collections import Counter
+from pathlib import Path
+
+import msgspec
+
+from silo.analysis.plots.curves import CurveSource, picked
+from silo.analysis.reports import statistics
+from silo.core.parameters import ParameterValue
+from silo.core.recording import Recording, read_ahead
+from silo.errors import SiloError
+from silo.files.added import added_formats
+from silo.files.formats import read_recording
+from silo.files.naming import is_capture
+
+SANE_NS = 946_684_800 * 10**9  # the year 2000: stamps before it count from a start, not from 1970
+
+
+class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What a list of runs shows of one; `path` is relative to the folder of the index.
+
+    kind: `run`, or `capture` of a trigger. begun_ns: by the wall clock. span_s: from the
+    first tick to the last. rate_hz: of its ticks. lost: samples. limits, triggers, marks: how often. problem: why it
+    can't be read, then all else is empty.
+    """
+
+    path: str
+    kind: str = "run"
+    robot: str = ""
+    task: str = ""
+    begun_ns: int = 0
+    span_s: float = 0.0
+    ticks: int = 0
+    elements: int = 0
+    rate_hz: float = 0.0
+    why: str = ""
+    marks: int = 0
+    limits: int = 0
+    triggers: int = 0
+    lost: int = 0
+    failed: int = 0
+    warnings: int = 0
+    size_bytes: int = 0
+    about: dict[str, str] = {}
+    parameters: dict[str, ParameterValue] = {}
+    problem: str = ""
+
+
+class SignalFacts(msgspec.Struct, frozen=True, array_like=True):
+    """One scalar of a run and its element, over its finite samples; None where there are none."""
+
+    name: str
+    element: str
+    unit: str
+    count: int
+    least: float | None
+    most: float | None
+    mean: float | None
+    std: float | None
+    rms: float | None
+    last: float | None
+
+
+def read_facts(root: Path, name: str, size_bytes: int) -> tuple[RunFacts, list[SignalFacts]]:
+    """Read a log below a folder as a whole; one that can't be read says why."""
+    path = root / name
+    try:
+        recording = read_recording(path, added_formats)
+        facts = _facts(recording, name, size_bytes, path)
+        read_ahead(recording.elements)
+        return facts, [
+            _of_signal(picked(recording, element, entry), element.name)
+            for element in recording.elements
+            for entry in element.entries
+        ]
+    except (SiloError, OSError, MemoryError) as error:
+        begun_ns = path.stat().st_mtime_ns if path.exists() else 0
+        return RunFacts(name, begun_ns=begun_ns, size_bytes=size_bytes, problem=str(error) or type(error).__name__), []
+
+
+def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunFacts:
+    stamps = recording.time_ns
+    ticks = len(stamps)
+    span_s = float(stamps[-1] - stamps[0]) * 1e-9 if ticks else 0.0
+    happened = Counter(event.kind for event in recording.events)
+    began = recording.started_ns or (int(stamps[0]) if ticks and stamps[0] > SANE_NS else 0)
+    parameters: dict[str, ParameterValue] = {}
+    for event in recording.events:
+        parameters |= {key: new for key, _, new in (event.change.values if event.change is not None else ())}
+    return RunFacts(
+        path=name,
+        kind="capture" if is_capture(path) else "run",
+        robot=recording.logger,
+        task=recording.about.get("task", ""),
+        begun_ns=began or path.stat().st_mtime_ns - round(span_s * 1e9),
+        span_s=span_s,
+        ticks=ticks,
+        elements=len(recording.elements),
+        rate_hz=(ticks - 1) / span_s if span_s > 0 else recording.frequency_hz or 0.0,
+        why=recording.why,
+        marks=happened["marker"],
+        limits=happened["limit"],
+        triggers=happened["triggered"],
+        lost=sum(element.lost for element in recording.elements),
+        failed=sum(element.failures.count for element in recording.elements),
+        warnings=len(recording.warnings),
+        size_bytes=size_bytes,
+        about=dict(recording.about),
+        parameters=parameters,
+    )
+
+
+def _of_signal(signal: CurveSource, element: str) -> SignalFacts:
+    told = statistics(signal)
+    last = None
+    if not signal.is_text and told.minimum is not None:
+        last = float(signal.as_numbers()[0][-1])
+    return SignalFacts(
+        told.name, element, told.unit, told.samples - told.not_finite, told.minimum, told.maximum, told.mean, told.std,
+        told.rms, last if last is not None and math.isfinite(last) else None,
+    )  # fmt: skip

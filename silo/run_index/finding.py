@@ -1,0 +1,66 @@
+"""Which runs there are below a folder: names and sizes alone; of a save in several formats the best."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from silo.files.csv.metadata import SIDECAR
+from silo.files.formats import FORMATS, LOG_ENDINGS
+
+_READ = tuple(ending for one in FORMATS if one.for_logs or (one.mark and one.reader) for ending in one.endings)
+_PREFERENCE = {ending: place for place, ending in enumerate([*LOG_ENDINGS, *_READ])}
+
+
+class There(NamedTuple):
+    """A log as it lies there: what changes when it is written anew."""
+
+    size_bytes: int
+    changed_ns: int
+
+
+def logs_below(root: Path) -> dict[str, There]:
+    """Return the logs below a folder by their paths relative to it. Raises OSError where it can't be read."""
+    found: dict[str, tuple[int, str, There]] = {}
+    for name, there in _below(root, "", _names(root)):
+        stem, ending = _split(name)
+        preference = _PREFERENCE[ending]
+        if stem not in found or preference < found[stem][0]:
+            found[stem] = preference, name, there
+    return {name: there for _, name, there in found.values()}
+
+
+def _below(root: Path, folder: str, names: list[str]) -> Iterator[tuple[str, There]]:
+    present = set(names)
+    with os.scandir(root / folder) as entries:
+        for entry in entries:
+            name = entry.name
+            if name.startswith(".") or not name.isprintable():
+                continue
+            ending = _split(name)[1]
+            try:
+                if entry.is_dir():
+                    inner = _names(entry.path)
+                    if "metadata.yaml" in inner:
+                        if ending in _PREFERENCE:
+                            yield folder + name, _of_bag(Path(entry.path), inner)
+                    elif not entry.is_symlink():  # which may lead in a circle
+                        yield from _below(root, f"{folder}{name}/", inner)
+                elif ending in _PREFERENCE and (ending != ".csv" or name + SIDECAR in present):
+                    about = entry.stat()
+                    yield folder + name, There(about.st_size, about.st_mtime_ns)
+            except OSError:  # it vanished, or may not be read: the next look will see
+                continue
+
+
+def _of_bag(bag: Path, inner: list[str]) -> There:
+    about = [(bag / name).stat() for name in inner]
+    return There(sum(one.st_size for one in about), max(one.st_mtime_ns for one in about))
+
+
+def _names(folder: str | Path) -> list[str]:
+    return os.listdir(folder)  # noqa: PTH208  # of 10,000 logs no paths are made
+
+
+def _split(name: str) -> tuple[str, str]:
+    return os.path.splitext(name)  # noqa: PTH122  # likewise

@@ -1,0 +1,303 @@
+"""The index of runs: what it says against the logs themselves, conditions against NumPy, labels, damage."""
+
+import itertools
+import json
+import math
+import os
+import shutil
+import threading
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import silo
+from silo.cli.group import cli
+from silo.errors import ExpressionError
+from silo.run_index import index, labels
+from silo.run_index.facts import read_facts
+from silo.run_index.where import FACTS
+
+RUNS = 5
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Five runs below a folder: each with a larger torque, one marked, one in two formats, one without a signal."""
+    root = tmp_path_factory.mktemp("logs")
+    for number in range(RUNS):
+        clock = itertools.count(1_700_000_000_000_000_000 + number * 86_400 * 10**9, 10_000_000).__next__
+        folder = root / ("monday" if number < 3 else "tuesday")
+        folder.mkdir(exist_ok=True)
+        log = silo.Logger("anymal", frequency=100, folder=folder, script=root / "none.yaml", clock=clock,
+                          about={"task": "walk" if number % 2 else "stand"})  # fmt: skip
+        tau = log.array("tau", 3, group="joints", unit="Nm")
+        if number < 4:
+            good = log.array("success", dtype=bool)
+        log.parameter("kp", 10.0 * number, min=0, max=100)
+        log.start()
+        for tick in range(20):
+            tau[:] = number * np.sin(tick / 3 + np.arange(3))
+            if number < 4:
+                good[...] = number != 2
+            log.collect()
+        if number == 1:
+            log.mark("pushed")
+        log.save(("silo", "csv") if number == 3 else ("silo",), name=f"run{number}")
+        log.close()
+    return root
+
+
+@pytest.fixture
+def root(written, tmp_path):
+    return shutil.copytree(written, tmp_path / "logs")
+
+
+def names(runs):
+    return [run.name for run in runs]
+
+
+def test_the_index_says_what_the_logs_say(root):
+    runs = silo.runs(root)
+    assert names(runs) == [f"run{number}" for number in range(RUNS)]
+    assert names(runs[1:3]) == ["run1", "run2"]
+    for number, run in enumerate(runs):
+        log = run.open()
+        facts = run.facts
+        assert (facts.robot, facts.task, facts.ticks, facts.lost) == (
+            "anymal", "walk" if number % 2 else "stand", 20, 0)  # fmt: skip
+        assert facts.span_s == pytest.approx(log.duration_s)
+        assert facts.marks == (number == 1)
+        assert facts.parameters == {"/log/kp": 10.0 * number}
+        assert facts.elements == len(log)
+        assert run.begun.timestamp() == pytest.approx(log.recording.started_ns * 1e-9)
+        for signal in run.signals:
+            values = np.asarray(log[signal.name]).astype(float)
+            wanted = (values.min(), values.max(), values.mean(), values.std(), np.sqrt((values**2).mean()), values[-1])
+            assert (signal.count, log[signal.name].unit) == (len(values), signal.unit)
+            told = (signal.least, signal.most, signal.mean, signal.std, signal.rms, signal.last)
+            np.testing.assert_allclose(told, wanted, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("condition", "wanted"),
+    [
+        ("max(joints/tau) > 2.5", [3, 4]),
+        ("max(joints/tau_x) > 2.5Nm", [3, 4]),
+        ("max(joints/tau_x) > 2500mNm", [3, 4]),
+        ("min(joints/tau) < -2.5 and success", [3]),
+        ("not success", [2]),
+        ("success or max(joints/tau) > 3.5", [0, 1, 3, 4]),
+        ("1 < kp <= 20", [1, 2]),
+        ("marks == 1", [1]),
+        ("count(joints/tau) == 60 and lost == 0 and span < 1s", [0, 1, 2, 3, 4]),
+        ("abs(last(joints/tau_x)) * 2 >= -1 * min(joints/tau_x)", None),
+        ("tagged(wet)", []),
+    ],
+)
+def test_a_condition_is_judged_by_the_index_alone(root, condition, wanted, monkeypatch):
+    runs = silo.runs(root)
+    if wanted is None:
+        wanted = [
+            number
+            for number, run in enumerate(runs)
+            if abs(run.open()["tau_x"].values[-1]) * 2 >= -run.open()["tau_x"].values.min()
+        ]
+    monkeypatch.setattr(index, "read_facts", None)
+    assert names(silo.runs(root, where=condition)) == [f"run{number}" for number in wanted]
+
+
+def test_a_number_of_each_run_is_nan_where_it_is_missing(root):
+    values = silo.runs(root).values("last(success)")
+    assert values[:4] == [1, 1, 0, 1]
+    assert math.isnan(values[4])
+
+
+@pytest.mark.parametrize(
+    ("condition", "words"),
+    [
+        ("max(joints/ta) > 1", "no run has 'joints/ta'; did you mean /log/joints/tau"),
+        ("mean(joints/tau) > 1", "'joints/tau' means 3 signals .*: name one"),
+        ("max(joints/tau) > 1kg", "kg can't be compared with Nm"),
+        ("max(joints/tau + 1) > 1", "max takes the name of one signal"),
+        ("median(joints/tau_x) > 1", "there is no function 'median'"),
+        ("max(joints/tau", "never closed"),
+        ("quality > 1", f"no run has 'quality'; facts of a run are {', '.join(FACTS)}"),
+    ],
+)
+def test_a_condition_that_means_nothing_says_where(root, condition, words):
+    with pytest.raises(ExpressionError, match=words):
+        silo.runs(root, where=condition)
+
+
+def test_runs_are_found_by_words_and_times(root):
+    runs = silo.runs(root)
+    runs[2].tag("wet", "slip")
+    runs[3].note("Fell on the Stairs")
+    assert names(runs.find("walk")) == ["run1", "run3"]
+    assert names(runs.find("anymal", "stairs")) == ["run3"]
+    assert (
+        names(runs.find("wet")) == names(runs.where("wet")) == names(silo.runs(root, where="tagged(slip)")) == ["run2"]
+    )
+    days = [run.begun for run in runs]
+    assert names(runs.between(days[1], days[3])) == ["run1", "run2"]
+    assert names(runs.between(f"{days[0]:%Y-%m-%d}", f"{days[4]:%Y-%m-%d}")) == names(runs)
+    assert names(runs.between(until="2001-01-02 14:00")) == []
+    assert names(silo.runs(root, since=days[4].timestamp() - 1e-5)) == ["run4"]
+    with pytest.raises(silo.ElementError, match="since must be a date or time, got 'yesterday'"):
+        runs.between("yesterday")
+
+
+def test_what_changed_is_read_again_and_nothing_else(root, monkeypatch):
+    silo.runs(root)
+    read = []
+    monkeypatch.setattr(index, "read_facts", lambda *given: read.append(given[1]) or read_facts(*given))
+    assert len(silo.runs(root)) == RUNS
+    assert read == []
+    (root / "monday/run0.silo").unlink()
+    os.utime(root / "monday/run1.silo", ns=(1, 1))
+    shutil.copy(root / "monday/run2.silo", root / "tuesday/again.silo")
+    assert len(silo.runs(root)) == RUNS
+    assert sorted(read) == ["monday/run1.silo", "tuesday/again.silo"]
+    read.clear()
+    silo.runs(root, rebuild=True)
+    assert len(read) == RUNS
+
+
+def test_a_log_that_can_not_be_read_is_listed_with_the_reason(root):
+    (root / "broken.silo").write_bytes(b"#  ---\nnothing")
+    (root / "x.mcap").write_bytes(b"\x89MCAP0\r\n")
+    broken = [run for run in silo.runs(root) if run.facts.problem]
+    assert names(broken) == ["broken", "x"] or names(broken) == ["x", "broken"]
+    assert silo.runs(root, where="max(joints/tau) > 2.5")[0].name == "run3"
+
+
+@pytest.mark.parametrize("damage", [b"", b"no database at all, but a text of some length" * 99])
+def test_an_index_that_is_damaged_or_gone_is_made_anew(root, damage):
+    before = silo.runs(root).values("max(joints/tau)")
+    file = root / index.NAME
+    file.write_bytes(damage) if damage else file.unlink()
+    assert silo.runs(root).values("max(joints/tau)") == before
+    assert file.stat().st_size > 4096
+
+
+def test_where_nothing_can_be_written_the_index_is_in_memory(root, monkeypatch):
+    monkeypatch.setattr(index.os, "access", lambda *_: False)
+    assert len(silo.runs(root, where="max(joints/tau) > 2.5")) == 2
+    assert not (root / index.NAME).exists()
+
+
+def test_several_may_make_it_at_once(root):
+    found, begin = [], threading.Barrier(4)
+
+    def look():
+        begin.wait()
+        found.append(silo.runs(root).values("max(joints/tau)"))
+
+    threads = [threading.Thread(target=look) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [found[0]] * 4
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(silo.SiloError, match="there is no folder"):
+        silo.runs(tmp_path / "none")
+
+
+# ----------------------------------------------------------------------------------------------------------- labels
+
+
+def test_what_was_said_can_be_taken_back(root):
+    run = silo.runs(root)[0]
+    run.tag("slip", "wet")
+    run.note("first")
+    run.untag("slip")
+    assert (run.tags, run.notes) == (("wet",), ("first",))
+    assert [run.undo() for _ in range(4)] == ["tag slip", "note 'first'", "tag wet", "tag slip"]
+    assert (run.tags, run.notes) == ((), ())
+    with pytest.raises(silo.ElementError, match="nothing was said of 'run0'"):
+        run.undo()
+    run.tag("good")
+    assert silo.runs(root)[0].tags == ("good",)
+
+
+def test_an_index_made_anew_and_a_moved_folder_lose_no_label(root, tmp_path):
+    silo.runs(root)[4].tag("good")
+    (root / index.NAME).unlink()
+    (root / "tuesday").rename(tmp_path / "else")
+    assert silo.runs(tmp_path / "else")[1].tags == ("good",)
+
+
+def test_a_torn_line_costs_that_line_alone(root):
+    folder = root / "monday"
+    labels.tag(folder, "run0", ["one"])
+    with (folder / labels.NAME).open("ab") as file:
+        file.write(b'{"run": "run0", "add": "to')
+    labels.tag(folder, "run0", ["two"])
+    assert labels.read_labels(folder)["run0"].tags == ("one", "two")
+
+
+@pytest.mark.parametrize("word", ["", "two words", "-x", "a,b", "line\nbreak"])
+def test_a_tag_is_one_word(root, word):
+    with pytest.raises(silo.ElementError, match="tag"):
+        silo.runs(root)[0].tag("good", word)
+    assert silo.runs(root)[0].tags == ()
+
+
+def test_labels_of_many_writers_are_all_there(tmp_path):
+    threads = [
+        threading.Thread(target=lambda n=n: [labels.tag(tmp_path, "run", [f"t{n}_{i}"]) for i in range(20)])
+        for n in range(4)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(labels.read_labels(tmp_path)["run"].tags) == 80
+
+
+# -------------------------------------------------------------------------------------------------------- the shell
+
+
+def shell(*arguments):
+    return CliRunner().invoke(cli, [str(one) for one in arguments])
+
+
+def test_the_shell_lists_tags_and_notes(root, monkeypatch):
+    monkeypatch.chdir(root / "monday")
+    assert shell("tag", "run2", "slip", "wet").stdout == "run2: slip, wet\n"
+    assert shell("tag", "run2.silo", "wet", "--remove").stdout == "run2: slip\n"
+    assert shell("note", "run2", "on", "the", "floor").stdout == "run2: 1 note\n"
+    listed = shell("runs", root, "--tag", "slip", "--show", "max(joints/tau)")
+    assert listed.stdout.splitlines()[-1].startswith("1 run, ")
+    head, row = listed.stdout.splitlines()[:2]
+    assert head.split()[:3] == ["RUN", "ROBOT", "BEGUN"]
+    assert row.split()[0] == "monday/run2.silo"
+    assert row.endswith("#slip on the floor")
+    (told,) = json.loads(shell("runs", root, "-w", "floor", "--json").stdout)
+    assert (told["tags"], told["notes"], told["robot"], told["lost"]) == (["slip"], ["on the floor"], "anymal", 0)
+    assert shell("note", "run2", "--undo").stdout == "run2: took back note 'on the floor'\n"
+    assert shell("runs", root, "--where", "kp > 99").stdout == "no run; look in another folder, or ask for less\n"
+
+
+@pytest.mark.parametrize("given", [("note", "run2"), ("note", "run2", "words", "--undo")])
+def test_a_note_is_words_or_an_undo(root, given, monkeypatch):
+    monkeypatch.chdir(root / "monday")
+    assert shell(*given).exit_code == 2
+
+
+def test_a_run_that_is_not_there_is_named(root, monkeypatch):
+    monkeypatch.chdir(root)
+    told = shell("tag", "run9", "x")
+    assert (told.exit_code, "no log 'run9'" in told.output) == (1, True), told.output
+    assert not (root / labels.NAME).exists()
+
+
+def test_runs_as_a_table(root):
+    pytest.importorskip("pandas")
+    table = silo.runs(root).to_pandas()
+    assert table["robot"].tolist() == ["anymal"] * RUNS
+    assert table["span_s"].tolist() == pytest.approx([0.19] * RUNS)
