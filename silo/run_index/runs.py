@@ -16,7 +16,7 @@ from silo.errors import ElementError
 from silo.run_index import labels
 from silo.run_index.facts import RunFacts, SignalFacts
 from silo.run_index.index import RunIndex, Told
-from silo.run_index.where import Condition
+from silo.run_index.where import Query
 
 if TYPE_CHECKING:
     from silo.analysis.log import Log
@@ -191,13 +191,13 @@ class Runs(Sequence[Run]):
         rows = [told_of(run) for run in self]
         return need("pandas", "analysis", "tables of runs").DataFrame(rows)
 
-    def _judged(self, text: str, how: Callable[[Condition], Callable[..., float]]) -> list[float]:
+    def _judged(self, text: str, how: Callable[[Query], Callable[..., float]]) -> list[float]:
         known: dict[str, list[str]] = {}
         for index in self._indexes:
             for element, scalars in index.elements().items():
                 known[element] = list(dict.fromkeys([*known.get(element, ()), *scalars]))
         words = {word for run in self for word in (*run.tags, *run.facts.parameters)}
-        condition = Condition(text, known, words)
+        condition = Query(text, known, words)
         signals = [index.signals(condition.signals) for index in self._indexes]
         judge = how(condition)
         return [

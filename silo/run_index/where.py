@@ -71,7 +71,7 @@ class Value:
     unit: str = ""
 
 
-class Condition:
+class Query:
     """An expression, and which of all known signals its names mean."""
 
     def __init__(self, text: str, known: Mapping[str, Sequence[str]], words: Collection[str] = ()) -> None:
