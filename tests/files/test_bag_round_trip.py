@@ -201,7 +201,7 @@ class TestDamage:
     def small(self, tmp_path, monkeypatch):
         monkeypatch.setattr(bag, "CHUNK_BYTES", 700)
         written = recording(
-            element("/log/x", np.arange(50.0)), element("/log/s", np.array([b"ab", b""] * 25)), ticks=50
+            element("/log/x", np.arange(24.0)), element("/log/s", np.array([b"ab", b""] * 12)), ticks=24
         )
         path = tmp_path / "small.mcap"
         write_bag(written, path)

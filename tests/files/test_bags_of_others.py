@@ -276,6 +276,12 @@ class TestLazily:
 
 
 class TestOtherFiles:
+    @pytest.mark.parametrize("nested", ["[", "{a: ", "- ", "? "])
+    def test_metadata_that_is_nested_without_end_is_as_none(self, tmp_path, nested):
+        rosbag(tmp_path / "bag", StoragePlugin.MCAP, count=20)
+        (tmp_path / "bag" / "metadata.yaml").write_text(nested * 200_000)
+        assert len(opened(tmp_path / "bag")["imu/angular_velocity/x"].values) == 20
+
     def test_two_files_of_one_bag_are_one_log(self, tmp_path):
         (tmp_path / "bag").mkdir()
         (tmp_path / "bag" / "metadata.yaml").write_text(

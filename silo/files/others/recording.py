@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, Recording, common_axis, lazy_entry
+from silo.core.yaml_depth import ShallowLoader
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
 from silo.files.bags.index import DamageNotes, damage_told
@@ -165,7 +166,7 @@ def _file(path: FilePath, told: DamageNotes) -> _File:
 def _metadata(folder: FilePath, told: DamageNotes) -> dict[str, Any]:
     try:
         refuse_others(folder / "metadata.yaml")
-        found = yaml.safe_load((folder / "metadata.yaml").read_text("utf-8"))
+        found = yaml.load((folder / "metadata.yaml").read_text("utf-8"), ShallowLoader)  # noqa: S506 - a safe one
     except FileFormatError as error:
         told.add(f"{error}; which files there are, and whether their messages are compressed, is not known without it")
         return {}
