@@ -24,7 +24,14 @@ SLOW_FIXTURES = {"bench", "robots"}  # they start helper processes
 SLOW_FOLDERS = {"crash"}
 
 
+ROOM_BYTES = 4 << 30  # all folders of failed tests, and those of four tests that write much
+
+
 def pytest_configure(config: pytest.Config) -> None:
+    root = shared_memory_root()
+    if "PYTEST_DEBUG_TEMPROOT" not in os.environ and shutil.disk_usage(root).free > ROOM_BYTES:
+        # a file that is written anew goes to the disk as it is closed: half of the time of those that do so often
+        os.environ["PYTEST_DEBUG_TEMPROOT"] = str(root)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell's background job: programs would not hear
         signal.signal(signal.SIGINT, signal.default_int_handler)
     load_profile(fast=config.option.markexpr == "not slow")
@@ -112,6 +119,13 @@ def pytest_sessionfinish() -> None:
     """What a process made again that ended after its test goes as well."""
     for folder in _made:
         _remove(folder)
+
+
+@pytest.fixture
+def disk_path() -> Iterator[Path]:
+    """A folder on a disk, as `tmp_path` is where memory has no room."""
+    with tempfile.TemporaryDirectory(prefix="silo-test-") as folder:
+        yield Path(folder)
 
 
 @pytest.fixture(scope="session")

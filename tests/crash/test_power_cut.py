@@ -82,6 +82,12 @@ class Durable:
 
 
 @pytest.fixture
+def tmp_path(disk_path):
+    """What is durable is so on a disk."""
+    return disk_path
+
+
+@pytest.fixture
 def robot(runtime, tmp_path, until):
     made = Durable(tmp_path)
     yield made

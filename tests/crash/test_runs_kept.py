@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import textwrap
 import weakref
 from pathlib import Path
@@ -41,7 +42,10 @@ for tick in range({ticks}):
 
 def run_program(folder: Path, ticks: int, then: str) -> subprocess.CompletedProcess[str]:
     code = PROGRAM.format(folder=str(folder), ticks=ticks, then=textwrap.dedent(then))
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    with tempfile.TemporaryFile("w+") as told:  # no pipe, whose end comes when the helper process ends
+        done = subprocess.run([sys.executable, "-c", code], stdout=told, stderr=told, check=False)
+        told.seek(0)
+        return subprocess.CompletedProcess(done.args, done.returncode, stderr=told.read())
 
 
 def saved_values(folder: Path) -> list[int]:
