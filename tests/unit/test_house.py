@@ -33,14 +33,6 @@ def house(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def insert(file: str, code: str) -> Callable[[Path], None]:
-    def damage(house: Path) -> None:
-        path = house / file
-        path.write_text(path.read_text() + "\n\n" + code + "\n")
-
-    return damage
-
-
 def rename(old: str, new: str) -> Callable[[Path], None]:
     def damage(house: Path) -> None:
         (house / old).rename(house / new)
@@ -85,38 +77,41 @@ DAMAGES = {
     "a renamed folder of silo_tui": (rename("silo_tui/model", "silo_tui/models"), "model"),
     "a renamed module": (rename("silo/version.py", "silo/edition.py"), "version"),
     "a folder without a storey": (add_folder("silo/extra"), "silo.extra"),
-    "zenoh in the loop": (insert("silo/loop/plan.py", "import zenoh"), "silo.loop.plan -> zenoh"),
+    "an exception that nobody needs": (declare("silo.version -> silo.errors"), "silo.version -> silo.errors"),
+}
+TYPES_ALONE = "if TYPE_CHECKING:\n    from silo.logger.logger import Logger"
+# what is inserted where, and what is said of it: each of them, where all are in one house
+IMPORTS = {
+    "zenoh in the loop": ("silo/loop/plan.py", "import zenoh", "silo.loop.plan -> zenoh"),
     "zenoh within a function": (
-        insert("silo/files/saving.py", "def f() -> None:\n    import zenoh"),
+        "silo/files/saving.py",
+        "def f() -> None:\n    import zenoh",
         "silo.files.saving -> zenoh",
     ),
     "zenoh at second hand": (
-        insert("silo_tui/model/text.py", "import silo.net.session"),
+        "silo_tui/model/text.py",
+        "import silo.net.session",
         "silo_tui.model.text -> silo.net.session",
     ),
-    "a logger for type checkers": (
-        insert("silo/files/saving.py", "if TYPE_CHECKING:\n    from silo.logger.logger import Logger"),
-        "silo.files.saving -> silo.logger.logger",
-    ),
-    "the public names": (insert("silo/loop/plan.py", "from silo import Logger"), "silo.loop.plan -> silo"),
-    "a terminal": (
-        insert("silo/cli/loggers/watch.py", "import silo_tui.app"),
-        "silo.cli.loggers.watch -> silo_tui.app",
-    ),
+    "a logger for type checkers": ("silo/files/saving.py", TYPES_ALONE, "silo.files.saving -> silo.logger.logger"),
+    "the public names": ("silo/loop/plan.py", "from silo import Logger", "silo.loop.plan -> silo ("),
+    "a terminal": ("silo/cli/loggers/watch.py", "import silo_tui.app", "silo.cli.loggers.watch -> silo_tui.app"),
     "the helper within the robot program": (
-        insert("silo/logger/registrations.py", "import silo.helper.saver"),
+        "silo/logger/registrations.py",
+        "import silo.helper.saver",
         "silo.logger.registrations -> silo.helper.saver",
     ),
-    "upstairs": (insert("silo/net/keys.py", "import silo.settings.script"), "silo.net.keys -> silo.settings.script"),
+    "upstairs": ("silo/net/keys.py", "import silo.settings.script", "silo.net.keys -> silo.settings.script"),
     "a circle of siblings": (
-        insert("silo/files/atomic.py", "import silo.files.extras"),
+        "silo/files/atomic.py",
+        "import silo.files.extras",
         "No cycles are allowed in silo.files",
     ),
     "a circle far below": (
-        insert("silo/programs/demo/gait.py", "import silo.programs.demo.robot"),
+        "silo/programs/demo/gait.py",
+        "import silo.programs.demo.robot",
         "No cycles are allowed in silo.programs.demo",
     ),
-    "an exception that nobody needs": (declare("silo.version -> silo.errors"), "silo.version -> silo.errors"),
 }
 
 
@@ -127,3 +122,13 @@ def test_a_damaged_house_is_refused(case: str, house: Path) -> None:
     kept, said = lint(house)
     assert not kept
     assert word in " ".join(said.split())
+
+
+def test_each_import_that_a_contract_forbids_is_told(house: Path) -> None:
+    for file, code, _ in IMPORTS.values():
+        with (house / file).open("a") as module:
+            module.write(f"\n\n{code}\n")
+    kept, said = lint(house)
+    assert not kept
+    told = " ".join(said.split())
+    assert [case for case, (_, _, word) in IMPORTS.items() if word not in told] == []

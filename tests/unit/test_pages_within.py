@@ -32,7 +32,10 @@ def calls_of_threading(*names: str) -> Iterator[tuple[str, ast.Call]]:
     for path in sorted((ROOT / "silo").rglob("*.py")):
         if "programs" in path.parts:
             continue
-        for node in ast.walk(ast.parse(path.read_text())):
+        text = path.read_text()
+        if not any(name in text for name in names):
+            continue
+        for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.Call) and ast.unparse(node.func).removeprefix("threading.") in names:
                 yield str(path.relative_to(ROOT)), node
 
