@@ -166,7 +166,7 @@ def _file(path: FilePath, told: DamageNotes) -> _File:
 def _metadata(folder: FilePath, told: DamageNotes) -> dict[str, Any]:
     try:
         refuse_others(folder / "metadata.yaml")
-        found = yaml.load((folder / "metadata.yaml").read_text("utf-8"), ShallowLoader)  # noqa: S506 - a safe one
+        found = yaml.load((folder / "metadata.yaml").read_text("utf-8"), ShallowLoader)
     except FileFormatError as error:
         told.add(f"{error}; which files there are, and whether their messages are compressed, is not known without it")
         return {}
