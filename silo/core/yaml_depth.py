@@ -11,9 +11,11 @@ class ShallowLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ign
     depth = 0
 
     def descend_resolver(self, *_: object) -> None:
+        """Count a level that begins."""
         self.depth += 1
         if self.depth > MAX_DEPTH:
             raise yaml.MarkedYAMLError(problem=f"nested deeper than {MAX_DEPTH} levels")
 
     def ascend_resolver(self) -> None:
+        """Count it no more."""
         self.depth -= 1
