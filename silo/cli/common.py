@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
     from silo.client.client import Client
-    from silo.core.elements import ElementInfo, FileType, Status
+    from silo.core.elements import ElementInfo, Status
     from silo.fleet.discovery import Discovery
     from silo.net.found import LoggerAddress
 
@@ -356,7 +356,7 @@ def naming_ways_out(command: str, client: "Client") -> Iterator[None]:
 
 
 def types_option(command: _Command) -> _Command:
-    """Return the option `--type`, to be read by `file_types`."""
+    """Return the option `--type`, to be read by `silo.files.formats.file_types`."""
     from silo.files.formats import SAVED_NAMES
 
     return click.option(
@@ -369,13 +369,6 @@ def types_option(command: _Command) -> _Command:
         show_default=True,
         help="What to write; may be repeated.",
     )(command)
-
-
-def file_types(names: Sequence[str]) -> "tuple[FileType, ...]":
-    """Return the file types of these names, each once."""
-    from silo.files.formats import file_type
-
-    return tuple(found for name in dict.fromkeys(names) if (found := file_type(name)) is not None)
 
 
 # --------------------------------------------------------------------------------------------------------------- text

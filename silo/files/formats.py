@@ -7,15 +7,18 @@ texts and imported when they are used: this module loads neither NumPy nor any f
 
 import contextlib
 import enum
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
+from silo.core.arguments import shown
 from silo.core.elements import FileType
-from silo.errors import FileFormatError, LogNotFoundError, SaveError
+from silo.errors import ElementError, FileFormatError, LogNotFoundError, SaveError
 
 if TYPE_CHECKING:
     import os
@@ -226,6 +229,38 @@ def file_type(name: str) -> FileType | None:
     """The number under which a format is saved, by its name or ending in any case; None if there is no such format."""
     word = name.lower().removeprefix(".")
     return next((kind for kind, one in SAVED.items() if word == one.name), None)
+
+
+def file_types(given: object, call: str = "log.save") -> list[FileType]:
+    """Return the file types to save in, each once, as somebody named them in a `call`. Raises ElementError."""
+    if isinstance(given, str | bytes | bool) or not isinstance(given, Iterable):
+        given = [given]
+    return list(dict.fromkeys(_file_type(one, call) for one in given))
+
+
+def _file_type(given: object, call: str) -> FileType:
+    found = given if isinstance(given, FileType) else file_type(given) if isinstance(given, str) else None
+    if found is None:
+        raise ElementError(f"unknown file type {shown(given)}; there are {savable()}{_type_hint(given, call)}")
+    return found
+
+
+def _type_hint(given: object, call: str) -> str:
+    if not isinstance(given, str):
+        return ""
+    word = given.strip().lower()
+    if word == "binary":
+        return "; did you mean 'silo'?"
+    several = [part.strip() for part in re.split("[,; +]+", word) if part.strip()]
+    if len(several) > 1 and all(file_type(part) is not None for part in several):
+        return f"; write {several}"
+    if "." in word.lstrip("."):
+        return f"; the name is an argument of its own: {call}('csv', name={Path(given).stem!r})"
+    other = next((one for one in FORMATS if word.removeprefix(".") in (one.name, one.ending[1:])), None)
+    if other is not None:
+        return f"; silo.open_log(...).save('run{other.ending}') or `silo convert` writes {other.ending} from those"
+    near = get_close_matches(word, SAVED_NAMES, 1)
+    return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def kind_of(path: "str | os.PathLike[str]") -> FileType | None:

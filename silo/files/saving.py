@@ -17,7 +17,7 @@ from silo.core.recording import Progress, Recording, with_events
 from silo.errors import SaveError
 from silo.files.atomic import reason
 from silo.files.event_log import with_happened
-from silo.files.formats import SAVED, SAVED_NAMES, file_type
+from silo.files.formats import SAVED, file_types, savable
 from silo.files.naming import custom_path, log_path, next_run_number
 
 
@@ -52,7 +52,9 @@ def write(
     `progress` is called with the fraction of the whole, from 0 to 1. `why` it is saved, in a few words, is kept in the
     files for those who look through them.
     """
-    chosen = _file_types(types)
+    chosen = file_types(types)
+    if not chosen:
+        raise SaveError(f"no file type to save: choose from {savable()}")
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -114,19 +116,6 @@ def size_of(path: Path) -> int:
         return path.stat().st_size
     except FileNotFoundError:
         return 0
-
-
-def _file_types(types: Iterable[FileType | str]) -> list[FileType]:
-    chosen: list[FileType] = []
-    for given in [types] if isinstance(types, str | FileType) else types:
-        kind = given if isinstance(given, FileType) else file_type(given)
-        if kind is None:
-            raise SaveError(f"unknown file type '{given}': choose from {', '.join(SAVED_NAMES)}")
-        if kind not in chosen:
-            chosen.append(kind)
-    if not chosen:
-        raise SaveError(f"no file type to save: choose from {', '.join(SAVED_NAMES)}")
-    return chosen
 
 
 def _paths(folder: Path, logger: str, types: list[FileType], name: str | None) -> dict[FileType, Path]:

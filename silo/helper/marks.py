@@ -3,11 +3,14 @@
 That are its marks, changes of parameters, and arrays that nobody but silo holds any more.
 """
 
+import contextlib
 import logging
 import threading
 
+from silo.core.elements import NOTED, LoggedEvent
 from silo.core.recording import unheld_text
 from silo.errors import SegmentError
+from silo.files.event_log import lacking
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 from silo.state.events import EventNotifier
@@ -27,7 +30,7 @@ class MarkReader:
         self._replica, self._events = replica, events
         self._lock = threading.Lock()
         self._run = RunFollower(replica)
-        self._known: set[tuple[int, int, str]] = set()  # marks that a helper process before this one took
+        self._known: list[LoggedEvent] = []  # of the run, that a helper process before this one took
         self._taken, self._changed = 0, -1  # numbers of the newest mark and change; -1: nor what they were at the start
         self._unheld: set[str] = set()  # elements that were told of
         self._ended = threading.Event()
@@ -56,14 +59,11 @@ class MarkReader:
                 log.exception("the marks of a run can't be read")
             if self._run.run != before:
                 self._taken, self._changed, self._unheld = 0, -1, set()
-                self._known = self._events.log.marks_of(self._run.run) if self._run.run else set()
+                self._known = self._events.log.of_run(self._run.run) if self._run.run else []
 
     def take_left(self, reader: SegmentReader) -> None:
         """Take those of a run that ended while there was no helper process."""
-        known = self._events.log.marks_of(reader.schema.run)
-        for mark in [*reader.stamped_marks(), *reader.stamped_changes()]:
-            if (mark.time_ns, mark.tick, mark.text) not in known:
-                self._events.publish_mark(mark)
+        self._publish([*reader.stamped_marks(), *reader.stamped_changes()], self._events.log.of_run(reader.schema.run))
 
     def _watch(self) -> None:
         while not self._ended.wait(PERIOD_S):
@@ -71,24 +71,39 @@ class MarkReader:
 
     def take(self) -> None:
         """Take what there is now."""
-        self._take_marks()
-        self._take_changes()
-        self._take_unheld()
+        with self._lock, contextlib.suppress(SegmentError):  # somebody cut it short, which others tell
+            if self._run.reader is not None:
+                self._take_marks(self._run.reader)
+                self._take_changes(self._run.reader)
+                self._take_unheld(self._run.reader)
 
-    def _take_unheld(self) -> None:
-        with self._lock:
-            reader = self._run.reader
-            if reader is None:
-                return
-            try:
-                found = reader.unheld()
-            except SegmentError:  # somebody cut it short, which others tell
-                return
-            run, fresh = reader.schema.run, sorted(found.keys() - self._unheld)
-            self._unheld |= found.keys()
-            if not fresh:
-                return
-        logged = self._events.log.texts(EventKind.UNHELD.value, run)
+    def _take_marks(self, reader: SegmentReader) -> None:
+        if marks := reader.stamped_marks(self._taken):
+            self._tell_lost(marks[0].number - 1 - self._taken, "marks of the program", "it marks too often")
+            self._taken = marks[-1].number
+            self._publish(marks, self._known)
+
+    def _take_changes(self, reader: SegmentReader) -> None:
+        if changes := reader.stamped_changes(self._changed):
+            lost = changes[-1].number - self._changed - len(changes) + (self._changed < 0)
+            self._tell_lost(lost, "changes of parameters", "they change too often")
+            self._changed = max(self._changed, changes[-1].number, 0)
+            self._publish(changes, self._known)
+
+    def _tell_lost(self, lost: int, what: str, why: str) -> None:
+        if lost > 0 and not any(one.kind in NOTED for one in self._known):
+            text = f"{lost} {what} were overwritten before they could be read: {why}"
+            self._events.publish(EventKind.LOST, text, run=self._run.run)
+
+    def _publish(self, noted: list[LoggedEvent], known: list[LoggedEvent]) -> None:
+        for one in lacking(noted, known):
+            self._events.publish_mark(one)
+
+    def _take_unheld(self, reader: SegmentReader) -> None:
+        found, run = reader.unheld(), reader.schema.run
+        fresh = sorted(found.keys() - self._unheld)
+        self._unheld |= found.keys()
+        logged = self._events.log.texts(EventKind.UNHELD.value, run) if fresh else set()
         for name in fresh[:MOST_UNHELD]:
             text = f"{name}: {unheld_text(found[name])}"
             if text not in logged:  # else a helper process before this one told it
@@ -96,43 +111,3 @@ class MarkReader:
         if len(fresh) > MOST_UNHELD:
             text = f"nobody but silo holds the arrays of {len(fresh) - MOST_UNHELD} more elements either"
             self._events.publish(EventKind.UNHELD, text, run=run)
-
-    def _take_changes(self) -> None:
-        with self._lock:
-            reader = self._run.reader
-            if reader is None:
-                return
-            try:
-                changes = reader.stamped_changes(self._changed)
-            except SegmentError:  # somebody cut it short, which others tell
-                return
-            if not changes:
-                return
-            lost = max(0, changes[-1].number - self._changed - len(changes))
-            self._changed = max(self._changed, changes[-1].number, 0)
-            fresh = [one for one in changes if (one.time_ns, one.tick, one.text) not in self._known]
-        if lost and not self._known:
-            text = f"{lost} changes of parameters were overwritten before they could be read: they change too often"
-            self._events.publish(EventKind.LOST, text, run=reader.schema.run)
-        for one in fresh:
-            self._events.publish_mark(one)
-
-    def _take_marks(self) -> None:
-        with self._lock:
-            reader = self._run.reader
-            if reader is None:
-                return
-            try:
-                marks = reader.stamped_marks(self._taken)
-            except SegmentError:  # somebody cut it short, which others tell
-                return
-            if not marks:
-                return
-            lost = marks[0].number - 1 - self._taken
-            self._taken = marks[-1].number
-            fresh = [mark for mark in marks if (mark.time_ns, mark.tick, mark.text) not in self._known]
-        if lost > 0 and not self._known:
-            text = f"{lost} marks of the program were overwritten before they could be read: it marks too often"
-            self._events.publish(EventKind.LOST, text, run=reader.schema.run)
-        for mark in fresh:
-            self._events.publish_mark(mark)

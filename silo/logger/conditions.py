@@ -26,7 +26,6 @@ from silo.core.elements import (
 from silo.errors import ElementError, SaveError
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
-from silo.settings.file_types import file_types
 
 log = logging.getLogger("silo")
 
@@ -255,6 +254,7 @@ class LoggerConditions:
             ElementError: a number or name makes no sense; also for a `pre` that is longer than what buffers hold, with
                 the size that would do.
         """
+        from silo.files.formats import file_types
         from silo.judging.definitions import MOST_TRIGGER_S, seconds
 
         if when is None:

@@ -19,7 +19,6 @@ from silo.logger.registrations import Registrations
 from silo.logger.results import LoggedElement, NewValues, NewValuesReader, SavedFiles, look_at
 from silo.logger.unclosed import save_run
 from silo.loop.run import Run
-from silo.settings.file_types import file_types
 
 log = logging.getLogger("silo")
 
@@ -129,6 +128,8 @@ class RunData:
             SaveError: the system refuses. Nothing stands under the final name, the data is still in memory.
             StateError: nothing was logged yet.
         """
+        from silo.files.formats import file_types  # the control program loads nothing of files until it saves
+
         chosen = file_types(types)
         name = text("name", name or "", 'log.save(name="first_walk")')
         where = path("folder", folder) if folder else Path(self._options.folder)

@@ -8,7 +8,6 @@ from silo.core.arguments import text, whole
 from silo.core.calls import told_class
 from silo.core.elements import Conditions, FileType, FileTypes
 from silo.rpc.declaring import Caller, Do, Lane, Reply, SlowAsk, ask, change, given
-from silo.settings.file_types import file_types
 
 
 class RecordingFile(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -134,6 +133,8 @@ class RecordingRequests(Caller):
         Returns:
             The number of the job for `wait_saved`.
         """
+        from silo.files.formats import file_types
+
         return self._call(Save(types=file_types(types, "client.save"), name=name)).job
 
     @ask("ListRecordings", slow=True)

@@ -86,6 +86,15 @@ def is_due(schema: SegmentSchema) -> bool:
     return False
 
 
+def has_left(logger: str, logger_id: str) -> bool:
+    """Whether recorders, or runs that are held, wait for the next helper process of a logger."""
+    with contextlib.suppress(SegmentError):  # no runtime folder: then nothing is left in it either
+        if recorders_path(logger, logger_id).exists():
+            return True
+        return any(path.name.lstrip(".").startswith(f"{logger}.") for path in list_held())
+    return False
+
+
 # --------------------------------------------------------------------------------------------------- the life of a name
 
 

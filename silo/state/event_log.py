@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from silo.core.elements import NOTED, LoggedEvent
+from silo.core.elements import LoggedEvent
 from silo.core.recording import MOST_EVENTS
 from silo.files.event_log import append_events, lacking, read_events
 
@@ -105,10 +105,6 @@ class EventLog:
     def texts(self, kind: str, run: str) -> set[str]:
         """Return what stands there of a kind, of a run."""
         return {event.text for event in self.of_run(run) if event.kind == kind}
-
-    def marks_of(self, run: str) -> set[tuple[int, int, str]]:
-        """Return wall clock, tick and text of what the program noted in a run that is in the log: marks, changes."""
-        return {(event.time_ns, event.tick, event.text) for event in self.of_run(run) if event.kind in NOTED}
 
     # -------------------------------------------------------------------------------------------------- the thread
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from silo.core.elements import FileType, LoggedEvent
-from silo.errors import LogNotFoundError, SaveError
+from silo.errors import ElementError, LogNotFoundError, SaveError
 from silo.files import PartlySavedError, atomic, write
 from silo.files.atomic import atomic_file, atomic_folder
 from silo.files.event_log import append_events
@@ -124,7 +124,7 @@ def test_other_names_are_taken(name):
 
 
 def test_an_unknown_type_is_refused(recording, tmp_path):
-    with pytest.raises(SaveError, match="unknown file type 'xls': choose from silo, csv, bag"):
+    with pytest.raises(ElementError, match="unknown file type 'xls'; there are silo, csv and bag"):
         write(recording, tmp_path, "robot", ["xls"])
     with pytest.raises(SaveError, match="no file type"):
         write(recording, tmp_path, "robot", [])

@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from silo.cli.common import file_types
 from silo.cli.verbs import Listing, LoggerFirst, verb
 from silo.core.quantities.writing import clock_text, many
-from silo.files.formats import SAVED_NAMES
+from silo.files.formats import SAVED_NAMES, file_types
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -59,7 +58,7 @@ def _made(name: str, when: str, pre: str, post: str, edge: str, rearm: str, pers
 
     return TriggerOptions(
         name, when, given("pre", pre), given("post", post), edge, rearm, given("persist", persist),
-        given("holdoff", holdoff), mode, file_types(types), keep,
+        given("holdoff", holdoff), mode, tuple(file_types(types)), keep,
     )  # fmt: skip
 
 

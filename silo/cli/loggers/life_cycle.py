@@ -7,7 +7,6 @@ import click
 from silo.cli.bulk import carry_out, everyone_option, many_meant
 from silo.cli.common import (
     connect,
-    file_types,
     json_option,
     logger_argument,
     naming_ways_out,
@@ -115,6 +114,8 @@ def save(logger: str | None, types: tuple[str, ...], name: str, timeout: float, 
       silo save demo -t silo -t bag --name first_walk
       silo save 'robot*/anymal' --all
     """
+    from silo.files.formats import file_types
+
     chosen = file_types(types)
     if (found := many_meant("save", logger, everyone=everyone)) is not None:
         from silo.client.bulk import saving

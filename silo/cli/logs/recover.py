@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import TypedPath, file_types, json_option, show_json, types_option
+from silo.cli.common import TypedPath, json_option, show_json, types_option
 from silo.core.elements import FileType
 from silo.core.quantities.writing import many, size_text
 from silo.errors import SaveError, SegmentError, SiloError
@@ -52,6 +52,7 @@ def recover(
       silo recover --folder logs -t silo -t csv
     """
     from silo.core.runtime import list_segments
+    from silo.files.formats import file_types
 
     chosen = file_types(types)
     single, stale = _meant(paths, look_in)

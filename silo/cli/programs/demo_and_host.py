@@ -7,8 +7,8 @@ from typing import Any, TypeVar
 import click
 from click.core import ParameterSource
 
-from silo.cli.common import TypedPath, configuration, file_types
-from silo.files.formats import SAVED_NAMES
+from silo.cli.common import TypedPath, configuration
+from silo.files.formats import SAVED_NAMES, file_types
 
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
 
@@ -69,7 +69,7 @@ def before() -> Path | None:
 
 def _read(given: dict[str, Any]) -> dict[str, Any]:
     """Return what was typed, as the options of the programs have it."""
-    return {**given, "save": file_types(given["save"]), "config": given["config"] or before()}
+    return {**given, "save": tuple(file_types(given["save"])), "config": given["config"] or before()}
 
 
 @click.command()

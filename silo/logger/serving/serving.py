@@ -25,7 +25,6 @@ from silo.core.elements import FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
 from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.logger.serving.answers import Served, answer, robot_state
-from silo.logger.serving.consumers import has_left
 from silo.logger.serving.down import DownMark
 from silo.logger.serving.identity import drawn_id
 from silo.logger.serving.patience import FROZEN_ROUNDS, ROUND_S, Patience
@@ -39,6 +38,7 @@ from silo.requests import AnyReply
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused, answered
+from silo.segment.held_runs import has_left
 from silo.state.handover import RobotState, RunOffer, offer_run
 
 log = logging.getLogger("silo")
@@ -499,7 +499,7 @@ class Serving:
         logger = self._logger_ref()
         if self._parted() or logger is None:
             return
-        if has_left(logger.options) or (logger.ticks and logger._conditions.extras.judged):
+        if has_left(logger.options.name, logger.options.id) or (logger.ticks and logger._conditions.extras.judged):
             try:
                 self._spawn()
             except (SiloError, OSError) as error:
