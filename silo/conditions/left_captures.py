@@ -20,7 +20,7 @@ from silo.core.runtime import HELD_SUFFIX
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import add_missing, read_events
 from silo.files.manifest import CaptureList
-from silo.recorder.left_recordings import log_start
+from silo.recovery.left import log_start
 from silo.recovery.segments import claimed
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import held_runs, is_due, is_live, program_of, remove

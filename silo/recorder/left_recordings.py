@@ -21,7 +21,7 @@ from silo.files.event_log import add_missing
 from silo.files.manifest import read_written
 from silo.recorder.orders import CLOSED
 from silo.recorder.process import RecorderHandover, RecorderProcess, store, stored
-from silo.recovery.left import claimed_file
+from silo.recovery.left import claimed_file, log_start
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import Program, held_runs, is_live, number_of, readers
 from silo.segment.layout import SegmentSchema
@@ -93,14 +93,6 @@ def _complete(path: Path, kept: Sequence[RecorderHandover], tell: Tell) -> list[
             log_start(reader)
     store(path, rest)
     return problems
-
-
-def log_start(reader: SegmentReader) -> None:
-    """Have the event log say that a run was started, where nobody was there to say so."""
-    schema = reader.schema
-    kind, stamp_ns = EventKind.STARTED.value, reader.stamp_of(0)
-    started = LoggedEvent(kind, "started", schema.started_ns, 0, stamp_ns, schema.logger, schema.run)
-    add_missing(schema.folder, schema.logger, schema.run, [started])
 
 
 def _runs_of(program: Program, closing: contextlib.ExitStack) -> list[SegmentReader]:

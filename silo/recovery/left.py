@@ -11,10 +11,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-
-import msgspec
 
 from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
 from silo.core.runtime import is_at, open_own
@@ -70,25 +67,31 @@ def saved_text(files: list[SavedFile], held: Holdings) -> str:
     return f"saved {held.text}: {describe(files)}"
 
 
+def log_start(reader: RunReader) -> None:
+    """Have the event log say that a run was started, where nobody was there to say so."""
+    schema = reader.schema
+    add_missing(schema.folder, schema.logger, schema.run, [_start(reader)])
+
+
+def _start(reader: RunReader) -> LoggedEvent:
+    schema, stamp_ns = reader.schema, reader.stamp_of(0) if isinstance(reader, SegmentReader) else 0
+    return LoggedEvent("started", "started", schema.started_ns, 0, stamp_ns, schema.logger, schema.run)
+
+
 def log_end(reader: RunReader, saved: str = "", log: Callable[..., object] = add_missing) -> None:
     """Have the event log say what nobody came to say of a run that a dead program left, each line once.
 
     That it was started, what its program noted, how it ended, and what was `saved` of it by now. Whoever comes first
     says it, be it the helper process, a recorder on its own, the next start, or `silo recover`; `log` is how.
     """
-    schema, last = reader.schema, reader.ticks - 1
-    line = partial(LoggedEvent, who=schema.logger, run=schema.run)
-    lines = [line("started", "started", schema.started_ns, 0)]
-    stamp_ns = 0
+    schema, noted, stopped, stamp_ns = reader.schema, [], "", 0
     if isinstance(reader, SegmentReader):
+        noted = sorted([*reader.stamped_marks(), *reader.stamped_changes()], key=lambda one: one.tick)
+        stopped = "" if reader.running else reader.stop_reason or "stopped"
         stamp_ns = reader.last_time_ns
-        lines = [msgspec.structs.replace(lines[0], stamp_ns=reader.stamp_of(0))]
-        lines += sorted([*reader.stamped_marks(), *reader.stamped_changes()], key=lambda one: one.tick)
-        if not reader.running:
-            lines.append(line(STOPPED, reader.stop_reason or "stopped", time.time_ns(), last, stamp_ns))
-    lines.append(line(CRASHED, death_text(schema.pid), time.time_ns(), last, stamp_ns))
-    if saved:
-        lines.append(line("recovered", saved, time.time_ns(), last, stamp_ns))
+    ends = {STOPPED: stopped, CRASHED: death_text(schema.pid), "recovered": saved}
+    at = time.time_ns(), reader.ticks - 1, stamp_ns, schema.logger, schema.run
+    lines = [_start(reader), *noted, *(LoggedEvent(kind, text, *at) for kind, text in ends.items() if text)]
     log(schema.folder, schema.logger, schema.run, lines)
 
 
