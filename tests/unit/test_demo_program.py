@@ -6,6 +6,7 @@ import signal
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from silo.analysis.log import Log
@@ -20,6 +21,7 @@ from silo.programs.demo.program import (
     loop_variables,
     make_robot,
     register,
+    tuning,
 )
 from silo.programs.demo.signals import divider_at
 from silo.programs.rate import EndSignals, Rate
@@ -222,7 +224,7 @@ def test_it_starts_at_any_frequency(tmp_path: Path, frequency_hz: float) -> None
     options = DemoOptions(frequency_hz=frequency_hz)
     log = Logger("demo", frequency=frequency_hz, max_time=0, folder=tmp_path, script=tmp_path / "demo.yaml")
     register(log, make_robot(options)[1])
-    assert len(loop_variables(log)) == LOOP_ELEMENTS
+    assert len(loop_variables(log)) + len(tuning(log)) == LOOP_ELEMENTS
     log.update()
     judge(log)
     assert [trigger.name for trigger in log.extras.triggers] == ["slip"]
@@ -237,3 +239,13 @@ def test_rates_are_the_same_at_every_frequency() -> None:
             assert rate_hz <= frequency_hz
             if frequency_hz >= 400:
                 assert rate_hz == pytest.approx(400 / divider, rel=0.5)
+
+
+def test_what_lands_in_a_tick_the_robot_does_in_its_next_step(demo: Logger) -> None:
+    robot, _ = make_robot(DemoOptions(frequency_hz=100, elements=12, seed=1))
+    robot.tuning = tuning(demo)
+    demo.parameters.set({"body_height": 0.52, "kp": 3000.0})
+    for _ in range(40):
+        robot.step()
+    assert robot.base.pose[2] > 0.5
+    assert np.all(robot.joints.gain_p == 3000)

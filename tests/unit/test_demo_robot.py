@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from silo.programs.demo.gait import FEET_M, MISSION_S, Gait, foot_paths, leg_angles, leg_positions, phase_at
 from silo.programs.demo.program import LOOP_ELEMENTS, DemoOptions, make_robot
-from silo.programs.demo.robot import AMBIENT_C, GRAVITY_M_S2, MASS_KG, SimulatedRobot
+from silo.programs.demo.robot import AMBIENT_C, GRAVITY_M_S2, MASS_KG, SimulatedRobot, Tuning
 from silo.programs.demo.signals import DriveState, signals
 
 Recorded = dict[str, NDArray[np.float64]]
@@ -156,6 +156,32 @@ def test_the_demo_has_five_hundred_elements_of_distinct_names() -> None:
     assert len({(signal.group, signal.name) for signal in chosen}) == len(chosen)
 
 
-@pytest.mark.parametrize("wanted", [4, 10, 500, 501, 10_000])
+@pytest.mark.parametrize("wanted", [8, 10, 500, 501, 10_000])
 def test_the_number_of_elements_is_as_asked_for(wanted: int) -> None:
     assert len(make_robot(DemoOptions(elements=wanted))[1]) + LOOP_ELEMENTS == wanted
+
+
+@pytest.mark.parametrize(
+    ("lower", "higher", "watched"),
+    [
+        (Tuning(step_height=0.05), Tuning(step_height=0.14), lambda robot: np.abs(robot.joints.torque)),
+        (Tuning(body_height=0.53), Tuning(body_height=0.41), lambda robot: np.abs(robot.joints.torque)),
+        (Tuning(body_height=0.41), Tuning(body_height=0.53), lambda robot: robot.base.pose[2]),
+        (Tuning(kp=5000.0), Tuning(kp=1000.0), lambda robot: np.abs(robot.joints.tracking_error)),
+        (Tuning(kp=1000.0), Tuning(kp=5000.0), lambda robot: robot.legs.impact),
+        (Tuning(kd=30.0), Tuning(kd=3.0), lambda robot: np.abs(np.diff(robot.joints.deflection))),
+    ],
+    ids=["higher steps", "bent knees", "taller", "soft", "stiff", "damped"],
+)
+def test_its_parameters_change_how_it_walks(
+    lower: Tuning, higher: Tuning, watched: Callable[[SimulatedRobot], NDArray[np.float64]]
+) -> None:
+    sums = []
+    for tuning in (lower, higher):
+        robot, total = SimulatedRobot(200, seed=1), 0.0
+        robot.tuning = tuning
+        for _ in range(900):
+            robot.step()
+            total += float(np.mean(watched(robot)))
+        sums.append(total)
+    assert sums[1] > 1.03 * sums[0]

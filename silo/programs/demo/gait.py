@@ -15,7 +15,7 @@ LEGS = ("LF", "RF", "LH", "RH")
 JOINTS = ("HAA", "HFE", "KFE")  # hip abduction, hip flexion, knee flexion
 
 HEIGHT_M = 0.48  # hip above ground in the nominal stance
-SWING_HEIGHT_M = 0.08
+STEP_HEIGHT_M = 0.08
 THIGH_M, SHANK_M = 0.30, 0.32
 HIPS_M = np.array([[0.33, 0.12, 0.0], [0.33, -0.12, 0.0], [-0.33, 0.12, 0.0], [-0.33, -0.12, 0.0]])
 HIP_OFFSETS_M = np.array([0.09, -0.09, 0.09, -0.09])  # from the abduction axis outwards to the leg's plane

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from silo.core.elements import NO_EXTRAS, Action, FileType
 from silo.core.quantities.writing import many, size_text
 from silo.logger.logger import Logger
-from silo.programs.demo.robot import SimulatedRobot
-from silo.programs.demo.signals import LoggedSignal, divider_at, signals
+from silo.programs.demo.gait import HEIGHT_M, STEP_HEIGHT_M
+from silo.programs.demo.robot import SimulatedRobot, Tuning
+from silo.programs.demo.signals import GAIN_D_NMS_RAD, GAIN_P_NM_RAD, LoggedSignal, divider_at, signals
 from silo.programs.rate import EndSignals, Rate
 
 FREQUENCY_HZ = 400.0
 PARENT_LOOK_S = 1.0
-LOOP_ELEMENTS = 4
+LOOP_ELEMENTS = 8  # four that the loop watches of itself, four parameters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +64,7 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
     )
     register(log, chosen)
     step_us, late_us, skipped, ticks = loop_variables(log)
+    robot.tuning = tuning(log)
     log.update(read_script=bool(options.script) or script.exists())  # ours need not be there
     judge(log)
 
@@ -122,6 +124,20 @@ def loop_variables(log: Logger) -> tuple[NDArray[Any], ...]:
     )
 
 
+def tuning(log: Logger) -> Tuning:
+    """Offer how it walks to be tuned: what lands at the end of a tick, its next step does."""
+    return Tuning(
+        log.parameter("body_height", HEIGHT_M, min=0.4, max=0.54, step=0.005, unit="m", group="gait",
+                      description="hips above ground; lower bends the knees, whose torque rises"),
+        log.parameter("step_height", STEP_HEIGHT_M, min=0.02, max=0.16, step=0.005, unit="m", group="gait",
+                      description="feet above ground; higher steps take more torque"),
+        log.parameter("kp", GAIN_P_NM_RAD, min=500, max=5000, step=50, unit="Nm/rad", group="gains",
+                      description="stiffness of all joints; softer ones follow worse, stiffer ones come down harder"),
+        log.parameter("kd", GAIN_D_NMS_RAD, min=2, max=50, step=0.5, unit="Nm*s/rad", group="gains",
+                      description="damping of all joints"),
+    )  # fmt: skip
+
+
 def register(log: Logger, chosen: Sequence[LoggedSignal]) -> None:
     """Add the elements to the logger."""
     for signal in chosen:
@@ -164,6 +180,7 @@ def welcome(log: Logger) -> str:
         f"  folder  {options.folder}\n"
         f"  watch   silo-tui {options.name}   or   silo watch {options.name}\n"
         "  slips   it slips at random: in silo-tui, T lists the trigger 'slip', and t arms it\n"
+        f"  tune    how it walks: in silo-tui, P lists its parameters; or `silo param ls {options.name}`\n"
         "  end     Ctrl-C"
     )
 

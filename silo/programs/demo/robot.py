@@ -6,13 +6,14 @@ square of the current. Sensors have the faults of real ones. Variables keep thei
 """
 
 import math
+from typing import NamedTuple, SupportsFloat
 
 import numpy as np
 
 from silo.programs.demo.gait import (
     FEET_M,
     HEIGHT_M,
-    SWING_HEIGHT_M,
+    STEP_HEIGHT_M,
     TIMINGS,
     Floats,
     Gait,
@@ -22,10 +23,19 @@ from silo.programs.demo.gait import (
     leg_positions,
     phase_at,
 )
-from silo.programs.demo.signals import GAIN_P_NM_RAD, GRAVITY_M_S2, BatteryState, ContactState, DriveState, Variables
+from silo.programs.demo.signals import (
+    GAIN_D_NMS_RAD,
+    GAIN_P_NM_RAD,
+    GRAVITY_M_S2,
+    BatteryState,
+    ContactState,
+    DriveState,
+    Variables,
+)
 
 MASS_KG = 50.0
 TORQUE_LIMIT_NM = 80.0
+ROTOR_KG_M2 = 0.05  # of each drive through its gear: higher steps take more torque
 TORQUE_CONSTANT_NM_A = 3.2  # at the joint, through the gear
 RESISTANCE_OHM = 0.15
 AMBIENT_C = 22.0
@@ -44,6 +54,15 @@ _ODOMETRY = np.array([1.004, 1.004, 1.0])  # legs slip a little, so that the est
 _BEAMS_RAD = np.linspace(-np.pi, np.pi, 32, endpoint=False)
 
 
+class Tuning(NamedTuple):
+    """What is tuned while it walks: numbers, or parameters of a logger."""
+
+    body_height: SupportsFloat = HEIGHT_M
+    step_height: SupportsFloat = STEP_HEIGHT_M
+    kp: SupportsFloat = GAIN_P_NM_RAD
+    kd: SupportsFloat = GAIN_D_NMS_RAD
+
+
 class SimulatedRobot(Variables):
     """The whole robot. `step()` moves it on by one tick of `1 / frequency_hz` seconds.
 
@@ -57,6 +76,8 @@ class SimulatedRobot(Variables):
         self.ticks = 0
         super().__init__(channels)
         self.base.rotation = np.eye(3)  # which nobody logs
+        self.tuning = Tuning()
+        self._height, self._height_rate = HEIGHT_M, 0.0
         self._channel_rates = 2 * np.pi * random.uniform(0.05, 5.0, channels)
         self._noise = random.standard_normal((_NOISE_ROWS, 96))  # drawn once: 1 us per tick instead of 10
         self._chance = random.random((_NOISE_ROWS, 8))
@@ -97,6 +118,7 @@ class SimulatedRobot(Variables):
         self._sense(noise, chance)
         self._think(phase, noise, chance)
         if self.ticks % SLOW_TICKS == 0:
+            self.joints.gain_p[:], self.joints.gain_d[:] = float(self.tuning.kp), float(self.tuning.kd)
             self._warm(SLOW_TICKS * self.dt)
             self._drain(SLOW_TICKS * self.dt, noise)
         if self.channels.size:
@@ -127,7 +149,10 @@ class SimulatedRobot(Variables):
         self._y += dt * (forward * sine + left * cosine)
         angle = 2 * math.pi * self._phase
         self._sway = 0.006 * moving * math.sin(angle)
-        height = HEIGHT_M - 0.006 * moving * (1 - math.cos(2 * angle))
+        # it takes half a second to stand up: 9 cm at once are 6 m/s^2
+        self._height_rate += dt * (64.0 * (float(self.tuning.body_height) - self._height) - 16.0 * self._height_rate)
+        self._height += dt * self._height_rate
+        height = self._height - 0.006 * moving * (1 - math.cos(2 * angle))
         position = np.array([self._x - self._sway * sine, self._y + self._sway * cosine, height])
         push = self._push_rad_s2 if self.ticks < self._push_until else 0.0
         self._tilt_rate += dt * (push - 80.0 * self._tilt - 8.0 * self._tilt_rate)
@@ -153,7 +178,7 @@ class SimulatedRobot(Variables):
         forward, left, turn = self._velocity.tolist()
         seconds = float(controller.duty) * float(controller.cycle_time) * self._moving
         stride = (np.array([forward, left]) + turn * _LEVERS_M) * seconds
-        feet = foot_paths(legs.phase, float(controller.duty), stride, SWING_HEIGHT_M * self._moving)
+        feet = foot_paths(legs.phase, float(controller.duty), stride, float(self.tuning.step_height) * self._moving)
         feet[:, 1] -= self._sway
         feet[:, 2] += HEIGHT_M - float(self.base.pose[2])
         roll, pitch, _ = self.base.euler.tolist()
@@ -177,7 +202,8 @@ class SimulatedRobot(Variables):
         legs.force_command[:] = np.outer(load / max(float(load.sum()), 0.2), wanted)
         legs.contact_force[:] = legs.force_command
         since_touchdown = legs.phase * float(self.controller.cycle_time)
-        legs.impact[:] = contact * (70.0 * self._moving) * np.exp(-since_touchdown / 0.012)
+        stiffness = math.sqrt(float(self.tuning.kp) / GAIN_P_NM_RAD)  # stiff legs come down hard
+        legs.impact[:] = contact * (70.0 * self._moving * stiffness) * np.exp(-since_touchdown / 0.012)
         legs.contact_force[:, 2] += legs.impact
         legs.force_sensor[:] = legs.contact_force[:, 2] + 2.5 * noise[:4]
         if chance[0] < 0.0015:
@@ -207,7 +233,9 @@ class SimulatedRobot(Variables):
         """Angles from the feet, torques from the forces, currents from the torques."""
         joints, legs, dt = self.joints, self.legs, self.dt
         command = leg_angles(legs.foot_target).ravel()
-        joints.velocity_command[:] = (command - joints.position_command) / dt
+        velocity_command = (command - joints.position_command) / dt
+        swung = ROTOR_KG_M2 * (velocity_command - joints.velocity_command) / dt
+        joints.velocity_command[:] = velocity_command
         joints.position_command[:] = command
 
         position = command - joints.deflection + 2e-5 * noise[8:20]
@@ -224,10 +252,12 @@ class SimulatedRobot(Variables):
         forces = legs.contact_force @ self.base.rotation
         joints.gravity_torque[:] = -np.matmul(forces[:, None, :], legs.jacobian).ravel()
         joints.friction_torque[:] = 0.5 * np.tanh(20.0 * joints.velocity_command) + 0.12 * joints.velocity_command
-        joints.torque_command[:] = joints.gravity_torque + joints.friction_torque
+        joints.torque_command[:] = joints.gravity_torque + joints.friction_torque + swung
         joints.torque[:] = joints.torque_command + 0.15 * noise[20:32]
-        # drive and gear give way with a time constant of 10 ms
-        joints.deflection += min(1.0, dt / 0.01) * (joints.torque / GAIN_P_NM_RAD - joints.deflection)
+        # drive and gear give way, with the gains of the start in 10 ms
+        kp, kd = float(self.tuning.kp), float(self.tuning.kd)
+        settled_s = 0.01 * (kd / GAIN_D_NMS_RAD) * (GAIN_P_NM_RAD / kp)
+        joints.deflection += min(1.0, dt / settled_s) * (joints.torque / kp - joints.deflection)
         np.subtract(joints.position_command, joints.position, out=joints.tracking_error)
         strength = np.abs(joints.torque)
         np.subtract(TORQUE_LIMIT_NM, strength, out=joints.torque_margin)
@@ -312,7 +342,6 @@ class SimulatedRobot(Variables):
         charge = float(battery.charge)
         if charge < 0.2:
             battery.state = BatteryState.LOW if charge > 0.05 else BatteryState.CRITICAL
-        self.legs.board_voltage[:] = battery.voltage - 0.02 * self.legs.board_current
         estimator.covariance[0, 0] += 1e-7 * seconds
         estimator.covariance[1, 1] += 1e-7 * seconds
         estimator.covariance[0, 1] = estimator.covariance[1, 0] = 2e-8 * math.sin(self._yaw)

@@ -21,6 +21,7 @@ LOOPING, FIXED, GROWING = BufferType.LOOPING, BufferType.FIXED, BufferType.GROWI
 
 GRAVITY_M_S2 = 9.81
 GAIN_P_NM_RAD = 2500.0
+GAIN_D_NMS_RAD = 12.0
 
 
 class ContactState(enum.IntEnum):
@@ -131,7 +132,7 @@ _JOINT = (
     DemoSignal("thermal_load", "%", 40, LIVE, "of the winding, 100 is 110 degC"),
     DemoSignal("drive_temperature", "degC", 400, SAVE, "power electronics", start=30.0),
     DemoSignal("gain_p", "Nm/rad", 400, start=GAIN_P_NM_RAD, dtype="f4", buffer=FIXED, size=10),
-    DemoSignal("gain_d", "Nm*s/rad", 400, start=12.0, dtype="f4", buffer=FIXED, size=10),
+    DemoSignal("gain_d", "Nm*s/rad", 400, start=GAIN_D_NMS_RAD, dtype="f4", buffer=FIXED, size=10),
 )
 
 # of each of the four legs
@@ -156,7 +157,6 @@ _LEG = (
     DemoSignal("ground_height", "m", 4, SAVE, "under the foot, in the world, kept while it swings"),
     DemoSignal("power", "W", 40, LIVE, "electrical power of the three drives"),
     DemoSignal("board_temperature", "degC", 400, LIVE, "motor driver board", start=30.0),
-    DemoSignal("board_voltage", "V", 40, start=48.0),
     DemoSignal("board_current", "A", 40),
     DemoSignal("fan_speed", "rpm", 400, dtype="u2"),
 )
