@@ -102,6 +102,7 @@ _SETTINGS = ("settings",)
 _RECORDINGS = ("recordings",)
 _TRIGGERS = ("triggers",)
 _ALARMS = ("alarms",)
+_PARAMETERS = ("parameters",)
 _CONDITIONS = _TRIGGERS + _ALARMS
 _EVENTS = ("events",)
 _BOTH = ("table", "monitor")
@@ -118,8 +119,8 @@ _PLOTS = _MONITORS + _DETAILS
 _LIVE_PLOTS = _MONITOR + _DETAIL
 _FILE_PLOTS = _FILE_MONITOR + _FILE_DETAIL
 _HAPPENED = _EVENTS + _FILE_EVENTS
-_ASIDE = _CONDITIONS + _RECORDINGS + _EVENTS
-_MARKED = _CONDITIONS + _RECORDINGS + _LOGGERS
+_ASIDE = _CONDITIONS + _PARAMETERS + _RECORDINGS + _EVENTS
+_MARKED = _CONDITIONS + _PARAMETERS + _RECORDINGS + _LOGGERS
 _ORDERED = _MARKED + _HAPPENED
 _LISTS = _ORDERED + _SETTINGS
 FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL + _FILE_EVENTS
@@ -169,8 +170,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("next_buffer", "b", "Buffer", _words("buffer"), "Edit", _TABLE, writes=True),
     Command("next_action", "p", "Publish", _words("action"), "Edit", _TABLE, writes=True),
     Command("edit_all", "equals_sign", "Set to", "type a value, beginning with =", "Edit", _TABLE, writes=True),
-    Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE, 14, typed=Typed(("undo",))),
-    Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE, typed=Typed(("redo",))),
+    Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE + _PARAMETERS, 14, typed=Typed(("undo",))),
+    Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE + _PARAMETERS, typed=Typed(("redo",))),
     Command("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 6, writes=True, asks=True,
             typed=Typed(("apply",))),
     Command("discard", "x", "Discard", "drop pending edits of the row or of what is marked; forget a derived signal",
@@ -269,7 +270,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("set_marker", "M", "Marker", "mark the tick on the screen (paused: at cursor A) with some words", "Events",
             _BOTH + _DETAIL + _EVENTS, writes=True, asks=True, typed=Typed(("marker",))),
     Command("events", "E", "Events", "what happened, and who did it", "Go",
-            _TABLES + _PLOTS + _CONDITIONS + _RECORDINGS,
+            _TABLES + _PLOTS + _CONDITIONS + _PARAMETERS + _RECORDINGS,
             typed=Typed(("events",))),
     Command("go_to_event", "enter", "Go there", "the plots stand still where it happened", "Events", _HAPPENED, 1),
     Command("write_events", "w", "Write", "the lines that are shown to a CSV file here", "Events", _HAPPENED, 5),
@@ -290,7 +291,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 7),
     # ---------------------------------------------------------------------------------------------- recordings
     Command("recordings", "F", "Recordings", "what was saved on the robot: open, fetch, delete", "Go",
-            _BOTH + _DETAIL + _CONDITIONS + _EVENTS, asks=True, typed=Typed(("files",))),
+            _BOTH + _DETAIL + _CONDITIONS + _PARAMETERS + _EVENTS, asks=True, typed=Typed(("files",))),
     Command("open_recording", "enter", "Open", "look into it here; Esc comes back", "Recordings", _RECORDINGS, 1),
     Command("fetch_recording", "w", "Fetch", "copy it to this machine; goes on where a link was cut", "Recordings",
             _RECORDINGS, 2, asks=True),
@@ -304,11 +305,11 @@ COMMANDS: tuple[Command, ...] = (
             writes=True, asks=True),
     # -------------------------------------------------------------------------------------- triggers and alarms
     Command("triggers", "T", "Triggers", "conditions that save what was logged around them", "Go",
-            _TABLE + _MONITOR + _DETAIL + _ALARMS + _RECORDINGS + _EVENTS, typed=Typed(("triggers",))),
+            _TABLE + _MONITOR + _DETAIL + _ALARMS + _PARAMETERS + _RECORDINGS + _EVENTS, typed=Typed(("triggers",))),
     Command("alarms", "A", "Alarms", "what is, or was, beyond its limits", "Go",
-            _TABLE + _MONITOR + _DETAIL + _TRIGGERS + _RECORDINGS + _EVENTS, typed=Typed(("alarms",))),
+            _TABLE + _MONITOR + _DETAIL + _TRIGGERS + _PARAMETERS + _RECORDINGS + _EVENTS, typed=Typed(("alarms",))),
     Command("plot_conditions", "m", "Plots", "plot what the line, or what is marked, is about", "Triggers and alarms",
-            _CONDITIONS, 7),
+            _CONDITIONS + _PARAMETERS, 7),
     Command("trigger_toggle", "t", "Arm/Off", "have the trigger watch, or no more", "Triggers", _TRIGGERS, 1,
             writes=True, asks=True),
     Command("trigger_edit", "e", "Edit", "change the trigger", "Triggers", _TRIGGERS, 2, writes=True, asks=True),
@@ -328,6 +329,29 @@ COMMANDS: tuple[Command, ...] = (
     Command("alarm_worst", "enter", "To its worst", "plot it, the worst sample under the cursor", "Alarms", _ALARMS, 2),
     Command("alarm_limits", "e", "Limits", "other limits for the signal", "Alarms", _ALARMS, 3, writes=True, asks=True),
     Command("alarm_new", "N", "New", "give a signal limits", "Alarms", _ALARMS, 4, writes=True, asks=True),
+    # ---------------------------------------------------------------------------------------------- parameters
+    Command("parameters", "P", "Parameters", "what the program offers to be tuned: turn it, undo it, keep presets",
+            "Go", _BOTH + _DETAIL + _CONDITIONS + _RECORDINGS + _EVENTS, asks=True,
+            typed=Typed(("parameters", "param"))),
+    Command("turn_down", "h,left,less_than_sign", "Turn", "the parameter a step down; the word before", "Parameters",
+            _PARAMETERS, 1, writes=True, asks=True, shown_key="←→"),
+    Command("turn_up", "l,right,greater_than_sign", "Turn up", "the parameter a step up; the word after", "Parameters",
+            _PARAMETERS, writes=True, asks=True),
+    Command("turn_plotted_down", "less_than_sign", "Turn", "turn the parameter in the plot a step down", "Parameters",
+            _MONITOR, writes=True, asks=True, shown_key="< >"),
+    Command("turn_plotted_up", "greater_than_sign", "Turn up", "turn the parameter in the plot a step up", "Parameters",
+            _MONITOR, writes=True, asks=True),
+    Command("turn_far_down", "shift+left", "Far", "ten steps down", "Parameters", _PARAMETERS, 2, writes=True,
+            asks=True, shown_key="⇧←→"),
+    Command("turn_far_up", "shift+right", "Far up", "ten steps up", "Parameters", _PARAMETERS, writes=True, asks=True),
+    Command("type_parameter", "e,enter", "Edit", "type its value", "Parameters", _PARAMETERS, 3, writes=True,
+            asks=True),
+    Command("default_parameter", "x", "Default", "back to the default, or those of all that are marked, after a "
+            "question", "Parameters", _PARAMETERS, 4, writes=True, asks=True),
+    Command("save_preset", "w", "Save", "all values to a preset on this machine", "Parameters", _PARAMETERS, 5),
+    Command("load_preset", "L", "Load", "a preset, after a question that shows what it changes", "Parameters",
+            _PARAMETERS, 6, writes=True, asks=True),
+    Command("compare_preset", "c", "Compare", "with a preset, or no longer", "Parameters", _PARAMETERS, 9),
     # ------------------------------------------------------------------------------------------------ settings
     Command("settings", "f2", "Settings", "colours, keys, columns, mouse and the like", "Go", ("any",),
             typed=Typed(("settings",))),

@@ -286,8 +286,13 @@ class SiloApp(Guarded, App[None]):
 
         self._go_aside("alarms", AlarmsScreen)
 
+    def command_parameters(self) -> None:
+        from silo_tui.screens.parameters import ParametersScreen
+
+        self._go_aside("parameters", ParametersScreen)
+
     def _go_aside(self, scope: str, kind: "Callable[[Session], SiloScreen]") -> None:
-        """Go to triggers, alarms, recordings or events; from one of them to another in its place."""
+        """Go to triggers, alarms, parameters, recordings or events; from one of them to another in its place."""
         screen = self.context.upper_screen
         if screen is None or screen.scope == scope or not self.context.has_session:
             return

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 import zenoh
 
-from silo.core.elements import LoggedEvent, SavedFile, Status
+from silo.core.elements import PARAMETER, LoggedEvent, SavedFile, Status
 from silo.net.access.senders import came_by_network
 from silo.net.keys import Root
 from silo.rpc.published import Event, EventKind
@@ -122,8 +122,8 @@ class EventNotifier:
         return status.last_tick_ns if tick == status.ticks - 1 else self._replica.stamp_of(tick)
 
     def publish_mark(self, mark: LoggedEvent) -> None:
-        """Log and publish a mark of the program; without a status, for there may be many at once."""
-        self._put(self.log.add(mark))
+        """Log and publish a mark of the program, or who changed a parameter; without a status, as they may be many."""
+        self._put(self.log.add(mark), by=mark.who if mark.kind == PARAMETER else "")
 
     def _put(self, one: LoggedEvent, **more: Any) -> None:
         """Publish an event, with `more` than its line in the log has."""

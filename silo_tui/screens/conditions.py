@@ -1,5 +1,5 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
-"""What the lists of triggers and of alarms share: how conditions stand is asked for anew each second."""
+"""What the lists of triggers, alarms and parameters share: how they stand is asked for anew each second."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -47,8 +47,12 @@ class ConditionsScreen(ListScreen[Status]):
 
     async def _ask(self) -> None:
         if self.session.connected:
-            await self.context.quietly(self.session.refresh_conditions())
+            await self.context.quietly(self.refresh_standing())
         self.show()
+
+    async def refresh_standing(self) -> None:
+        """Ask how all that is listed stands."""
+        await self.session.refresh_conditions()
 
     async def carry_out(self, job: "Callable[[Client], str]") -> None:
         """Ask for something, and say what came of it: last, as keys are for what comes of it until then.
@@ -57,7 +61,7 @@ class ConditionsScreen(ListScreen[Status]):
         """
         said = await self.context.link.call(job)
         try:
-            await self.session.refresh_conditions()
+            await self.refresh_standing()
         finally:
             self.show()
             self.marks.settle()
@@ -92,13 +96,16 @@ class ConditionsScreen(ListScreen[Status]):
         self.ask()
 
     def command_plot_conditions(self) -> None:
+        if targets := self.targets():
+            self.plot([name for one in targets for name in self.signals_of(one)])
+
+    def plot(self, found: Sequence[str]) -> None:
+        """Plot the first of these that are signals of the table."""
         from silo_tui.screens.monitor import MonitorScreen
 
         source = LiveSource(self.session)
-        targets = self.targets()
-        found = dict.fromkeys(name for one in targets for name in self.signals_of(one))
-        names = [name for name in found if source.element(name) is not None][:MOST_PLOTS]
+        names = [name for name in dict.fromkeys(found) if source.element(name) is not None][:MOST_PLOTS]
         if names:
             self.app.push_screen(MonitorScreen(self.session, source, names))
-        elif targets:
+        else:
             self.say("nothing of it can be plotted: it is no signal of the table")

@@ -96,6 +96,26 @@ class MonitorScreen(PlotScreen):
         else:
             self._go_to(at_ns + 2 * cells * self.window.column_ns(self.stack.columns))
 
+    def command_turn_plotted_down(self) -> None:
+        run_aside(self, "turning", self._turn, -1)
+
+    def command_turn_plotted_up(self) -> None:
+        run_aside(self, "turning", self._turn, 1)
+
+    async def _turn(self, steps: int) -> None:
+        """Turn the parameter whose plot is chosen."""
+        plotted, knobs = self.stack.chosen_plot, self.session.knobs
+        if plotted is None:
+            return
+        try:
+            if plotted.element.name not in knobs.known:
+                await knobs.refresh(self.context.link)
+            words = await knobs.turn(self.context.link, plotted.element.name, steps)
+        except SiloError as error:
+            words = str(error)
+        if words:
+            self.say(words)
+
     def command_earlier(self) -> None:
         self._pan(-1)
 

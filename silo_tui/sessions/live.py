@@ -34,6 +34,7 @@ from silo_tui.model.sparklines import trends
 from silo_tui.model.table import TableState
 from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn
 from silo_tui.sessions.link import Link, ViewRequest
+from silo_tui.sessions.parameters import Knobs
 from silo_tui.sessions.recordings import Fetching
 
 if TYPE_CHECKING:
@@ -91,6 +92,7 @@ class Session:
         self.beyond: dict[str, str] = {}  # the worst sign of each element that is beyond its limits
         self.recorders: list[RecorderInfo] = []  # endless recordings, as they were asked for last
         self.paces: dict[str, WritingPace] = {}  # how fast each of them writes
+        self.knobs = Knobs()
         self.conditions_due = True  # something happened to them since they were asked for
         self.rows_of: dict[str, ElementReport] = {}  # what a file tells, by element
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
@@ -386,8 +388,9 @@ class Session:
     async def take_event(self, event: Event) -> None:
         """Follow what happened in the logger."""
         self.conditions_due = self.conditions_due or event.kind in _CONDITION_KINDS
-        if event.logged > (self.happened[-1].number if self.happened else 0) + 1:
-            await self.learn_events()  # news got lost on their way
+        lost = event.logged > (self.happened[-1].number if self.happened else 0) + 1  # news, on their way
+        if lost or event.kind is EventKind.PARAMETER:  # of which the line of the log says more
+            await self.learn_events()
         self._note(event)
         if event.job:
             self.saves[event.job] = event

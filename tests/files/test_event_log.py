@@ -4,12 +4,11 @@ import errno
 import fcntl
 import json
 
-import msgspec
 import pytest
 
 from silo.core.elements import LoggedEvent
 from silo.files import event_log
-from silo.files.event_log import add_missing, append_events, event_log_path, loggers_with_events, read_events
+from silo.files.event_log import append_events, event_log_path, loggers_with_events, read_events
 
 
 def line(number, run="r1", text="x"):
@@ -136,23 +135,3 @@ def test_a_newer_silo_s_fields_are_passed_over(tmp_path):
     path = event_log_path(tmp_path, "bot")
     path.write_text(json.dumps({**json.loads(path.read_text()), "place": "lab"}) + "\n")
     assert read_events(tmp_path, "bot") == [line(1)]
-
-
-@pytest.mark.parametrize("first", [append_events, add_missing])
-def test_that_a_program_died_is_said_once_whoever_comes_first(tmp_path, first):
-    died = LoggedEvent("crashed", "the robot program (process 7) ended without close()", 5, 9, run="r1", number=3)
-    again = msgspec.structs.replace(died, time_ns=6)
-    append_events(tmp_path, "bot", [line(1), line(2)])
-    for say in (first, append_events, add_missing):
-        if say is append_events:
-            say(tmp_path, "bot", [again])
-        else:
-            say(tmp_path, "bot", "r1", [line(2), died, msgspec.structs.replace(line(1), tick=4)])
-    found = read_events(tmp_path, "bot")
-    assert [one.kind for one in found].count("crashed") == 1
-    assert [one.tick for one in found if one.kind == "marker"] == [1, 2, 4], "marks are told apart by their moments"
-
-
-def test_of_a_logger_whose_folder_is_gone_nothing_is_told(tmp_path):
-    add_missing(tmp_path / "gone", "bot", "r1", [line(1)])
-    assert list(tmp_path.iterdir()) == []

@@ -39,11 +39,12 @@ from silo.version import VERSION
 from silo_tui.sessions.finder import Found, FoundLogger
 from tests.stand_ins.fake_changes import FakeChanges
 from tests.stand_ins.fake_conditions import FakeConditions
+from tests.stand_ins.fake_parameters import FakeParameters
 from tests.stand_ins.fake_rows import FakePin, FakeRows, FakeView
 from tests.stand_ins.fake_signals import FOLDER, HZ, OWN_NAME, QUIET_SCRIPT, START_NS, held_ticks, robot_elements
 
 
-class FakeClient(FakeRows, FakeChanges, FakeConditions):
+class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
     """One logger. `calls` holds what was asked to change it; `advance` moves its clock."""
 
     kinds = EventKind
@@ -80,6 +81,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions):
         self._link: Callable[[bool], None] = lambda connected: None
         self._events = self._jobs = self._stopped_ns = 0
         self.happened: list[LoggedEvent] = []
+        FakeParameters.__init__(self)
 
     # -- what tests do
 

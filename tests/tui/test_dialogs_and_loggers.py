@@ -327,6 +327,7 @@ def test_every_command_has_its_method():
     from silo_tui.screens.file_table import FileTableScreen
     from silo_tui.screens.loggers import LoggersScreen
     from silo_tui.screens.monitor import FileMonitorScreen, MonitorScreen
+    from silo_tui.screens.parameters import ParametersScreen
     from silo_tui.screens.recordings import RecordingsScreen
     from silo_tui.screens.scope import ScopeScreen
     from silo_tui.screens.settings import SettingsScreen
@@ -349,6 +350,7 @@ def test_every_command_has_its_method():
         "file_events": FileEventsScreen,
         "triggers": TriggersScreen,
         "alarms": AlarmsScreen,
+        "parameters": ParametersScreen,
     }
     for command in COMMANDS:
         for scope in command.scopes if "any" not in command.scopes else screens:

@@ -9,13 +9,14 @@ import pytest
 import silo_tui
 from silo_tui.actions import COMMANDS, commands_for, key_of, key_that_retries, use_keys, why_no_use
 
-# T table, P plots, D large plot, G triggers, A alarms, R recordings, E events, L loggers, H settings; each on a logger,
-# and, where there is one, on a file
+# T table, P plots, D large plot, G triggers, A alarms, R recordings, E events, L loggers, H settings, K parameters;
+# each on a logger, and, where there is one, on a file
 SCREENS = {
     "T": ("table", "file"), "P": ("monitor", "file_monitor"), "D": ("detail", "file_detail"), "G": ("triggers",),
     "A": ("alarms",), "R": ("recordings",), "E": ("events", "file_events"), "L": ("loggers",), "H": ("settings",),
+    "K": ("parameters",),
 }  # fmt: skip
-ALL = "TPDGARELH"
+ALL = "TPDGARELHK"
 # keys; what their commands are called, any of these words; where
 LAW = (
     ("j down", "next down older", ALL),
@@ -27,40 +28,40 @@ LAW = (
     ("home", "top first oldest start follow", ALL),
     ("end", "bottom last now end oldest", ALL),
     ("0", "all whole", "PD"),
-    ("left right h l", "field cursor", "TPD"),
-    ("shift+left shift+right", "far", "PD"),
+    ("left right h l", "field cursor turn", "TPDK"),
+    ("shift+left shift+right", "far", "PDK"),
     ("comma full_stop", "sample", "PD"),
-    ("enter", "edit detail open plot go to capture worst change", "TPGARELH"),
+    ("enter", "edit detail open plot go to capture worst change", "TPGARELHK"),
     ("escape", "back", ALL),
     ("tab", "field view", "TPDRH"),
-    ("slash", "filter search", "TGARELH"),
-    ("o", "order", "TGAREL"),
+    ("slash", "filter search", "TGARELHK"),
+    ("o", "order", "TGARELK"),
     ("C", "columns", "TGAREL"),
     ("z", "fold", "TPL"),
     ("n", "entry", "TP"),
     ("Z", "zero", "TP"),
-    ("space", "mark pause", "TPDGARL"),
-    ("asterisk", "all", "TGARL"),
-    ("V", "range", "TGARL"),
-    ("e", "edit limits change", "TGAH"),
+    ("space", "mark pause", "TPDGARLK"),
+    ("asterisk", "all", "TGARLK"),
+    ("V", "range", "TGARLK"),
+    ("e", "edit limits change", "TGAHK"),
     ("t", "on/off arm/off stop", "TGR"),
-    ("x", "discard remove delete default", "TPGRH"),
+    ("x", "discard remove delete default", "TPGRHK"),
     ("d", "divider", "T"),
     ("s", "size", "T"),
     ("b", "buffer", "T"),
     ("p", "publish", "T"),
     ("equals_sign", "set", "T"),
-    ("u", "undo", "T"),
-    ("ctrl+r", "redo", "T"),
+    ("u", "undo", "TK"),
+    ("ctrl+r", "redo", "TK"),
     ("a", "apply", "T"),
     ("i", "inspector", "T"),
-    ("m", "monitor plot", "TGA"),
-    ("r", "refresh again", "TGARELD"),
+    ("m", "monitor plot", "TGAK"),
+    ("r", "refresh again", "TGARELDK"),
     ("S", "start", "TPL"),
     ("R", "restart", "TPL"),
-    ("L", "load", "TL"),
+    ("L", "load", "TLK"),
     ("W", "save", "TL"),
-    ("w", "save write fetch", "TPDREHL"),
+    ("w", "save write fetch", "TPDREHLK"),
     ("plus minus", "shorter longer", "PD"),
     ("y", "scale", "PD"),
     ("Y", "log", "PD"),
@@ -70,8 +71,8 @@ LAW = (
     ("f", "find", "PD"),
     ("right_square_bracket left_square_bracket", "found peak", "PD"),
     ("right_curly_bracket left_curly_bracket", "event newer older", "PDE"),
-    ("c", "catch", "PD"),
-    ("less_than_sign greater_than_sign", "level", "P"),
+    ("c", "catch compare", "PDK"),
+    ("less_than_sign greater_than_sign", "level turn", "PK"),
     ("exclamation_mark", "force", "G"),
     ("X", "swap", "D"),
     ("N", "new record", "TPGAR"),
@@ -79,12 +80,13 @@ LAW = (
     ("K", "acknowledge", "A"),
     ("O", "overlay", "R"),
     ("D", "demo", "L"),
-    ("T", "triggers", "TPDGAREL"),
-    ("A", "alarms", "TPDGAREL"),
-    ("F", "recordings", "TPDGAREL"),
-    ("E", "events", "TPDGAREL"),
-    ("ctrl+l", "loggers", "TPDGARE"),
-    ("f2", "settings", "TPDGAREL"),
+    ("T", "triggers", "TPDGARELK"),
+    ("A", "alarms", "TPDGARELK"),
+    ("F", "recordings", "TPDGARELK"),
+    ("E", "events", "TPDGARELK"),
+    ("P", "parameters", "TPDGARELK"),
+    ("ctrl+l", "loggers", "TPDGAREK"),
+    ("f2", "settings", "TPDGARELK"),
     ("colon", "command", ALL),
     ("question_mark", "help", ALL),
     ("ctrl+p", "palette", ALL),
@@ -92,7 +94,7 @@ LAW = (
     ("ctrl+z", "suspend", ALL),
 )
 EDITING = "e t x d s b p equals_sign u ctrl+r a S R L W r w N M"
-OF_LOGGERS = "T A F ctrl+l"
+OF_LOGGERS = "T A F P ctrl+l"
 # what the law wants and isn't there, and why
 LEFT_OUT = {
     "table": (),
@@ -102,9 +104,7 @@ LEFT_OUT = {
         ("left right h l tab", "there are no fields to edit"),
         ("Z", "its statistics are of the whole run"),
     ),
-    "monitor": (
-        ("less_than_sign greater_than_sign", "in the scope, to which c leads"),
-    ),
+    "monitor": (),
     "detail": (),
     "triggers": (("C", "one set of columns"), ("T", "here already")),
     "alarms": (("C", "one set of columns"), ("A", "here already")),
@@ -112,15 +112,16 @@ LEFT_OUT = {
         ("C", "one set of columns"), ("F", "here already"), ("tab", "one view"),
     ),
     "events": (("C", "one set of columns"), ("E", "here already")),
+    "parameters": (("P", "here already"),),
     "loggers": (
         ("C", "one set of columns"), ("z", "no branches"), ("W", "the table of one logger: there"),
-        ("T A F E", "of a logger: Enter opens one"),
+        ("T A F E P", "of a logger: Enter opens one"),
     ),
     "settings": (("tab", "one view"),),
 }  # fmt: skip
 LEFT_OUT["file_monitor"] = (
     *LEFT_OUT["monitor"], ("c Z", "of what comes"),
-    ("space S R N M", "a file stands still, and nothing of it is edited"),
+    ("space S R N M less_than_sign greater_than_sign", "a file stands still, and nothing of it is edited"),
     (OF_LOGGERS, "of a logger"),
 )  # fmt: skip
 LEFT_OUT["file_detail"] = (*LEFT_OUT["detail"], ("r space c M", "nothing comes any more"), (OF_LOGGERS, "of a logger"))
@@ -181,7 +182,7 @@ def test_every_screen_is_held_against_the_law():
 
 def test_a_key_without_a_use_says_where_it_has_one():
     assert why_no_use("V", "monitor") == "V (Range) has no use here: it is a key of table, file, triggers and others"
-    assert why_no_use("P", "table") == "P is no key of silo-tui; ? shows those that are"
+    assert why_no_use("Q", "table") == "Q is no key of silo-tui; ? shows those that are"
     assert why_no_use("t", "file") == "a saved file: nothing to edit"
 
 

@@ -1,0 +1,124 @@
+"""The parameters of an open logger: what they are, and what was set from here, which can be undone."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from silo.core.parameters import ParameterInfo, ParameterValue, value_text
+from silo.errors import ElementError, RefusedError
+from silo_tui.model.parameters import stepped, why_fixed
+from silo_tui.sessions.link import Link
+
+if TYPE_CHECKING:
+    from silo.client.client import Client
+
+MOST_STEPS_BACK = 100
+
+Values = dict[str, ParameterValue]
+
+
+@dataclass(frozen=True)
+class Set:
+    """What was set from here at once: before and after. `turned`: by arrows, so that the next ones may join it."""
+
+    before: Values
+    after: Values
+    turned: bool = False
+
+
+@dataclass
+class Knobs:
+    """What a screen knows of parameters, and where arrows have come to that nobody answered yet."""
+
+    known: dict[str, ParameterInfo] = field(default_factory=dict)
+    locked: bool = False
+    preset: str = ""  # the file that they are compared with
+    beside: Values = field(default_factory=dict)  # its values
+    done: list[Set] = field(default_factory=list)
+    undone: list[Set] = field(default_factory=list)
+    asked: Values = field(default_factory=dict)
+    _sending: bool = False
+
+    async def refresh(self, link: Link) -> None:
+        """Ask for all of them; an older silo has none."""
+        try:
+            table = await link.read(lambda client: client._list_parameters())
+        except RefusedError:
+            self.known = {}
+            raise
+        self.known = {one.name: one for one in table.parameters}
+        self.locked = table.locked
+
+    def check(self, name: str) -> ParameterInfo:
+        """Return a parameter that may be set. Raises ElementError, which says why not."""
+        info = self.known.get(name)
+        if info is None:
+            raise ElementError(f"{name} is no parameter: the program offers it not to be tuned")
+        if why := why_fixed(info, locked=self.locked):
+            raise ElementError(why)
+        return info
+
+    async def set(self, link: Link, values: Mapping[str, ParameterValue], *, turned: bool = False) -> str:
+        """Set some as one change; return what became of it, in words. It can be undone."""
+        before = {name: self.check(name).value for name in values}
+        words = await self._set(link, values)
+        self.undone.clear()
+        last = self.done[-1] if self.done else None
+        if turned and last is not None and last.turned and last.after == before:
+            self.done[-1] = Set(last.before, dict(values), turned=True)
+        else:
+            self.done = [*self.done[-MOST_STEPS_BACK + 1 :], Set(before, dict(values), turned)]
+        return words
+
+    async def undo(self, link: Link, *, again: bool = False) -> str:
+        """Take back what was set last from here, or set it again. Raises ElementError where somebody set it since."""
+        of, to = (self.undone, self.done) if again else (self.done, self.undone)
+        if not of:
+            raise ElementError("nothing to redo" if again else "nothing was set from here")
+        last = of[-1]
+        is_now, becomes = (last.before, last.after) if again else (last.after, last.before)
+        await self.refresh(link)
+        of.pop()  # what somebody else set since is not taken back: the one before it is next
+        for name, value in is_now.items():
+            if (info := self.known.get(name)) is not None and info.value != value:
+                short = name.rpartition("/")[2]
+                raise ElementError(
+                    f"somebody else set {short} to {value_text(info.value, info.unit)} since: that stays; type it, or "
+                    "undo once more for what was before"
+                )
+        words = await self._set(link, becomes)
+        to.append(last)
+        return words
+
+    async def turn(self, link: Link, name: str, steps: int) -> str:
+        """Move a number on, from where the last of these went: a slow link brings several steps as one change."""
+        info = self.check(name)
+        self.asked[name] = stepped(info, self.asked.get(name, info.value), steps)
+        if self._sending:
+            return ""
+        words, self._sending = "", True
+        try:
+            while self.asked:
+                one, value = next(iter(self.asked.items()))
+                if value == self.known[one].value:
+                    words = f"{one.rpartition('/')[2]} is {value_text(value, info.unit)}: it goes no further"
+                else:
+                    words = await self.set(link, {one: value}, turned=True)
+                if self.asked[one] == value:
+                    del self.asked[one]
+        finally:
+            self.asked.clear()  # also of those that failed, or whose screen was left
+            self._sending = False
+        return words
+
+    async def _set(self, link: Link, values: Mapping[str, ParameterValue]) -> str:
+        told = await link.call(lambda client: _set_by(client, values))
+        await self.refresh(link)
+        now = [self.known[name] for name in values if name in self.known]
+        first = [f"{one.name.rpartition('/')[2]} {value_text(one.value, one.unit)}" for one in now]
+        more = f" and {len(first) - 3} more" if len(first) > 3 else ""
+        return f"{', '.join(first[:3])}{more}: {told}"
+
+
+def _set_by(client: "Client", values: Mapping[str, ParameterValue]) -> str:
+    return client.parameters.set(values).text

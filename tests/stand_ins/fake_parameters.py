@@ -1,0 +1,39 @@
+"""Parameters of a made-up logger: what is set holds at once."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from msgspec.structs import replace
+
+from silo.core.parameters import ParameterInfo, ParameterKind, ParameterValue, Writable
+from silo.parameters.requests import ParametersSet, ParameterTable
+
+FLOAT = ParameterKind.FLOAT
+PARAMETERS = [
+    ParameterInfo("/log/gait/height", FLOAT, 0.48, (), 0.4, 0.54, 0.005, "m", value=0.48, description="above ground"),
+    ParameterInfo("/log/gait/name", ParameterKind.ENUM, "trot", choices=("walk", "trot", "pace"), value="trot"),
+    ParameterInfo("/log/gains/kp", FLOAT, 40.0, (), 0.0, 200.0, unit="Nm/rad", value=40.0, locked=True),
+    ParameterInfo("/log/gains/fixed", FLOAT, 1.0, value=1.0, writable=Writable.NO),
+]
+
+
+class FakeParameters:
+    """`parameters_locked` is what the program says; `put` sets as somebody else does."""
+
+    calls: list[tuple[Any, ...]]
+
+    def __init__(self) -> None:
+        self.parameter_infos = list(PARAMETERS)
+        self.parameters_locked = False
+        self.parameters = self
+
+    def put(self, values: Mapping[str, ParameterValue]) -> None:
+        self.parameter_infos = [replace(one, value=values.get(one.name, one.value)) for one in self.parameter_infos]
+
+    def set(self, values: Mapping[str, ParameterValue]) -> ParametersSet:
+        self.calls.append(("set_parameters", dict(values)))
+        self.put(values)
+        return ParametersSet("a", 17)
+
+    def _list_parameters(self) -> ParameterTable:
+        return ParameterTable(list(self.parameter_infos), self.parameters_locked)
