@@ -57,6 +57,7 @@ _ROWS = (
     ("Saved files", "compare", "logs.files:compare_command", "Compare the signals of two runs."),
     ("Other viewers", "foxglove", "programs.foxglove", "Show a logger in Foxglove, PlotJuggler."),
     ("Other viewers", "ros2", "programs.ros2", "Show a logger to ROS 2, by rmw_zenoh."),
+    ("Other viewers", "mcp", "programs.mcp", "Show runs to an agent, read-only."),
     ("Programs", "demo", "programs.demo_and_host", "Run a simulated legged robot that logs."),
     ("Programs", "host", "programs.demo_and_host", "Log this computer."),
     ("Programs", "remote", "network.remote", "Reach loggers of other computers."),
