@@ -195,6 +195,17 @@ def test_what_ends_it_brings_the_value_back_at_once_without_a_jump(robot, end, w
     assert not robot.parameters.landing.waiting
 
 
+def test_a_gain_goes_as_far_as_asked_and_comes_back_from_there_in_a_straight_line(robot):
+    change = excite(robot, Excitation("kp", Wave.STEP, -1.5, 8.0, ramp_s=0.25))
+    turn(robot, 1)
+    assert float(robot.parameters["kp"]) == 38.5
+    stopped(robot, change)
+    turn(robot, 0.13)
+    assert float(robot.parameters["kp"]) == 39.5  # half-way, in its steps
+    turn(robot, 0.2)
+    assert float(robot.parameters["kp"]) == 40.0
+
+
 @pytest.mark.parametrize("by_client", [False, True])
 def test_who_sets_the_value_has_the_last_word(robot, by_client):
     change = excite(robot, Excitation("kp", Wave.CHIRP, 2.0, 8.0, 1.0, 50.0, 0.5))
