@@ -16,7 +16,6 @@ from pathlib import Path
 from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
 from silo.core.runtime import is_at, open_own
 from silo.errors import StateError
-from silo.files.event_log import CRASHED, add_missing
 from silo.journal.holdings import Holdings, recording_holdings
 from silo.journal.reader import JournalReader
 from silo.recovery.damage import damage
@@ -69,6 +68,8 @@ def saved_text(files: list[SavedFile], held: Holdings) -> str:
 
 def log_start(reader: RunReader) -> None:
     """Have the event log say that a run was started, where nobody was there to say so."""
+    from silo.files.event_log import add_missing  # which a program that just starts has no use for
+
     schema = reader.schema
     add_missing(schema.folder, schema.logger, schema.run, [_start(reader)])
 
@@ -78,12 +79,14 @@ def _start(reader: RunReader) -> LoggedEvent:
     return LoggedEvent("started", "started", schema.started_ns, 0, stamp_ns, schema.logger, schema.run)
 
 
-def log_end(reader: RunReader, saved: str = "", log: Callable[..., object] = add_missing) -> None:
+def log_end(reader: RunReader, saved: str = "", log: Callable[..., object] | None = None) -> None:
     """Have the event log say what nobody came to say of a run that a dead program left, each line once.
 
     That it was started, what its program noted, how it ended, and what was `saved` of it by now. Whoever comes first
     says it, be it the helper process, a recorder on its own, the next start, or `silo recover`; `log` is how.
     """
+    from silo.files.event_log import CRASHED, add_missing
+
     schema, noted, stopped, stamp_ns = reader.schema, [], "", 0
     if isinstance(reader, SegmentReader):
         noted = sorted([*reader.stamped_marks(), *reader.stamped_changes()], key=lambda one: one.tick)
@@ -92,7 +95,7 @@ def log_end(reader: RunReader, saved: str = "", log: Callable[..., object] = add
     ends = {STOPPED: stopped, CRASHED: death_text(schema.pid), "recovered": saved}
     at = time.time_ns(), reader.ticks - 1, stamp_ns, schema.logger, schema.run
     lines = [_start(reader), *noted, *(LoggedEvent(kind, text, *at) for kind, text in ends.items() if text)]
-    log(schema.folder, schema.logger, schema.run, lines)
+    (log or add_missing)(schema.folder, schema.logger, schema.run, lines)
 
 
 def has_unsaved(reader: RunReader) -> bool:
