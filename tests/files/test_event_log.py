@@ -9,6 +9,7 @@ import pytest
 from silo.core.elements import LoggedEvent
 from silo.files import event_log
 from silo.files.event_log import append_events, event_log_path, loggers_with_events, read_events
+from silo.state.event_log import EventLog
 
 
 def line(number, run="r1", text="x"):
@@ -135,3 +136,13 @@ def test_a_newer_silo_s_fields_are_passed_over(tmp_path):
     path = event_log_path(tmp_path, "bot")
     path.write_text(json.dumps({**json.loads(path.read_text()), "place": "lab"}) + "\n")
     assert read_events(tmp_path, "bot") == [line(1)]
+
+
+def test_a_line_is_in_the_file_soon_and_not_at_the_end_alone(tmp_path, until):
+    log = EventLog(str(tmp_path), "bot")
+    for number in range(1, 4):
+        log.add(line(0))
+        until(lambda: [event.number for event in read_events(tmp_path, "bot")] == list(range(1, number + 1)))  # noqa: B023
+    log.stop()
+    log.add(line(0))
+    assert len(read_events(tmp_path, "bot")) == 3

@@ -235,3 +235,13 @@ async def test_the_highest_of_a_live_plot_is_looked_for_in_what_is_pinned(fake, 
         await screen.press("f", "h")
         await screen.shows("PAUSED")
         await screen.shows("highest, ")
+
+
+async def test_a_star_looks_in_all_plots_and_another_one_in_the_chosen_again(monitor):
+    async with monitor("LF/torque", "RF/torque") as (screen, _):
+        await screen.press("f")
+        await screen.shows("Find in /LF/torque")
+        await screen.press("*")
+        await screen.shows("Find in all 2 signals that are plotted")
+        await screen.press("*")
+        await screen.shows("Find in /LF/torque")

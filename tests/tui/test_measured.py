@@ -9,6 +9,7 @@ from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.rpc.quantities import FROZEN, NOT_FINITE, SLOW
 from silo_tui.model import text
+from silo_tui.terminal.thinness import STEPS
 from tests.stand_ins.fake_signals import scalar
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -343,3 +344,10 @@ async def test_a_unit_that_has_no_room_is_seen_to_be_cut(new_fake, opened):
     async with opened(new_fake([scalar("/log/base/inertia", "kg m^2")])) as screen:
         await screen.shows("kg m…")
         assert "kg m^ " not in screen.text
+
+
+@pytest.mark.parametrize(("pace", "spared_s"), [(STEPS[0], 0.0), (STEPS[-1], 8.0)])
+async def test_a_link_is_spared_by_surveys_where_it_is_thin_alone(fake, opened, monkeypatch, pace, spared_s):
+    async with opened(fake) as screen:
+        monkeypatch.setattr("silo_tui.screens.table.pace_of", lambda app: pace)
+        assert screen.app.screen._thin_s() == spared_s

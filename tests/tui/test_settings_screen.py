@@ -1,13 +1,17 @@
 """The settings screen: each change counts at once, `w` keeps it, mistakes of the file are told, keys can be changed."""
 
+from dataclasses import replace
+
 import pytest
 from click.testing import CliRunner
 
 from silo_tui.cli import command
 from silo_tui.settings.options import OPTIONS, Settings
 from silo_tui.settings.reading import path, read, read_file
+from silo_tui.theme import theme_name
 from silo_tui.widgets.bars import KeyBar
 
+APP = "silo_tui.app"
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
 
@@ -191,3 +195,20 @@ def test_the_command_line_knows_the_themes():
     done = CliRunner().invoke(command, ["--theme", "drak"])
     assert done.exit_code == 2
     assert "'dark', 'light', 'contrast', '16'" in done.output
+
+
+@pytest.mark.parametrize(
+    "changed", [{}, {"theme": "light"}, {"mouse": "off"}, {"keys": {"refresh": "f9"}}, {"rate": 7.0}]
+)
+async def test_what_another_setting_says_is_done_again_where_it_is_another_one_alone(
+    fake, opened, monkeypatch, changed
+):
+    done, name_of = set(), theme_name
+    monkeypatch.setattr(f"{APP}.terminal.take_mouse", lambda app, wanted: done.add("mouse"))
+    monkeypatch.setattr(f"{APP}.use_keys", lambda keys: done.add("keys"))
+    monkeypatch.setattr(f"{APP}.theme.theme_name", lambda name: done.add("theme") or name_of(name))
+    async with opened(fake) as screen:
+        done.clear()
+        monkeypatch.setattr(screen.session.link, "set_rate", lambda rate: done.add("rate"))
+        screen.app.take_settings(replace(screen.app.context.settings, **changed))
+        assert done == set(changed)
