@@ -196,7 +196,7 @@ class Logger(metaclass=HidesOtherNames):
         return Elements(self._table.infos, self._table.prefix)
 
     @property
-    def extras(self) -> Conditions:
+    def _extras(self) -> Conditions:
         """Derived signals, limits and triggers, in the order in which they were given."""
         return self._conditions.extras
 
@@ -292,7 +292,7 @@ class Logger(metaclass=HidesOtherNames):
             if not self._scripted.is_updated:
                 self.update()
             self._data.look_for_unheld()  # a run that stopped by itself may be saved now
-            self._present.settle(unsaved, self.options, self.extras)
+            self._present.settle(unsaved, self.options, self._extras)
             self._scripted.adopt_late()
             self._conditions.warn_at_start(served=self._life.serving is not None)
             warn_if_not_durable(self.options, served=self._life.serving is not None)
@@ -307,13 +307,15 @@ class Logger(metaclass=HidesOtherNames):
                 self._clock,
                 stopped,
                 self._collect_now,
-                self.extras,
+                self._extras,
                 self._present.run,
                 number=self._present.runs + 1,
                 served=self._life.serving is not None,
                 landing=self.parameters.landing if self.parameters else None,
             )
-            run = self._present.replace(make, self.options, self.extras, self._let_go, self._hand_over, self._is_wanted)
+            run = self._present.replace(
+                make, self.options, self._extras, self._let_go, self._hand_over, self._is_wanted
+            )
             self._life.reason = ""
             self._ignored = 0
             self._life.running = True
@@ -336,7 +338,7 @@ class Logger(metaclass=HidesOtherNames):
         server, schema = self._life.serving, run.segment.schema
         if server is None or is_due(schema):
             return server is not None
-        return server.alive and (not server.is_up or self.extras.judged or schema.extras.judged)
+        return server.alive and (not server.is_up or self._extras.judged or schema.extras.judged)
 
     def _let_go(self, held_alone: bool) -> None:
         if not held_alone:
@@ -369,7 +371,7 @@ class Logger(metaclass=HidesOtherNames):
         with self._life.lock:
             self._life.check_open()
             if unsaved != "save":  # a save waits until the loop stands still
-                self._present.settle(unsaved, self.options, self.extras)
+                self._present.settle(unsaved, self.options, self._extras)
             self.stop()
             self.start(unsaved="save" if unsaved == "save" else "clear")
 
@@ -551,7 +553,7 @@ class Logger(metaclass=HidesOtherNames):
             if self._life.serving.left == (self._present.path, self.ticks):
                 return  # the helper process saves them and deletes the segment
         self._set_mark(no_mark)
-        if save_at_end(run, self.options, self.extras):
+        if save_at_end(run, self.options, self._extras):
             self._drop()
             drop_journals(self.options)
 

@@ -113,7 +113,7 @@ class NullLogger(metaclass=HidesOtherNames):
     ticks = 0
     lost = 0
     stop_reason = ""
-    extras = NO_EXTRAS
+    _extras = NO_EXTRAS
     # what `FORMER` leads to
     _scripted = _conditions = _Nothing()
     _life = _table = _present = SimpleNamespace(state=State.STOPPED, revision=0, failures={}, path="", saved_before="")

@@ -203,13 +203,13 @@ class TestLogger:
             log.limit("joints/q", (0, 1, 2, 3), stale="soon")
         with pytest.raises(silo.ElementError, match="red_low, yellow_low"):
             log.limit("joints/q", (0, math.nan, 2, 3))
-        assert log.extras == Conditions()
+        assert log._extras == Conditions()
 
     def test_a_new_expression_replaces_the_old_one_and_must_fit_what_stands_on_it(self, log):
         log.derive("a", "joints/q_0")
         log.derive("b", "a + 1")
         log.derive("a", "joints/q_1")
-        assert [one.expression for one in log.extras.derived] == ["joints/q_1", "a + 1"]
+        assert [one.expression for one in log._extras.derived] == ["joints/q_1", "a + 1"]
         with pytest.raises(silo.ElementError, match="'/log/a' would be computed from itself"):
             log.derive("a", "b + 1")
         with pytest.raises(silo.errors.ExpressionError, match="no signal is named 'nope'"):
@@ -218,9 +218,9 @@ class TestLogger:
     def test_while_running_a_signal_may_be_derived_but_no_script_read(self, log):
         log.start()
         log.derive("x", "mode")
-        assert [one.name for one in log.extras.derived] == ["/log/x"]
+        assert [one.name for one in log._extras.derived] == ["/log/x"]
         with pytest.raises(silo.StateError):
-            log._conditions.apply_extras(log.extras)
+            log._conditions.apply_extras(log._extras)
 
     def test_a_script_keeps_what_is_derived_and_limited(self, log, tmp_path):
         log.derive("twice", "2 * joints/q + 0 * mode", unit="°")
@@ -228,17 +228,17 @@ class TestLogger:
         log.trigger("odd", "max(twice) > 3", pre="20ms", save=["silo", "bag"], rearm="mode < 1", mode="single")
         log.update()
         path = log.save_script(tmp_path / "kept.yaml")
-        before = log.extras
+        before = log._extras
         log.derive("more", "mode")
         log.load_script(path)
-        assert log.extras == before
+        assert log._extras == before
         assert read_script(path).warnings == []
 
     def test_a_script_that_says_nothing_of_them_leaves_them(self, log, tmp_path):
         log.derive("more", "mode")
         (tmp_path / "plain.yaml").write_text("log_elements: []\n")
         log.load_script(tmp_path / "plain.yaml")
-        assert [one.name for one in log.extras.derived] == ["/log/more"]
+        assert [one.name for one in log._extras.derived] == ["/log/more"]
 
     @pytest.mark.parametrize(
         ("text", "says"),
@@ -258,14 +258,14 @@ class TestLogger:
         with pytest.raises(silo.errors.ScriptError) as caught:
             log.load_script(tmp_path / "bad.yaml")
         assert says in str(caught.value)
-        assert log.extras == Conditions()
+        assert log._extras == Conditions()
 
     def test_a_script_written_without_them_keeps_those_that_stand_in_it(self, log, tmp_path):
         log.derive("more", "mode")
         log.update()
         path = log.save_script(tmp_path / "kept.yaml")
         write_script(path, log.elements)
-        assert read_script(path).extras == log.extras
+        assert read_script(path).extras == log._extras
 
 
 def test_limits_of_what_is_not_in_a_log_are_unobservable_and_the_others_are_judged(tmp_path, capsys):

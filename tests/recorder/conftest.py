@@ -145,7 +145,7 @@ class Process:
             return b""
 
     def follow(self, log: Logger) -> None:
-        extras = extras_file(log.extras)
+        extras = extras_file(log._extras)
         with log._present.run.segment.open_read_only() as file:
             socket.send_fds(self.socket, [encode(Follow(log._present.path))], [file.fileno(), extras])
         os.close(extras)

@@ -206,7 +206,7 @@ def test_other_limits_begin_another_part(robot, tmp_path, truth) -> None:
     robot.ticks(50)
     direct.step()
     robot.log.limit("x", (None, None, 150, 250))
-    direct.writing.put(direct.writing.change_extras, robot.log.extras)
+    direct.writing.put(direct.writing.change_extras, robot.log._extras)
     robot.ticks(50)
     direct.step()
     direct.finish()

@@ -8,7 +8,7 @@ from silo.analysis.signal import FORMER as FORMER_OF_SIGNALS
 from silo.core import calls
 from silo.logger.arguments.other_names import FORMER
 
-MOST = {silo.Logger: 33, silo.Client: 50, silo.Signal: 45}
+MOST = {silo.Logger: 32, silo.Client: 50, silo.Signal: 45}
 
 
 @pytest.fixture(autouse=True)
@@ -67,7 +67,7 @@ def test_members_of_before_do_what_they_did(new_logger):
     log.trigger("high", "x_0 > 1", armed=False)
     log.remove_limits("x")
     log.remove_trigger("high")
-    assert (log.extras.limits, log.extras.triggers, log.state.value, log.is_closed) == ((), (), "stopped", False)
+    assert (log._extras.limits, log._extras.triggers, log.state.value, log.is_closed) == ((), (), "stopped", False)
 
 
 def test_none_in_place_of_what_was_set_forgets_it(new_logger):
@@ -79,7 +79,7 @@ def test_none_in_place_of_what_was_set_forgets_it(new_logger):
     log.limit("x", None)
     log.trigger("high", None)
     log.derive("twice", None)
-    assert log.extras == type(log.extras)()
+    assert log._extras == type(log._extras)()
 
 
 def test_an_element_knows_at_how_many_ticks_it_could_not_be_read(new_logger):

@@ -112,6 +112,7 @@ FORMER = {
     "source_failures": ("_present.failures", "log['x'].failures"),
     "state": ("_life.state", "log.is_running"),
     "is_closed": ("_is_closed", ""),
+    "extras": ("_extras", ""),
     "ignored": ("_ignored", ""),
     "revision": ("_table.revision", ""),
     "segment_path": ("_present.path", ""),

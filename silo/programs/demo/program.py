@@ -163,7 +163,7 @@ def judge(log: Logger) -> None:
 
     The robot slips at random, and tilts by 0.2 rad then.
     """
-    if log.extras != NO_EXTRAS or "/log/base/euler" not in log:
+    if log._extras != NO_EXTRAS or "/log/base/euler" not in log:
         return
     log.derive("tilt", "hypot(base/euler_0, base/euler_1)", group="base", unit="rad")
     log.limit("base/tilt", (None, None, 0.08, 0.15), hysteresis=0.01)
