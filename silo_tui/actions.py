@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
-from textual.binding import Binding
 from textual.keys import REPLACED_KEYS
 
 from silo.settings.options import OPTION
@@ -60,17 +59,17 @@ class Command:
     @property
     def key_text(self) -> str:
         """All keys as people write them."""
-        return " ".join(map(key_text, self.keys.split(",")))
+        return (", " if " " in self.keys else " ").join(map(key_text, self.keys.split(",")))
 
     @property
     def footer_key(self) -> str:
         """The one key that stands in the key bar."""
-        return self.shown_key or self.key_text.split(" ", 1)[0]
+        return self.shown_key or key_text(self.keys.split(",", 1)[0])
 
 
 KEY_TEXTS = {
     "slash": "/", "asterisk": "*", "question_mark": "?", "colon": ":", "equals_sign": "=", "exclamation_mark": "!",
-    "less_than_sign": "<", "greater_than_sign": ">",
+    "less_than_sign": "<", "backslash": "\\", "greater_than_sign": ">",
     "escape": "Esc", "enter": "Enter",
     "space": "space", "up": "↑", "down": "↓", "left": "←", "right": "→", "plus": "+", "minus": "-", "underscore": "_",
     "pageup": "PgUp", "pagedown": "PgDn", "home": "Home", "end": "End", "full_stop": ".", "tab": "Tab", "comma": ",",
@@ -83,7 +82,9 @@ KEY_TEXTS = {
 
 
 def key_text(key: str) -> str:
-    """Return a key as people write it: `^d`, `F2`, `#`."""
+    """Return a key as people write it: `^d`, `F2`, `#`; of a menu its letter before: `e d`."""
+    if " " in key:
+        return " ".join(map(key_text, key.split()))
     if key in KEY_TEXTS or len(key) == 1:
         return KEY_TEXTS.get(key, key)
     if key.startswith("ctrl+"):
@@ -176,6 +177,8 @@ COMMANDS: tuple[Command, ...] = (
             typed=Typed(("apply",))),
     Command("discard", "x", "Discard", "drop pending edits of the row or of what is marked; forget a derived signal",
             "Edit", _TABLE, typed=Typed(("discard",))),
+    Command("forget_derived", "", "Forget", "forget the derived signal, after a question", "Edit", _TABLE, writes=True,
+            asks=True),
     # -------------------------------------------------------------------------------------------------- logger
     Command("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _BOTH, 8, writes=True, asks=True,
             typed=_read(("start", "stop"))),
@@ -242,6 +245,10 @@ COMMANDS: tuple[Command, ...] = (
     Command("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITORS, 10),
     Command("mode", "tab,v", "View", "over time, x-y, spectrum, histogram", "Detail plot", _DETAILS, 1),
     Command("level", "Y", "Log/dB", "y axis by powers of ten; of a spectrum also dB", "Detail plot", _DETAILS, 2),
+    Command("mode_time", "", "Over time", "the signals over time", "Detail plot", _DETAILS),
+    Command("mode_spectrum", "", "Spectrum", "amplitudes by frequency, peaks", "Detail plot", _DETAILS),
+    Command("mode_xy", "", "X-Y", "one signal over another", "Detail plot", _DETAILS),
+    Command("mode_histogram", "", "Histogram", "how often which value", "Detail plot", _DETAILS),
     Command("detail_swap", "X", "Swap", "swap x and y", "Detail plot", _DETAILS, 8),
     Command("detail_down", "j,down", "Next", "next signal of the plots", "Detail plot", _DETAILS),
     Command("detail_up", "k,up", "Previous", "the signal before", "Detail plot", _DETAILS),
@@ -364,6 +371,14 @@ COMMANDS: tuple[Command, ...] = (
     # ------------------------------------------------------------------------------------------------------ app
     Command("command", "colon", "Command", "type a command, Tab completes it", "Go",
             _TABLE + _MONITOR + _DETAIL + _ASIDE + _LOGGERS + _SETTINGS + FILE_SCOPES, 11),
+    Command("menus", "backslash", "Menus", "the five menus: go, edit, view, record, plots", "Go", ("any",)),
+    Command("menu_go", "", "Go", "the menu of screens, names, files", "Menus", ("any",), 2),
+    Command("menu_edit", "", "Edit", "the menu of what edits elements, or what the cursor is on", "Menus", ("any",), 2),
+    Command("menu_view", "", "View", "the menu of what is shown, and how", "Menus", ("any",), 2),
+    Command("menu_record", "", "Rec", "the menu of recordings, triggers, markers", "Menus", ("any",), 2),
+    Command("menu_plots", "", "Plots", "the menu of plots: find, cursors, axes, what joins what", "Menus", ("any",), 2),
+    Command("again", "", "Again", "what was done last by menus e, v, p once more, with its value", "Go", ("any",)),
+    Command("again_back", "", "Other way", "what was done last by the menu p the other way round", "Go", ("any",)),
     Command("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?", typed=Typed(("help",))),
     Command("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",), hidden=True),
     Command("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",),
@@ -377,7 +392,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("control", "", "Control", "who is connected; take, release or give away control", "Edit", (), asks=True,
             typed=_read(("control",), "control", ":control take|release|give NAME",
                         "one operator at a time; without words, who is connected", 9)),
-    Command("derive", "", "Derive", "make or change a signal that is computed from others; x on its row forgets it",
+    Command("derive", "", "Derive", "make or change a signal that is computed from others",
             "Look", (), writes=True, asks=True,
             typed=_read(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),
     Command("goto", "", "Go to", "put the cursor on an element", "Move", (),
@@ -429,17 +444,26 @@ def use_keys(keys: Mapping[str, str]) -> None:
 
 
 def with_keys(command: Command) -> Command:
-    """Return a command with the user's own keys, if it has some."""
-    return replace(command, keys=_own[command.id], shown_key="") if command.id in _own else command
-
-
-def _of(scope: str) -> list[Command]:
-    return [command for command in COMMANDS if scope in command.scopes or "any" in command.scopes]
+    """Return a command with the keys of the user's keymap, and the user's own, if it has some."""
+    if command.id not in _own:
+        return command
+    keys = _own[command.id]
+    shown = command.shown_key if set(command.keys.split(",")) <= set(keys.split(",")) else ""
+    return replace(command, keys=keys, shown_key=shown)
 
 
 def commands_for(scope: str) -> list[Command]:
-    """Return what can be done with keys on a screen."""
-    return list(map(with_keys, _of(scope)))
+    """Return what can be done with keys on a screen; what is only typed counts where its word can be typed."""
+    there = (
+        scope in each.scopes or "any" in each.scopes or (not each.scopes and typed_on(scope, each)) for each in COMMANDS
+    )
+    return [own for each, is_there in zip(COMMANDS, there, strict=True) if is_there and (own := with_keys(each)).keys]
+
+
+def typed_on(scope: str, command: Command) -> bool:
+    """Return whether the word of a command can be typed on a screen."""
+    lines = BY_ID["command"].scopes
+    return command.typed is not None and scope in lines and (scope not in FILE_SCOPES or typed_on_file(command))
 
 
 def key_of(command: str, *, last: bool = False) -> str:
@@ -481,25 +505,21 @@ def why_no_use(key: str, scope: str) -> str:
         return NOT_EDITED
     there = [command for command in commands_like(scope) if key in command.keys.split(",")]
     if not there:
+        were = [
+            each for each in COMMANDS if key in each.keys.split(",") and (scope in each.scopes or "any" in each.scopes)
+        ]
+        if were:
+            return f"{key_text(key)} was {were[0].label}: now {key_of(were[0].id)}"
         return f"{key_text(key)} is no key of silo-tui; {key_of('help')} shows those that are"
     places = dict.fromkeys(PLACES.get(each, each) for command in there for each in command.scopes)
     label, more = there[0].label, " and others" if len(places) > 3 else ""
     return f"{key_text(key)} ({label}) has no use here: it is a key of {', '.join(list(places)[:3])}{more}"
 
 
-def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
-    """Return the key bindings of a screen.
-
-    They are priority bindings: Textual carries these out one after the other before it hands on the next key, the
-    others at any time after. A slow link brings several keys at once, and `d 5 Enter j` has to stay in this order.
-    """
-    return [
-        Binding(command.keys, f"command('{command.id}')", command.label, show=False, priority=True, id=command.id)
-        for command in _of(scope)  # the user's keys come over these
-    ]
-
-
 def footer_for(scope: str, *, read_only: bool = False) -> list[Command]:
     """Return what the key bar shows, most wanted first."""
-    shown = [command for command in commands_for(scope) if command.footer and not (read_only and command.writes)]
+    shown = [
+        command for command in commands_for(scope)
+        if command.footer and not (read_only and command.writes) and " " not in command.keys.split(",", 1)[0]
+    ]  # fmt: skip
     return sorted(shown, key=lambda command: command.footer)

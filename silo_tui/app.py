@@ -4,7 +4,7 @@
 import asyncio
 import os
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from textual import events
 from textual.app import App
@@ -13,13 +13,15 @@ from textual.command import CommandPalette
 from silo.net.access.senders import is_by
 from silo.rpc.published import Event, EventKind
 from silo_tui import terminal, theme
-from silo_tui.actions import FILE_SCOPES, use_keys
+from silo_tui.actions import FILE_SCOPES
 from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider
 from silo_tui.commands.runner import CommandRunner
 from silo_tui.context import Context
 from silo_tui.gate import Gate
+from silo_tui.keymap import use_keys
+from silo_tui.menus import KeyReader
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import dots
 from silo_tui.screens.holding import Holding
@@ -78,7 +80,7 @@ class SiloApp(Guarded, App[None]):
         self.context.runner = CommandRunner(self.context)
         self.context.came_back = self._catch_up
         self.context.take_up = lambda: self.context.run_flow(flows.take_up_edits(self.context))
-        self._take_keys(settings)
+        use_keys(settings.keymap, settings.keys)
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz, view)
         self.context.left = self._opener.quit
@@ -88,11 +90,16 @@ class SiloApp(Guarded, App[None]):
         self._news = asyncio.Lock()  # events are followed in their order
         self.unforeseen = Unforeseen()
         self.gate = Gate(self)
+        self.reader = KeyReader(self, lambda: terminal.pace_of(self) == terminal.Pace())
 
     async def on_event(self, event: events.Event) -> None:
-        """Let what is typed in by the gate."""
-        if not isinstance(event, events.Key | events.Paste) or event.is_forwarded or not self.gate.keeps(event):
+        """Let what is typed in by the gate; what no key of a full screen is goes to what has the focus."""
+        is_typed = isinstance(event, events.Key | events.Paste) and not event.is_forwarded
+        if not is_typed or not self._takes(cast("events.Key | events.Paste", event)):
             await super().on_event(event)
+
+    def _takes(self, typed: events.Key | events.Paste) -> bool:
+        return self.gate.keeps(typed) or self.reader.takes(typed)
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """Return our colours for themes that don't have them."""
@@ -262,6 +269,30 @@ class SiloApp(Guarded, App[None]):
 
     # ----------------------------------------------------------------------------------------------------- commands
 
+    def command_menus(self) -> None:
+        self.reader.open("menus")
+
+    def command_menu_go(self) -> None:
+        self.reader.open("menu_go")
+
+    def command_menu_edit(self) -> None:
+        self.reader.open("menu_edit")
+
+    def command_menu_view(self) -> None:
+        self.reader.open("menu_view")
+
+    def command_menu_record(self) -> None:
+        self.reader.open("menu_record")
+
+    def command_menu_plots(self) -> None:
+        self.reader.open("menu_plots")
+
+    def command_again(self) -> None:
+        self.reader.again(turned=False)
+
+    def command_again_back(self) -> None:
+        self.reader.again(turned=True)
+
     def command_suspend(self) -> None:
         self.action_suspend_process()
 
@@ -308,10 +339,6 @@ class SiloApp(Guarded, App[None]):
         else:
             self.push_screen(SettingsScreen(self.take_settings))
 
-    def _take_keys(self, settings: Settings) -> None:
-        self.set_keymap(dict(settings.keys))
-        use_keys(settings.keys)
-
     def take_settings(self, settings: Settings) -> None:
         """Let everything follow other settings at once."""
         old, self.context.settings = self.context.settings, settings
@@ -320,8 +347,7 @@ class SiloApp(Guarded, App[None]):
         dots.choose(settings.dots)
         if settings.mouse != old.mouse:
             terminal.take_mouse(self, wanted=terminal.mouse_wanted(settings.mouse))
-        if settings.keys != old.keys:
-            self._take_keys(settings)
+        use_keys(settings.keymap, settings.keys)
         if settings.rate != old.rate and self._file is None:
             self._opener.rate_hz = self._rate_hz = settings.rate
             self._polling.stop()

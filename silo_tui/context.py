@@ -14,7 +14,7 @@ from textual.app import App
 from silo.errors import RefusedError, SiloError
 from silo.net.access.senders import read_only_words
 from silo.rpc.frames import Frame
-from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, why_no_use
+from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, typed_on, why_no_use
 from silo_tui.modal import Dialog, Leaving, run_alone
 from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.sessions import kept
@@ -293,6 +293,8 @@ class SiloScreen(Leaving[None]):
     scope = ""
     PARTS: ClassVar[Sequence[type]] = ()  # what else carries out commands of the screen: the classes of `parts`
     parts: Sequence[object] = ()
+    repeats: Callable[[], object] = staticmethod(lambda: None)  # what a menu did last, with its value
+    repeated = ""  # its command
     aside = False  # triggers, alarms, recordings, events: who goes from one to another comes back from both at once
 
     @property
@@ -308,6 +310,9 @@ class SiloScreen(Leaving[None]):
     def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Do what a key, a click, the palette or the command line asks for."""
         command = BY_ID[command_id]
+        if typed is BY_KEY and self.scope not in command.scopes and "any" not in command.scopes:
+            self._as_typed(command)
+            return
         if not self.context.allows(command):
             return
         places = (self, *self.parts, self.context.runner, self.app)
@@ -316,6 +321,24 @@ class SiloScreen(Leaving[None]):
         if handler is not None:
             handler(*([typed] if command.typed is not None and command.typed.reads else []))
         self.update_keys()
+
+    def _as_typed(self, command: Command) -> None:
+        """Do by a menu what has no key here, as if its word were typed; go on in the line where it needs more."""
+        if command.typed is None or not typed_on(self.scope, command):
+            return
+        word = command.typed.words[0]
+        if command.typed.completes or (command.typed.usage and not command.scopes):
+            self.begin_command(word)
+        else:
+            self.context.runner.run(word)
+
+    def why_not_now(self, command_id: str) -> str:
+        """Return why something that has a use on this screen has none now; empty where it has."""
+        return ""
+
+    def value_now(self, command_id: str) -> str:
+        """Return what a menu tells of an entry: what it changes, as it is."""
+        return ""
 
     def begin_command(self, word: str) -> None:
         """Go on in the command line, with a word typed already."""

@@ -2,15 +2,14 @@
 """The limits of a logger's signals: what is beyond them, what was and nobody has seen."""
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from rich.text import Text
-from textual.binding import Binding
 
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import SignalLimits
 from silo.errors import ElementError, RefusedError
-from silo_tui.actions import bindings_for, key_of
+from silo_tui.actions import key_of
 from silo_tui.model.conditions import IN_SPACE, alarms_words, limit_head, limit_row, signal_width
 from silo_tui.model.limit_line import HOW, limits_line, read_limits
 from silo_tui.model.lists import Order
@@ -39,7 +38,6 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         Order("count", "c", "count, the largest first", lambda one: one.count + one.stale_count, True),
         Order("seen", "k", "not seen first", lambda one: (not one.alarm, one.seen_by)),
     )
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("alarms")
 
     def head(self, width: int) -> str:
         return limit_head(width, self._space)

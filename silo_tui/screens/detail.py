@@ -9,11 +9,9 @@ import asyncio
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from textual.app import ComposeResult
-from textual.binding import Binding
 from textual.widgets import Static
 
 from silo.analysis.compute.spectra import (
@@ -28,7 +26,7 @@ from silo.analysis.compute.spectra import (
 from silo.core.arrays.values import as_floats
 from silo.core.quantities.writing import duration, many
 from silo.errors import SiloError
-from silo_tui.actions import bindings_for, key_of
+from silo_tui.actions import key_of
 from silo_tui.modal import run_alone
 from silo_tui.model import big_plot, text
 from silo_tui.model.big_plot import BigPlot
@@ -68,7 +66,6 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
     """
 
     scope = "detail"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("detail")
 
     def __init__(self, monitor: MonitorScreen) -> None:
         super().__init__(monitor.session, monitor.live_source, [])
@@ -248,7 +245,30 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
     # --------------------------------------------------------------------------------------------------- commands
 
     def command_mode(self) -> None:
-        self.mode = MODES[(MODES.index(self.mode) + 1) % len(MODES)]
+        self._show_as(MODES[(MODES.index(self.mode) + 1) % len(MODES)])
+
+    def command_mode_time(self) -> None:
+        self._show_as("time")
+
+    def command_mode_spectrum(self) -> None:
+        self._show_as("spectrum")
+
+    def command_mode_xy(self) -> None:
+        self._show_as("x-y")
+
+    def command_mode_histogram(self) -> None:
+        self._show_as("histogram")
+
+    def why_not_now(self, command_id: str) -> str:
+        """Return why axes can't be swapped: only two signals over each other have two."""
+        return "" if command_id != "detail_swap" or self.mode == "x-y" else "x-y only"
+
+    def value_now(self, command_id: str) -> str:
+        """Return how the plot is drawn."""
+        return {"level": self.level, "mode": self.mode}.get(command_id, "")
+
+    def _show_as(self, mode: str) -> None:
+        self.mode = mode
         self._said = self._kind = ""
         self._peak = self.plot.cursor = None
         self._peaks = ()
@@ -396,7 +416,6 @@ class FileDetailScreen(DetailScreen, inherit_bindings=False):
     """The same of a file."""
 
     scope = "file_detail"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file_detail")
 
 
 def open_large(monitor: MonitorScreen) -> None:

@@ -25,6 +25,10 @@ from silo_tui.widgets.inputs import CellEditor
 FIELD_KEYS = {
     Field.DIVIDER: "d", Field.SIZE: "s", Field.BUFFER: "b", Field.ACTION: "p", Field.ENABLED: "t",
 }  # fmt: skip
+FIELDS_BY_COMMAND = {
+    "edit_divider": Field.DIVIDER, "edit_size": Field.SIZE, "next_buffer": Field.BUFFER, "next_action": Field.ACTION,
+    "toggle": Field.ENABLED,
+}  # fmt: skip
 EDITOR_KEYS = "Enter sets it  Esc leaves it as it was"
 
 
@@ -191,6 +195,11 @@ class Editing(ElementsScreen):
         self.info.ask(f"{field.label} of {many(count, 'element')}{hidden}: {examples(field.option)}")
         self.query_one(KeyBar).show_instead(EDITOR_KEYS)
 
+    def _again(self, edit: Callable[[], None]) -> None:
+        """Make an edit of what the cursor is on now, or of what is marked."""
+        if self.context.allows(BY_ID["edit"]) and self._targets_known():
+            self.sure_of_hidden(edit)
+
     def command_toggle(self) -> None:
         self.edit_field(Field.ENABLED)
 
@@ -210,7 +219,22 @@ class Editing(ElementsScreen):
         if self._targets_known():
             self.sure_of_hidden(lambda: self._open_editor("=", select=False))
 
+    def why_not_now(self, command_id: str) -> str:
+        """Return why what is pending can't be dropped, or nothing edited."""
+        if command_id == "discard":
+            return "" if self.session.table.pending_count[0] or self._all_derived else "none waits"
+        return self.session.why_fixed() if command_id in FIELDS_BY_COMMAND else ""
+
+    def value_now(self, command_id: str) -> str:
+        """Return the value that a command would change, of the first element that it is about."""
+        field, targets = FIELDS_BY_COMMAND.get(command_id), self.session.rows.targets()
+        if field is None or not len(targets):
+            return ""
+        return phrase_for(field, int(self.session.table.values[field, targets[0]]))
+
     def _set(self, field: Field, value: int) -> None:
+        if self.repeated in FIELDS_BY_COMMAND:
+            self.repeats = lambda: self._again(lambda: self._set(field, value))
         targets = self.session.rows.targets()
         changed = self.session.table.edit(targets, field, value)
         self._edited(f"{field.label} {phrase_for(field, value)}: {changed} changed" if changed else "nothing to change")
@@ -245,12 +269,25 @@ class Editing(ElementsScreen):
         self._edited(f"done again: {label}" if label else "nothing to do again")
 
     def command_discard(self) -> None:
+        forgets = key_of("forget_derived")
+        if not self._all_derived:
+            self.sure_of_hidden(self._discard)
+        elif forgets:
+            self.say(f"a derived signal has no edits; {forgets} forgets it")
+        elif self.context.allows(BY_ID["derive"]):
+            self.command_forget_derived()
+
+    @property
+    def _all_derived(self) -> bool:
+        """Whether a key is about derived signals alone."""
         targets = self.session.rows.targets()
-        if len(targets) and self.session.table.derived[targets].all():
-            if self.context.allows(BY_ID["derive"]):
-                self.context.run_flow(forget(self.context, self.session, targets.tolist()))
-            return
-        self.sure_of_hidden(self._discard)
+        return bool(len(targets) and self.session.table.derived[targets].all())
+
+    def command_forget_derived(self) -> None:
+        if self._all_derived:
+            self.context.run_flow(forget(self.context, self.session, self.session.rows.targets().tolist()))
+        else:
+            self.say(f"only derived signals can be forgotten; {key_of('discard')} drops what is pending")
 
     def _discard(self) -> None:
         count = self.session.table.discard(self.session.rows.targets())
@@ -264,9 +301,12 @@ class Editing(ElementsScreen):
         """Edit as typed; False, with the reason, when that can't be."""
         field = self.query_one(CellEditor).field
         try:
-            changed = self.session.change(parse_change(field, value))
+            wanted = parse_change(field, value)
+            changed = self.session.change(wanted)
         except ValueError as error:
             self.info.ask(f"? {str(error).removesuffix('; nothing was changed')}")  # which the open editor says
             return False
+        if self.repeated in {*FIELDS_BY_COMMAND, "edit", "edit_all"}:
+            self.repeats = lambda: self._again(lambda: self._set_all(wanted))
         self._edited(f"{field.label}: {changed} changed" if changed else "nothing to change")
         return True

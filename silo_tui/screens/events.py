@@ -4,17 +4,15 @@
 import asyncio
 from collections.abc import Sequence
 from pathlib import Path
-from typing import ClassVar
 
 from rich.text import Text
 from textual.app import ComposeResult
-from textual.binding import Binding
 
 from silo.core.elements import LoggedEvent
 from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.files.atomic import atomic_file
-from silo_tui.actions import bindings_for, key_of
+from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches, words
 from silo_tui.model.paths import typed_file
@@ -34,7 +32,6 @@ class EventsScreen(ListScreen[LoggedEvent]):
     aside = True
     orders = ORDERS
     filter_hint = "-E without edits, M marks alone, other words"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("events")
 
     def __init__(self, session: Session) -> None:
         super().__init__()
@@ -180,4 +177,3 @@ class FileEventsScreen(EventsScreen, inherit_bindings=False):
 
     session: FileSession
     scope = "file_events"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file_events")

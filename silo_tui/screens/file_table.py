@@ -4,11 +4,7 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from typing import ClassVar
 
-from textual.binding import Binding
-
-from silo_tui.actions import bindings_for
 from silo_tui.modal import run_alone
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.command_line import BY_KEY, Spelled
@@ -29,7 +25,6 @@ class FileTableScreen(ElementsScreen):
 
     scope = "file"
     filter_hint = "words, globs, unit:Nm div>1 size>1000 buf:loop"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file")
 
     def __init__(self, session: FileSession, leave: Callable[[], None] | None = None) -> None:
         bars = StatusBar(session, read_only=False), Banner(session)

@@ -7,16 +7,14 @@ Shown when there are several, and while there is none: then it says what to star
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import ClassVar
 
 from rich.text import Text
 from textual.app import ComposeResult
-from textual.binding import Binding
 from textual.widgets import Static
 
 from silo.fleet.member import Member
 from silo.net.found import LoggerAddress
-from silo_tui.actions import bindings_for, key_of
+from silo_tui.actions import key_of
 from silo_tui.model import fleet
 from silo_tui.screens.list_screen import ListScreen
 from silo_tui.sessions.finder import FoundLogger
@@ -40,7 +38,6 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
 
     scope = "loggers"
     orders = fleet.ORDERS
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("loggers")
 
     def __init__(
         self,

@@ -2,14 +2,11 @@
 """The monitor: the commands of a plot screen."""
 
 from collections.abc import Callable, Sequence
-from typing import ClassVar
 
-from textual.binding import Binding
 from textual.message import Message
 
 from silo.core.elements import TriggerOptions
 from silo.errors import SiloError
-from silo_tui.actions import bindings_for
 from silo_tui.modal import run_aside
 from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.model.scope import Scope, fitting_span, halfway
@@ -37,7 +34,6 @@ class MonitorScreen(PlotScreen):
             self.names = names
 
     scope = "monitor"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("monitor")
     PARTS = (MomentSearch, Arranger)
 
     def __init__(self, session: Session, source: PlotSource, names: Sequence[str], chosen: str = "") -> None:
@@ -295,7 +291,6 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
     """The same on a file: cursor A is a moment of it, whatever the zoom."""
 
     scope = "file_monitor"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file_monitor")
 
     def __init__(self, session: FileSession, names: Sequence[str]) -> None:
         super().__init__(session, session.source, names)

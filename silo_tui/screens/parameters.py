@@ -4,17 +4,15 @@
 from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from rich.text import Text
-from textual.binding import Binding
 
 from silo.core.parameters import ParameterInfo, ParameterValue, range_text, value_text
 from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.net.access.senders import short_words
 from silo.settings.presets import read_preset, typed_value, write_preset
-from silo_tui.actions import bindings_for
 from silo_tui.modal import run_aside
 from silo_tui.model import parameters as rows
 from silo_tui.model.lists import Order
@@ -36,7 +34,6 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         Order("name", "n", "name", lambda one: one.name.casefold()),
         Order("changed", "c", "what isn't its default first", lambda one: one.value == one.default),
     )
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("parameters")
 
     def __init__(self, session: Session) -> None:
         super().__init__(session)

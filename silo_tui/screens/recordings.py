@@ -4,18 +4,17 @@
 import asyncio
 from collections.abc import Coroutine, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from rich.text import Text
 from textual.app import ComposeResult
-from textual.binding import Binding
 from textual.widgets import Static
 
 from silo.core.quantities.writing import many, size_text
 from silo.errors import SiloError
 from silo.recordings.requests import Recordings, SavedRecording
 from silo.rpc.frames import Frame
-from silo_tui.actions import bindings_for, key_of
+from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import recorders
 from silo_tui.model import recordings as rows
@@ -41,7 +40,6 @@ class RecordingsScreen(ListScreen[SavedRecording]):
     aside = True
     orders = rows.ORDERS
     filter_hint = "words of name, why and type; -not"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("recordings")
 
     def __init__(self, session: Session) -> None:
         super().__init__()

@@ -9,16 +9,13 @@ import asyncio
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar
 
 import numpy as np
 from textual.app import ComposeResult
-from textual.binding import Binding
 
 from silo.core.elements import LoggedEvent, TriggerOptions
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
-from silo_tui.actions import bindings_for
 from silo_tui.context import SiloScreen
 from silo_tui.modal import run_aside
 from silo_tui.model import text
@@ -96,7 +93,6 @@ class ScopeScreen(SiloScreen):
     """Waits for crossings of the first of some signals."""
 
     scope = "scope"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("scope")
 
     def __init__(self, session: Session, live: PlotSource, plots: Sequence[Plotted], settings: Scope) -> None:
         super().__init__()

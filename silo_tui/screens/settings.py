@@ -5,21 +5,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import wrap
-from typing import Any, ClassVar
+from typing import Any
 
 from rich.text import Text
 from textual import events
 from textual.app import ComposeResult
-from textual.binding import Binding
 from textual.containers import Vertical
 from textual.widgets import Static
 
 from silo.errors import SiloError
-from silo_tui.actions import BY_ID, COMMANDS, bindings_for, key_of, key_text
+from silo_tui.actions import BY_ID, COMMANDS, key_of, key_text
+from silo_tui.keymap import clashes, keys_in
 from silo_tui.modal import Dialog
 from silo_tui.model.lists import Order
 from silo_tui.screens.list_screen import ListScreen
-from silo_tui.settings.keys import clashes, key_problem, label
+from silo_tui.settings.keys import key_problem, label
 from silo_tui.settings.options import OPTIONS, Option, Settings, typed
 from silo_tui.settings.reading import path, read
 from silo_tui.settings.writing import write_file
@@ -40,12 +40,12 @@ class SettingRow:
     words: str = ""
 
 
-def all_rows(problems: Sequence[str], width: int) -> list[SettingRow]:
+def all_rows(problems: Sequence[str], width: int, keymap: str = "classic") -> list[SettingRow]:
     """Return the lines: what is wrong with the file, whole, options, then the keys of every command."""
     told = [part for problem in problems for part in wrap(f"! {problem}", max(20, width - 2), subsequent_indent="  ")]
     rows = [SettingRow(f"problem {place}", words=part) for place, part in enumerate(told)]
     rows += [SettingRow(option.name, option=option) for option in OPTIONS]
-    return rows + [SettingRow(f"key {each.id}", command=each.id) for each in COMMANDS if each.keys]
+    return rows + [SettingRow(f"key {each.id}", command=each.id) for each in COMMANDS if keys_in(keymap, each.id)]
 
 
 def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int | None) -> Text:
@@ -56,7 +56,7 @@ def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int
         line = Text(f"{'*' if is_new else ' '} {option.name:<{NAMES}} ")
         return _values(line, option, getattr(settings, option.name), width)
     if row.command:
-        command = BY_ID[row.command]
+        command = replace(BY_ID[row.command], keys=keys_in(settings.keymap, row.command))
         own = row.command in settings.keys
         is_new = settings.keys.get(row.command) != saved.keys.get(row.command)
         line = Text(f"{'*' if is_new else ' '} {'key ' + row.command:<{NAMES}} ")
@@ -92,7 +92,6 @@ class SettingsScreen(ListScreen[SettingRow]):
     scope = "settings"
     orders = (Order("settings", "", "as they stand", lambda row: 0),)
     filter_hint = "words of a setting or a command"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("settings")
 
     def __init__(self, take: Callable[[Settings], None]) -> None:
         super().__init__()
@@ -114,7 +113,7 @@ class SettingsScreen(ListScreen[SettingRow]):
     @property
     def all(self) -> Sequence[SettingRow]:
         problems = [str(problem) for problem in self.context.settings_problems]
-        return all_rows(problems, self.size.width)
+        return all_rows(problems, self.size.width, self.context.settings.keymap)
 
     def key_of(self, one: SettingRow) -> str:
         return one.id
@@ -176,10 +175,11 @@ class SettingsScreen(ListScreen[SettingRow]):
             return
         if row.command:
             keys = {command: own for command, own in settings.keys.items() if command != row.command}
-            if (problem := _clash(keys, row.command)) and row.command in settings.keys:
+            if (problem := _clash(settings.keymap, keys, row.command)) and row.command in settings.keys:
                 self.say(f"not given back: {problem}")
                 return
-            self._change(f"{row.command}: {BY_ID[row.command].key_text}", keys=keys)
+            own = keys_in(settings.keymap, row.command)
+            self._change(f"{row.command}: {replace(BY_ID[row.command], keys=own).key_text}", keys=keys)
         elif row.option is not None:
             value = getattr(Settings(), row.option.name)
             self._change(f"{row.option.name}: {typed(value) if value else 'all'}", **{row.option.name: value})
@@ -247,7 +247,9 @@ class KeyDialog(Dialog[str | None]):
         if event.key == "escape":
             self.dismiss(None)
             return
-        problem = key_problem(event.key) or _clash({**self._settings.keys, self._command: event.key}, self._command)
+        problem = key_problem(event.key) or _clash(
+            self._settings.keymap, {**self._settings.keys, self._command: event.key}, self._command
+        )
         if problem:
             self.query_one("#key-problem", Static).update(f"{problem}; press another")
         else:
@@ -258,9 +260,9 @@ class KeyDialog(Dialog[str | None]):
         return False
 
 
-def _clash(keys: dict[str, str], command: str) -> str:
+def _clash(keymap: str, keys: dict[str, str], command: str) -> str:
     """Return which command has a key of `command` already."""
-    for mine, theirs, key, scope in clashes(keys):
+    for mine, theirs, key, scope in clashes(keymap, keys):
         if command in (mine, theirs):
             other = theirs if mine == command else mine
             return f"{key_text(key)} is {label(other)} already ({scope})"

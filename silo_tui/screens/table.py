@@ -2,15 +2,13 @@
 """The table of a logger: its elements with their live columns, and everything that edits them."""
 
 import time
-from typing import ClassVar
 
 from textual.app import ComposeResult
-from textual.binding import Binding
 from textual.timer import Timer
 
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
-from silo_tui.actions import bindings_for, key_of
+from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
@@ -44,7 +42,6 @@ class TableScreen(Editing):
 
     scope = "table"
     filter_hint = ""
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("table")
 
     def __init__(self, session: Session, *, read_only: bool) -> None:
         self._key_s = 0.0  # monotonic, of the last key

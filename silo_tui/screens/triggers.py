@@ -3,16 +3,15 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from rich.text import Text
-from textual.binding import Binding
 
 from silo.conditions.standing import TriggerStatus
 from silo.core.elements import SavedFile, TriggerOptions, TriggerWord
 from silo.core.quantities.writing import many
 from silo.files.formats import kind_of
-from silo_tui.actions import bindings_for, key_of
+from silo_tui.actions import key_of
 from silo_tui.modal import run_alone
 from silo_tui.model.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row
 from silo_tui.model.lists import Order
@@ -45,7 +44,6 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         Order("count", "c", "count, the largest first", lambda one: one.fires, True),
         Order("last", "l", "last time, the newest first", lambda one: one.last_ns, True),
     )
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("triggers")
 
     def head(self, width: int) -> str:
         return times_head(width, self._room)

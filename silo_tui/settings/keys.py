@@ -2,12 +2,11 @@
 
 import re
 import unicodedata
-from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 
 from textual.keys import KEY_NAME_REPLACEMENTS
 
-from silo_tui.actions import BY_ID, COMMANDS, KEY_TEXTS, key_text
+from silo_tui.actions import BY_ID, KEY_TEXTS, key_text
 
 EATEN = {"h": "Backspace", "i": "Tab", "j": "Enter", "m": "Enter"}
 _WORDS = {
@@ -44,6 +43,18 @@ def read_key(text: str) -> str:
     raise ValueError(f"{words!r} is no key" + (f"; {near[0]}?" if near else "; for example f, ctrl+f, F5, PgUp"))
 
 
+def read_path(text: str) -> str:
+    """Return a key, or the letter of a menu and the key in it (`e d`). ValueError says what is wrong with it."""
+    try:
+        return read_key(text)
+    except ValueError:
+        if len(text.split()) < 2:
+            raise
+    if len(text.split()) > 2:
+        raise ValueError(f"{text.strip()!r} is more than two keys; a menu and a letter are, for example `e d`")
+    return " ".join(map(read_key, text.split()))
+
+
 def _name_of(char: str) -> str:
     if char.isalnum():
         return char
@@ -53,8 +64,8 @@ def _name_of(char: str) -> str:
 
 def typed_keys(keys: str) -> str:
     """Return keys as the file has them, signs in quotes: YAML has a meaning for many of them."""
-    names = [key if "+" in key else key_text(key) for key in keys.split(",")]
-    words = [name if re.fullmatch(r"[\w+]+", name, re.ASCII) else f'"{name}"' for name in names]
+    names = [" ".join(each if "+" in each else key_text(each) for each in key.split()) for key in keys.split(",")]
+    words = [name if re.fullmatch(r"[\w+]+", name, re.ASCII) else f'"{name}"'.replace("\\", r"\\") for name in names]
     return words[0] if len(words) == 1 else f"[{', '.join(words)}]"
 
 
@@ -65,21 +76,6 @@ def key_problem(key: str) -> str:
     except ValueError as error:
         return str(error)
     return ""
-
-
-def clashes(keys: Mapping[str, str]) -> Iterator[tuple[str, str, str, str]]:
-    """Yield a command that `keys` gives a key, the one that has it on the same screen, the key, and that screen."""
-    scopes = dict.fromkeys(scope for command in COMMANDS for scope in command.scopes if scope != "any")
-    for scope in scopes:
-        taken: dict[str, str] = {}
-        for command in COMMANDS:
-            if scope not in command.scopes and "any" not in command.scopes:
-                continue
-            for key in filter(None, keys.get(command.id, command.keys).split(",")):
-                other = taken.setdefault(key, command.id)
-                if other != command.id:
-                    mine, theirs = (command.id, other) if command.id in keys else (other, command.id)
-                    yield mine, theirs, key, scope
 
 
 def label(command_id: str) -> str:

@@ -40,6 +40,10 @@ OPTIONS = (
         "view", "open with what was on the screen", ("lost", "last", "off"),
         ("after a terminal or a link that was lost", "always, as it was left", ""),
     ),
+    Option(
+        "keymap", "which keys there are", ("classic", "two-layer"),
+        ("a key for each command, \\ for menus", "the same few keys on every screen, the rest in menus"),
+    ),
     Option("columns", "columns of the table, none: all", SETTINGS, several=True),
 )  # fmt: skip
 OPTION = {option.name: option for option in OPTIONS}
@@ -56,6 +60,7 @@ class Settings:
     view: str = "lost"
     columns: tuple[str, ...] = ()
     keys: Mapping[str, str] = field(default_factory=dict)
+    keymap: str = "classic"
 
 
 def changed(old: Settings, new: Settings) -> dict[str, Any]:

@@ -12,7 +12,8 @@ import yaml
 from silo.net.remotes import config_folder
 from silo.settings.yaml_nodes import compose, describe, explain, is_null, key_name, line_of
 from silo_tui.actions import BY_ID, RENAMED, key_text
-from silo_tui.settings.keys import clashes, label, read_key
+from silo_tui.keymap import TWO_LAYERS, clashes
+from silo_tui.settings.keys import label, read_path
 from silo_tui.settings.options import OPTION, OPTIONS, Option, Settings
 
 NAME = "tui.yaml"
@@ -77,16 +78,23 @@ def read(text: str) -> tuple[Settings, list[SettingsProblem]]:
     root, problems, _ = nodes(text)
     settings = Settings()
     found: dict[str, Any] = {}
+    keys: tuple[yaml.Node, yaml.Node] | None = None
     for key, value in pairs(root):
         name = key_name(key)
         try:
             _once(name, found)
             if name == "keys":
-                found[name] = _keys(value, problems)
+                keys = key, value  # whatever stands first: which are taken depends on the keymap
+                found[name] = {}
             else:
                 found[name] = _value(_option(name), value)
         except _MistakeError as mistake:
             problems.append(SettingsProblem(line_of(key), f"{mistake}{LEFT_OUT}"))
+    if keys is not None:
+        try:
+            found["keys"] = _keys(keys[1], problems, found.get("keymap", settings.keymap))
+        except _MistakeError as mistake:
+            problems.append(SettingsProblem(line_of(keys[0]), f"{mistake}{LEFT_OUT}"))
     return replace(settings, **found), sorted(problems, key=lambda problem: problem.line)
 
 
@@ -181,7 +189,7 @@ def _word(option: Option, node: yaml.Node) -> str:
 # --------------------------------------------------------------------------------------------------------------- keys
 
 
-def _keys(node: yaml.Node, problems: list[SettingsProblem]) -> dict[str, str]:
+def _keys(node: yaml.Node, problems: list[SettingsProblem], keymap: str) -> dict[str, str]:
     if not isinstance(node, yaml.MappingNode) and not is_null(node):
         raise _MistakeError(f"keys is a group of lines such as `  help: F1`, not {describe(node)}")
     keys: dict[str, str] = {}
@@ -202,7 +210,7 @@ def _keys(node: yaml.Node, problems: list[SettingsProblem]) -> dict[str, str]:
         except _MistakeError as mistake:
             problems.append(SettingsProblem(line_of(name), f"{mistake}{LEFT_OUT}"))
     # leaving one out gives a command its own key back, which another line may have given away
-    while clash := min(clashes(keys), key=lambda each: -lines.get(each[0], 0), default=None):
+    while clash := min(clashes(keymap, keys), key=lambda each: -lines.get(each[0], 0), default=None):
         mine, theirs, key, scope = clash
         if theirs in keys and lines[theirs] > lines[mine]:
             mine, theirs = theirs, mine
@@ -213,7 +221,7 @@ def _keys(node: yaml.Node, problems: list[SettingsProblem]) -> dict[str, str]:
 
 
 def _known(command: str) -> str:
-    known = [each.id for each in BY_ID.values() if each.keys]
+    known = [each.id for each in BY_ID.values() if each.keys or each.id in TWO_LAYERS]
     if command not in known:
         near = get_close_matches(command.lower(), known, 1)
         raise _MistakeError(f"{command!r} is no command" + (f"; {near[0]}?" if near else "; ? shows their names"))
@@ -228,6 +236,6 @@ def _read_keys(command: str, node: yaml.Node) -> Iterator[str]:
         raise _MistakeError(f"{command} needs a key; a sign such as # needs quotes")
     for word in words:
         try:
-            yield read_key(word)
+            yield read_path(word)
         except ValueError as error:  # noqa: PERF203 - a key or two
             raise _MistakeError(str(error)) from None

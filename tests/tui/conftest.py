@@ -147,9 +147,15 @@ class Screen:
         """
         for key in keys:
             name = _character_to_key(key) if len(key) == 1 and not key.isalnum() else key
+            await self.until(self._may_be_answered, "a question that was drawn")
             self.app.post_message(events.Key(name, character_of(name)))
             await self._carried_out()
         await self.pilot.pause(0)
+
+    def _may_be_answered(self) -> bool:
+        """Whether no question is open that may lose something and drops what was typed before one could read it."""
+        top = self.app.screen if self.app.screen_stack else None
+        return not getattr(top, "loses", False) or top.drawn_s <= time.monotonic()
 
     async def _carried_out(self) -> None:
         """Waits until the key, what its command posted, and what that opened is done; or waits itself."""

@@ -6,7 +6,7 @@ import pytest
 from silo.core.elements import BufferType, Entry, FileType
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
-from silo_tui.actions import COMMANDS, FILE_SCOPES, bindings_for, footer_for
+from silo_tui.actions import COMMANDS, footer_for
 from silo_tui.model.fields import Field
 from silo_tui.screens.table import TableScreen
 
@@ -306,12 +306,6 @@ async def test_a_file_that_is_no_log_is_told_and_the_table_stays(fake, opened, t
 def test_no_key_is_one_that_terminals_eat():
     keys = {key for command in COMMANDS for key in command.keys.split(",")}
     assert not {key for key in keys if key in EATEN or key.startswith("alt+")}
-
-
-def test_no_key_does_two_things_on_one_screen():
-    for scope in ("table", "monitor", "detail", "scope", "loggers", *FILE_SCOPES):
-        keys = [key for binding in bindings_for(scope) for key in binding.key.split(",")]
-        assert sorted(set(keys)) == sorted(keys), scope
 
 
 def test_a_read_only_key_bar_shows_nothing_that_writes():

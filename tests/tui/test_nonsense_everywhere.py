@@ -137,7 +137,7 @@ async def test_strange_lines_of_commands(kind, new_fake, opened, monkeypatch, tm
 
 
 # they move; open an empty pane; begin what takes its time
-QUIET = {"back", "refresh", "next_event", "previous_event", "inspector", "demo"}
+QUIET = {"back", "refresh", "next_event", "previous_event", "inspector", "demo", "menus"}  # drawn a moment later
 MOVES = {"list_down", "list_up", "list_top", "list_bottom", "list_page_down", "list_page_up", "list_read"}
 
 

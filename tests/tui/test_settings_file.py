@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from silo.errors import SaveError
 from silo_tui.actions import BY_ID, COMMANDS
-from silo_tui.settings.keys import clashes, read_key, typed_keys
+from silo_tui.keymap import clashes
+from silo_tui.settings.keys import read_key, typed_keys
 from silo_tui.settings.options import OPTIONS, Settings, typed
 from silo_tui.settings.reading import path, read, read_file
 from silo_tui.settings.writing import rewritten, write_file
@@ -104,7 +105,7 @@ def test_a_line_left_out_takes_its_key_back_from_another():
 
 
 def test_the_commands_themselves_share_no_key_on_a_screen():
-    assert not list(clashes({}))
+    assert not list(clashes("classic", {}))
 
 
 @pytest.mark.parametrize("command", [each for each in COMMANDS if each.keys], ids=lambda each: each.id)
@@ -169,7 +170,7 @@ values = st.fixed_dictionaries(
 )
 keys = st.dictionaries(
     st.sampled_from(["filter", "sort", "apply"]), st.sampled_from(["f5", "f6,ctrl+f", "number_sign"])
-).filter(lambda found: not list(clashes(found)))
+).filter(lambda found: not list(clashes("classic", found)))
 made_settings = st.builds(lambda fields, own: Settings(**fields, keys=own), values, keys)
 layouts = st.sampled_from(
     ["", "# a\n", WHOLE, "keys: {filter: f7}\n", "keys:\n\n# end", "rate: 3", "colums: 1\n", *LISTS]

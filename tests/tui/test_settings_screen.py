@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
+from silo_tui.actions import key_of
 from silo_tui.cli import command
 from silo_tui.settings.options import OPTIONS, Settings
 from silo_tui.settings.reading import path, read, read_file
@@ -54,7 +55,7 @@ async def test_every_option_can_be_changed_and_goes_back_to_its_default(fake, op
             await screen.press("enter")
         changed = getattr(screen.app.context.settings, option.name)
         assert changed != getattr(Settings(), option.name), screen.text
-        await screen.press("x")
+        await screen.press(*key_of("default_setting").split())
         assert screen.app.context.settings == Settings()
 
 

@@ -1,0 +1,227 @@
+"""The two layers of keys, and how what is pressed becomes a command: the first layer, or a menu and a letter in it.
+
+One table says which keys a command has besides those of `actions` (classic). It is checked when this is imported: no
+command without a place, no key twice on a screen, no menu that is a command too, `D` in no menu.
+"""
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+
+from silo_tui import actions
+from silo_tui.actions import BY_ID, COMMANDS, FILE_SCOPES, PLACES, Command, commands_for, key_text, typed_on, with_keys
+
+OPENERS = {"g": "menu_go", "e": "menu_edit", "v": "menu_view", "r": "menu_record", "p": "menu_plots"}
+MENUS = frozenset(OPENERS.values()) | {"menus"}
+DESTROYS = "D"  # always asks, is answered by `y`
+TURNED = {"next_sample": "previous_sample", "next_event": "previous_event"}
+TURNED |= {back: on for on, back in TURNED.items()}
+
+_TABLE = (
+    # ------------------------------------------------------------------------------ first layer: moving
+    ("j,down", "down plot_down detail_down list_down level_down"),
+    ("k,up", "up plot_up detail_up list_up level_up"),
+    ("h,left", "left cursor_left earlier_word turn_down"),
+    ("l,right", "cursor_right later_word turn_up"),
+    ("l,right,tab", "right"),
+    ("shift+left,H", "cursor_far_left turn_far_down"),
+    ("shift+right,L", "cursor_far_right turn_far_up"),
+    ("pagedown,ctrl+d", "half_down later list_page_down"),
+    ("pageup,ctrl+u", "half_up earlier list_page_up"),
+    ("home,g g", "top list_top"),
+    ("home", "oldest"),
+    ("g g", "plot_top detail_top"),
+    ("G,end", "bottom list_bottom"),
+    ("end", "newest"),
+    ("G", "plot_bottom detail_bottom"),
+    # -------------------------------------------------------------------------------- finding, marking
+    ("slash", "filter list_filter"),
+    ("slash,p f", "find"),
+    ("n", "next_found"),
+    ("N", "previous_found"),
+    ("space", "mark pause scope_hold list_mark"),
+    ("asterisk", "mark_shown list_mark_all"),
+    ("V", "range list_range"),
+    ("o,v o", "sort list_order"),
+    # ------------------------------------------------------------------------------------ into, beside
+    ("enter", "detail go_to_event open_logger open_recording alarm_worst"),
+    ("enter,r c", "trigger_capture"),
+    ("m,enter", "monitor plot"),
+    ("m", "plot_conditions"),
+    ("plus,minus,v f", "fold"),
+    ("plus,equals_sign", "closer"),
+    ("minus", "wider"),
+    ("less_than_sign", "turn_plotted_down"),
+    ("greater_than_sign", "turn_plotted_up"),
+    ("tab,p a", "arrange_plots"),
+    ("tab,p v", "mode"),
+    # ------------------------------------------------------------------------------- what changes something
+    ("a", "apply"),
+    ("u", "undo"),
+    ("ctrl+r", "redo"),
+    ("S", "start_stop start_stop_loggers"),
+    ("R", "restart restart_loggers"),
+    ("w", "save_data write_events save_loggers fetch_recording write_settings save_preset"),
+    ("w,p w", "export_plots"),
+    (DESTROYS, "delete_recording trigger_remove forget_derived"),
+    ("ctrl+l,v r", "refresh detail_refresh try_link list_read look_again"),
+    # -------------------------------------------------------------------------------------------- the program
+    ("escape", "back"),
+    ("full_stop", "again"),
+    ("comma", "again_back"),
+    ("backslash", "menus"),
+    *((letter, opener) for letter, opener in OPENERS.items()),
+    ("colon", "command"),
+    ("question_mark,f1", "help"),
+    ("ctrl+p", "palette"),
+    ("q,ctrl+c", "quit"),
+    ("ctrl+q", "quit_now"),
+    ("ctrl+z", "suspend"),
+    # -------------------------------------------------------------------------------------------------- go to
+    ("g l", "loggers"),
+    ("g r", "recordings"),
+    ("g e", "events"),
+    ("g t", "triggers"),
+    ("g a", "alarms"),
+    ("g s,f2", "settings"),
+    ("g p", "parameters"),
+    ("g n", "goto"),
+    ("g o", "open"),
+    ("g d", "demo"),
+    # --------------------------------------------------------------------------------------------------- edit
+    ("e e", "edit scope_settings trigger_edit alarm_limits"),
+    ("enter,e e", "change_setting type_parameter"),
+    ("e d", "edit_divider"),
+    ("e s", "edit_size"),
+    ("e b", "next_buffer"),
+    ("e p", "next_action"),
+    ("e t", "toggle"),
+    ("e equals_sign", "edit_all"),
+    ("e x", "discard default_setting default_parameter"),
+    ("e c", "control"),
+    ("e l", "load_script load_into_loggers load_preset"),
+    ("e w", "save_script"),
+    # --------------------------------------------------------------------------------------------------- view
+    ("v c", "columns"),
+    ("v i", "inspector"),
+    ("v f", "all_entries"),
+    ("v e", "component next_entry"),
+    ("v z", "zero"),
+    ("v u", "unmark"),
+    ("v t", "theme"),
+    ("v v", "view"),
+    ("v p", "picture"),
+    ("v b", "compare_preset"),
+    # -------------------------------------------------------------------------------------------------- plots
+    ("p n", "next_sample"),
+    ("p N", "previous_sample"),
+    ("p e", "next_event"),
+    ("p E", "previous_event"),
+    ("p b", "cursor_b"),
+    ("p 0", "all_held"),
+    ("p c", "catch scope_mode"),
+    ("p j", "join_plots"),
+    ("p i", "isolate_plot"),
+    ("p r", "drop_plot"),
+    ("p y", "scale"),
+    ("p l", "log_axis level"),
+    ("p z", "detail_swap"),
+    ("p t", "mode_time"),
+    ("p s", "mode_spectrum"),
+    ("p x", "mode_xy"),
+    ("p h", "mode_histogram"),
+    # ------------------------------------------------------------------------------------------------- record
+    ("r n", "new_of_row plot_trigger trigger_new alarm_new"),
+    ("r r", "record"),
+    ("r s", "stop_recording"),
+    ("r t", "trigger_toggle"),
+    ("r f", "trigger_force scope_force"),
+    ("r k", "acknowledge"),
+    ("r m", "set_marker"),
+    ("r d", "derive"),
+    ("r o", "overlay_recording"),
+)
+TWO_LAYERS = {command: keys for keys, commands in _TABLE for command in commands.split()}
+BASES: dict[str, Mapping[str, str]] = {"classic": {}, "two-layer": TWO_LAYERS}
+
+
+def keys_in(keymap: str, command: str, own: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Return the keys of a command: those that the user gave it, and its place in a menu, which it never loses."""
+    given = BASES[keymap].get(command, BY_ID[command].keys)
+    if command not in own or " " in own[command]:
+        return own.get(command, given)
+    return ",".join([own[command], *(key for key in given.split(",") if " " in key)])
+
+
+def use_keys(keymap: str, own: Mapping[str, str]) -> None:
+    """Let all keys be these, and all that is shown and said name them."""
+    actions.use_keys({command: keys_in(keymap, command, own) for command in {**BASES[keymap], **own}})
+
+
+def command_of(key: str, scope: str) -> Command | None:
+    """Return what a key of the first layer does on a screen."""
+    return next((each for each in commands_for(scope) if key in each.keys.split(",")), None)
+
+
+def in_menu(opener: str, scope: str) -> dict[str, list[Command]]:
+    """Return what a menu holds, by letter, in the order of the table; what counts on this screen comes first."""
+    if opener == "menus":
+        return {key: [BY_ID[each]] for key, each in OPENERS.items()}
+    letter = next(key for key, each in OPENERS.items() if each == opener)
+    found: dict[str, list[Command]] = {}
+    for command, place in TWO_LAYERS.items():
+        keys = with_keys(BY_ID[command]).keys
+        for path in (keys if " " in keys else place).split(","):
+            if path.startswith(f"{letter} "):
+                found.setdefault(path.removeprefix(f"{letter} "), []).append(BY_ID[command])
+    for commands in found.values():
+        commands.sort(key=lambda each: (scope not in each.scopes, not counts(each, scope)))
+    return found
+
+
+def counts(command: Command, scope: str) -> bool:
+    """Return whether an entry of a menu has a use on a screen: by its key, or by its word."""
+    return scope in command.scopes or "any" in command.scopes or typed_on(scope, command)
+
+
+def where(command: Command, scope: str) -> str:
+    """Return where a command has a use, for a screen where it has none."""
+    if scope in FILE_SCOPES and not set(command.scopes) & set(FILE_SCOPES):
+        return "of a logger"
+    places = dict.fromkeys(PLACES.get(each, each) for each in command.scopes if each not in FILE_SCOPES)
+    return next(iter(places), "")
+
+
+def clashes(keymap: str, keys: Mapping[str, str]) -> Iterator[tuple[str, str, str, str]]:
+    """Yield a command that `keys` gives a key, the one that has it on the same screen, the key, and that screen.
+
+    The letter of a menu is taken by its commands: who wants it for another one gives these others first.
+    """
+    for scope in dict.fromkeys(scope for command in COMMANDS for scope in command.scopes if scope != "any"):
+        taken: dict[str, str] = {}
+        for command in COMMANDS:
+            if not {scope, "any"} & set(command.scopes) and (command.scopes or not typed_on(scope, command)):
+                continue
+            for key in filter(None, keys_in(keymap, command.id, keys).split(",")):
+                other = taken.setdefault(key, command.id)
+                if other != command.id:
+                    mine, theirs = (command.id, other) if command.id in keys else (other, command.id)
+                    yield mine, theirs, key, scope
+
+
+def _check() -> None:
+    """Refuse a table in which something stands twice, or nowhere."""
+    eaten = ("ctrl+h", "ctrl+i", "ctrl+j", "ctrl+m", "ctrl+enter", "alt+")
+    for keymap in BASES:
+        for mine, theirs, key, scope in clashes(keymap, {}):
+            raise ValueError(f"{keymap}: {key_text(key)} is {mine} and {theirs} ({scope})")
+    for command in COMMANDS:
+        if command.id not in TWO_LAYERS and command.keys:
+            raise ValueError(f"{command.id} has no place in the two layers")
+    for keys, commands in _TABLE:
+        for key in keys.split(","):
+            menu, _, letter = key.rpartition(" ")
+            if (menu and (menu not in OPENERS or letter == DESTROYS)) or key.startswith(eaten):
+                raise ValueError(f"{key} of {commands} is no key that can be")
+
+
+_check()

@@ -1,0 +1,173 @@
+"""The reader of keys: what is pressed on a full screen becomes a command, at once or by a menu.
+
+A menu is a state of the reader and no screen: it is drawn over the rows above the key bar only where its letter isn't
+followed by another at once, so that `g r` typed on sends no cell.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rich.text import Text
+from textual import events
+from textual.timer import Timer
+from textual.widgets import Static
+
+from silo_tui.actions import BY_ID, Command, key_of, key_text
+from silo_tui.context import SiloScreen
+from silo_tui.keymap import MENUS, TURNED, command_of, counts, in_menu, where
+from silo_tui.unforeseen import Guarded
+from silo_tui.widgets.inputs import Fleeting
+
+DRAWN_AFTER_S = 0.25
+DRAWN_AFTER_THIN_S = 0.6
+NOT_AGAIN = ("load_script", "load_preset", "load_into_loggers", "save_script", "control")
+MOST_ROWS = 7
+LEAST_COLUMN = 24
+
+
+class MenuLines(Guarded, Static):
+    """The entries of a menu."""
+
+    DEFAULT_CSS = "MenuLines { layer: editor; dock: bottom; margin-bottom: 2; width: 100%; height: auto; \
+background: $panel; color: $foreground; padding: 0 1; text-wrap: nowrap; }"
+
+
+class KeyReader:
+    """What is pressed on full screens, and the menu that is open on one."""
+
+    def __init__(self, app: Any, is_fast: Callable[[], bool]) -> None:
+        """`is_fast` tells whether the link to the terminal carries all that is shown."""
+        self._app, self._is_fast = app, is_fast
+        self._menu = ""  # the command that opened it
+        self._on: SiloScreen | None = None
+        self._timer: Timer | None = None
+
+    def takes(self, typed: events.Key | events.Paste) -> bool:
+        """Carry out what was typed, where it is a key of a full screen; False: it is for what has the focus."""
+        screen = self._app.screen if self._app.screen_stack else None
+        if self._menu and screen is not self._on:
+            self.close()
+        if not isinstance(screen, SiloScreen):
+            return False
+        typing = isinstance(screen.focused, Fleeting) and screen.focused.display
+        if isinstance(typed, events.Paste):
+            if not typing:
+                self._app.context.say(f"{len(typed.text)} characters pasted outside a line are no keys: left out")
+            return not typing
+        command = command_of(typed.key, screen.scope)
+        if self._menu and (command is None or command.id != "quit_now"):
+            self._take_letter(screen, typed.key)
+        elif command is None or (typing and command.id != "quit_now"):
+            return False
+        else:
+            screen.action_command(command.id)
+        return True
+
+    def open(self, menu: str) -> None:
+        """Open a menu; it is drawn where nothing follows."""
+        self.close()
+        self._menu, self._on = menu, self._app.screen
+        self._timer = self._app.set_timer(DRAWN_AFTER_S if self._is_fast() else DRAWN_AFTER_THIN_S, self.draw)
+
+    def close(self) -> None:
+        """Leave the menu."""
+        if self._timer is not None:
+            self._timer.stop()
+        if self._on is not None and self._on.is_there:
+            self._on.query(MenuLines).remove()
+            self._on.update_keys()
+        self._menu, self._on, self._timer = "", None, None
+
+    def _take_letter(self, screen: SiloScreen, key: str) -> None:
+        back = command_of(key, screen.scope)
+        if back is not None and back.id in ("back", "quit"):
+            self.close()
+            return
+        entries = in_menu(self._menu, screen.scope).get(key)
+        if entries is None:
+            self.draw()
+            screen.context.say(f"{key_text(key)} is not in the menu; {key_of('back')} leaves it")
+            return
+        command = entries[0]
+        if why := self._why_not(screen, command):
+            self.draw()
+            screen.context.say(f"{self._path(key)} ({command.label}): {why[1]}")
+            return
+        letter = self._menu
+        self.close()
+        if letter in ("menu_edit", "menu_view", "menu_plots") and command.id not in NOT_AGAIN:
+            screen.repeats = partial(screen.action_command, command.id)
+            screen.repeated = command.id
+        screen.action_command(command.id)
+
+    def _path(self, key: str) -> str:
+        return key_text(f"{key_of(self._menu)} {key}")
+
+    def _why_not(self, screen: SiloScreen, command: Command) -> tuple[str, str] | None:
+        """Return why an entry can't be done now, in a few words and in a sentence; None where it can."""
+        context, scope = screen.context, screen.scope
+        if command.id in MENUS:
+            return None
+        if not counts(command, scope):
+            place = where(command, scope)
+            return place, "a saved file has no logger" if place == "of a logger" else f"it has a use in {place}"
+        own = scope in command.scopes or "any" in command.scopes
+        if not context.has_session and not own and command.asks | command.writes | bool(command.scopes):
+            return "no logger open", f"no logger is open; {key_of('open_logger')} opens one"
+        if command.writes and context.read_only:
+            return "read-only", "silo-tui was started with --read-only"
+        if context.has_session and scope != "loggers":
+            session = context.session
+            if command.writes and not session.may_edit:
+                return session.why_not.partition(";")[0].partition(",")[0], session.why_not
+            if command.asks and not command.retries and not session.connected:
+                return "no link", f"no link to {session.name}; it is tried again all the time"
+        why = screen.why_not_now(command.id)
+        return (why, why) if why else None
+
+    def draw(self) -> None:
+        """Draw the menu that is open."""
+        screen = self._on
+        if not self._menu or screen is None or self._app.screen is not screen or screen.query(MenuLines):
+            return
+        screen.mount(MenuLines(self.picture(screen, self._app.size.width - 2), markup=False))
+
+    def picture(self, screen: SiloScreen, width: int) -> Text:
+        """Return the entries in columns: a letter, what it does or is now; in brackets what can't be done, and why."""
+        entries = {key: commands[0] for key, commands in in_menu(self._menu, screen.scope).items()}
+        reasons = {key: self._why_not(screen, command) for key, command in entries.items()}
+        of_all = {why[0] if why else "" for why in reasons.values()}  # one that all have is told once
+        count = max(-(-len(entries) // MOST_ROWS), min(3, width // LEAST_COLUMN, len(entries)))
+        rows, column = -(-len(entries) // count), width // count
+        title = BY_ID[self._menu].help.removeprefix("the menu of ")
+        title += f"  (now: {of_all.pop()})" if len(of_all) == 1 and "" not in of_all else ""
+        leaves = f"{key_of('back')} back"
+        picture = Text(f"{key_of(self._menu)}  {title}", style="bold", no_wrap=True)
+        picture.truncate(width - len(leaves) - 2, overflow="ellipsis")
+        picture.append(" " * (width - picture.cell_len - len(leaves)) + leaves, style="not bold")
+        drawn = []
+        for key, command in entries.items():
+            why = reasons[key]
+            value = (why[0] if of_all else "") if why else screen.value_now(command.id)
+            entry = Text(f"({key_text(key)})" if why else f" {key_text(key)} ", style="" if why else "bold")
+            entry.append(f" {command.label}{': ' if value else ''}{value}", style="not bold")
+            entry.truncate(column - 2, overflow="ellipsis")
+            drawn.append(entry)
+        for row in range(rows):
+            picture.append("\n")
+            for entry in drawn[row::rows]:
+                picture.append_text(entry).append(" " * (column - entry.cell_len))
+        return picture
+
+    def again(self, *, turned: bool) -> None:
+        """Do what was done last by a menu once more, or the other way round."""
+        screen: SiloScreen = self._app.screen
+        if not screen.repeated:
+            screen.context.say("nothing to do again: what the menus of edit, view and plots did last is")
+        elif not turned:
+            screen.repeats()
+        elif screen.repeated in TURNED:
+            screen.action_command(TURNED[screen.repeated])
+        else:
+            screen.context.say(f"{BY_ID[screen.repeated].label} has no other way; {key_of('undo')} takes an edit back")

@@ -1,0 +1,179 @@
+"""The two layers of keys: the first, the menus over it, and the table that both are made from."""
+
+import pytest
+from textual import events
+
+from silo_tui import keymap
+from silo_tui.actions import BY_ID, COMMANDS, commands_for, key_of, why_no_use
+from silo_tui.keymap import BASES, OPENERS, TWO_LAYERS, clashes, in_menu, use_keys
+from silo_tui.menus import MenuLines
+from silo_tui.model.fields import Field
+from silo_tui.settings.options import Settings
+from silo_tui.settings.reading import read
+from tests.tui.test_typed_early import burst
+
+SCOPES = sorted({scope for command in COMMANDS for scope in command.scopes} - {"any"})
+
+
+@pytest.fixture
+def menus(opened):
+    """The app with menus."""
+    return lambda *fakes, **options: opened(*fakes, settings=Settings(keymap="two-layer"), **options)
+
+
+def drawn(screen):
+    lines = screen.app.screen.query(MenuLines)
+    return lines.first().content.plain if lines else ""
+
+
+# ------------------------------------------------------------------------------------------------------- the table
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_no_key_stands_twice(base):
+    assert list(clashes(base, {})) == []
+
+
+@pytest.mark.parametrize(
+    ("row", "why"),
+    [
+        (("j", "apply"), "down"),
+        (("e d", "edit_size"), "edit_divider"),
+        (("e", "apply"), "menu_edit"),
+        (("e D", "apply"), "can be"),
+        (("alt+x", "apply"), "can be"),
+        (("ctrl+h", "apply"), "can be"),
+        (("y d", "apply"), "can be"),
+    ],
+)
+def test_a_table_with_a_conflict_is_refused(monkeypatch, row, why):
+    keys, command = row
+    monkeypatch.setattr(keymap, "_TABLE", (*keymap._TABLE, row))
+    monkeypatch.setitem(BASES, "two-layer", {**TWO_LAYERS, command: keys})
+    with pytest.raises(ValueError, match=why):
+        keymap._check()
+
+
+def test_a_command_without_a_place_is_refused(monkeypatch):
+    monkeypatch.delitem(TWO_LAYERS, "toggle")
+    with pytest.raises(ValueError, match="toggle has no place"):
+        keymap._check()
+
+
+def test_every_command_has_its_place_on_every_screen_where_it_has_a_key():
+    classic = {scope: {command.id for command in commands_for(scope)} for scope in SCOPES}
+    use_keys("two-layer", {})
+    for scope in SCOPES:
+        assert classic[scope] <= {command.id for command in commands_for(scope)}
+
+
+def test_a_letter_of_a_menu_has_one_meaning_on_every_screen():
+    use_keys("two-layer", {})
+    for opener in OPENERS.values():
+        for scope in SCOPES:
+            assert list(in_menu(opener, scope)) == list(in_menu(opener, "table"))
+            for commands in in_menu(opener, scope).values():
+                here = [each for each in commands if scope in each.scopes]
+                assert len(here) <= 1, (scope, here)
+
+
+def test_what_destroys_shares_its_key_with_nothing():
+    assert {command for command, keys in TWO_LAYERS.items() if "D" in keys.replace(",", " ").split()} == {
+        "delete_recording", "trigger_remove", "forget_derived",
+    }  # fmt: skip
+
+
+def test_sentences_and_keys_of_before_name_the_new_place():
+    use_keys("two-layer", {"recordings": "F"})
+    assert (key_of("toggle"), key_of("recordings"), BY_ID["toggle"].key_text) == ("e t", "F", "t")
+    assert why_no_use("t", "table") == "t was On/Off: now e t"
+
+
+def test_own_keys_may_be_paths_and_conflicts_cost_their_line():
+    text = "keys:\n  edit_divider: [d, e d]\n  edit_size: e d\n  toggle: e\nkeymap: two-layer\n"
+    settings, problems = read(text)
+    assert settings.keymap == "two-layer"
+    assert settings.keys == {"edit_divider": "d,e d"}
+    assert [problem.line for problem in problems] == [3, 4]
+    assert read("keys: {recordings: e d f}")[0].keys == {}
+
+
+def test_ids_of_before_still_work():
+    assert read("keymap: two-layer\nkeys: {next_logger: J}\n")[0].keys == {"list_down": "J"}
+
+
+# ------------------------------------------------------------------------------------------------------- the reader
+
+
+@pytest.mark.slow
+async def test_what_is_typed_on_goes_there_and_no_menu_is_drawn(fake, menus):
+    async with menus(fake) as screen:
+        burst(screen, "g e")
+        await screen.until(lambda: screen.app.screen.scope == "events" and screen.app.gate.free)
+        assert not drawn(screen)
+        await screen.press("escape")
+        burst(screen, "e d 5 enter j full_stop")
+        await screen.until(lambda: screen.session.table.pending_count == (2, 2), "the edit and the same again")
+        burst(screen, "u u")
+        await screen.until(lambda: screen.session.table.pending_count == (0, 0))
+
+
+@pytest.mark.slow
+async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(fake, menus):
+    async with menus(fake) as screen:
+        await screen.press("e")
+        await screen.until(lambda: drawn(screen))
+        assert "Divider: 1" in drawn(screen)
+        assert "(x) Discard: none waits" in drawn(screen)
+        await screen.press("k")
+        await screen.shows("k is not in the menu")
+        assert screen.session.rows.position == 0
+        await screen.press("x")
+        await screen.shows("none waits")
+        assert drawn(screen)
+        await screen.press("escape")
+        assert not drawn(screen)
+        await screen.press("j")
+        assert screen.session.rows.position == 1
+
+
+@pytest.mark.slow
+async def test_an_entry_that_can_t_act_says_why(fake, menus):
+    async with menus(fake, read_only=True) as screen:
+        await screen.press("e")
+        await screen.until(lambda: drawn(screen))
+        assert "(d) Divider: read-only" in drawn(screen)
+        await screen.press("escape", "r")
+        await screen.until(lambda: "Acknowledge" in drawn(screen))
+        assert "(k) Acknowledge: alarms" in drawn(screen)
+        await screen.press("k")
+        await screen.shows("r k (Acknowledge): it has a use in alarms")
+
+
+@pytest.mark.slow
+async def test_what_is_pasted_outside_a_line_is_left_out_whole(fake, menus):
+    async with menus(fake) as screen:
+        screen.app.post_message(events.Paste("et"))
+        await screen.shows("no keys")
+        assert screen.session.table.pending_count == (0, 0)
+
+
+@pytest.mark.slow
+async def test_classic_has_the_same_menus_behind_one_key(fake, opened):
+    async with opened(fake) as screen:
+        burst(screen, "backslash e t")
+        await screen.until(lambda: screen.session.table.pending_count == (1, 1))
+        assert screen.value(screen.session.table.names[screen.session.rows.row], Field.ENABLED) == "off"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_menus_have_room_on_every_screen(fake, menus, size):
+    async with menus(fake, size=size) as screen:
+        for letter in OPENERS:
+            await screen.press(letter)
+            await screen.until(lambda: drawn(screen))
+            lines = drawn(screen).splitlines()
+            assert len(lines) <= 8
+            assert max(map(len, lines)) <= size[0] - 2
+            await screen.press("escape")
