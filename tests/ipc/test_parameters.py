@@ -3,6 +3,8 @@
 import os
 import signal
 import threading
+import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -156,3 +158,22 @@ def test_the_shell_lists_sets_saves_compares_and_loads(tuned, client, tmp_path, 
     assert "/log/legs/kp   50.0  -     0 to 200    40.0" in capsys.readouterr().out
     assert run(["param", "set", "bot", "kp=201"]) == 1
     assert "201.0 doesn't fit, it takes 0 to 200" in capsys.readouterr().err
+
+
+def test_silo_param_watch_prints_each_change_from_now_on_and_nothing_else(tuned, client, monkeypatch, capsys):
+    client.parameters["kp"] = 45.0
+    wait_until(lambda: any("-> 45.0" in one.text for one in client.events()))
+
+    def passes(seconds):
+        """Something happens while it sleeps; then Ctrl-C."""
+        if client.parameters["kp"] == 50.0:
+            raise KeyboardInterrupt
+        client.mark("not of a parameter")
+        client.parameters["kp"] = 50.0
+        wait_until(lambda: any("-> 50.0" in one.text for one in client.events()))
+
+    clock = SimpleNamespace(sleep=passes, strftime=time.strftime, localtime=time.localtime)  # of that module alone
+    monkeypatch.setattr("silo.cli.loggers.events.time", clock)
+    assert run(["param", "watch", "bot"]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    assert "kp 45.0 -> 50.0" in line

@@ -114,8 +114,17 @@ def _of_logger(client: "Client", *, follow: bool, as_json: bool) -> None:
             return
 
 
-def _news(client: "Client") -> Iterator[Sequence[LoggedEvent]]:
-    newest = 0
+def watch_kind(client: "Client", kind: str) -> None:
+    """Print what happens of a kind from now on, until Ctrl-C."""
+    newest = max((one.number for one in client.events(0, 1)), default=0)
+    try:
+        for found in _news(client, newest):
+            _print([one for one in found if one.kind == kind], as_json=False)
+    except KeyboardInterrupt:
+        return  # the usual end
+
+
+def _news(client: "Client", newest: int = 0) -> Iterator[Sequence[LoggedEvent]]:
     while True:
         found = client.events(newest, MOST)
         newest = found[-1].number if found else newest

@@ -8,6 +8,7 @@ import click
 
 from silo.cli.codes import EXIT_DIFFERENT
 from silo.cli.verbs import Listing, LoggerFirst, Target, Words, verb
+from silo.core.elements import PARAMETER
 from silo.core.parameters import range_text, value_text
 
 if TYPE_CHECKING:
@@ -79,6 +80,14 @@ def set_command(client: "Client", words: str) -> str:
         info = find_parameter(name, known)
         values[info.name] = typed_value(info, value)
     return client.parameters.set(values).text
+
+
+@verb(param, "watch")
+def watch(client: "Client") -> None:
+    """Print each change from now on, whoever makes it: when, from which tick, what it was; until Ctrl-C."""
+    from silo.cli.loggers.events import watch_kind
+
+    watch_kind(client, PARAMETER)
 
 
 @verb(param, "save", "FILE.yaml")
