@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
@@ -183,6 +184,36 @@ def find_logger(name: str | None) -> "LoggerAddress":
     if "/" not in (name or ""):  # it might be there, too
         tell_unreachable(discovery.unreachable)
     return found
+
+
+def means_saved(word: str) -> bool:
+    """Whether a word means what is saved, not a logger: a run number, a file, a folder with logs, a bag.
+
+    A logger that runs goes before a file or folder that is only called like it.
+    """
+    from silo.files.formats import is_bag_folder, means_log
+
+    path = Path(word)
+    return means_log(word) or is_bag_folder(path) or (path.exists() and not _runs(word))
+
+
+def _runs(name: str) -> bool:
+    if name.startswith(("/", ".")) or name.endswith("/"):
+        return False
+    try:
+        return bool(find_logger(name))
+    except (SiloError, click.UsageError):
+        return False
+
+
+def find_saved(which: str | Path) -> Path:
+    """Return the log that is meant, of a folder the newest run; newer captures are told of.
+
+    Raises LogNotFoundError.
+    """
+    from silo.files.naming import find_log
+
+    return find_log(which, tell=lambda text: click.echo(text, err=True))
 
 
 def tell_unreachable(unreachable: Mapping[str, str]) -> None:

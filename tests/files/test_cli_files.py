@@ -13,8 +13,8 @@ from click.testing import CliRunner
 
 from silo.cli.group import cli
 from silo.cli.logs.files import convert_command, diff_command, plot_command, print_file_info, stats_command
-from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.elements import BufferType, Entry, LoggedEvent
+from silo.core.recording import RecordedElement, RecordedEntry, Recording, with_events
 from silo.errors import LogNotFoundError
 from silo.files.bags.writer import write_bag
 from silo.files.silo.writer import write_silo
@@ -233,6 +233,24 @@ class TestInfo:
     def test_a_missing_file_is_an_error_of_silo(self, folder):
         with pytest.raises(LogNotFoundError):
             print_file_info(folder / "no.silo", as_json=False)
+
+
+@pytest.mark.parametrize(
+    "words", [["info", "?"], ["stats", "?"], ["plot", "?", "x"], ["check", "?", "--never", "x > 1000"]], ids=" ".join
+)
+def test_a_folder_means_its_newest_run_to_every_command_and_newer_captures_are_told_of(words, folder):
+    for name in ("00001", "00002", "00003_TRIGGER_fall_1"):
+        write_silo(recording(), folder / f"robot_20260301_12-00-00_{name}.silo")
+    (folder / "run.silo").unlink()
+    result = CliRunner().invoke(cli, [str(folder) if word == "?" else word for word in words])
+    assert result.exit_code == 0, result.output
+    assert "'robot_20260301_12-00-00_00002.silo' was taken, the newest run; one capture is newer" in result.stderr
+
+
+def test_events_of_a_bag_are_those_in_the_bag(folder):
+    write_bag(with_events(recording(), [LoggedEvent("marker", "slipped", 1, 3)]), folder / "drive")
+    result = CliRunner().invoke(cli, ["events", str(folder / "drive")])
+    assert "slipped" in result.stdout, result.output
 
 
 def test_a_data_set_is_made_of_several_logs(tmp_path, new_logger):

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -77,3 +78,15 @@ def test_a_saved_file_tells_and_info_shows_it(bot, client, capsys):
     assert run(["info", file.path]) == 0
     assert "0.030000 s  tick 3         marker slipped" in capsys.readouterr().out
     assert len(read_events(bot.logger.options.folder, "bot")) >= 2
+
+
+@pytest.mark.parametrize("command", ["events", "info"])
+def test_a_logger_that_runs_goes_before_a_folder_or_file_that_is_called_like_it(
+    bot, tmp_path, monkeypatch, command, capsys
+):
+    for at, make in ((tmp_path / "folder", Path.mkdir), (tmp_path / "file", Path.touch)):
+        at.mkdir()
+        make(at / "bot")
+        monkeypatch.chdir(at)
+        assert run([command, "bot"]) == 0
+        assert "started" in (out := capsys.readouterr().out) or "bot on " in out

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
-from silo.cli.common import LogWord, complete_logger, connect, find_logger, json_option, show_json
+from silo.cli.common import LogWord, complete_logger, connect, find_saved, json_option, means_saved, show_json
 from silo.cli.verbs import verb
 from silo.core.elements import LoggedEvent
-from silo.errors import LogNotFoundError, SiloError
-from silo.files.formats import means_log
+from silo.errors import LogNotFoundError
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -59,33 +58,26 @@ def events(which: str | None, follow: bool, as_json: bool) -> None:
 
 
 def _events(which: str | None, *, follow: bool, as_json: bool) -> None:
-    file = which is not None and (Path(which).is_file() or means_log(which))
-    if follow and file:
-        raise click.UsageError("a file doesn't go on: leave --follow out")
-    if which is not None and file:
-        _print(_of_file(which), as_json)
-    elif which is not None and Path(which).is_dir() and not _runs(which):
-        _of_folder(Path(which), follow=follow, as_json=as_json)
+    if which is not None and means_saved(which):
+        from silo.files.formats import is_bag_folder
+
+        folder = Path(which)
+        if folder.is_dir() and not is_bag_folder(folder):
+            _of_folder(folder, follow=follow, as_json=as_json)
+        elif follow:
+            raise click.UsageError("a file doesn't go on: leave --follow out")
+        else:
+            _print(_of_file(which), as_json)
     else:
         with connect(which) as client:
             _of_logger(client, follow=follow, as_json=as_json)
 
 
-def _runs(name: str) -> bool:
-    """Whether a logger of that name runs: it is meant then, not a folder that is called so."""
-    if name.startswith(("/", ".")) or name.endswith("/"):
-        return False
-    try:
-        return bool(find_logger(name))
-    except (SiloError, click.UsageError):
-        return False
-
-
 def _of_file(path: str) -> Sequence[LoggedEvent]:
+    from silo.files.added import added_formats
     from silo.files.formats import read_recording
-    from silo.files.naming import find_log
 
-    return read_recording(find_log(path)).events
+    return read_recording(find_saved(path), added_formats).events
 
 
 def _of_folder(folder: Path, *, follow: bool, as_json: bool) -> None:

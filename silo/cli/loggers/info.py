@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -14,6 +13,7 @@ from silo.cli.common import (
     connect,
     json_option,
     logged_for,
+    means_saved,
     show_json,
     show_rows,
     split_logger,
@@ -22,15 +22,9 @@ from silo.cli.common import (
 from silo.core.quantities.writing import duration, many, size_text
 from silo.core.stalls import idle_words, is_stalled
 from silo.errors import ConnectionLostError
-from silo.files.formats import is_bag_folder, means_log
 
 if TYPE_CHECKING:
     from silo.core.elements import ElementInfo, Status
-
-
-def _is_log(word: str) -> bool:
-    """Whether a word means a file, a run or a bag folder, not a logger."""
-    return means_log(word) or is_bag_folder(Path(word))
 
 
 @click.command()
@@ -45,11 +39,12 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
       silo info                              (the only logger)
       silo info demo '*/torque' /log/base    (elements: glob or namespace)
       silo info demo_20260102_10-00-00_00001.silo
+      silo info logs                         (the newest run of a folder)
     """
-    if len(words) == 1 and _is_log(words[0]):
+    if len(words) == 1 and means_saved(words[0]):
         from silo.cli.logs.files import print_file_info
 
-        print_file_info(Path(words[0]), as_json)
+        print_file_info(words[0], as_json)
         return
     logger, patterns = split_logger(words)
     with _telling_what_was_left(logger), connect(logger) as client:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FAILED, EXIT_USAGE
-from silo.cli.common import LogWord, show_json, show_rows
+from silo.cli.common import LogWord, find_saved, show_json, show_rows
 from silo.errors import SiloError
 
 if TYPE_CHECKING:
@@ -43,10 +43,9 @@ def check_command(
     from silo.analysis.check import check
     from silo.files.added import added_formats
     from silo.files.formats import read_recording
-    from silo.files.naming import find_log
 
     try:
-        recording = read_recording(find_log(file), added_formats)
+        recording = read_recording(find_saved(file), added_formats)
         asked = [*recording.extras.limits, *(_limits(text, when) for text in limits)]
         if not (asked or never or always):
             raise click.UsageError(

@@ -17,7 +17,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from silo.cli.codes import EXIT_DIFFERENT
-from silo.cli.common import LogWord, TypedPath, progress, show, show_json
+from silo.cli.common import LogWord, TypedPath, find_saved, progress, show, show_json
 from silo.errors import SiloError
 from silo.files.formats import readable, writable
 
@@ -31,11 +31,11 @@ _Command = TypeVar("_Command", bound=Callable[..., object])
 _MOST_CURVES = 20
 
 
-def print_file_info(path: Path, as_json: bool) -> None:
+def print_file_info(which: str | Path, as_json: bool) -> None:
     """Print what is in a log: elements with unit, type, samples, rate, span, lost. Raises `SiloError`."""
     from silo.analysis.reports import format_report, report
 
-    path = path if path.exists() else _find(str(path))
+    path = find_saved(which)
     recording = _read(path)
     facts = report(recording, str(path), _size_of(path))
     show(facts, as_json, lambda: format_report(facts, _columns()))
@@ -52,7 +52,7 @@ def _complete_signal(ctx: click.Context, param: click.Parameter, incomplete: str
     from silo.core.names import begun
 
     try:
-        recording = _read(_find(ctx.params.get("file") or ""))
+        recording = _read(find_saved(ctx.params.get("file") or ""))
     except SiloError:
         return []
     names = [name for each in entry_names(recording.elements) for name in each]
@@ -112,7 +112,7 @@ def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options:
 
     if not options["fps"] or not options["state"]:
         raise click.UsageError("a data set needs --fps and at least one --state: --fps 30 --state 'joints/*'")
-    runs = [_find(source) for source in sources]
+    runs = [find_saved(source) for source in sources]
     options["how"] = options["how"] or "last"
     with progress(f"{target}") as tell:
         made = write_lerobot(runs, target, force=force, progress=tell, **options)
@@ -149,7 +149,7 @@ def convert_command(
     if given or len(sources) > 1:
         what = given or f"more than one IN ({len(sources)})"
         raise click.UsageError(f"{what} is for data sets: add --to lerobot")
-    path = _find(sources[0])
+    path = find_saved(sources[0])
     with progress(f"{target.name}") as tell:
         recording = convert(path, target, tell, force, lambda read: read if rate is None else _at_rate(read, rate))
     _warn(recording)
@@ -173,7 +173,7 @@ def stats_command(file: str, patterns: tuple[str, ...], start: float | None, sto
     from silo.analysis.plots.curves import pick, pick_all
     from silo.analysis.reports import format_statistics, statistics
 
-    recording = _read(_find(file))
+    recording = _read(find_saved(file))
     signals = pick(recording, patterns) if patterns else pick_all(recording)
     # one after the other: a window copies the signal
     rows = [statistics(signal) for signal in _windowed(recording, signals, start, stop)]
@@ -210,7 +210,7 @@ def diff_command(first: str, second: str, tolerance: float, by: Literal["start",
     """
     from silo.analysis.compare import differences
 
-    a, b = _read(_find(first)), _read(_find(second))
+    a, b = _read(find_saved(first)), _read(find_saved(second))
     found = differences(a, b, tolerance, by)
     equal = not any(one.differs for one in found)
     if as_json:
@@ -258,7 +258,7 @@ def compare_command(
     from silo.analysis.compare import compare
     from silo.analysis.log import Log
 
-    recordings = [_read(_find(one)) for one in (first, second)]
+    recordings = [_read(find_saved(one)) for one in (first, second)]
     a, b = map(Log, recordings)
     moment = None if event is None else lambda log: log.eval(event)
     found = compare(a, b, pattern, event=moment, signal=signal, tolerance=tolerance, by=by)
@@ -314,7 +314,7 @@ def plot_command(
         raise click.UsageError("choose one of --derivative and --spectrum")
     if x_pattern and (derivative or spectrum):
         raise click.UsageError("--x draws values over values: leave out --derivative and --spectrum")
-    path = _find(file)
+    path = find_saved(file)
     recording = _read(path)
     transform = "derivative" if derivative else "spectrum" if spectrum else ""
     spec = ChartSpec(patterns, right, x_pattern, transform, start, stop, _MOST_CURVES)
@@ -335,12 +335,6 @@ def _at_rate(recording: "Recording", rate: float) -> "Recording":
     from silo.analysis.log import Log
 
     return Log(recording).resample(rate).recording
-
-
-def _find(which: str) -> Path:
-    from silo.files.naming import find_log
-
-    return find_log(which, tell=lambda text: click.echo(text, err=True))
 
 
 def _read(path: Path) -> "Recording":

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from silo.cli.common import LogWord, TypedPath, show_json
-from silo.cli.logs.files import _complete_file, _complete_signal, _find, _read, _wants_color, _warn
+from silo.cli.common import LogWord, TypedPath, find_saved, show_json
+from silo.cli.logs.files import _complete_file, _complete_signal, _read, _wants_color, _warn
 
 if TYPE_CHECKING:
     from silo.analysis.log import Log
@@ -114,7 +114,7 @@ def step(
 def _opened(file: str, given: str, output: str) -> "tuple[Log, str]":
     from silo.analysis.log import Log
 
-    path = _find(file)
+    path = find_saved(file)
     return Log(_read(path), str(path)), f"{path.name}: {given} to {output}"
 
 

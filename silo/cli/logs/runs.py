@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import TypedPath, progress, show_json, show_rows
+from silo.cli.common import TypedPath, find_saved, progress, show_json, show_rows
 from silo.core.quantities.writing import many, size_text
 from silo.errors import LogNotFoundError
 
@@ -116,9 +116,7 @@ def note(run: str, words: tuple[str, ...], back: bool) -> None:
 
 def _found(run: str) -> tuple[Path, str]:
     """The folder and the name of a run. Raises LogNotFoundError."""
-    from silo.files.naming import find_log
-
-    path = find_log(int(run) if run.isdecimal() else run)
+    path = find_saved(run)
     if path.is_dir() and path.suffix == "":
         raise LogNotFoundError(f"'{path}' is a folder; name a run in it")
     return path.absolute().parent, path.stem
