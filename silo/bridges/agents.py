@@ -21,6 +21,7 @@ from silo.analysis.reports import report, statistics
 from silo.core.names import matching
 from silo.core.quantities.writing import many
 from silo.errors import ElementError, SiloError
+from silo.expressions.parsing import names_in, parse
 from silo.files.extras import need
 from silo.run_index.runs import Run, Runs, runs
 
@@ -100,7 +101,8 @@ class Shelf:
         Each point is the smallest and the largest value of its stretch, so that no spike is missed.
         """
         log = self._log(run)
-        self._check_size(log, "*" if len(log) < 20 else "")
+        for name in names_in(parse(expression).root):
+            self._check_size(log, name)
         signal = log.eval(expression)
         if start_s is not None or stop_s is not None:
             signal = signal.clip(start_s, stop_s)
@@ -178,7 +180,7 @@ class Shelf:
 
     @staticmethod
     def _check_size(log: Log, pattern: str) -> None:
-        names = log.names(pattern) if pattern else []
+        names = log._named(pattern)
         samples = sum(len(log[name].time_ns) for name in names[:MOST_ROWS])
         if samples > MOST_SAMPLES:
             raise ElementError(f"{many(len(names), 'signal')} hold {samples:,} samples: name fewer")

@@ -267,6 +267,7 @@ def test_a_head_that_says_something_else_is_found(made, tmp_path):
     for change, words in (
         ({"total_episodes": 3}, "total_episodes 3, there are 2"),
         ({"codebase_version": "v2.1"}, "version v3.0"),
+        ({"fps": 0}, "at 0 frames/s"),
         ({"features": {}}, "features lack timestamp"),
     ):
         head.write_text(json.dumps(whole | change))

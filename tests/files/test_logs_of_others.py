@@ -157,9 +157,9 @@ def test_a_ulog_is_read_as_it_was_written(tmp_path):
 def test_messages_and_parameters_of_a_ulog_are_known(tmp_path):
     (tmp_path / "x.ulg").write_bytes(a_ulog())
     log = silo.open_log(tmp_path / "x.ulg")
-    assert [(event.seconds, event.text) for event in log.events if event.kind == "marker"] == [
-        (pytest.approx(0.08), "WARNING: low battery")
-    ]
+    (low,) = [event for event in log.events if event.kind == "marker"]
+    assert (low.seconds, low.text) == (pytest.approx(0.08), "WARNING: low battery")
+    assert log.time_ns[low.tick] == low.time_ns
     assert log.parameters.at(0.05) == {"MC_ROLL_P": 6.5, "SYS_ID": 3}
     assert log.parameters.at(0.09)["MC_ROLL_P"] == 7.0
     assert len(log.parameters.changes) == 1

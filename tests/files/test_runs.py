@@ -107,6 +107,18 @@ def test_a_condition_is_judged_by_the_index_alone(root, condition, wanted, monke
     assert names(silo.runs(root, where=condition)) == [f"run{number}" for number in wanted]
 
 
+def test_texts_and_signals_without_a_number_have_no_statistics(tmp_path, new_logger):
+    log = new_logger()
+    log.add(np.array("abc", "U5"), "word")
+    log.array("gone")[...] = np.nan
+    log.start()
+    log.collect()
+    log.save()
+    (run,) = silo.runs(tmp_path)
+    told = {signal.name: (signal.count, signal.least, signal.last) for signal in run.signals}
+    assert told == {"/log/word": (1, None, None), "/log/gone": (0, None, None)}
+
+
 def test_a_number_of_each_run_is_nan_where_it_is_missing(root):
     values = silo.runs(root).values("last(success)")
     assert values[:4] == [1, 1, 0, 1]

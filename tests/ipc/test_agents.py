@@ -91,6 +91,8 @@ def test_signals_that_are_too_large_are_refused(shelf, monkeypatch):
     monkeypatch.setattr(agents, "MOST_SAMPLES", 50)
     with pytest.raises(silo.ElementError, match="hold 100 samples: name fewer"):
         shelf.signal_statistics("run0.silo", "flag")
+    with pytest.raises(silo.ElementError, match="hold 100 samples: name fewer"):
+        shelf.evaluate("run0.silo", "abs(flag) + 1")
 
 
 def test_the_protocol_serves_them_read_only(shelf):
