@@ -21,7 +21,7 @@ from silo_tui.commands.runner import CommandRunner
 from silo_tui.context import Context
 from silo_tui.gate import Gate
 from silo_tui.keymap import use_keys
-from silo_tui.menus import KeyReader
+from silo_tui.menus import MenuReader
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import dots
 from silo_tui.screens.holding import Holding
@@ -90,7 +90,7 @@ class SiloApp(Guarded, App[None]):
         self._news = asyncio.Lock()  # events are followed in their order
         self.unforeseen = Unforeseen()
         self.gate = Gate(self)
-        self.reader = KeyReader(self, lambda: terminal.pace_of(self) == terminal.Pace())
+        self.reader = MenuReader(self, lambda: terminal.pace_of(self) == terminal.Pace())
 
     async def on_event(self, event: events.Event) -> None:
         """Let what is typed in by the gate; what no key of a full screen is goes to what has the focus."""

@@ -33,7 +33,7 @@ class MenuLines(Guarded, Static):
 background: $panel; color: $foreground; padding: 0 1; text-wrap: nowrap; }"
 
 
-class KeyReader:
+class MenuReader:
     """What is pressed on full screens, and the menu that is open on one."""
 
     def __init__(self, app: Any, is_fast: Callable[[], bool]) -> None:

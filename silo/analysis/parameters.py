@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from silo.core.arguments import real
 from silo.core.elements import LoggedEvent
-from silo.core.excitation import ENDED
-from silo.core.parameters import Excitation, ParameterValue
+from silo.core.tuning.excitation import ENDED
+from silo.core.tuning.parameters import Excitation, ParameterValue
 from silo.errors import ElementError
 
 

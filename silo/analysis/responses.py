@@ -9,8 +9,8 @@ from silo.analysis.parameters import LoggedExcitation, LoggedParameters
 from silo.analysis.signal import Signal
 from silo.core.arguments import real, text
 from silo.core.arrays.values import Floats
-from silo.core.excitation import period_s
-from silo.core.parameters import Wave
+from silo.core.tuning.excitation import period_s
+from silo.core.tuning.parameters import Wave
 from silo.errors import ElementError
 
 PRBS_SHARE = 0.8  # of its rate, at which it has no power

@@ -23,7 +23,7 @@ from silo.core.quantities.writing import many
 from silo.errors import ElementError, SiloError
 from silo.expressions.parsing import names_in, parse
 from silo.files.extras import need
-from silo.run_index.runs import Run, Runs, runs
+from silo.run_index.runs import ListedRun, RunList, runs
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -166,7 +166,7 @@ class Shelf:
         ]
         return _told({"logger": logger, "values": rows}, len(names) - len(shown), "elements")
 
-    def _runs(self, where: str = "", since: str = "", until: str = "") -> Runs:
+    def _runs(self, where: str = "", since: str = "", until: str = "") -> RunList:
         return runs(*self.folders, where=where, since=since or None, until=until or None)
 
     def _log(self, name: str) -> Log:
@@ -211,7 +211,7 @@ def _bounded(word: str, value: int, most: int) -> int:
     return value
 
 
-def _name(run: Run) -> str:
+def _name(run: ListedRun) -> str:
     return run.facts.path
 
 
@@ -219,7 +219,7 @@ def _lost_of(log: Log) -> int:
     return sum(element.lost for element in log.recording.elements)
 
 
-def _row(run: Run) -> dict[str, Any]:
+def _row(run: ListedRun) -> dict[str, Any]:
     facts = run.facts
     return {"run": _name(run), "kind": facts.kind, "robot": facts.robot, "begun": run.begun.isoformat(),
             "span_s": facts.span_s, "lost": facts.lost, "limits_broken": facts.limits, "triggers": facts.triggers,

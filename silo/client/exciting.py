@@ -5,8 +5,8 @@ import secrets
 import time
 from collections.abc import Callable
 
-from silo.core.excitation import LEASE_S
-from silo.core.parameters import Excitation
+from silo.core.tuning.excitation import LEASE_S
+from silo.core.tuning.parameters import Excitation
 from silo.errors import SiloError
 from silo.parameters.requests import ExcitationState, ParameterRequests
 

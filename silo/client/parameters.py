@@ -5,13 +5,13 @@ from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from silo.core.arguments import real, word
-from silo.core.excitation import LONGEST_S, element_of, usual_ramp_s
-from silo.core.parameters import Excitation, ParameterInfo, ParameterValue, Wave
+from silo.core.tuning.excitation import LONGEST_S, element_of, usual_ramp_s
+from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterValue, Wave
 from silo.errors import ElementError
 from silo.parameters.requests import ExcitationState, ParameterRequests, ParametersSet
 
 if TYPE_CHECKING:
-    from silo.core.parameters import ParameterScalar
+    from silo.core.tuning.parameters import ParameterScalar
 
 LONGEST_REVERT_S = 24 * 3600.0
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import msgspec
 
 from silo.core.calls import FORMER_WORDS, ToldStruct, present_word, present_words, unknown_argument, unknown_word
-from silo.core.parameters import ParameterChange
+from silo.core.tuning.parameters import ParameterChange
 from silo.errors import ArgumentError, ElementError
 
 MAX_DIVIDER = 2**31 - 1

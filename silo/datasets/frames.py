@@ -43,7 +43,7 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Frames:
+class FrameTable:
     """What was made of one run: `columns[i]` is of shape `(frames, *features[i].shape)`; a shape of 1 is left out."""
 
     features: tuple[Feature, ...]
@@ -79,7 +79,7 @@ def wanted_of(
     return made
 
 
-def frames(wanted: Sequence[Wanted], fps: int) -> Frames:
+def frames(wanted: Sequence[Wanted], fps: int) -> FrameTable:
     """Return the frames in which each of the signals has a value, from the first such time on.
 
     Raises ElementError where there is no such time.
@@ -97,7 +97,7 @@ def frames(wanted: Sequence[Wanted], fps: int) -> Frames:
     # whole numbers: a frame's time never drifts from i / fps
     grid_ns = begin_ns + np.arange(count, dtype=np.int64) * 1_000_000_000 // fps
     made = [_column(one, grid_ns, fps) for one in wanted]
-    return Frames(
+    return FrameTable(
         tuple(feature for feature, _ in made),
         tuple(values for _, values in made),
         (begin_ns - signals[0].start_ns) * 1e-9,

@@ -20,7 +20,7 @@ from silo.analysis.log import Log
 from silo.analysis.opening import open_log
 from silo.core.arguments import INT64, path, shown, whole
 from silo.core.recording import Progress
-from silo.datasets.frames import HOWS, Feature, Frames, How, frames, wanted_of
+from silo.datasets.frames import HOWS, Feature, FrameTable, How, frames, wanted_of
 from silo.datasets.moments import Moments, merged
 from silo.errors import ElementError, SaveError, SiloError
 from silo.files.atomic import atomic_folder, replaced_folder
@@ -146,7 +146,7 @@ class _Writer:
         self.rows: list[dict[str, Any]] = []
         self.frames = 0
 
-    def add(self, name: str, made: Frames, task: str, facts: dict[str, Any]) -> None:
+    def add(self, name: str, made: FrameTable, task: str, facts: dict[str, Any]) -> None:
         """Write an episode. Raises ElementError where its features aren't those of the first one."""
         if not self._features:
             self._features = made.features

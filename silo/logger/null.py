@@ -27,7 +27,7 @@ from silo.logger.life_cycle import LifeCycle
 from silo.logger.logger import Logger
 from silo.logger.results import Elements, LoggedElement, NewValues, SavedFiles
 from silo.logger.tunables import Tunables
-from silo.loop.variables import Variables
+from silo.loop.sources import VariableSet
 from silo.parameters.parameter import Parameter
 from silo.parameters.parameters import Parameters
 
@@ -160,7 +160,7 @@ class NullLogger(metaclass=HidesOtherNames):
     @_like(Logger.add)
     def add(self, source: object, name: object, group: object, unit: object, attr: object, **_: object) -> None:
         """Log nothing; the name is in the table from now on."""
-        if isinstance(source, Variables):
+        if isinstance(source, VariableSet):
             for one in source.each:
                 self.add(one.source, one.name, str(group), one.unit)
             return

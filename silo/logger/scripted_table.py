@@ -37,8 +37,8 @@ from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 from silo.loop.arena import Arena
 from silo.loop.plan import Element
+from silo.loop.sources import VariableSet
 from silo.loop.types import as_numbers, describe, kind_of, label_map
-from silo.loop.variables import Variables
 from silo.segment.retention import large_text
 from silo.settings.options import refusal
 from silo.settings.typed import ElementSettings, apply_settings, rate_words, read_options
@@ -168,7 +168,7 @@ class ScriptedTable:
             ElementError: a name is taken, a value is out of range; nothing was added.
         """
         self._life.check_open()
-        if isinstance(source, Variables):
+        if isinstance(source, VariableSet):
             own = {"name": name, "unit": unit, "attr": attr, "kind": kind, "labels": labels, "limits": limits}
             shared = {"divider": divider, "action": action, "size": size, "buffer": buffer, "enabled": enabled}
             self._add_each(source, own, group, description=description, **shared)
@@ -227,7 +227,7 @@ class ScriptedTable:
                 full,
             )
 
-    def _add_each(self, variables: Variables, own: Mapping[str, object], group: str, **options: Any) -> None:
+    def _add_each(self, variables: VariableSet, own: Mapping[str, object], group: str, **options: Any) -> None:
         """Add variables that have names and units of their own, or none of them."""
         given = next((word for word, value in own.items() if value not in (None, "", "-")), "")
         if given:

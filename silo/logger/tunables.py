@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from silo.core.arguments import line, text
 from silo.core.calls import told_class
 from silo.core.elements import LoggerOptions, join_name
-from silo.core.parameters import ParameterInfo, ParameterKind, Writable
+from silo.core.tuning.parameters import ParameterInfo, ParameterKind, Writable
 from silo.errors import ElementError
 from silo.logger.arguments.options import string_room
 from silo.logger.life_cycle import LifeCycle

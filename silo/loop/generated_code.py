@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType
-from silo.core.parameters import ParameterInfo
+from silo.core.tuning.parameters import ParameterInfo
 from silo.errors import StateError
 from silo.loop.clocks import NOTHING, clock_failed
 from silo.loop.one_writer import guard_lines

@@ -375,3 +375,24 @@ def enum_codes(kind: type[enum.Enum]) -> tuple[Callable[[Any], Any], dict[int, s
     else:
         codes = {member: place for place, member in enumerate(members)}
     return codes.__getitem__, {code: str(member.name) for member, code in codes.items()}
+
+
+# ------------------------------------------------------------------- variables that come together
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One of them, as `log.add` takes it."""
+
+    source: object
+    name: str
+    unit: str = "-"
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class VariableSet:
+    """What `log.add` takes in place of a variable; `origin` is the call that made them."""
+
+    origin: str
+    each: tuple[Variable, ...]

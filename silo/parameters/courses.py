@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from silo.core.excitation import period_s
-from silo.core.parameters import Excitation, Wave
+from silo.core.tuning.excitation import period_s
+from silo.core.tuning.parameters import Excitation, Wave
 
 Course = Callable[[float], float]
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from silo.core.excitation import check_rate, ends_of, number_at
-from silo.core.parameters import Excitation, ParameterInfo, ParameterValue
+from silo.core.tuning.excitation import check_rate, ends_of, number_at
+from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterValue
 from silo.errors import ElementError
 from silo.parameters.excited import Excited
 from silo.parameters.landing import STANDS_STILL, Landing, WaitingChange

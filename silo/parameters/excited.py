@@ -9,8 +9,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from silo.core.excitation import LEASE_S
-from silo.core.parameters import Excitation, ParameterInfo, ParameterKind
+from silo.core.tuning.excitation import LEASE_S
+from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterKind
 from silo.parameters.courses import Course, course_of
 
 FADE_S = 0.25  # at most, to go back before its time

@@ -14,8 +14,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.excitation import ENDED
-from silo.core.parameters import WORD_BYTES, ParameterInfo, ParameterKind, ParameterValue, decoded, encoded
+from silo.core.tuning.excitation import ENDED
+from silo.core.tuning.parameters import WORD_BYTES, ParameterInfo, ParameterKind, ParameterValue, decoded, encoded
 from silo.loop.sources import OwnMemory
 from silo.parameters.excited import Excited
 from silo.segment.parameter_changes import MOST_WORDS, ChangeRecord, OpenChange

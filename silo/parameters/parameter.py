@@ -8,7 +8,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
-from silo.core.parameters import ParameterInfo, ParameterKind, decoded, value_text
+from silo.core.tuning.parameters import ParameterInfo, ParameterKind, decoded, value_text
 
 Set = Callable[[ParameterInfo, object], None]
 

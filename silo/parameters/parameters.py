@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 
 from silo.core.calls import told_class
-from silo.core.excitation import ends_of
-from silo.core.parameters import (
+from silo.core.tuning.excitation import ends_of
+from silo.core.tuning.parameters import (
     WORD_BYTES,
     Excitation,
     ParameterInfo,

@@ -1,6 +1,6 @@
 """Parameters of a logger: what a client may ask."""
 
-from silo.core.parameters import Excitation, ParameterInfo, ParameterValue
+from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterValue
 from silo.rpc.declaring import Caller, Reply, ask, change
 
 

@@ -3,7 +3,7 @@
 import secrets
 from dataclasses import dataclass
 
-from silo.core.parameters import Excitation, ParameterValue
+from silo.core.tuning.parameters import Excitation, ParameterValue
 from silo.parameters import requests
 from silo.parameters.parameters import Parameters
 from silo.parameters.requests import ExcitationState, ParametersSet, ParameterTable

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from silo.core.parameters import Excitation, ParameterValue
+from silo.core.tuning.parameters import Excitation, ParameterValue
 from silo.net.access.senders import came_by_network
 from silo.parameters import requests
 from silo.parameters.requests import ExcitationState, ParameterRequests, ParametersSet, ParameterTable

@@ -8,8 +8,8 @@ import msgspec
 
 from silo.analysis.plots.curves import CurveSource, picked
 from silo.analysis.reports import statistics
-from silo.core.parameters import ParameterValue
 from silo.core.recording import Recording, read_ahead
+from silo.core.tuning.parameters import ParameterValue
 from silo.errors import SiloError
 from silo.files.added import added_formats
 from silo.files.formats import read_recording

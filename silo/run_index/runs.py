@@ -26,7 +26,7 @@ EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Run:
+class ListedRun:
     """One run of a list: its facts, what people say of it, and the way to its log."""
 
     facts: RunFacts
@@ -103,10 +103,12 @@ class Run:
         self._labels.update(labels.read_labels(self.path.parent))
 
 
-class Runs(Sequence[Run]):
+class RunList(Sequence[ListedRun]):
     """Runs, oldest first. What narrows it returns another one; nothing is read but the index."""
 
-    def __init__(self, runs: Sequence[Run], indexes: Sequence[RunIndex], numbers: Sequence[tuple[int, int]]) -> None:
+    def __init__(
+        self, runs: Sequence[ListedRun], indexes: Sequence[RunIndex], numbers: Sequence[tuple[int, int]]
+    ) -> None:
         """Keep runs with the index and the number in it of each; `silo.runs` makes them."""
         self._runs, self._indexes, self._numbers = list(runs), indexes, list(numbers)
 
@@ -114,22 +116,22 @@ class Runs(Sequence[Run]):
         return len(self._runs)
 
     @overload
-    def __getitem__(self, key: int) -> Run: ...
+    def __getitem__(self, key: int) -> ListedRun: ...
     @overload
-    def __getitem__(self, key: slice) -> "Runs": ...
-    def __getitem__(self, key: int | slice) -> "Run | Runs":
+    def __getitem__(self, key: slice) -> "RunList": ...
+    def __getitem__(self, key: int | slice) -> "ListedRun | RunList":
         if isinstance(key, slice):
             return self._kept(range(len(self))[key])
         return self._runs[key]
 
-    def __iter__(self) -> Iterator[Run]:
+    def __iter__(self) -> Iterator[ListedRun]:
         return iter(self._runs)
 
     def __repr__(self) -> str:
         total = sum(run.facts.size_bytes for run in self._runs)
         return f"<{many(len(self), 'run')}, {size_text(total)}>"
 
-    def where(self, condition: str) -> "Runs":
+    def where(self, condition: str) -> "RunList":
         """Return those for which a condition holds: `max(joints/tau_3) > 30 and lost == 0`.
 
         Args:
@@ -159,7 +161,7 @@ class Runs(Sequence[Run]):
         """
         return [float(value) for value in self._judged(expression, lambda one: one.number)]
 
-    def find(self, *words: str) -> "Runs":
+    def find(self, *words: str) -> "RunList":
         """Return those that have all of some words in name, robot, task, reason, tags, notes or what else is told.
 
         Args:
@@ -168,7 +170,7 @@ class Runs(Sequence[Run]):
         asked = [word.lower() for word in words]
         return self._kept([place for place, run in enumerate(self) if all(word in _text(run) for word in asked)])
 
-    def between(self, since: When = None, until: When = None) -> "Runs":
+    def between(self, since: When = None, until: When = None) -> "RunList":
         """Return those that began in a stretch of time.
 
         Args:
@@ -205,8 +207,10 @@ class Runs(Sequence[Run]):
             for run, (index, number) in zip(self._runs, self._numbers, strict=True)
         ]
 
-    def _kept(self, places: Sequence[int]) -> "Runs":
-        return Runs([self._runs[place] for place in places], self._indexes, [self._numbers[place] for place in places])
+    def _kept(self, places: Sequence[int]) -> "RunList":
+        return RunList(
+            [self._runs[place] for place in places], self._indexes, [self._numbers[place] for place in places]
+        )
 
 
 @told("silo.runs")
@@ -217,7 +221,7 @@ def runs(
     until: When = None,
     told: Told = lambda done, total: None,
     rebuild: bool = False,
-) -> Runs:
+) -> RunList:
     """Return the runs in folders and below: recordings and captures, oldest first.
 
     What is known of them stands in an index beside them (`.silo-runs.sqlite`), brought up to date here: a log that is
@@ -225,8 +229,8 @@ def runs(
 
     Args:
         *folders: where to look; the current one if none is given.
-        where: a condition, as `Runs.where` takes it.
-        since: as `Runs.between` takes it.
+        where: a condition, as `RunList.where` takes it.
+        since: as `RunList.between` takes it.
         until: likewise.
         told: called with how many of how many new logs were read.
         rebuild: make the index anew from the logs.
@@ -239,7 +243,7 @@ def runs(
         ExpressionError: `where` can't be understood.
     """
     indexes = [RunIndex(checked_path("a folder", folder)) for folder in folders or (".",)]
-    rows: list[tuple[int, Run, tuple[int, int]]] = []
+    rows: list[tuple[int, ListedRun, tuple[int, int]]] = []
     said: dict[Path, dict[str, labels.Labels]] = {}
     for place, index in enumerate(indexes):
         index.refresh(told, anew=rebuild)
@@ -247,14 +251,14 @@ def runs(
             folder = (index.root / facts.path).parent
             if folder not in said:
                 said[folder] = labels.read_labels(folder)
-            run = Run(facts, index.root, said[folder], _signals_of(index, number))
+            run = ListedRun(facts, index.root, said[folder], _signals_of(index, number))
             rows.append((facts.begun_ns, run, (place, number)))
     rows.sort(key=lambda row: (row[0], row[1].facts.path))
-    found = Runs([run for _, run, _ in rows], indexes, [number for _, _, number in rows]).between(since, until)
+    found = RunList([run for _, run, _ in rows], indexes, [number for _, _, number in rows]).between(since, until)
     return found.where(where) if where else found
 
 
-def told_of(run: Run) -> dict[str, Any]:
+def told_of(run: ListedRun) -> dict[str, Any]:
     """Return a run as a row of plain values, as `silo runs --json` prints it."""
     import msgspec
 
@@ -268,7 +272,7 @@ def _signals_of(index: RunIndex, number: int) -> Callable[[], list[SignalFacts]]
     return lambda: index.of_run(number)
 
 
-def _text(run: Run) -> str:
+def _text(run: ListedRun) -> str:
     facts = run.facts
     said = (facts.path, facts.kind, facts.robot, facts.task, facts.why, *run.tags, *run.notes, *facts.about.values())
     return "\n".join(said).lower()

@@ -24,7 +24,7 @@ from typing import TypeVar
 import msgspec
 
 from silo.core.elements import NO_EXTRAS, BufferType, Conditions, ElementInfo, ElementOptions, Entry
-from silo.core.parameters import ParameterInfo
+from silo.core.tuning.parameters import ParameterInfo
 
 MAGIC = int.from_bytes(b"SILOSEG1", "little")
 LAYOUT_VERSION = 2

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import PARAMETER, LoggedEvent
-from silo.core.parameters import WORD_BYTES, Excitation, ParameterChange, ParameterInfo, decoded, value_text
+from silo.core.tuning.parameters import WORD_BYTES, Excitation, ParameterChange, ParameterInfo, decoded, value_text
 
 SLOTS = 1024  # the newest that are kept for readers; a power of two
 SLOT = struct.Struct("@qqqqqqqqq48xq")  # see above, with sizes of head and words, and the checksum of both

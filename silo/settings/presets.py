@@ -6,7 +6,7 @@ from pathlib import Path
 
 import yaml
 
-from silo.core.parameters import ParameterInfo, ParameterKind, ParameterValue, fitting
+from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, fitting
 from silo.errors import ElementError, ScriptError
 from silo.files.atomic import atomic_file
 from silo.settings.yaml_nodes import compose, explain, line_of

@@ -12,7 +12,7 @@ import numpy as np
 
 from silo.core.arguments import shown
 from silo.errors import SourceError
-from silo.loop.variables import Variable, Variables
+from silo.loop.sources import Variable, VariableSet
 
 QUATERNION = "quaternion_wxyz"
 # of a sensor, by the end of its type's name: unit and kind; those that are missing have no unit of their own
@@ -46,7 +46,7 @@ OF_JOINTS = {"JOINTPOS": 0, "JOINTVEL": 1, "JOINTACTFRC": 2, "JOINTLIMITPOS": 0,
 TURNS, SLIDES = ("rad", "rad/s", "Nm"), ("m", "m/s", "N")  # position, velocity, force of a joint
 
 
-def mujoco(model: Any, data: Any) -> Variables:
+def mujoco(model: Any, data: Any) -> VariableSet:
     """Tell `log.add` what a MuJoCo model calls its joints, actuators and sensors, and what their units are.
 
     The arrays of `data` are logged by reference, nothing is copied by hand: `joints/<name>/position`, `velocity`,
@@ -76,7 +76,7 @@ def mujoco(model: Any, data: Any) -> Variables:
         )  # fmt: skip
     if (len(data.qpos), len(data.qvel), len(data.sensordata)) != (model.nq, model.nv, model.nsensordata):
         raise SourceError("silo.mujoco: this MjData was made of another model; write mujoco.MjData(model)")
-    return Variables("silo.mujoco", (*_joints(model, data), *_actuators(model, data), *_sensors(model, data)))
+    return VariableSet("silo.mujoco", (*_joints(model, data), *_actuators(model, data), *_sensors(model, data)))
 
 
 def _joints(model: Any, data: Any) -> Iterator[Variable]:

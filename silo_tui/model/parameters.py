@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from silo.core.elements import LoggedEvent
-from silo.core.parameters import (
+from silo.core.tuning.parameters import (
     ParameterInfo,
     ParameterKind,
     ParameterValue,

@@ -8,8 +8,8 @@ from typing import Any
 
 from rich.text import Text
 
-from silo.core.parameters import ParameterInfo, ParameterValue, range_text, value_text
 from silo.core.quantities.writing import many
+from silo.core.tuning.parameters import ParameterInfo, ParameterValue, range_text, value_text
 from silo.errors import SiloError
 from silo.net.access.senders import short_words
 from silo.settings.presets import read_preset, typed_value, write_preset

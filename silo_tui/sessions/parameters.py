@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from silo.core.parameters import ParameterInfo, ParameterValue, value_text
+from silo.core.tuning.parameters import ParameterInfo, ParameterValue, value_text
 from silo.errors import ElementError, RefusedError
 from silo_tui.model.parameters import stepped, why_fixed
 from silo_tui.sessions.link import Link

@@ -9,8 +9,8 @@ import pytest
 import silo
 from silo.cli.main import run
 from silo.core.elements import BufferType, Entry, LoggedEvent
-from silo.core.parameters import Excitation, ParameterChange, Wave
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.core.tuning.parameters import Excitation, ParameterChange, Wave
 from silo.errors import ElementError
 from silo.parameters.courses import course_of
 

@@ -33,7 +33,7 @@ from silo.core.elements import (
     Table,
     TriggerOptions,
 )
-from silo.core.parameters import Excitation, Wave
+from silo.core.tuning.parameters import Excitation, Wave
 from silo.errors import SiloError
 from silo.fleet.exchange import decode_reply, encoded
 from silo.helper.robot_link import RobotLink

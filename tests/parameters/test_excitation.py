@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import silo
-from silo.core.excitation import ends_of, number_at, steepest
-from silo.core.parameters import Excitation, ParameterInfo, ParameterKind, Wave, Writable, fitting
+from silo.core.tuning.excitation import ends_of, number_at, steepest
+from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterKind, Wave, Writable, fitting
 from silo.errors import ElementError
 from silo.parameters.excitations import STALLED
 from silo.parameters.excited import GONE

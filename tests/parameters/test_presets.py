@@ -2,7 +2,7 @@
 
 import pytest
 
-from silo.core.parameters import ParameterInfo, ParameterKind
+from silo.core.tuning.parameters import ParameterInfo, ParameterKind
 from silo.errors import ScriptError
 from silo.settings.presets import read_preset, write_preset
 

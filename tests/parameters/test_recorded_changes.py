@@ -3,7 +3,7 @@
 import numpy as np
 
 from silo.core.elements import PARAMETER, LoggedEvent
-from silo.core.parameters import ParameterChange
+from silo.core.tuning.parameters import ParameterChange
 from silo.files.parts.events import event_messages, events_of
 
 

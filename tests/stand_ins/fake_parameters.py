@@ -5,7 +5,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from silo.core.parameters import ParameterInfo, ParameterKind, ParameterValue, Writable
+from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, Writable
 from silo.parameters.requests import ParametersSet, ParameterTable
 
 FLOAT = ParameterKind.FLOAT

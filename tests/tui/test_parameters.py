@@ -5,7 +5,7 @@ from msgspec.structs import replace
 from textual.widgets import Input
 
 from silo.core.elements import LoggedEvent
-from silo.core.parameters import ParameterChange, ParameterInfo, ParameterKind
+from silo.core.tuning.parameters import ParameterChange, ParameterInfo, ParameterKind
 from silo.errors import ElementError
 from silo_tui.model.parameters import BAR, history, range_bar, stepped, why_fixed
 from tests.stand_ins.fake_parameters import PARAMETERS

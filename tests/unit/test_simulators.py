@@ -7,7 +7,7 @@ import pytest
 
 import silo
 from silo.core.units import doubt
-from silo.loop.variables import Variable, Variables
+from silo.loop.sources import Variable, VariableSet
 
 MODEL = """
 <mujoco>
@@ -125,11 +125,11 @@ def test_the_units_of_sensors_are_units():
 )
 def test_variables_that_come_together_keep_their_own_words(new_logger, given):
     with pytest.raises(silo.ElementError, match=f"{next(iter(given))}= is each variable's own"):
-        new_logger().add(Variables("made", (Variable(np.zeros(1), "x"),)), **given)
+        new_logger().add(VariableSet("made", (Variable(np.zeros(1), "x"),)), **given)
 
 
 def test_variables_that_come_together_are_added_all_or_none(new_logger):
-    three = Variables("made", tuple(Variable(np.zeros(2), name, "m") for name in ("x", "y", "taken")))
+    three = VariableSet("made", tuple(Variable(np.zeros(2), name, "m") for name in ("x", "y", "taken")))
     log, null = new_logger(), silo.NullLogger()
     log.add(np.zeros(1), "arm/taken")
     with pytest.raises(silo.ElementError, match="'/log/arm/taken' is there already"):

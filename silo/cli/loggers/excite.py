@@ -14,9 +14,9 @@ import click
 
 from silo.cli.verbs import verb
 from silo.core.arguments import shown
-from silo.core.excitation import element_of, ends_of, number_at, usual_ramp_s
-from silo.core.parameters import Excitation, Wave, value_text
 from silo.core.quantities.reading import seconds_of
+from silo.core.tuning.excitation import element_of, ends_of, number_at, usual_ramp_s
+from silo.core.tuning.parameters import Excitation, Wave, value_text
 from silo.errors import ElementError
 
 if TYPE_CHECKING:

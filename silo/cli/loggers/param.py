@@ -9,11 +9,11 @@ import click
 from silo.cli.codes import EXIT_DIFFERENT
 from silo.cli.verbs import Listing, LoggerFirst, Target, Words, verb
 from silo.core.elements import PARAMETER
-from silo.core.parameters import range_text, value_text
+from silo.core.tuning.parameters import range_text, value_text
 
 if TYPE_CHECKING:
     from silo.client.client import Client
-    from silo.core.parameters import ParameterInfo
+    from silo.core.tuning.parameters import ParameterInfo
 
 
 @click.group(cls=LoggerFirst)

@@ -10,7 +10,7 @@ from silo.core.quantities.writing import many, size_text
 from silo.errors import LogNotFoundError
 
 if TYPE_CHECKING:
-    from silo.run_index.runs import Run, Runs
+    from silo.run_index.runs import ListedRun, RunList
 
 
 @click.command("runs")
@@ -122,7 +122,7 @@ def _found(run: str) -> tuple[Path, str]:
     return path.absolute().parent, path.stem
 
 
-def _row(run: "Run", more: list[str]) -> tuple[str, ...]:
+def _row(run: "ListedRun", more: list[str]) -> tuple[str, ...]:
     facts = run.facts
     said = " ".join([*(f"#{tag}" for tag in run.tags), *run.notes[-1:]])
     if facts.problem:
@@ -135,7 +135,7 @@ def _row(run: "Run", more: list[str]) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def _summary(found: "Runs") -> str:
+def _summary(found: "RunList") -> str:
     if not len(found):
         return "no run; look in another folder, or ask for less"
     unread = sum(bool(run.facts.problem) for run in found)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Entry, LoggedEvent, join_name
 from silo.core.kinds import index_suffixes, kind_by_shape
-from silo.core.parameters import ParameterChange
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, common_axis
+from silo.core.tuning.parameters import ParameterChange
 from silo.errors import FileFormatError
 from silo.files.extras import need
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import LoggedEvent
-from silo.core.parameters import ParameterChange
+from silo.core.tuning.parameters import ParameterChange
 from silo.files.bags.events import event_index, event_record
 from silo.files.bags.message_groups import RECORD_HEAD
 from silo.files.bags.ros_types import ENCAPSULATION

@@ -5,7 +5,15 @@ Pure rules, without NumPy: clients show what the robot program will do, by the s
 
 import math
 
-from silo.core.parameters import Excitation, ParameterInfo, ParameterKind, ParameterValue, Wave, range_text, value_text
+from silo.core.tuning.parameters import (
+    Excitation,
+    ParameterInfo,
+    ParameterKind,
+    ParameterValue,
+    Wave,
+    range_text,
+    value_text,
+)
 from silo.errors import ElementError
 
 LEASE_S = 2.0  # whoever asked for it and says nothing for so long is gone: it ends
