@@ -254,7 +254,7 @@ class Left(RuleBasedStateMachine):
         for path in self.logs.glob("bot_*.silo"):
             log = read_recording(path)
             values = log.elements[0].entries[0].values.tolist()
-            if (facts := log._extras.capture) is None:
+            if (facts := log.extras.capture) is None:
                 found.update(values)
                 told = [event.kind for event in log.events]
                 assert told.count("started") <= 1
