@@ -180,12 +180,13 @@ class SiloApp(Guarded, App[None]):
         words = terminal.thin_words(self, self._rate_hz)
         if words != self._thin_words:
             self._thin_words = words
-            self.context.say(words or "the link is good again: everything is shown")
+            self.context.hear(words or "the link is good again: everything is shown")
 
     def _second(self) -> None:
         if terminal.backed_up(self):
             return
         self.context.tell_upper(lambda screen: screen.second_passed())
+        self.context.tell_news()
         self._opener.keep_view()
         session = self._live_session
         if session is not None and session.conditions_due and session.fresh:
@@ -234,7 +235,7 @@ class SiloApp(Guarded, App[None]):
         async def follow() -> None:
             words = await session.regain()
             if not quiet:
-                self.context.say(words)
+                self.context.hear(words)
 
         await self.context.quietly(follow())
         self.context.table_changed()
@@ -256,7 +257,7 @@ class SiloApp(Guarded, App[None]):
             context.fail(event.text)
         elif event.kind not in QUIET_KINDS and not own:
             told = f'marker "{event.text}"' if event.kind is EventKind.MARKER else session.table.shown(event.text)
-            context.say(told + (f" ({event.by})" if event.by else ""))
+            context.hear(told + (f" ({event.by})" if event.by else ""))
         if event.kind is not EventKind.SAVING:
             context.table_changed()
             context.status_changed()
@@ -265,7 +266,7 @@ class SiloApp(Guarded, App[None]):
         """Say why there are no live values; a lost link has its banner."""
         session = self._live_session
         if session is not None and session.connected and message.link is session.link:
-            self.context.say(f"no live values: {message.error}")
+            self.context.hear(f"no live values: {message.error}")
 
     # ----------------------------------------------------------------------------------------------------- commands
 

@@ -5,6 +5,7 @@
 Screens, dialogs and commands import this and never `silo_tui.app`; it imports widgets and what stands below them.
 """
 
+import time
 from collections.abc import Callable, Coroutine, Sequence
 from typing import Any, ClassVar, cast
 
@@ -24,6 +25,8 @@ from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import SettingsProblem
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
+
+ANSWER_S = 4.0  # so long an answer to a key stands: news of the robot wait
 
 
 class Held(Dialog[None]):
@@ -59,6 +62,8 @@ class Context:
         self.left: Callable[[], None] = lambda: None  # is called when the app is ended on purpose
         self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file
         self._flow_running = False
+        self._answered_s = -ANSWER_S  # monotonic, of the last answer to a key
+        self._news: list[str] = []  # of the robot, which wait until that was read
 
     # ---------------------------------------------------------------------------------------------- what is open
 
@@ -83,8 +88,9 @@ class Context:
         return link
 
     def take_session(self, session: Session | None) -> None:
-        """Make another logger the open one, or none."""
+        """Make another logger the open one, or none; what waits to be told was of the last."""
         self._session = session
+        self._news.clear()
 
     @property
     def file_over_logger(self) -> bool:
@@ -197,11 +203,33 @@ class Context:
 
     def say(self, words: str) -> None:
         """Show the result of something on the screen below any dialog."""
+        self.answered()
+        self._show(words)
+
+    def answered(self) -> None:
+        """Let news of the robot wait from now on: somebody reads what a key of theirs did."""
+        self._answered_s = time.monotonic()
+
+    def hear(self, words: str) -> None:
+        """Tell news of the robot; they wait until an answer to a key was read."""
+        if words:
+            self._news.append(words)
+            self.tell_news()
+
+    def tell_news(self) -> None:
+        """Show the newest that was heard, when no answer stands any more."""
+        if not self._news or time.monotonic() - self._answered_s < ANSWER_S:
+            return
+        *before, newest = self._news
+        self._news.clear()
+        self._show(f"{newest} ({len(before)} more: {key_of('events')})" if before else newest)
+
+    def _show(self, words: str) -> None:
         screen = self.upper_screen
         if screen is not None and screen.is_there:
-            screen.say(words)
+            screen.show_said(words)
         elif screen is not None:
-            screen.call_later(screen.say, words)  # as soon as it was made; one that goes takes nothing any more
+            screen.call_later(screen.show_said, words)  # as soon as it was made; one that goes takes nothing any more
 
     def say_settings_problems(self) -> None:
         """Say once what of the settings file was left out."""
@@ -258,7 +286,7 @@ class Context:
             await job
         except (SiloError, OSError) as error:
             if self.has_session and self.session.connected:
-                self.say(str(error))
+                self.hear(str(error))
 
     def learn_scripts(self) -> None:
         """Ask for the names of the scripts, for completion."""
@@ -397,7 +425,12 @@ class SiloScreen(Leaving[None]):
         """Follow a change of the user's settings."""
 
     def say(self, words: str) -> None:
-        """Show the result of something that was done."""
+        """Show the result of something that was done; news of the robot wait until it was read."""
+        self.context.answered()
+        self.show_said(words)
+
+    def show_said(self, words: str) -> None:
+        """Show what is said where this screen has its place for it."""
 
     def say_whole(self, words: str) -> bool:
         """Show all of a long message where it covers nothing; False where there is no such place."""

@@ -137,22 +137,26 @@ class ElementsScreen(SiloScreen):
         self.status_bar.update()
         self.banner.update()
 
-    def say(self, words: str) -> None:
-        """Show the result of something."""
+    def show_said(self, words: str) -> None:
         self.info.say(words)
 
     def say_whole(self, words: str) -> bool:
         """Show a long message over the keys, in as many lines as it takes: it covers no value."""
+        self.context.answered()
         self.info.say(words, whole=True)
         return True
 
+    def why_empty(self) -> str:
+        """Return why no element is shown, and what to do about it; empty where one need not be told."""
+        if not len(self.session.table):
+            return ""
+        return f"No element passes the filter {self.session.rows.filter.text!r} ({self._why_none()}). Esc clears it."
+
     def _show_emptiness(self) -> None:
-        nothing = not len(self.session.rows.shown) and bool(len(self.session.table))
+        why = "" if len(self.session.rows.shown) else self.why_empty()
         for empty in self.query("#empty").results(Static):  # none while the screen goes
-            empty.display = nothing
-            if nothing:
-                why = self._why_none()
-                empty.update(f"No element passes the filter {self.session.rows.filter.text!r} ({why}). Esc clears it.")
+            empty.display = bool(why)
+            empty.update(why)
 
     # ------------------------------------------------------------------------------------------------ the view
 

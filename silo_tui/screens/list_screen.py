@@ -213,8 +213,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     # ---------------------------------------------------------------------------------------- what the app tells it
 
-    def say(self, words: str) -> None:
-        """Show the result of something until the next key."""
+    def show_said(self, words: str) -> None:
+        """Show what is said until the next key."""
         self._said = words
         self.show_words()
 

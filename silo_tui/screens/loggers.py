@@ -22,12 +22,15 @@ from silo_tui.widgets.bars import color
 
 WAITING = """No logger is running for this user on this computer; looking again every second.
 
-Start one:
-    silo demo          a simulated legged robot
+Press {demo} for the demo, a simulated legged robot, or start one:
+    silo demo          the same in a terminal of its own
     silo host          this computer: load, memory, temperatures
-    your own program   log.serve()
+    your own program   two lines of Python, before its loop:
 
-or press {demo} for the demo. {quit} quits."""
+    log = silo.Logger("arm", frequency=500)
+    log.serve()
+
+{quit} quits."""
 
 
 STARTING = "The demo is starting: a simulated legged robot, which opens here by itself."

@@ -256,8 +256,8 @@ class PlotScreen(SiloScreen):
         self.status_bar.update()
         self.banner.update()
 
-    def say(self, words: str) -> None:
-        """Show the result of something."""
+    def show_said(self, words: str) -> None:
+        """Show it in the line of the plots."""
         self._said = words
         self.line.refresh()
 

@@ -239,8 +239,7 @@ class ScopeScreen(SiloScreen):
         self.status_bar.update()
         self.line.refresh()
 
-    def say(self, words: str) -> None:
-        """Show the result of something."""
+    def show_said(self, words: str) -> None:
         self._said = words
         self.line.refresh()
 

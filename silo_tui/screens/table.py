@@ -34,6 +34,11 @@ QUIET_S = 3.0  # so long after a key no row moves by itself
 WIDE_SET = 150  # cells from which settings and statistics stand side by side
 NAME_ROOM = 20  # a trend is shown only where names keep this
 TABLE_WIDTH = FLAGS + sum(1 + column.width for column in LIVE_COLUMNS if not column.measured)
+EMPTY = """{name} has no elements yet. In the program, before log.start():
+
+    q = log.array("q", 6, unit="rad")    # an array that is logged: write q[:] = ...
+
+and log.collect() once per tick of the loop."""
 COMMAND_KEYS = "Enter does it  Tab completes  Esc leaves"
 
 
@@ -95,6 +100,12 @@ class TableScreen(Editing):
             return
         self._survey_s, self._surveying = now_s, True
         run_aside(self, "survey", self._survey)
+
+    def why_empty(self) -> str:
+        """Return what to write into a program that logs nothing yet, once it was reached."""
+        table = self.session.table
+        has_none = table.revision >= 0 and not len(table)  # below: nothing was read yet
+        return EMPTY.format(name=self.session.name) if has_none else super().why_empty()
 
     def _thin_s(self) -> float:
         """Return how long a thin link has to be spared; 0 where it isn't one."""

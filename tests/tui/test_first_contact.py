@@ -7,7 +7,10 @@ import pytest
 from textual import events
 
 from silo.core.elements import FileType, State
+from silo.rpc.published import EventKind
+from silo_tui import context
 from silo_tui.model.fields import Field
+from tests.stand_ins.fake_logger import FakeClient
 from tests.stand_ins.fake_signals import scalar
 from tests.waiting import DEADLINE_S
 
@@ -262,3 +265,34 @@ async def test_a_logger_that_is_back_and_slow_to_answer_is_asked_once_until_it_h
         await screen.until(lambda: screen.session.connected)
         await screen.until(lambda: all(one.is_finished for one in screen.app.workers if one.group == "regain"))
         assert asked == [0]
+
+
+async def test_a_logger_without_elements_and_no_logger_at_all_say_what_to_write_into_the_program(opened):
+    empty = FakeClient([])
+    async with opened(empty, ready=False) as screen:
+        await screen.shows("robot has no elements yet")
+        await screen.shows('q = log.array("q", 6, unit="rad")')
+        await screen.shows("log.collect()")
+        empty.elements = [scalar("/log/base/tilt")]
+        empty.somebody_edits("/log/base/tilt", divider=2)
+        await screen.shows("tilt")
+        assert "has no elements" not in screen.text
+    async with opened(ready=False) as screen:
+        await screen.shows('log = silo.Logger("arm", frequency=500)')
+        await screen.shows("log.serve()")
+
+
+@pytest.mark.parametrize("keys", [(), ("m",), ("T",), ("m", "enter", "c")])
+async def test_news_of_the_robot_wait_until_the_answer_to_a_key_was_read(fake, opened, monkeypatch, keys):
+    monkeypatch.setattr(context, "ANSWER_S", 3600.0)
+    fake.run()
+    async with opened(fake, size=(120, 30)) as screen:
+        await screen.press(*keys)
+        screen.app.context.upper_screen.say("an answer to a key")
+        fake.publish(EventKind.BLIND, "gripper is blind", by="bob@lab")
+        fake.somebody_edits(FIRST, divider=7)
+        await screen.until(lambda: 7 in screen.session.table.server[Field.DIVIDER], "the edit of somebody else")
+        await screen.shows("an answer to a key")
+        assert "bob@lab" not in screen.text
+        monkeypatch.setattr(context, "ANSWER_S", 0.0)
+        await screen.shows("edited (bob@lab) (1 more: E)")
