@@ -95,6 +95,8 @@ class SiloApp(Guarded, App[None]):
     async def on_event(self, event: events.Event) -> None:
         """Let what is typed in by the gate; what no key of a full screen is goes to what has the focus."""
         is_typed = isinstance(event, events.Key | events.Paste) and not event.is_forwarded
+        if is_typed and not self.screen_stack:
+            return  # what the gate still had when the last screen went is for nobody
         if not is_typed or not self._takes(cast("events.Key | events.Paste", event)):
             await super().on_event(event)
 

@@ -352,6 +352,8 @@ async def test_the_filter_says_how_many_pass_and_what_its_terms_may_be(fake, ope
 async def test_a_term_that_can_t_be_read_is_underlined_where_it_stands(fake, opened):
     async with opened(fake) as screen:
         await screen.type("/torque div>x LF")
+        await screen.shows("torque div>x LF")
+        await screen.shows("3 of 72")
         await screen.shows("^^^^^")
         lines = screen.text.splitlines()
         under = next(at for at, line in enumerate(lines) if "^^^^^" in line)
