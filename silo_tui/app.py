@@ -350,7 +350,8 @@ class SiloApp(Guarded, App[None]):
         dots.choose(settings.dots)
         if settings.mouse != old.mouse:
             terminal.take_mouse(self, wanted=terminal.mouse_wanted(settings.mouse))
-        use_keys(settings.keymap, settings.keys)
+        if (settings.keymap, settings.keys) != (old.keymap, old.keys):
+            use_keys(settings.keymap, settings.keys)
         if settings.rate != old.rate and self._file is None:
             self._opener.rate_hz = self._rate_hz = settings.rate
             self._polling.stop()
