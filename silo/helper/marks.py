@@ -85,7 +85,7 @@ class MarkReader:
 
     def _take_changes(self, reader: SegmentReader) -> None:
         if changes := reader.stamped_changes(self._changed):
-            lost = changes[-1].number - self._changed - len(changes) + (self._changed < 0)
+            lost = changes[-1].number - self._changed - len(changes)
             self._tell_lost(lost, "changes of parameters", "they change too often")
             self._changed = max(self._changed, changes[-1].number, 0)
             self._publish(changes, self._known)
