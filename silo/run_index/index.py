@@ -28,6 +28,7 @@ CREATE TABLE IF NOT EXISTS signal (name TEXT, run INTEGER, element TEXT, unit TE
     most REAL, mean REAL, std REAL, rms REAL, last REAL, PRIMARY KEY (name, run)) WITHOUT ROWID;
 CREATE INDEX IF NOT EXISTS signal_of_run ON signal (run);
 """
+_OF_RUNS = "SELECT run.path, signal.* FROM signal JOIN run ON run.id = signal.run"
 _ENCODE, _DECODE = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder(RunFacts).decode
 
 
@@ -91,9 +92,9 @@ class RunIndex:
                         [(one.name, row.lastrowid, *msgspec.structs.astuple(one)[1:]) for one in signals],
                     )
 
-    def runs(self) -> list[tuple[int, RunFacts]]:
-        """Return all runs with their numbers in the index."""
-        return [(number, _DECODE(facts)) for number, facts in self._database.execute("SELECT id, facts FROM run")]
+    def runs(self) -> list[RunFacts]:
+        """Return all runs."""
+        return [_DECODE(facts) for (facts,) in self._database.execute("SELECT facts FROM run")]
 
     def elements(self) -> dict[str, list[str]]:
         """Return the elements that any run has, and the scalars of each."""
@@ -102,20 +103,20 @@ class RunIndex:
             found.setdefault(element, []).append(name)
         return found
 
-    def signals(self, names: Sequence[str]) -> dict[int, list[SignalFacts]]:
-        """Return the facts of scalars by the number of their run."""
-        found: dict[int, list[SignalFacts]] = {}
+    def signals(self, names: Sequence[str]) -> dict[str, list[SignalFacts]]:
+        """Return the facts of scalars by the path of their run: its number is another one once it was read anew."""
+        found: dict[str, list[SignalFacts]] = {}
         for begin in range(0, len(names), 500):
             some = names[begin : begin + 500]
             marks = ", ".join("?" * len(some))
-            for name, run, *rest in self._database.execute(f"SELECT * FROM signal WHERE name IN ({marks})", some):
-                found.setdefault(run, []).append(SignalFacts(name, *rest))
+            for path, name, _, *rest in self._database.execute(f"{_OF_RUNS} WHERE name IN ({marks})", some):
+                found.setdefault(path, []).append(SignalFacts(name, *rest))
         return found
 
-    def of_run(self, number: int) -> list[SignalFacts]:
+    def of_run(self, path: str) -> list[SignalFacts]:
         """Return the facts of all scalars of a run, by name."""
-        rows = self._database.execute("SELECT * FROM signal WHERE run = ? ORDER BY name", (number,))
-        return [SignalFacts(name, *rest) for name, _, *rest in rows]
+        rows = self._database.execute(f"{_OF_RUNS} WHERE path = ? ORDER BY name", (path,))
+        return [SignalFacts(name, *rest) for _, name, _, *rest in rows]
 
     def _opened(self, path: Path | str) -> sqlite3.Connection:
         database = sqlite3.connect(path, timeout=PATIENCE_S, check_same_thread=False)

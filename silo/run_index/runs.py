@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta, timezone
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -106,11 +107,9 @@ class ListedRun:
 class RunList(Sequence[ListedRun]):
     """Runs, oldest first. What narrows it returns another one; nothing is read but the index."""
 
-    def __init__(
-        self, runs: Sequence[ListedRun], indexes: Sequence[RunIndex], numbers: Sequence[tuple[int, int]]
-    ) -> None:
-        """Keep runs with the index and the number in it of each; `silo.runs` makes them."""
-        self._runs, self._indexes, self._numbers = list(runs), indexes, list(numbers)
+    def __init__(self, runs: Sequence[ListedRun], indexes: Sequence[RunIndex]) -> None:
+        """Keep runs, and the indexes that they are from; `silo.runs` makes them."""
+        self._runs, self._indexes = list(runs), indexes
 
     def __len__(self) -> int:
         return len(self._runs)
@@ -200,17 +199,12 @@ class RunList(Sequence[ListedRun]):
                 known[element] = list(dict.fromkeys([*known.get(element, ()), *scalars]))
         words = {word for run in self for word in (*run.tags, *run.facts.parameters)}
         condition = Query(text, known, words)
-        signals = [index.signals(condition.signals) for index in self._indexes]
+        signals = {index.root: index.signals(condition.signals) for index in self._indexes}
         judge = how(condition)
-        return [
-            judge(run.facts, run.tags, signals[index].get(number, ()))
-            for run, (index, number) in zip(self._runs, self._numbers, strict=True)
-        ]
+        return [judge(run.facts, run.tags, signals[run.folder].get(run.facts.path, ())) for run in self]
 
     def _kept(self, places: Sequence[int]) -> "RunList":
-        return RunList(
-            [self._runs[place] for place in places], self._indexes, [self._numbers[place] for place in places]
-        )
+        return RunList([self._runs[place] for place in places], self._indexes)
 
 
 @told("silo.runs")
@@ -243,18 +237,17 @@ def runs(
         ExpressionError: `where` can't be understood.
     """
     indexes = [RunIndex(checked_path("a folder", folder)) for folder in folders or (".",)]
-    rows: list[tuple[int, ListedRun, tuple[int, int]]] = []
+    every: list[ListedRun] = []
     said: dict[Path, dict[str, labels.Labels]] = {}
-    for place, index in enumerate(indexes):
+    for index in indexes:
         index.refresh(told, anew=rebuild)
-        for number, facts in index.runs():
+        for facts in index.runs():
             folder = (index.root / facts.path).parent
             if folder not in said:
                 said[folder] = labels.read_labels(folder)
-            run = ListedRun(facts, index.root, said[folder], _signals_of(index, number))
-            rows.append((facts.begun_ns, run, (place, number)))
-    rows.sort(key=lambda row: (row[0], row[1].facts.path))
-    found = RunList([run for _, run, _ in rows], indexes, [number for _, _, number in rows]).between(since, until)
+            every.append(ListedRun(facts, index.root, said[folder], partial(index.of_run, facts.path)))
+    every.sort(key=lambda run: (run.facts.begun_ns, run.facts.path))
+    found = RunList(every, indexes).between(since, until)
     return found.where(where) if where else found
 
 
@@ -266,10 +259,6 @@ def told_of(run: ListedRun) -> dict[str, Any]:
     whole = {one: getattr(run.facts, one) for one in ("kind", "robot", "task", "span_s", "ticks", "elements", "lost")}
     return {"path": str(run.path), **{key: value for key, value in facts.items() if key != "path"}, **whole,
             "begun": run.begun.isoformat(), "tags": list(run.tags), "notes": list(run.notes)}  # fmt: skip
-
-
-def _signals_of(index: RunIndex, number: int) -> Callable[[], list[SignalFacts]]:
-    return lambda: index.of_run(number)
 
 
 def _text(run: ListedRun) -> str:

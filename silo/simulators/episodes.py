@@ -35,8 +35,9 @@ class LoggedEnvironment(Wrapper):  # type: ignore[misc]  # of a package that may
         rate = _rate(env) if frequency is None else frequency
         self.log = Logger(self.name, frequency=rate, max_time=0, folder=folder, clock=self._time_s)
         self._number = 1 + max((self._numbered(path) for path in self._folder.iterdir()), default=0)
-        observed = _keeper(self.log, "observation", env.observation_space)
-        acted = _keeper(self.log, "action", env.action_space)
+        self._actions: list[np.ndarray[Any, Any]] = []
+        observed = _keeper(self.log, "observation", env.observation_space, [])
+        acted = _keeper(self.log, "action", env.action_space, self._actions)
         if observed is None or acted is None:
             raise SourceError(
                 f"silo.gymnasium: of {self.name} can't be logged: {env.observation_space} and {env.action_space}; "
@@ -56,7 +57,7 @@ class LoggedEnvironment(Wrapper):  # type: ignore[misc]  # of a package that may
         self._begun += 1
         if (self._begun - 1) % self._every:
             return observation, info
-        for array in (self._reward, self._terminated, self._truncated):
+        for array in (*self._actions, self._reward, self._terminated, self._truncated):
             array[...] = 0
         self.log.start()
         self._observed(observation)
@@ -115,11 +116,11 @@ def _rate(env: Env) -> float:
     return float(env.metadata.get("render_fps") or 1)
 
 
-def _keeper(logger: Logger, name: str, space: Any) -> Keep | None:
-    """Make the variables of a space, and return what copies a value into them; None where nothing can be logged."""
+def _keeper(logger: Logger, name: str, space: Any, made: list[np.ndarray[Any, Any]]) -> Keep | None:
+    """Make the variables of a space, which `made` gets, and return what copies a value into them; None for none."""
     if isinstance(space, spaces.Dict | spaces.Tuple):
         parts = space.spaces.items() if isinstance(space, spaces.Dict) else enumerate(space.spaces)
-        keepers = [(key, keep) for key, part in parts if (keep := _keeper(logger, f"{name}/{key}", part))]
+        keepers = [(key, keep) for key, part in parts if (keep := _keeper(logger, f"{name}/{key}", part, made))]
 
         def keep_parts(value: Any) -> None:
             for key, keep in keepers:
@@ -130,4 +131,5 @@ def _keeper(logger: Logger, name: str, space: Any) -> Keep | None:
         log.warning("silo.gymnasium: %s is not logged: %s is no array of numbers", name, space)
         return None
     array = logger.array(name, space.shape, space.dtype, buffer="growing")
+    made.append(array)
     return lambda value: array.__setitem__(..., value)

@@ -214,6 +214,15 @@ def test_several_may_make_it_at_once(root):
     assert found == [found[0]] * 4
 
 
+def test_a_list_stays_right_while_somebody_makes_the_index_anew(root):
+    runs = silo.runs(root)
+    before, last = runs.values("max(joints/tau)"), [one.most for one in runs[4].signals]
+    (root / "monday/run0.silo").unlink()
+    silo.runs(root, rebuild=True)
+    assert runs.values("max(joints/tau)")[1:] == before[1:]
+    assert [one.most for one in runs[4].signals] == last
+
+
 def test_a_folder_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(silo.SiloError, match="there is no folder"):
         silo.runs(tmp_path / "none")

@@ -193,7 +193,7 @@ def test_an_episode_is_a_file(counting, tmp_path, caplog):
         str(tmp_path / "runs" / f"arm_episode_0000{n}.silo") for n in (1, 2, 3)
     ]
     assert first["reward"].values.tolist() == [0, -2, -2, -2]
-    assert first["action"].values.tolist()[1:] == [2, 2, 2]
+    assert first["action"].values.tolist() == second["action"].values.tolist() == [0, 2, 2, 2]
     assert first["terminated"].values.tolist() == [False, False, False, True]
     assert first["observation/arm"].values[:, 0].tolist() == [0, 1, 2, 3]
     assert first["observation/parts/0"].values.tolist() == [0, 1, 2, 3]
