@@ -2,16 +2,23 @@
 
 Tests of the slow tier are marked `slow`. Whatever uses a fixture of `SLOW_FIXTURES` or stands in a folder of
 `SLOW_FOLDERS` is so by itself; a test that starts a process and is not marked fails, so that the fast tier stays fast.
+
+Tests marked `sampled` try some of their cases, others with each commit (`drawn`). `SILO_CASES=all` tries all, as
+`.ci/run` does; any other word of it draws as that word says.
 """
 
+import functools
 import gc
 import os
+import random
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -119,6 +126,29 @@ def pytest_sessionfinish() -> None:
     """What a process made again that ended after its test goes as well."""
     for folder in _made:
         _remove(folder)
+
+
+@functools.cache
+def _word_to_draw_by() -> str:
+    """What `SILO_CASES` says, else the commit, so that a run of it tries the same cases again."""
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
+    return os.environ.get("SILO_CASES") or subprocess.run(command, capture_output=True, text=True, check=False).stdout
+
+
+@pytest.fixture
+def drawn(request: pytest.FixtureRequest) -> Callable[..., list[Any]]:
+    """`drawn(cases, count, block=1)`: so many of them in their order, block by block, or all."""
+    assert request.node.get_closest_marker("sampled"), "mark it `sampled`: .ci/run tries all cases of those alone"
+
+    def draw(cases: Sequence[Any], count: int, block: int = 1) -> list[Any]:
+        word = _word_to_draw_by()
+        if word == "all":
+            return list(cases)
+        starts = range(0, len(cases), block)
+        chosen = random.Random(f"{word} {request.node.nodeid}").sample(starts, min(len(starts), count // block))
+        return [case for start in sorted(chosen) for case in cases[start : start + block]]
+
+    return draw
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Damages segments and reads them: FOLDER SEED COUNT. Prints what is no SegmentError, and how many inputs were tried.
+"""Damages segments and reads them: FOLDER SEED NUMBER... Prints what is no SegmentError, and how many were tried.
 
 A process of its own, so that a signal, endless reading or a bomb ends it and not the tests.
 """
@@ -212,14 +212,14 @@ def out_of_time(_number: int, _frame: object) -> None:
 
 
 def main() -> int:
-    folder, seed, count = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    folder, seed, numbers = Path(sys.argv[1]), int(sys.argv[2]), list(map(int, sys.argv[3:]))
     valid = write_segments(folder)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     signal.signal(signal.SIGPROF, out_of_time)
     path = Path(os.environ["SILO_RUNTIME_DIR"]) / "f.1.0.segment"
     failed = refused = 0
-    for number in range(seed, seed + count):
-        dice = random.Random(number)
+    for number in numbers:
+        dice = random.Random(seed + number)
         # of another boot, so that its writer is gone: else nothing would be recovered
         data = dice.choices(valid, (12, 4, 1))[0].replace(boot_id().encode(), b"0" * len(boot_id()), 1)
         path.write_bytes(mutated(data, dice))
@@ -231,7 +231,7 @@ def main() -> int:
             failed += 1
             print(f"--- input {number}\n{traceback.format_exc()}", flush=True)
         path.unlink(missing_ok=True)
-    print(f"{count} inputs, {refused} refused, {failed} failed")
+    print(f"{len(numbers)} inputs, {refused} refused, {failed} failed")
     return 1 if failed else 0
 
 

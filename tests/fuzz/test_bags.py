@@ -1,7 +1,7 @@
 """Bags that others wrote, damaged: nothing but silo's own errors comes out, soon, and without much memory.
 
-2,000 bags of each kind; `SILO_FUZZ_INPUTS=100000` takes so many, `SILO_FUZZ_SEED` others. Damage is in the file, in a
-message before it is packed, or in what a chunk, a record or a definition announces.
+Damage is in the file, in a message before it is packed, or in what a chunk, a record or a definition announces.
+`SILO_FUZZ_SEED` takes others.
 """
 
 import functools
@@ -25,10 +25,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from silo.analysis.opening import open_log
 from silo.core.recording import has_own_stamps
 from silo.errors import SiloError
+from tests.fuzz.conftest import WAYS
 
-COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 SEED = os.environ.get("SILO_FUZZ_SEED", "")
-WAYS = 10  # in which a bag is damaged before the next one is written, which takes longer than to read it
 START = 1_700_000_000 * 10**9
 SPLIT = "=" * 80
 TYPES = {
@@ -320,11 +319,12 @@ def raw_errors(target, numbers):
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("target", TARGETS)
-def test_of_a_damaged_bag_of_others_come_only_errors_of_silo(target, tmp_path, monkeypatch):
+def test_of_a_damaged_bag_of_others_come_only_errors_of_silo(target, numbers, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    raw, _ = raw_errors(target, range(COUNT))
+    raw, _ = raw_errors(target, numbers)
     assert raw[:20] == []
 
 

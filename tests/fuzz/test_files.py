@@ -1,12 +1,11 @@
 """Damaged log files: whatever stands in them, nothing but silo's own errors comes out, and no memory is claimed.
 
-2,000 damaged files of each format; `SILO_FUZZ_INPUTS=100000` takes so many. The number of a failure makes it again.
+The number of a failure makes it again.
 """
 
 import functools
 import io
 import json
-import os
 import random
 import re
 import resource
@@ -34,9 +33,9 @@ from silo.errors import FileFormatError, SiloError
 from silo.files.bags.metadata import FACTS_ATTACHMENT, RecordingFacts, unpack_facts
 from silo.files.formats import FORMATS, writer_for
 from silo.files.mcap.index import attachment, read_index, record_at
+from tests.fuzz.conftest import WAYS
 from tests.rows_csv import write_rows
 
-COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 ROOM_BYTES = 1 << 30
 NUMBERS = [
     b"-1",
@@ -79,7 +78,6 @@ WILD = [
     '{"dtype":"<u1","fill":-1}', '{"dtype":"<i1","fill":99999999999999999999}', '{"fill":1}',
     '{"dtype":"(9999999,)i8"}',
 ]  # fmt: skip
-WAYS = 10  # in which a log is damaged before the next one is written, which takes longer than to read it
 
 
 def a_recording(rng: random.Random) -> Recording:
@@ -296,12 +294,13 @@ def look_at_all(path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("target", TARGETS)
-def test_of_a_damaged_file_come_only_errors_of_silo(target, tmp_path, monkeypatch):
+def test_of_a_damaged_file_come_only_errors_of_silo(target, numbers, tmp_path, monkeypatch):
     raw = []
     monkeypatch.chdir(tmp_path)
-    for number in range(COUNT):
+    for number in numbers:
         path = make(target, number)
         try:
             # polars, which writes the tables, takes address space that it does not use

@@ -113,7 +113,6 @@ from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica
 from silo.state.requests import ApplyEdits, GetSummary, Hello, HelloReply, StatusReply, TableReply, Unsaved
 
-COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 NASTY: list[Any] = [
     None, True, 0, -1, 1, 2**31, 2**62, 2**63 - 1, -(2**63), 2**64 - 1, 0.0, -0.0, 1e308, float("nan"), float("inf"),
     "", "/", "..", "../../x", "/log/x", "/log/q_x", "\x00", "\x1b[2J", "x" * 5000, "é\U0001f916", "a-1", b"",
@@ -319,11 +318,12 @@ def problem_of(bench: Bench, payload: bytes, key: str, undecoded: list[bytes] | 
 
 
 @pytest.mark.slow
+@pytest.mark.sampled
 @pytest.mark.timeout(1800)
-def test_every_damaged_request_gets_an_answer_in_words(bench, raised) -> None:
+def test_every_damaged_request_gets_an_answer_in_words(bench, raised, numbers) -> None:
     failed: list[str] = []
     undecoded: list[bytes] = []
-    for number in range(COUNT):
+    for number in numbers:
         rng = random.Random(f"request {number}")
         request = rng.choice(GOOD)
         payload = mutated(encoded(request), rng)
@@ -337,7 +337,7 @@ def test_every_damaged_request_gets_an_answer_in_words(bench, raised) -> None:
     assert failed[:20] == []
     assert raised[:3] == []
     assert bench.alive()
-    assert 0.1 * COUNT < len(undecoded) < 0.95 * COUNT  # those test nothing behind the decoder
+    assert 0.1 * len(numbers) < len(undecoded) < 0.95 * len(numbers)  # those test nothing behind the decoder
 
 
 @pytest.mark.slow
@@ -350,7 +350,8 @@ def test_the_requests_that_are_mutated_are_answered_as_they_are(bench, raised) -
 
 
 @pytest.mark.slow
-def test_of_damaged_replies_and_events_come_only_errors_of_silo(bench) -> None:
+@pytest.mark.sampled
+def test_of_damaged_replies_and_events_come_only_errors_of_silo(bench, numbers) -> None:
     status, info = bench.replica.status(), bench.logger.elements
     good = [
         HelloReply(2, "0.1.0", "me", True, status, 2),
@@ -363,7 +364,7 @@ def test_of_damaged_replies_and_events_come_only_errors_of_silo(bench) -> None:
     event = Event(1, 2, EventKind.SAVED, "saved", "me", status, 1, 1.0, [SavedFile("x.silo", FileType.SILO, 1)])
     decoder = msgspec.msgpack.Decoder(Event)
     failed = []
-    for number in range(COUNT):
+    for number in numbers:
         rng = random.Random(f"reply {number}")
         try:
             if number % 4:
