@@ -23,7 +23,8 @@ from silo.core.quantities.writing import many
 from silo.errors import ElementError, SiloError
 from silo.expressions.parsing import names_in, parse
 from silo.files.extras import need
-from silo.run_index.runs import ListedRun, RunList, runs
+from silo.run_index.listed import ListedRun
+from silo.run_index.runs import RunList, runs
 
 if TYPE_CHECKING:
     from silo.client.client import Client

@@ -4,7 +4,9 @@ The robot program may end and begin anew; the thread waits for it and goes on.
 """
 
 import logging
+import math
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -12,8 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from silo.core.elements import ElementInfo, State
+from silo.core.tuning.parameters import ParameterInfo
 from silo.errors import ConnectionLostError, RefusedError, SiloError
 from silo.history.arrays import SampleArrays, Stream, StreamBatch
+from silo.rpc.published import Event, EventKind
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -33,6 +37,7 @@ class Listener:
     table: Callable[[str, Sequence[ElementInfo]], None]  # the logger's label and its elements; none: it is gone
     samples: Callable[[Mapping[str, SampleArrays], Callable[[], None]], None]
     told: Callable[[str], None]
+    parameters: Callable[[Sequence[ParameterInfo]], None] = lambda _: None  # those of it, whenever one changed
 
 
 class LoggerFollower:
@@ -53,6 +58,8 @@ class LoggerFollower:
         self._seen_run = ""  # the newest one, of which `_last_tick` is, by element
         self._last_tick: dict[str, int] = {}
         self._table: Sequence[ElementInfo] | None = None
+        self._parameters: Sequence[ParameterInfo] = ()
+        self._parameters_due_s = math.inf  # of `time.monotonic`
         self.missed = 0
         self._thread = threading.Thread(target=self._run, name="feed", daemon=True)
 
@@ -87,10 +94,13 @@ class LoggerFollower:
             finally:
                 self._end_stream()
             self._announce("", ())
+            self._announce_parameters(())
             self._ended.wait(TABLE_PERIOD_S)
 
     def _follow(self, client: "Client") -> None:
         revision = -1
+        client.on_event(self._heard)
+        self._parameters_due_s = 0.0
         while not self._ended.is_set():
             status = client.status()
             if status.state is State.DEAD:
@@ -107,11 +117,36 @@ class LoggerFollower:
             self._table = elements
             self._listener.table(label, elements)
 
+    def _heard(self, event: Event) -> None:
+        if event.kind is EventKind.PARAMETER:
+            self._parameters_due_s = 0.0
+            self._changed.set()
+
+    def _look_at_parameters(self, client: "Client") -> None:
+        """Read them where one changed, and again while one moves: a ramp has an event at its begin alone."""
+        if time.monotonic() < self._parameters_due_s:
+            return
+        self._parameters_due_s = math.inf
+        try:
+            moved = self._announce_parameters(client.parameters.described())
+        except RefusedError:  # a robot that has none yet, or is busy: with its next event
+            return
+        if moved:
+            self._parameters_due_s = min(self._parameters_due_s, time.monotonic() + TABLE_PERIOD_S)
+
+    def _announce_parameters(self, known: Sequence[ParameterInfo]) -> bool:
+        moved = known != self._parameters
+        if moved:
+            self._parameters = known
+            self._listener.parameters(known)
+        return moved
+
     def _read(self, client: "Client") -> None:
         """Pass on what comes, until it is time to look at the table."""
         for _ in range(max(1, round(TABLE_PERIOD_S / PERIOD_S))):
             if self._ended.is_set():
                 return
+            self._look_at_parameters(client)
             if self._wished != self._streamed:
                 self._change_stream(client)
             if self._stream is None:

@@ -1,9 +1,11 @@
 """What a bridge with `--control` lets others do to a logger: start, stop, save."""
 
 import functools
-from collections.abc import Callable
+import secrets
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
+from silo.core.tuning.parameters import ParameterInfo, ParameterValue
 from silo.errors import ConnectionLostError
 from silo.files.bags.ros_types import ENCAPSULATION, add_text
 
@@ -12,6 +14,8 @@ if TYPE_CHECKING:
 
 Connect = Callable[[], "Client"]
 Call = Callable[[str], str]  # takes who calls, in words; says what came of it
+# sets parameters for who calls, in words, from another computer or not; says what came of it, and what all are then
+Tune = Callable[[Mapping[str, ParameterValue], str, bool], tuple[str, list[ParameterInfo]]]
 
 
 def services(connect: Connect, prefix: str) -> dict[str, Call]:
@@ -31,6 +35,18 @@ def services(connect: Connect, prefix: str) -> dict[str, Call]:
         "save": lambda client: "saved " + ", ".join(file.path for file in client.wait_saved(client.save())),
     }
     return {f"/{prefix}/{name}": functools.partial(call, do) for name, do in what.items()}
+
+
+def setting(connect: Connect) -> Tune:
+    """Return what sets parameters of the logger, all or none, for whoever asks the bridge: also from elsewhere."""
+
+    def tune(values: Mapping[str, ParameterValue], caller: str, remote: bool) -> tuple[str, list[ParameterInfo]]:
+        with connect() as client:
+            client._act_for(caller)
+            text = client._set_parameters(dict(values), secrets.token_hex(8), 0.0, remote).text
+            return text, client.parameters.described()
+
+    return tune
 
 
 def pinned(connect: "Callable[[str], Client]", wanted: str) -> tuple[str, Connect]:

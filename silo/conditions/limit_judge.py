@@ -51,6 +51,14 @@ class ScalarMemory:
     told_stale: int = 0
     told_s: float = -math.inf
     told_over: bool = False
+    begun: int = 0  # the newest violation that began, with the worst range it has been in
+    begun_worst: Level = Level.GREEN
+
+    def fires(self, violation: Violation) -> bool:
+        """Note a violation; returns whether it began just now, or became worse."""
+        before = self.begun_worst if violation.number == self.begun else Level.GREEN
+        self.begun, self.begun_worst = violation.number, violation.worst
+        return abs(violation.worst) > abs(before)
 
 
 @dataclass
@@ -78,6 +86,7 @@ class _Limited:
     newest: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     stirred: bool = False  # not all of it is green, or was
     silent: str = ""  # why nothing of it is recorded any more
+    fired: str = ""  # what it was that fired first since that was asked for
 
     def columns(self) -> list[ScalarPlace]:
         return [column for bound in self.expressions for column in bound.columns]
@@ -86,6 +95,8 @@ class _Limited:
         """Note what samples brought."""
         for violation in found:
             scalar = self.scalars[violation.entry]
+            if scalar.fires(violation) and not self.fired:
+                self.fired = _violation_text(self, scalar, violation)
             if scalar.worst is None or scalar.worst.number == violation.number or _is_worse(violation, scalar.worst):
                 scalar.worst = violation
             waits = scalar.untold
@@ -291,6 +302,13 @@ class LimitJudge:
                         rank, worst = abs(state.level), _word(state, 0.0).value
         return worst, count
 
+    def take_fired(self) -> str:
+        """Return the first violation that began, or became worse, since the last time, told to clients or not."""
+        found = [one.fired for one in self._limited.values() if one.fired]
+        for one in self._limited.values() if found else ():
+            one.fired = ""
+        return found[0] if found else ""
+
     # ------------------------------------------------------------------------------------------------------- words
 
     def statuses(self) -> list[LimitStatus]:
@@ -378,22 +396,31 @@ def _is_due(scalar: ScalarMemory, state: EntryState, now_s: float) -> bool:
     return changed and now_s - scalar.told_s >= TELL_AGAIN_S
 
 
+def _unit(one: _Limited) -> str:
+    return "" if one.unit in ("", "-") else f" {one.unit}"
+
+
+def _violation_text(one: _Limited, scalar: ScalarMemory, violation: Violation) -> str:
+    unit = _unit(one)
+    return (
+        f"{scalar.name} {_WORDS[violation.worst].value} {violation.peak:.6g}{unit} at tick {violation.peak_tick}, "
+        f"limit {_bound_of(one.limit.rule, violation.worst):.6g}{unit}"
+    )
+
+
 def _news(one: _Limited, scalar: ScalarMemory, state: EntryState) -> list[LimitNews]:
     """Say what has become of it since clients were told, and take it as told."""
+    unit = _unit(one)
     new, new_stale, over = state.count - scalar.told_count, state.stale_count - scalar.told_stale, _is_over(state)
     untold, told = scalar.untold, scalar.told
     scalar.told_count, scalar.told_stale, scalar.told_over = state.count, state.stale_count, over
     scalar.untold, scalar.told_s = None, time.monotonic()
-    unit = "" if one.unit in ("", "-") else f" {one.unit}"
     found: list[LimitNews] = []
     if untold is not None and (new > 0 or abs(untold.worst) > abs(told)):
         scalar.told, scalar.told_peak = untold.worst, untold.peak_tick
         times = f", {new} times" if new > 1 else ""
         ended = "" if over else "; within its limits again"
-        text = (
-            f"{scalar.name} {_WORDS[untold.worst].value} {untold.peak:.6g}{unit} at tick {untold.peak_tick}, "
-            f"limit {_bound_of(one.limit.rule, untold.worst):.6g}{unit}{times}{ended}"
-        )
+        text = f"{_violation_text(one, scalar, untold)}{times}{ended}"
         found.append(LimitNews(True, text, untold.peak_tick, untold.peak_ns))
     if new_stale > 0:
         stale_s = one.limit.rule.stale_ns * 1e-9

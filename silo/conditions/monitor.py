@@ -62,7 +62,15 @@ class Standing:
 class Judge:
     """Owns the judge thread and the one that writes captures."""
 
-    def __init__(self, replica: Replica, events: EventNotifier, held: HeldRuns) -> None:
+    def __init__(
+        self,
+        replica: Replica,
+        events: EventNotifier,
+        held: HeldRuns,
+        limit_fired: Callable[[str], object] = lambda _: None,
+    ) -> None:
+        """Judge what is held; `limit_fired` is called with the words of limits, as soon as they fire."""
+        self._limit_fired = limit_fired
         self._replica, self._events, self._held = replica, events, held
         self.leased = LeasedTriggers()
         self._wake = threading.Event()
@@ -469,6 +477,8 @@ class Judge:
 
     def _bring(self, judge: "SegmentJudge", found: "JudgedStep") -> None:
         """Store what is known by now, then tell what was found and have it written: never the other way round."""
+        if found.limit_fired:
+            self._limit_fired(found.limit_fired)
         memory = self._remembering()
         if found or memory.is_due():
             self._keep(judge, found)

@@ -67,7 +67,7 @@ class ConditionRequests(Caller):
         """Return when a trigger would have fired in all that the buffers hold; nothing is set or captured.
 
         Args:
-            trigger: as for `set_trigger`; its name plays no part.
+            trigger: as `trigger` makes it; its name plays no part.
 
         Returns:
             How many `fires`, with ticks since start and time stamps in ns of the last 1000; how much was judged, and
@@ -78,7 +78,7 @@ class ConditionRequests(Caller):
         """
 
     @change(robot=True)
-    def set_trigger(self, trigger: TriggerOptions, lease_s: float = 0.0) -> str:
+    def _set_trigger(self, trigger: TriggerOptions, lease_s: float = 0.0) -> str:
         """Add a trigger or replace the one of its name; judged from now on, also while the logger runs.
 
         Args:
@@ -98,7 +98,7 @@ class ConditionRequests(Caller):
         """
 
     @change(robot=True)
-    def remove_trigger(self, name: str) -> str:
+    def _remove_trigger(self, name: str) -> str:
         """Forget a trigger, also while the logger runs; a capture that is under way goes on.
 
         Args:
@@ -175,7 +175,7 @@ class ConditionRequests(Caller):
         return given(names=texts("names", names, "['/log/joints/q_0']"))
 
     @change(robot=True)
-    def set_limits(self, limits: SignalLimits) -> str:
+    def _set_limits(self, limits: SignalLimits) -> str:
         """Give a signal limits, or other ones than it has; judged from now on, also while the logger runs.
 
         Args:
@@ -191,7 +191,7 @@ class ConditionRequests(Caller):
         """
 
     @change(robot=True)
-    def remove_limits(self, name: str) -> str:
+    def _remove_limits(self, name: str) -> str:
         """Forget the limits of a signal, also while the logger runs.
 
         Args:
@@ -205,7 +205,7 @@ class ConditionRequests(Caller):
             GoesOnError: the robot program takes longer.
         """
 
-    def derive(self, name: str, expression: str, unit: str = "") -> str:
+    def derive(self, name: str, expression: str | None, unit: str = "") -> str:
         """Have a signal computed from others wherever rows are read, also while the logger runs.
 
             client.derive("power", "joints/tau * joints/qd", unit="W")
@@ -214,7 +214,7 @@ class ConditionRequests(Caller):
 
         Args:
             name: with or without the prefix of the logger.
-            expression: may use elements and other derived signals.
+            expression: may use elements and other derived signals; None forgets the signal, on which nothing may stand.
             unit: instead of the one that follows from its signals.
 
         Returns:
@@ -225,6 +225,8 @@ class ConditionRequests(Caller):
             ElementError: name or expression is no text; nothing was changed.
             GoesOnError: the robot program takes longer.
         """
+        if expression is None:
+            return self._remove_derived(name)
         name, expression = text("the signal's name", name, _EXAMPLE), text("expression", expression, _EXAMPLE)
         return self._set_derived(Derived(name, expression, line("unit", unit, 'unit="W"')))
 
@@ -236,7 +238,7 @@ class ConditionRequests(Caller):
         """
 
     @change(robot=True)
-    def remove_derived(self, name: str) -> str:
+    def _remove_derived(self, name: str) -> str:
         """Forget a derived signal on which nothing stands, also while the logger runs.
 
         Args:
@@ -250,4 +252,4 @@ class ConditionRequests(Caller):
             ElementError: the name is no text; nothing was changed.
             GoesOnError: the robot program takes longer.
         """
-        return given(name=text("the signal's name", name, 'client.remove_derived("power")'))
+        return given(name=text("the signal's name", name, 'client.derive("power", None)'))

@@ -58,6 +58,7 @@ class JudgedStep:
     blind: list[str] = field(default_factory=list)
     whole: list[CaptureBuffer] = field(default_factory=list)
     limits: list[LimitNews] = field(default_factory=list)
+    limit_fired: str = ""  # by which one, also where clients are told of it a second later
 
     def __bool__(self) -> bool:
         return bool(self.fired or self.blind or self.whole or self.limits)
@@ -231,6 +232,7 @@ class SegmentJudge:
             found.blind += self.limits.check_silent()
             self.limits.check_stale(self.reader.last_time_ns)
             found.limits += self.limits.news()
+            found.limit_fired = self.limits.take_fired() or next((one.text for one in found.limits if one.over), "")
         self._steps += 1
         if self._steps % RELEASE_STEPS == 0:
             self.reader.release_pages()  # else this process would count all buffers as its own memory

@@ -46,7 +46,7 @@ class ConditionServer(Server, does=[requests]):
 
     def set_trigger(self, turn: Turn, trigger: TriggerOptions, lease_s: float) -> str:
         if not lease_s:
-            return self._told(turn, request_of(ConditionRequests.set_trigger, trigger))
+            return self._told(turn, request_of(ConditionRequests._set_trigger, trigger))
         self.robot.must_live()
         is_new = self.judge.hold(trigger, lease_s, turn.by)
         return f"trigger '{trigger.name}' is {'held' if is_new else 'kept'} for {lease_s:g} s"
@@ -54,13 +54,13 @@ class ConditionServer(Server, does=[requests]):
     def remove_trigger(self, turn: Turn, name: str) -> str:
         if self.judge.let_go(name):
             return f"trigger '{plain(name)}' is let go of"
-        return self._told(turn, request_of(ConditionRequests.remove_trigger, name))
+        return self._told(turn, request_of(ConditionRequests._remove_trigger, name))
 
     def set_limits(self, turn: Turn, limits: SignalLimits) -> str:
-        return self._told(turn, request_of(ConditionRequests.set_limits, limits))
+        return self._told(turn, request_of(ConditionRequests._set_limits, limits))
 
     def remove_limits(self, turn: Turn, name: str) -> str:
-        return self._told(turn, request_of(ConditionRequests.remove_limits, name))
+        return self._told(turn, request_of(ConditionRequests._remove_limits, name))
 
     def _told(self, turn: Turn, request: Request[Any]) -> str:
         """Have the robot program do it, and tell all clients."""
@@ -79,7 +79,7 @@ class ConditionServer(Server, does=[requests]):
             raise self._no_trigger(name)
         if known.armed != armed:  # it stays so for the next run and in scripts
             changed = msgspec.structs.replace(known, armed=armed)
-            self.robot.reply(request_of(ConditionRequests.set_trigger, changed), turn)
+            self.robot.reply(request_of(ConditionRequests._set_trigger, changed), turn)
         judge.arm(name, armed=armed)
         self.events.publish(EventKind.CONDITIONS, text, by=turn.by)
         return text

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from silo.core.arguments import line, text
 from silo.core.calls import told_class
-from silo.core.elements import LoggerOptions, join_name
+from silo.core.elements import Action, LoggerOptions, join_name
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind, Writable
 from silo.errors import ElementError
 from silo.logger.arguments.options import string_room
@@ -168,6 +168,7 @@ class Tunables:
                 group,
                 info.unit,
                 divider,
+                Action.SAVE_AND_PUBLISH,  # `silo.topic` has them; the buffers that are saved carry it
                 labels=dict(enumerate(words)) if words else None,
                 description=info.description,
             )

@@ -234,8 +234,22 @@ class _Writer:
             return body + self._scheduled(slow, groups, slots)
         for divider in slow:
             lines = [*self._reads(slots.get(divider, [])), f"k = tick // {divider} + 1"]
-            body += [f"if not tick % {divider}:", *_indent(lines + self._rings(groups[divider], "k"), 1)]
+            lines += self._rings(groups[divider], "k")
+            body += [self._due(divider, lines), *_indent(lines, 1)]
         return body
+
+    def _due(self, divider: int, lines: list[str]) -> str:
+        """The test whether rows are due. One more divider, that of parameters, takes 10 ns a tick: to compare, not to
+        divide.
+        """
+        if not self._lands:
+            return f"if not tick % {divider}:"
+        due = f"due{divider}"
+        lines.append(f"{due} += {divider}")
+        self._state.append(f"{due} = 0")
+        self._changed.append(due)
+        self._undo.append(f"{due} = -(-tick // {divider}) * {divider}")
+        return f"if tick == {due}:"
 
     def _rings(self, rings: list[RingPlan], count: str) -> list[str]:
         return [line for ring in rings for line in self._ring(ring, count)]

@@ -5,6 +5,7 @@ import inspect
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -28,6 +29,7 @@ from silo.parameters.parameter import Parameter
 from silo.segment.parameter_changes import MOST_WORDS
 
 MOST_WAITING = 64
+REVERT_LOOK_S = 0.1  # after which is looked again whether a change is back
 MOST_ENDS = 256  # changes of which is remembered what became of them
 BUSY = f"{MOST_WAITING} changes of parameters wait for a tick already: try again in a moment; nothing was changed"
 PROGRAM = "program"
@@ -39,6 +41,20 @@ _TYPES = {
     ParameterKind.ENUM: np.int64,
     ParameterKind.BOOL: np.bool_,
 }
+
+
+@dataclass(eq=False)
+class Revert:
+    """A change that is to be taken back at a time of `time.monotonic`, and what takes it `back` once that is asked."""
+
+    until_s: float
+    change: WaitingChange
+    back: WaitingChange | None = None
+
+    @property
+    def goes_back(self) -> bool:
+        """Whether it is too late to confirm it."""
+        return self.back is not None and not self.back.refused
 
 
 @told_class("log.parameters")
@@ -53,7 +69,7 @@ class Parameters(Mapping[str, Parameter]):
         self._known: dict[str, Parameter] = {}
         self._checks: dict[str, tuple[Check, bool]] = {}  # with whether it wants to see its group
         self._ends: OrderedDict[str, WaitingChange] = OrderedDict()
-        self._reverts: list[tuple[float, WaitingChange]] = []
+        self._reverts: list[Revert] = []
 
     # ------------------------------------------------------------------------------------------------- read
 
@@ -153,6 +169,8 @@ class Parameters(Mapping[str, Parameter]):
 
     def _check(self, fit: Mapping[str, ParameterValue]) -> dict[str, int]:
         """Ask the program's checks. Returns which state of their groups they saw; raises ElementError as they say."""
+        if not self._checks:
+            return {}
         asked = {name: self._checks[name] for name in self._checks if name in fit}
         groups = {self._known[name].info.group for name in fit}
         partners = {
@@ -202,7 +220,7 @@ class Parameters(Mapping[str, Parameter]):
             while len(self._ends) > MOST_ENDS:
                 self._ends.popitem(last=False)
         if revert_s:
-            self._reverts.append((time.monotonic() + revert_s, change))
+            self._reverts.append(Revert(time.monotonic() + revert_s, change))
         landing.post(change)
         return change
 
@@ -226,7 +244,7 @@ class Parameters(Mapping[str, Parameter]):
         info = self.excitations.described(self._known[self.full(what.name)].info)
         self._may_change(info, remote=remote)
         self.excitations.check(info, what, frequency_hz)
-        if any(info.name in change.names for _, change in self._reverts):
+        if any(info.name in one.change.names for one in self._reverts):
             raise ElementError(f"parameter '{info.name}' is to be taken back soon: confirm it first")
         for end in ends_of(info, what):
             expects = self._check({info.name: end})
@@ -238,31 +256,41 @@ class Parameters(Mapping[str, Parameter]):
 
     def confirm(self, name: str) -> bool:
         """Keep a change that would be taken back; False where there is none of that name."""
-        kept = [one for one in self._reverts if one[1].id != name]
+        kept = [one for one in self._reverts if one.change.id != name or one.goes_back]
         found = len(kept) < len(self._reverts)
         self._reverts = kept
         return found
 
     def next_revert_s(self) -> float | None:
         """Return when the next change is to be taken back, of `time.monotonic`."""
-        return min((until_s for until_s, _ in self._reverts), default=None)
+        return min((one.until_s for one in self._reverts), default=None)
 
     def revert_due(self) -> None:
-        """Take back what nobody confirmed in time, as far as nobody changed it since."""
+        """Take back what nobody confirmed in time, as far as nobody changed it since.
+
+        What no tick came for yet, or the program has closed, is looked at again until it is back.
+        """
         now_s = time.monotonic()
-        due = [change for until_s, change in self._reverts if until_s <= now_s]
-        self._reverts = [one for one in self._reverts if one[0] > now_s]
-        for change in due:
-            if not change.landed or change.old is None:
+        for one in [one for one in self._reverts if one.until_s <= now_s]:
+            if one.change.refused or (one.change.landed and not self._to_take_back(one.change)):
+                self._reverts.remove(one)
                 continue
-            values: dict[str, ParameterValue] = {}
-            at = 0
-            for info in change.infos:
-                if self.landing.last.get(info.name) == change.token:
-                    values[info.name] = decoded(info, change.old[at : at + info.words].tobytes())
-                at += info.words
-            if values:
-                self.landing.post(self.landing.change(values, change.who, "taken back: nobody confirmed it"))
+            one.until_s = now_s + REVERT_LOOK_S
+            infos = one.change.infos
+            if one.change.landed and not one.goes_back and not (self.landing.locked and any(i.locked for i in infos)):
+                values = self._to_take_back(one.change)
+                one.back = self.landing.change(values, one.change.who, "taken back: nobody confirmed it")
+                self.landing.post(one.back)
+
+    def _to_take_back(self, change: WaitingChange) -> dict[str, ParameterValue]:
+        """What a change that landed changed last, as it was before."""
+        values: dict[str, ParameterValue] = {}
+        at = 0
+        for info in change.infos:
+            if change.old is not None and self.landing.last.get(info.name) == change.token:
+                values[info.name] = decoded(info, change.old[at : at + info.words].tobytes())
+            at += info.words
+        return values
 
     # ------------------------------------------------------------------------------------------------- declared
 

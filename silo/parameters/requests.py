@@ -54,7 +54,7 @@ class ParameterRequests(Caller):
         """Set some, all or none, at the end of a tick.
 
         One `name` is done once: whoever lost the answer asks again. What isn't confirmed is taken back after
-        `revert_after_s`. `remote` is set by the helper process, whatever a client says.
+        `revert_after_s`. `remote`: a bridge asks for somebody elsewhere; else the helper process knows whether it is.
         """
 
     @change(robot=True)

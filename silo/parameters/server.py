@@ -24,12 +24,12 @@ class ParameterServer(Server, does=[requests]):
     def set_parameters(
         self, turn: Turn, values: dict[str, ParameterValue], name: str, revert_after_s: float, remote: bool
     ) -> ParametersSet:
-        remote = came_by_network(turn.by)  # whatever it says
+        remote = remote or came_by_network(turn.by)  # a bridge says so of its own clients, else nobody is asked
         request = request_of(ParameterRequests._set_parameters, values, name, revert_after_s, remote)
         found: ParametersSet = self.robot.reply(request, turn)
         return found
 
     def excite(self, turn: Turn, what: Excitation, name: str, remote: bool) -> ExcitationState:
-        request = request_of(ParameterRequests._excite, what, name, came_by_network(turn.by))  # whatever it says
+        request = request_of(ParameterRequests._excite, what, name, remote or came_by_network(turn.by))
         found: ExcitationState = self.robot.reply(request, turn)
         return found

@@ -251,3 +251,16 @@ def test_a_limit_event_stands_at_the_tick_of_the_worst_sample(bench, client, eve
     event = wait_until(lambda: next((one for one in events if one.kind is EventKind.LIMIT), None))
     assert event.tick == 40
     assert event.stamp_ns == bench.begin_ns + 40 * bench.tick_ns
+
+
+def test_a_capture_tells_of_the_episode_that_it_lies_in_and_of_no_other(bench, client, events):
+    bench.logger.trigger("high", "x > 500", pre="50ms", post="30ms", save=["silo", "csv", "bag"])
+    bench.logger.start()
+    with bench.logger.episode("walk"):
+        bench.ticks(100)
+    with bench.logger.episode("pick", object="cup"):
+        bench.ticks(500)
+        (paths,) = captured(events)
+    for path in paths:
+        (one,) = silo.open_log(path).episodes
+        assert (one.name, one.about, one.first, one.start_s, one.whole) == ("pick", {"object": "cup"}, 100, 0.0, False)

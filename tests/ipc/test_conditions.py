@@ -9,7 +9,8 @@ from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.conditions.standing import LimitWord
-from silo.core.elements import SignalLimits, TriggerOptions, TriggerWord
+from silo.core.elements import FileType, SignalLimits, TriggerOptions, TriggerWord
+from silo.errors import ElementError
 from silo.rpc.published import EventKind
 from silo.settings.script import read_script
 from tests.waiting import wait_until
@@ -44,7 +45,7 @@ class TestTriggers:
     def test_one_that_is_set_while_it_runs_is_judged_from_now_on(self, bench, client, heard):
         bench.logger.start()
         bench.ticks(100)
-        assert client.set_trigger(TriggerOptions("high", "x % 50 == 0", pre_s=0.05)) == "trigger 'high' is set"
+        assert client._set_trigger(TriggerOptions("high", "x % 50 == 0", pre_s=0.05)) == "trigger 'high' is set"
         trigger(client, state=TriggerWord.ARMED)
         bench.ticks(60)
         fired = heard.wait(EventKind.TRIGGERED)
@@ -69,7 +70,7 @@ class TestTriggers:
         wait_until(lambda: [one.text for one in client.events() if one.text == "trigger late removed"])
 
     def test_what_a_client_set_is_in_saved_scripts_and_in_the_next_run(self, bench, client, tmp_path):
-        client.set_trigger(TriggerOptions("high", "x > 5"))
+        client._set_trigger(TriggerOptions("high", "x > 5"))
         assert trigger(client).state is TriggerWord.WAITING
         wait_until(lambda: "x > 5" in client.read_script().text)
         client.save_script("new.yaml")
@@ -81,7 +82,7 @@ class TestTriggers:
     def test_it_survives_a_helper_process_that_dies(self, robots, runtime):
         robot = robots("bot")
         with Client.connect("bot") as client:
-            client.set_trigger(TriggerOptions("far", "x > 1e9"))
+            client._set_trigger(TriggerOptions("far", "x > 1e9"))
             trigger(client, "far", TriggerWord.ARMED)
 
             os.kill(robot.helper_pid, 9)
@@ -135,7 +136,7 @@ class TestTriggers:
         bench.logger.start()
         bench.ticks(50)
         heard.wait(EventKind.CAPTURED)
-        client.set_trigger(TriggerOptions("high", "x > 100"))
+        client._set_trigger(TriggerOptions("high", "x > 100"))
         wait_until(lambda: trigger(client).options.when == "x > 100")
         bench.ticks(100)
         captured = wait_until(
@@ -145,10 +146,10 @@ class TestTriggers:
 
     def test_one_that_is_removed_is_gone(self, bench, client):
         bench.logger.trigger("high", "x > 20")
-        assert client.remove_trigger("high") == "trigger 'high' is removed"
+        assert client._remove_trigger("high") == "trigger 'high' is removed"
         wait_until(lambda: not client.triggers().triggers)
         with pytest.raises(silo.RefusedError, match="no trigger is called 'high', there is none"):
-            client.remove_trigger("high")
+            client._remove_trigger("high")
 
     def test_one_of_an_element_that_is_off_is_blind_and_says_why(self, bench, client):
         bench.logger.trigger("kept", "kept > 3")
@@ -160,7 +161,7 @@ class TestTriggers:
     def test_a_rearm_condition_that_is_off_is_told_when_it_is_set(self, bench, client, caplog):
         bench.logger.set("kept", enabled=False)
         bench.logger.start()
-        told = client.set_trigger(TriggerOptions("once", "x > 3", rearm="kept < 1"))
+        told = client._set_trigger(TriggerOptions("once", "x > 3", rearm="kept < 1"))
         assert told == (
             "trigger 'once' is set; it fires once and never again: its rearm condition needs /log/kept, which is off"
         )
@@ -177,7 +178,7 @@ class TestTriggers:
     )  # fmt: skip
     def test_mistakes_are_refused_and_nothing_is_changed(self, bench, client, options, says):
         with pytest.raises(silo.RefusedError, match=says):
-            client.set_trigger(options)
+            client._set_trigger(options)
         assert bench.logger.extras.triggers == ()
 
     def test_tried_it_tells_when_it_would_have_fired_in_what_is_held(self, bench, client):
@@ -267,17 +268,17 @@ class TestLimits:
     def test_a_client_gives_and_takes_limits_while_it_runs(self, bench, client):
         bench.logger.start()
         bench.ticks(50)
-        client.set_limits(SignalLimits("x", (None, None, 40, 100)))
+        client._set_limits(SignalLimits("x", (None, None, 40, 100)))
         wait_until(lambda: client.alarms().limits)
         bench.ticks(1)
         assert alarm(client, count=1).since_tick >= 50
-        client.remove_limits("x")
+        client._remove_limits("x")
         wait_until(lambda: not client.alarms().limits)
 
     def test_they_are_known_after_a_robot_that_was_killed(self, robots, runtime):
         robot = robots("bot")
         with Client.connect("bot") as client:
-            client.set_limits(SignalLimits("x", (None, None, 1, 2)))
+            client._set_limits(SignalLimits("x", (None, None, 1, 2)))
             alarm(client, word=LimitWord.RED_HIGH)
             robot.kill()
             wait_until(lambda: client.status().state is silo.core.elements.State.DEAD)
@@ -322,3 +323,19 @@ class TestCommands:
         assert "H" in capsys.readouterr().out
         assert run(["alarms", "--json"]) == 1
         assert '"word":"H"' in capsys.readouterr().out
+
+
+def test_a_client_says_limits_triggers_and_signals_as_a_program_does(client, caplog):
+    given = client.limit("x", (None, None, 40, 100), stale="0.5s")
+    assert client._set_limits(SignalLimits("x", (None, None, 40, 100), stale_s=0.5)) == given
+    assert client.trigger("far", "x > 1e9", pre="50ms", save="csv").startswith("trigger 'far' is set")
+    (one,) = client.triggers().triggers
+    assert (one.options.pre_s, one.options.save) == (0.05, (FileType.CSV,))
+    client.derive("twice", "x * 2")
+    for name, forget in {"x": client.limit, "far": client.trigger, "twice": client.derive}.items():
+        forget(name, None)
+    assert not client.triggers().triggers
+    with pytest.raises(ElementError, match="red_high"):
+        client.limit("x", (1, 2))
+    client.set_limits(SignalLimits("x", (None, None, 40, 100)))
+    assert "is client.limit('x', (red_low" in caplog.text

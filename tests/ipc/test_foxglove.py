@@ -22,7 +22,7 @@ import pytest
 import silo
 from silo.bridges.feed import LoggerFollower
 from silo.bridges.listening import bound
-from silo.bridges.services import services
+from silo.bridges.services import services, setting
 from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
 from silo.fleet.exchange import client_name
@@ -46,7 +46,11 @@ NODE_PACKAGES = (
 )  # fmt: skip
 ALL_TOPICS = [f"/log/{name}" for name in ("x", "q", "matrix", "gait", "word", "mixed", "kept")]
 
+READS = ["time", "parameters", "parametersSubscribe"]
 DAMAGED = [
+    '{"op": "setParameters"}', '{"op": "setParameters", "parameters": [{"name": "/log/kp", "value": {"a": 1}}]}',
+    '{"op": "setParameters", "parameters": [{"name": "/log/kp"}]}', '{"op": "getParameters"}',
+    '{"op": "getParameters", "parameterNames": 5}',
     "{", "[]", '"op"', "{}", '{"op": "subscribe"}', '{"op": "subscribe", "subscriptions": [{"id": "x"}]}',
     '{"op": "subscribe", "subscriptions": [{"id": -1, "channelId": 1}]}',
     '{"op": "unsubscribe", "subscriptionIds": 5}',
@@ -139,7 +143,7 @@ class TestTopics:
         assert {channel["schemaEncoding"] for channel in viewer.channels.values()} == {"ros2msg"}
 
     def test_a_logger_is_read_only_unless_said_otherwise(self, look):
-        assert (look().info["supportedEncodings"], look().info["capabilities"]) == (["cdr"], ["time"])
+        assert (look().info["supportedEncodings"], look().info["capabilities"]) == (["cdr"], READS)
 
     def test_what_is_switched_off_is_taken_back_and_keeps_its_number_until_it_is_on_again(self, client, look):
         viewer = look("/log/q")
@@ -273,7 +277,7 @@ class TestStrangers:
             look(to=one)
         one.url += "/secret"
         viewer = look(to=one)
-        assert viewer.info["capabilities"] == ["time", "services"]
+        assert viewer.info["capabilities"] == [*READS, "services"]
         assert viewer.wait_for_services() == ["/bot/start", "/bot/stop", "/bot/save"]
 
     def test_start_and_stop_are_called_and_answer_in_words(self, bench, bridge, look):
@@ -308,6 +312,72 @@ class TestStrangers:
             viewer.socket.send(request)
             assert viewer.json("status")["message"], request
         viewer.subscribe(_1="/log/x")
+
+
+class TestParameters:
+    @pytest.fixture
+    def tuned(self, bench, bridge, look):
+        """A viewer of a logger with four parameters, whose loop turns, and that may set them."""
+        logger = bench.logger
+        logger.parameter("kp", 40.0, min=0, max=200)
+        logger.parameter("style", "trot", choices=("walk", "trot"))
+        logger.parameter("limits", [1.0, 2.0], writable="anywhere")
+        logger.parameter("steps", 5)
+        one = bridge(tune=setting(lambda: Client.connect("bot")))
+        viewer = look(to=one)
+        wait_until(lambda: len(one.server._parameters) == 4)
+        logger.start()
+        ended = threading.Event()
+        turning = threading.Thread(target=lambda: [logger.collect() for _ in iter(lambda: ended.wait(0.001), True)])
+        turning.start()
+        yield viewer, logger
+        ended.set()
+        turning.join()
+
+    def test_they_are_read_set_together_and_whoever_subscribes_hears_of_each_change(self, tuned, look):
+        viewer, logger = tuned
+        known = {"/log/kp": 40.0, "/log/style": "trot", "/log/limits": [1.0, 2.0], "/log/steps": 5}
+        assert viewer.parameters("getParameters", parameterNames=[]) == known
+        viewer.socket.send(json.dumps({"op": "subscribeParameterUpdates", "parameterNames": ["/log/kp", "/log/none"]}))
+        first = viewer.json("parameterValues")
+        assert first["parameters"] == [{"name": "/log/kp", "value": 40.0, "type": "float64"}]
+        new = {"/log/style": "walk", "/log/limits": [3, 4], "/log/steps": 6}
+        given = [{"name": name, "value": value} for name, value in new.items()]
+        assert viewer.parameters("setParameters", parameters=given) == new
+        (change,) = logger._present.run.reader.changes(0)
+        assert change.who.endswith(" for a Foxglove viewer at 127.0.0.1")
+        logger.parameters["kp"].value = 50.0
+        assert viewer.json("parameterValues")["parameters"] == [{"name": "/log/kp", "value": 50.0, "type": "float64"}]
+
+    def test_what_is_refused_is_told_in_the_robots_words_and_answered_with_what_is(self, tuned):
+        viewer, logger = tuned
+        for value in (201, "much", [1.0, 2.0], 10**400):
+            given = [{"name": "/log/steps", "value": 6}, {"name": "/log/kp", "value": value}]
+            viewer.told.clear()
+            assert viewer.parameters("setParameters", parameters=given) == {"/log/steps": 5, "/log/kp": 40.0}
+            assert "nothing was" in viewer.told[-1]
+        assert logger.parameters.read()["/log/steps"] == 5
+
+    def test_who_comes_from_another_computer_sets_what_is_open_to_those(self, tuned, monkeypatch):
+        from silo.bridges.foxglove import server
+
+        viewer, logger = tuned
+        monkeypatch.setattr(server, "LOOPBACK", ())
+        for name, value, words in (("/log/kp", 50.0, "it is set on the robot alone"), ("/log/limits", [3.0, 4.0], "")):
+            viewer.told.clear()
+            viewer.parameters("setParameters", parameters=[{"name": name, "value": value}])
+            assert words in "".join(viewer.told)
+            assert bool(viewer.told) == bool(words)
+        assert logger.parameters["limits"].value.tolist() == [3.0, 4.0]
+
+    def test_without_control_they_are_read_alone(self, bench, look):
+        bench.logger.parameter("kp", 40.0)
+        viewer = look()
+        wait_until(lambda: viewer.parameters("getParameters", parameterNames=[]))
+        viewer.parameters("setParameters", parameters=[{"name": "/log/kp", "value": 50.0}])
+        assert "read-only" in viewer.told[-1]
+        bench.logger.collect()
+        assert bench.logger.parameters["kp"].value == 40.0
 
 
 class TestPrograms:

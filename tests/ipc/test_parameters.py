@@ -74,6 +74,13 @@ def test_a_change_is_an_event_and_stands_in_the_file_that_the_helper_process_sav
     assert log.parameters.at(1e6)["/log/legs/kp"] == 50.0
 
 
+def test_a_parameter_is_a_topic_as_any_signal_is_whoever_sets_it(tuned, client):
+    with silo.topic("silo:///bot/log/legs/kp") as topic:
+        assert next(iter(topic)).values[-1] == 40.0
+        client.parameters["kp"] = 50.0
+        wait_until(lambda: next(iter(topic)).values[-1] == 50.0)
+
+
 def test_a_helper_process_that_is_killed_loses_no_change_and_tells_none_twice(tuned, client):
     client.parameters.set({"kp": 50.0})
     wait_until(lambda: [one for one in client.events() if "50.0" in one.text])

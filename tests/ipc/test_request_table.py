@@ -109,12 +109,12 @@ FALL = TriggerOptions("fall", "q > 1")
 
 def test_a_declared_method_sends_its_arguments_and_returns_the_text_of_done():
     client = Kept()
-    assert [client.set_trigger(FALL, lease_s=5.0), client.arm_trigger("fall", armed=False)] == ["done", "done"]
+    assert [client._set_trigger(FALL, lease_s=5.0), client.arm_trigger("fall", armed=False)] == ["done", "done"]
     assert client.sent == [
         messages.SetTrigger(trigger=FALL, lease_s=5.0),
         messages.ArmTrigger(name="fall", armed=False),
     ]
-    assert client.sent[0] == request_of(ConditionRequests.set_trigger, FALL, 5.0)
+    assert client.sent[0] == request_of(ConditionRequests._set_trigger, FALL, 5.0)
 
 
 def test_a_declared_method_with_a_body_sends_what_that_returns():
@@ -126,13 +126,15 @@ def test_a_declared_method_with_a_body_sends_what_that_returns():
 
 
 def test_a_wrong_call_of_a_declared_method_is_told_in_words():
-    with pytest.raises(ArgumentError, match=r"client\.set_trigger\(\) has no argument 'lease', did you mean 'lease_s'"):
-        Kept().set_trigger(FALL, lease=5.0)
+    with pytest.raises(
+        ArgumentError, match=r"client\._set_trigger\(\) has no argument 'lease', did you mean 'lease_s'"
+    ):
+        Kept()._set_trigger(FALL, lease=5.0)
 
 
 def test_a_declared_method_shows_its_own_signature_and_words():
-    assert str(inspect.signature(Client.remove_trigger)) == "(self, name: str) -> str"
-    assert inspect.getdoc(Client.remove_trigger).startswith("Forget a trigger")
+    assert str(inspect.signature(Client._remove_trigger)) == "(self, name: str) -> str"
+    assert inspect.getdoc(Client._remove_trigger).startswith("Forget a trigger")
     assert messages.RemoveTrigger.__doc__.startswith("Forget a trigger")
 
 

@@ -1,11 +1,13 @@
 """The ROS 2 bridge: names and bytes as rmw_zenoh's own sources have them, and messages as other people decode them."""
 
+import functools
 import importlib.util
 import json
 import signal
 import struct
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,11 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 import silo
 from silo.bridges.feed import LoggerFollower
-from silo.bridges.services import services
+from silo.bridges.services import services, setting
 from silo.client.client import Client
 from silo.core.elements import Edit, ElementOptions, State
 from silo.history.arrays import SampleArrays
@@ -26,7 +29,7 @@ from tests.waiting import DEADLINE_S, wait_until
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("xxhash") is None, reason="needs silo-logger[ros2]")
 if importlib.util.find_spec("xxhash"):
-    from silo.bridges.ros2 import graph
+    from silo.bridges.ros2 import graph, parameters
     from silo.bridges.ros2.graph import Graph, joined
     from silo.bridges.ros2.names import Attachment, Distribution, EntityKind, Node, gid_of, ros_name
     from silo.bridges.ros2.standard import Outlet, outlets_of
@@ -188,6 +191,7 @@ class Joined:
             distribution,
             lambda listener: LoggerFollower(lambda: Client.connect("bot"), listener),
             self.said.append,
+            setting(lambda: Client.connect("bot")) if control else None,
         )
         self._serving = self.graph.serving(services(lambda: Client.connect("bot"), "bot") if control else {})
         self._serving.__enter__()
@@ -320,6 +324,165 @@ class TestServices:
         join()
         Echo(other, "/bot/log/x")
         assert not any("/SS/" in token for token in tokens(other))
+
+
+PARAMETERS = {
+    "ListParameters": ([("prefixes", "string[]"), ("depth", "uint64")], [("result", "ListParametersResult")]),
+    "GetParameters": ([("names", "string[]")], [("values", "ParameterValue[]")]),
+    "GetParameterTypes": ([("names", "string[]")], [("types", "uint8[]")]),
+    "DescribeParameters": ([("names", "string[]")], [("descriptors", "ParameterDescriptor[]")]),
+    "SetParameters": ([("parameters", "Parameter[]")], [("results", "SetParametersResult[]")]),
+    "SetParametersAtomically": ([("parameters", "Parameter[]")], [("result", "SetParametersResult")]),
+}
+
+
+def field(kind: str) -> tuple:
+    """A field as rosbags has it in its stores."""
+    one, many = kind.removesuffix("[]"), kind.endswith("[]")
+    base = (Nodetype.BASE, (one, 0)) if one.islower() or one[-1].isdigit() else (Nodetype.NAME, one)
+    base = (Nodetype.NAME, f"rcl_interfaces/msg/{one}") if one[0].isupper() else base
+    return (Nodetype.SEQUENCE, (base, 0)) if many else base
+
+
+@functools.cache
+def ros(store: Stores):
+    """The messages of a distribution with the services of parameters, for which rosbags has none."""
+    known = get_typestore(store)
+    info = known.fielddefs["service_msgs/msg/ServiceEventInfo"][1]
+    octets = (Nodetype.ARRAY, ((Nodetype.BASE, ("uint8", 0)), 16))  # what `char` is in ROS 2
+    known.fielddefs["service_msgs/msg/ServiceEventInfo"] = (
+        (),
+        [(name, octets if name == "client_gid" else kind) for name, kind in info],
+    )
+    for short, (request, response) in PARAMETERS.items():
+        name = f"rcl_interfaces/srv/{short}"
+        parts = [(Nodetype.NAME, f"{name}_{part}") for part in ("Request", "Response", "Event")]
+        for part, fields in zip(parts, (request, response), strict=False):
+            known.register({part[1]: ([], [(word, field(kind)) for word, kind in fields])})
+        event = [("request", (Nodetype.SEQUENCE, (parts[0], 1))), ("response", (Nodetype.SEQUENCE, (parts[1], 1)))]
+        known.fielddefs[parts[2][1]] = ((), [("info", (Nodetype.NAME, "service_msgs/msg/ServiceEventInfo")), *event])
+        words = ("request_message", "response_message", "event_message")
+        known.fielddefs[name] = ((), list(zip(words, parts, strict=True)))
+    return known
+
+
+class TestParameters:
+    @pytest.fixture
+    def asked(self, bench, join, other):
+        """What calls the services of a node with parameters, whose loop turns, as another node does it."""
+        logger = bench.logger
+        logger.parameter("kp", 40.0, min=0, max=200, unit="Nm", group="legs", writable="anywhere", description="stiff")
+        logger.parameter("style", "trot", choices=("walk", "trot"), group="legs", writable="anywhere")
+        logger.parameter("limits", [1.0, 2.0], writable="anywhere")
+        logger.parameter("steps", 5, min=1, max=9, step=2)
+        logger.parameter("on", True, writable="anywhere")
+        logger.parameter("words", ["a", "bc"], writable="anywhere")
+        logger.start()
+        join(control=True)
+        wait_until(lambda: sum("rcl_interfaces::srv" in token for token in tokens(other)) == 6)
+        ended = threading.Event()
+        turning = threading.Thread(target=lambda: [logger.collect() for _ in iter(lambda: ended.wait(0.001), True)])
+        turning.start()
+        known = ros(Stores.ROS2_JAZZY)
+
+        def ask(service: str, *values: object) -> object:
+            token = next(one for one in tokens(other) if f"::{service}_/" in one)
+            name, type_name, type_hash = token.split("/")[-4].replace("%", "/"), *token.split("/")[-3:-1]
+            request = known.types[f"rcl_interfaces/srv/{service}_Request"](*values)
+            payload = bytes(known.serialize_cdr(request, f"rcl_interfaces/srv/{service}_Request"))
+            attachment = Attachment(3, time.time_ns(), bytes(range(16))).encoded()
+            key = f"7{name}/{type_name}/{type_hash}"
+            (reply,) = other.get(key, payload=payload, attachment=attachment, timeout=DEADLINE_S)
+            return known.deserialize_cdr(reply.ok.payload.to_bytes(), f"rcl_interfaces/srv/{service}_Response")
+
+        def parameter(name: str, kind: int, value: object = None) -> object:
+            fields = [kind, False, 0, 0.0, "", *(np.array([], code) for code in ("u1", "?", "i8", "f8")), []]
+            if kind:
+                fields[kind] = value
+            one = known.types["rcl_interfaces/msg/ParameterValue"](*fields)
+            return known.types["rcl_interfaces/msg/Parameter"](name, one)
+
+        yield ask, parameter, logger
+        ended.set()
+        turning.join()
+
+    @pytest.mark.parametrize("distribution", WITH_HASHES)
+    def test_types_and_hashes_are_those_of_the_distribution(self, distribution):
+        known = ros(WITH_HASHES[distribution])
+        assert {
+            name: known.hash_rihs01(f"rcl_interfaces/srv/{name}") for name in parameters.HASHES
+        } == parameters.HASHES
+        assert known.hash_rihs01(parameters.EVENT) == parameters.EVENT_HASH
+
+    def test_they_are_listed_described_and_read_as_other_people_decode_them(self, asked):
+        ask, _, _ = asked
+        names = ["log.legs.kp", "log.legs.style", "log.limits", "log.steps", "log.on", "log.words"]
+        listed = ask("ListParameters", [], 0).result
+        assert (listed.names, listed.prefixes) == (names, ["log.legs", "log"])
+        assert ask("ListParameters", ["log.legs"], 1).result.names == names[:2]
+        assert ask("ListParameters", ["log"], 1).result.names == names[2:]
+        assert ask("ListParameters", ["lo"], 0).result.names == []
+        values = ask("GetParameters", [*names, "none"]).values
+        assert [one.type for one in values] == ask("GetParameterTypes", [*names, "none"]).types.tolist()
+        assert [one.type for one in values] == [3, 4, 8, 2, 1, 9, 0]
+        assert (values[0].double_value, values[1].string_value, values[2].double_array_value.tolist()) == (
+            40.0, "trot", [1.0, 2.0],
+        )  # fmt: skip
+        assert (values[3].integer_value, values[4].bool_value, values[5].string_array_value) == (5, True, ["a", "bc"])
+        kp, style, steps, none = ask(
+            "DescribeParameters", ["log.legs.kp", "log.legs.style", "log.steps", "x"]
+        ).descriptors
+        assert (kp.name, kp.type, kp.description, kp.read_only) == ("log.legs.kp", 3, "Nm; stiff", False)
+        (range_,) = kp.floating_point_range
+        assert (range_.from_value, range_.to_value, range_.step) == (0.0, 200.0, 0.0)
+        assert (style.additional_constraints, style.floating_point_range) == ("one of walk, trot", [])
+        assert (steps.read_only, steps.integer_range[0].to_value, steps.integer_range[0].step) == (True, 9, 2)
+        assert (none.name, none.type) == ("", 0)
+
+    def test_they_are_set_alone_or_together_and_each_change_is_an_event(self, asked, other):
+        ask, parameter, logger = asked
+        events = Echo(other, "/parameter_events")
+        given = [parameter("log.legs.kp", 3, 50.0), parameter("log.legs.kp", 3, 300.0), parameter("log.steps", 2, 7)]
+        results = ask("SetParameters", given).results
+        assert [one.successful for one in results] == [True, False, False]
+        assert "0 to 200" in results[1].reason
+        assert "set on the robot alone" in results[2].reason
+        (changed,) = events.next()[1].changed_parameters
+        assert (changed.name, changed.value.type, changed.value.double_value) == ("log.legs.kp", 3, 50.0)
+        refused = [parameter("log.on", 1, False), parameter("log.legs.style", 4, "fly")]
+        result = ask("SetParametersAtomically", refused).result
+        assert (result.successful, "walk, trot" in result.reason, bool(logger.parameters["on"])) == (False, True, True)
+        fit = [
+            parameter("log.on", 1, False), parameter("log.legs.style", 4, "walk"),
+            parameter("log.words", 9, ["x", "y"]), parameter("log.limits", 8, np.array([3.0, 4.0])),
+        ]  # fmt: skip
+        assert ask("SetParametersAtomically", fit).result.successful
+        assert not ask("SetParametersAtomically", [parameter("log.on", 0)]).result.successful
+        assert "no parameter" in ask("SetParametersAtomically", [parameter("log.none", 1, True)]).result.reason
+        assert logger.parameters.read() == {
+            "/log/legs/kp": 50.0, "/log/legs/style": "walk", "/log/limits": (3.0, 4.0), "/log/steps": 5,
+            "/log/on": False, "/log/words": ("x", "y"),
+        }  # fmt: skip
+
+    def test_without_control_they_are_read_alone(self, bench):
+        node = parameters.NodeParameters("/bot", None, "somebody", lambda _: None)
+        bench.logger.parameter("kp", 40.0, writable="anywhere")
+        known = ros(Stores.ROS2_JAZZY)
+        event = known.deserialize_cdr(node.turn(bench.logger.parameters.landing.described()), parameters.EVENT)
+        assert (event.node, [one.name for one in event.new_parameters]) == ("/bot", ["log.kp"])
+        assert node._tuned({"log.kp": 1.0})[0] is False
+        assert [one.name for one in known.deserialize_cdr(node.turn([]), parameters.EVENT).deleted_parameters] == [
+            "log.kp"
+        ]
+        assert node.turn([]) is None
+
+    def test_what_is_no_request_is_told_in_words(self):
+        node = parameters.NodeParameters("/bot", None, "somebody", lambda _: None)
+        whole = b"\0\1\0\0" + struct.pack("<I", 2) + struct.pack("<I", 3) + b"ab\0\0" + struct.pack("<I", 1)
+        for answer in (one[2] for one in node.services().values()):
+            for data in [whole[:size] for size in range(16)] + [whole[:4] + b"\xff" * 40, b"\0\0" + whole]:
+                with pytest.raises(ValueError, match="a request"):
+                    answer(data)
 
 
 class TestPrograms:

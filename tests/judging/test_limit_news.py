@@ -50,6 +50,18 @@ def test_a_violation_that_becomes_red_is_told_at_once(robot):
     assert robot.told() == ["/log/x HH 30 at tick 2, limit 10"]
 
 
+def test_each_violation_that_begins_or_becomes_worse_fires_at_once_told_or_not(robot):
+    robot.start()
+    fired = []
+    for values in ((0, 7), (7, 7), (30,), (7, 0), (7,), (0, 6, 0), (0,)):
+        robot.collect(*values)
+        fired.append(robot.judge.step().limit_fired)
+    assert fired == [
+        "/log/x H 7 at tick 1, limit 5", "", "/log/x HH 30 at tick 4, limit 10", "", "/log/x H 7 at tick 7, limit 5",
+        "/log/x H 6 at tick 9, limit 5", "",
+    ]  # fmt: skip
+
+
 def test_a_later_violation_that_is_worse_is_told_at_once(robot):
     robot.start()
     robot.collect(7, 0)

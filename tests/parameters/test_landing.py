@@ -1,10 +1,13 @@
 """Changes of clients land whole at the end of a tick, and are recorded with the tick from which they held."""
 
+import time
+
 import pytest
 
 import silo
 from silo.errors import ElementError
 from silo.parameters.parameters import MOST_ENDS, MOST_WAITING
+from tests.waiting import wait_until
 
 
 class Clock:
@@ -207,6 +210,28 @@ def test_what_nobody_confirms_is_taken_back_as_far_as_nobody_changed_it_since(tu
     tuned.parameters.revert_due()
     tuned.collect()
     assert (read(tuned)["kp"], read(tuned)["kd"]) == (40.0, 3.0)
+
+
+def test_what_nobody_confirms_is_taken_back_also_where_it_came_late_or_the_program_had_closed_it(tuned):
+    ask(tuned, {"kp": 50.0}, "a", revert_s=1e-9)
+    tuned.parameters.revert_due()  # no tick came in time
+    tuned.collect()
+    tuned.parameters.lock()
+    for _ in range(2):
+        tuned.parameters.revert_due()
+        tuned.collect()
+    assert read(tuned)["kp"] == 50.0  # the program's phase isn't disturbed
+    tuned.parameters.unlock()
+    wait_until(lambda: tuned.parameters.next_revert_s() < time.monotonic())
+    tuned.parameters.revert_due()
+    tuned.collect()
+    assert read(tuned)["kp"] == 40.0
+    wait_until(lambda: tuned.parameters.next_revert_s() < time.monotonic())
+    tuned.parameters.revert_due()
+    assert tuned.parameters.next_revert_s() is None
+    assert [change["/log/legs/kp"] for _, _, change in told(tuned) if "/log/legs/kp" in change] == [
+        (None, 40.0), (40.0, 50.0), (50.0, 40.0),
+    ]  # fmt: skip
 
 
 def test_what_is_confirmed_stays(tuned):

@@ -35,14 +35,14 @@ class FakeConditions:
         begin, end = self.now_ns - 60 * 10**9, self.now_ns
         return TriggerTried(3, [1, 2, 3], [begin, begin + 30 * 10**9, end], 0, 6000, begin, end, 6000, 0, 1_900_000)
 
-    def set_trigger(self, trigger: TriggerOptions, lease_s: float = 0.0) -> str:
+    def _set_trigger(self, trigger: TriggerOptions, lease_s: float = 0.0) -> str:
         self._ask()
         self.calls.append(("set_trigger", trigger))
         made = TriggerStatus(trigger, TriggerWord.ARMED, owner="this client" if lease_s else "")
         self.trigger_statuses = [one for one in self.trigger_statuses if one.options.name != trigger.name] + [made]
         return f"trigger '{trigger.name}' is set"
 
-    def remove_trigger(self, name: str) -> str:
+    def _remove_trigger(self, name: str) -> str:
         self._ask()
         self.calls.append(("remove_trigger", name))
         self.trigger_statuses = [one for one in self.trigger_statuses if one.options.name != name]
@@ -63,12 +63,12 @@ class FakeConditions:
         self.calls.append(("acknowledge", *names))
         return "1 alarm seen by ann"
 
-    def set_limits(self, limits: SignalLimits) -> str:
+    def _set_limits(self, limits: SignalLimits) -> str:
         self._ask()
         self.calls.append(("set_limits", limits))
         return f"limits of '{limits.name}' are set"
 
-    def remove_limits(self, name: str) -> str:
+    def _remove_limits(self, name: str) -> str:
         self._ask()
         self.calls.append(("remove_limits", name))
         return f"limits of '{name}' are removed"
@@ -86,7 +86,7 @@ class FakeConditions:
         self.revision += 1
         return f"'{whole.name}' is derived: {expression}"
 
-    def remove_derived(self, name: str) -> str:
+    def _remove_derived(self, name: str) -> str:
         self._ask()
         self.calls.append(("remove_derived", name))
         try:

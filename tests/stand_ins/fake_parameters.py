@@ -5,8 +5,8 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, Writable
-from silo.parameters.requests import ParametersSet, ParameterTable
+from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, Wave, Writable
+from silo.parameters.requests import ExcitationState, ParametersSet, ParameterTable
 
 FLOAT = ParameterKind.FLOAT
 PARAMETERS = [
@@ -34,6 +34,12 @@ class FakeParameters:
         self.calls.append(("set_parameters", dict(values)))
         self.put(values)
         return ParametersSet("a", 17)
+
+    def excite(self, name: str, wave: Wave, *, wait: Any, **more: Any) -> ExcitationState:
+        self.calls.append(("excite", name, wave.value, more["amplitude"], more["duration"], more["high_hz"]))
+        while not wait(ExcitationState("a", 3.0, 5), 0.01):
+            pass
+        return ExcitationState("a", 3.0, 5, "stopped by a key", 9)
 
     def _list_parameters(self) -> ParameterTable:
         return ParameterTable(list(self.parameter_infos), self.parameters_locked)

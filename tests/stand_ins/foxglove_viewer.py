@@ -99,6 +99,13 @@ class Viewer:
             elif data[0] == 3 and struct.unpack_from("<II", data, 1) == (service, call):
                 return data[16:]
 
+    def parameters(self, operation: str, **request: Any) -> dict[str, Any]:
+        """Ask something of parameters by a name of ours; wait for their values."""
+        self.socket.send(json.dumps({"op": operation, "id": "mine", **request}))
+        while (told := self.json("parameterValues")).get("id") != "mine":
+            pass
+        return {one["name"]: one["value"] for one in told["parameters"]}
+
     def close(self) -> None:
         """Go."""
         self.socket.close()

@@ -6,10 +6,11 @@ Source: the protocol's specification in github.com/foxglove/ws-protocol (docs/sp
 
 import json
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import islice
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from websockets.typing import Subprotocol
 
 from silo.bridges.messages import LiveTopic
 from silo.bridges.services import trigger_response
+from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue
 from silo.files.bags.ros_types import message_dtype
 from silo.history.arrays import SampleArrays
 
@@ -54,7 +56,7 @@ class ServiceCall:
 
 def server_info(name: str, session: str, *, control: bool) -> str:
     """Return the first message: who we are, and what we can."""
-    capabilities = ["time", *(["services"] if control else [])]
+    capabilities = ["time", "parameters", "parametersSubscribe", *(["services"] if control else [])]
     info = {"op": "serverInfo", "name": name, "capabilities": capabilities, "sessionId": session, "metadata": {}}
     return json.dumps({**info, "supportedEncodings": ["cdr"]})
 
@@ -123,6 +125,31 @@ def service_response(call: ServiceCall, *, success: bool, message: str) -> bytes
 def service_failure(call: ServiceCall, message: str) -> str:
     """Return the answer to a call that there is no service for."""
     return json.dumps({"op": "serviceCallFailure", "serviceId": call.service, "callId": call.call, "message": message})
+
+
+def parameter_values(parameters: Iterable[ParameterInfo], request: str | None = None) -> str:
+    """Return what parameters are now, to whoever asked by a `request` of that name."""
+    values = [_parameter(info) for info in parameters]
+    return json.dumps({"op": "parameterValues", "parameters": values} | ({} if request is None else {"id": request}))
+
+
+def _parameter(info: ParameterInfo) -> dict[str, object]:
+    found: dict[str, object] = {"name": info.name, "value": info.value}
+    if info.kind is ParameterKind.FLOAT:  # for JSON, 40.0 may be 40
+        found["type"] = "float64_array" if info.shape else "float64"
+    return found
+
+
+def wanted_parameters(request: Mapping[str, Any]) -> dict[str, ParameterValue]:
+    """Return what a viewer sets, by name. Raises ValueError or KeyError for anything else."""
+    found: dict[str, ParameterValue] = {}
+    for one in request["parameters"]:
+        value = one.get("value")
+        items = value if isinstance(value, list) else [value]
+        if not all(isinstance(item, float | int | bool | str) for item in items):
+            raise ValueError(f"parameter '{one['name']}' takes numbers, texts, true or false, or a list of these")
+        found[str(one["name"])] = tuple(value) if isinstance(value, list) else value
+    return found
 
 
 def binary_frame(payload: bytes) -> bytes:

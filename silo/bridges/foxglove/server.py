@@ -7,7 +7,7 @@ import logging
 import os
 import signal
 import socket
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,8 +21,9 @@ from silo.bridges.foxglove.protocol import Frames, Offer, ServiceCall, StatusLev
 from silo.bridges.foxglove.viewer import Viewer
 from silo.bridges.listening import LOOPBACK
 from silo.bridges.messages import live_topics
-from silo.bridges.services import Call, Connect
+from silo.bridges.services import Call, Connect, Tune
 from silo.core.elements import ElementInfo
+from silo.core.tuning.parameters import ParameterInfo
 from silo.errors import SiloError
 from silo.history.arrays import SampleArrays
 
@@ -35,13 +36,16 @@ log = logging.getLogger("silo.foxglove")
 
 @dataclass(frozen=True)
 class Terms:
-    """Where the server listens, and to whom. `services` by name do something and say what; empty: read-only."""
+    """Where the server listens, and to whom. `services` by name do something and say what, `tune` sets
+    parameters; None: read-only.
+    """
 
     name: str
     bind: str = "127.0.0.1"
     token: str = ""
     origins: tuple[str, ...] = ()
     services: Mapping[str, Call] | None = None
+    tune: Tune | None = None
 
     @property
     def on_loopback(self) -> bool:
@@ -61,10 +65,12 @@ class ViewerServer:
         self._offers: dict[int, Offer] = {}
         self._of_element: dict[str, list[Offer]] = {}
         self._numbers: dict[tuple[str, str], int] = {}  # of a topic and its type: it keeps its number
+        self._parameters: dict[str, ParameterInfo] = {}
         self._label = ""
         self._newest_ns = 0
         self._loop = asyncio.get_running_loop()
-        self._feed = make_feed(Listener(self._soon(self._renew), self._soon(self._deliver), self._soon(self._told)))
+        calls = [self._soon(one) for one in (self._renew, self._deliver, self._told, self._turn)]
+        self._feed = make_feed(Listener(*calls))
 
     def _soon(self, call: Callable[..., None]) -> Callable[..., None]:
         def later(*arguments: Any) -> None:
@@ -126,8 +132,10 @@ class ViewerServer:
         try:
             if isinstance(message, bytes):
                 await self._call(viewer, protocol.service_call(message))
+            elif (request := json.loads(message))["op"] == "setParameters":
+                await self._tune(viewer, request)
             else:
-                self._obey(viewer, json.loads(message))
+                self._obey(viewer, request)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             viewer.tell(StatusLevel.ERROR, f"silo doesn't understand this request ({type(error).__name__}: {error})")
 
@@ -139,6 +147,15 @@ class ViewerServer:
         elif operation == "unsubscribe":
             for number in request["subscriptionIds"]:
                 viewer.subscriptions.pop(int(number), None)
+        elif operation in ("getParameters", "subscribeParameterUpdates", "unsubscribeParameterUpdates"):
+            names = [str(name) for name in request["parameterNames"]] or list(self._parameters)
+            if operation == "unsubscribeParameterUpdates":
+                viewer.parameters -= set(names)
+                return
+            if operation == "subscribeParameterUpdates":
+                viewer.parameters |= set(names)
+            self._show(viewer, names, request.get("id"))
+            return
         else:
             viewer.tell(
                 StatusLevel.WARNING, f"silo has no '{operation}': topics can be looked at, values can't be sent"
@@ -172,7 +189,39 @@ class ViewerServer:
         self._tell(f"{name}, called by {caller}: {text}")
         viewer.write(protocol.binary_frame(protocol.service_response(call, success=success, message=text)))
 
+    async def _tune(self, viewer: Viewer, request: Mapping[str, Any]) -> None:
+        """Set parameters, all or none; whoever asked by a name is told what they are then."""
+        values, where = protocol.wanted_parameters(request), str(viewer.connection.remote_address[0])
+        caller = f"a Foxglove viewer at {where}"
+        level = StatusLevel.ERROR
+        try:
+            if self._terms.tune is None:
+                text = "parameters can't be set: this is read-only (`silo foxglove --control`)"
+            else:
+                text, known = await asyncio.to_thread(self._terms.tune, values, caller, where not in LOOPBACK)
+                level = StatusLevel.INFO
+                self._turn(known)
+        except SiloError as error:
+            text = str(error)
+        self._tell(f"{', '.join(values)}, set by {caller}: {text}")
+        if level is StatusLevel.ERROR:
+            viewer.tell(level, text)
+        if "id" in request:
+            self._show(viewer, values, request["id"])
+
+    def _show(self, viewer: Viewer, names: Iterable[str], request: str | None = None) -> None:
+        known = [self._parameters[name] for name in names if name in self._parameters]
+        viewer.write(protocol.text_frame(protocol.parameter_values(known, request)))
+
     # ------------------------------------------------------------------------------------------------ from the logger
+
+    def _turn(self, known: Sequence[ParameterInfo]) -> None:
+        """Tell who wants to know which parameters are something else now."""
+        before, self._parameters = self._parameters, {info.name: info for info in known}
+        changed = {name for name, info in self._parameters.items() if before.get(name) != info}
+        for viewer in self._viewers:
+            if names := changed & viewer.parameters:
+                self._show(viewer, sorted(names))
 
     def _wish(self) -> None:
         channels = {channel for viewer in self._viewers for channel in viewer.subscriptions.values()}

@@ -20,6 +20,7 @@ class Viewer:
 
     connection: ServerConnection
     subscriptions: dict[int, int] = field(default_factory=dict)  # channel by subscription
+    parameters: set[str] = field(default_factory=set)  # of which it wants to hear
     dropped: int = 0
     _told_dropped: int = 0
 

@@ -5,6 +5,8 @@ subscribes to is not read from the logger: the router tells whether somebody doe
 """
 
 import contextlib
+import functools
+import itertools
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,9 +18,11 @@ import zenoh
 from silo.bridges.feed import Listener, LoggerFollower
 from silo.bridges.ros2.names import TRIGGER, TRIGGER_HASH, Attachment, Distribution, EntityKind, Node, gid_of
 from silo.bridges.ros2.pairing import Pairing
+from silo.bridges.ros2.parameters import EVENT, EVENT_HASH, EVENTS, NodeParameters
 from silo.bridges.ros2.standard import Outlet, outlets_of
-from silo.bridges.services import Call, trigger_response
+from silo.bridges.services import Call, Tune, trigger_response
 from silo.core.elements import ElementInfo
+from silo.core.tuning.parameters import ParameterInfo
 from silo.errors import ConnectionLostError, SiloError
 from silo.history.arrays import SampleArrays
 from silo.net.configuration import FORCED, insert, reason_of
@@ -51,14 +55,25 @@ def joined(router: str) -> Iterator[zenoh.Session]:
 
 
 @dataclass
-class GraphTopic:
+class Publication:
     """A topic that the graph sees."""
 
-    outlet: Outlet
     gid: bytes
     publisher: zenoh.Publisher
     token: zenoh.LivelinessToken
     sequence: int = 0
+
+    def publish(self, time_ns: int, message: bytes) -> None:
+        """Send a message with its number and time."""
+        self.sequence += 1
+        self.publisher.put(message, attachment=Attachment(self.sequence, time_ns, self.gid).encoded())
+
+
+@dataclass(kw_only=True)
+class GraphTopic(Publication):
+    """A topic of samples."""
+
+    outlet: Outlet
     is_watched: bool = False
     pairing: Pairing | None = None  # of several elements
 
@@ -78,19 +93,14 @@ class GraphTopic:
             times, messages = self.outlet.encode(samples)
             yield from zip(times.tolist(), messages, strict=True)
 
-    def publish(self, time_ns: int, message: bytes) -> None:
-        """Send a message with its number and time."""
-        self.sequence += 1
-        self.publisher.put(message, attachment=Attachment(self.sequence, time_ns, self.gid).encoded())
-
 
 @dataclass(frozen=True)
 class Service:
-    """What others may call: it does something and says what."""
+    """What others may call: a request, in CDR, is answered; ValueError tells that it is none."""
 
     key: str
     name: str
-    call: Call
+    answer: Callable[[bytes], bytes]
     queryable: "zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]]"
 
 
@@ -104,23 +114,28 @@ class Graph:
         distribution: Distribution,
         make_feed: Callable[[Listener], LoggerFollower],
         tell: Callable[[str], None],
+        tune: Tune | None = None,
     ) -> None:
+        """Be a node of this session; `tune` sets parameters, without it they are read-only."""
         self._session, self._node, self._distribution = session, node, distribution
         self._prefix = node.name
         self._tell = tell
         self._numbers: dict[tuple[str, str], int] = {}  # of a topic and its type: it keeps its number
+        self._unused = itertools.count(1)
         self._topics: dict[tuple[str, str], GraphTopic] = {}
         self._ended = threading.Event()
         self._tokens = [session.liveliness().declare_token(node.token)]
         self._services: list[Service] = []
         self._calls: list[threading.Thread] = []
-        self._feed = make_feed(Listener(self._renew, self._deliver, tell))
+        self._parameters = NodeParameters(f"/{node.name}", tune, CALLER, tell)
+        self._events: Publication | None = None  # of parameters, once there are any
+        self._feed = make_feed(Listener(self._renew, self._deliver, tell, self._turn))
 
     @contextlib.contextmanager
     def serving(self, services: Mapping[str, Call]) -> Iterator[None]:
         """Be there, with services by name that do something and say what."""
         for name, call in services.items():
-            self._offer(name, call)
+            self._offer(name, TRIGGER, TRIGGER_HASH, functools.partial(self._trigger, name, call))
         looking = threading.Thread(target=self._look, name="graph", daemon=True)
         self._feed.start()
         looking.start()
@@ -151,16 +166,36 @@ class Graph:
                 self._topics[key] = self._declare(outlet, self._number(key))
 
     def _number(self, key: tuple[str, str]) -> int:
-        return self._numbers.setdefault(key, len(self._numbers) + len(self._tokens) + 1)
+        if key not in self._numbers:
+            self._numbers[key] = next(self._unused)
+        return self._numbers[key]
 
     def _declare(self, outlet: Outlet, number: int) -> GraphTopic:
-        shown = self._distribution.hash_of(outlet.type.type_hash)
-        token = self._node.entity_token(number, EntityKind.PUBLISHER, outlet.topic, outlet.type.name, shown)
+        type_ = outlet.type
+        return GraphTopic(*self._publisher(number, outlet.topic, type_.name, type_.type_hash), outlet=outlet)
+
+    def _publisher(
+        self, number: int, topic: str, type_name: str, type_hash: str
+    ) -> tuple[bytes, zenoh.Publisher, zenoh.LivelinessToken]:
+        shown = self._distribution.hash_of(type_hash)
+        token = self._node.entity_token(number, EntityKind.PUBLISHER, topic, type_name, shown)
         publisher = self._session.declare_publisher(
-            self._node.key(outlet.topic, outlet.type.name, shown),
+            self._node.key(topic, type_name, shown),
             congestion_control=zenoh.CongestionControl.DROP,  # who is slow loses messages and holds up nobody
         )
-        return GraphTopic(outlet, gid_of(token), publisher, self._session.liveliness().declare_token(token))
+        return gid_of(token), publisher, self._session.liveliness().declare_token(token)
+
+    def _turn(self, known: Sequence[ParameterInfo]) -> None:
+        """Parameters are something else now; the first time that there are any, the node gets its services for them."""
+        if not known and self._events is None:
+            return
+        if self._events is None:
+            self._events = Publication(*self._publisher(next(self._unused), EVENTS, EVENT, EVENT_HASH))
+            for name, (type_name, type_hash, answer) in self._parameters.services().items():
+                self._offer(name, type_name, type_hash, answer)
+        message = self._parameters.turn(known)
+        if message is not None:
+            self._events.publish(time.time_ns(), message)
 
     def _look(self) -> None:
         """See who subscribes and who calls, until it ends.
@@ -201,26 +236,29 @@ class Graph:
 
     # ----------------------------------------------------------------------------------------------------- services
 
-    def _offer(self, name: str, call: Call) -> None:
-        shown = self._distribution.hash_of(TRIGGER_HASH)
-        key = self._node.key(name, TRIGGER, shown)
-        number = len(self._tokens)
+    def _offer(self, name: str, type_name: str, type_hash: str, answer: Callable[[bytes], bytes]) -> None:
+        shown = self._distribution.hash_of(type_hash)
+        key = self._node.key(name, type_name, shown)
         queryable = self._session.declare_queryable(key, zenoh.handlers.FifoChannel(MOST_CALLS), complete=True)
-        self._services.append(Service(key, name, call, queryable))
-        token = self._node.entity_token(number, EntityKind.SERVICE, name, TRIGGER, shown)
+        self._services.append(Service(key, name, answer, queryable))
+        token = self._node.entity_token(next(self._unused), EntityKind.SERVICE, name, type_name, shown)
         self._tokens.append(self._session.liveliness().declare_token(token))
 
     def _answer(self, service: Service, query: zenoh.Query) -> None:
-        """A service of type Trigger was called."""
         try:
             asked = Attachment.decoded(query.attachment.to_bytes() if query.attachment is not None else b"")
+            answer = service.answer(query.payload.to_bytes() if query.payload is not None else b"")
         except ValueError as error:
             query.reply_err(f"silo: {error}".encode())
             return
+        attachment = Attachment(asked.sequence, time.time_ns(), asked.gid).encoded()
+        query.reply(service.key, answer, attachment=attachment)
+
+    def _trigger(self, name: str, call: Call, _request: bytes) -> bytes:
+        """A service of type Trigger was called."""
         try:
-            text, success = service.call(CALLER), True
+            text, success = call(CALLER), True
         except SiloError as error:
             text, success = str(error), False
-        self._tell(f"{service.name}, called by {CALLER}: {text}")
-        answer = Attachment(asked.sequence, time.time_ns(), asked.gid).encoded()
-        query.reply(service.key, trigger_response(text, success=success), attachment=answer)
+        self._tell(f"{name}, called by {CALLER}: {text}")
+        return trigger_response(text, success=success)

@@ -75,4 +75,4 @@ def rm(client: "Client", name: str) -> str:
     Example:
       silo derive rm demo power
     """
-    return client.remove_derived(name)
+    return client._remove_derived(name)

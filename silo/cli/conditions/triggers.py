@@ -80,7 +80,7 @@ def add(client: "Client", name: str, when: str, **given: Any) -> str:
       silo trigger add fall 'abs(base/roll) > 30deg' --pre 5s --post 1s --rearm 'abs(base/roll) < 15deg'
       silo trigger demo add slip 'any(legs/*/slip)' --holdoff 10s --keep 20 --save silo --save bag
     """
-    return client.set_trigger(_made(name, when, **given))
+    return client._set_trigger(_made(name, when, **given))
 
 
 def _row(one: "TriggerStatus") -> tuple[str, ...]:
@@ -136,7 +136,7 @@ def force(client: "Client", name: str) -> str:
 @verb(trigger, "rm", "NAME", short="Forget a trigger.")
 def rm(client: "Client", name: str) -> str:
     """Forget a trigger; its files stay."""
-    return client.remove_trigger(name)
+    return client._remove_trigger(name)
 
 
 def _show_tried(tried: "TriggerTried") -> None:

@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.verbs import verb
-from silo.core.arguments import shown
-from silo.core.quantities.reading import seconds_of
-from silo.core.tuning.excitation import element_of, ends_of, number_at, usual_ramp_s
+from silo.core.tuning.asked import excitation_of
+from silo.core.tuning.excitation import ends_of, number_at
 from silo.core.tuning.parameters import Excitation, Wave, value_text
-from silo.errors import ElementError
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -109,32 +107,7 @@ def _wanted(
     given = [(wave, words) for wave, words in chosen if words is not None]
     if len(given) != 1:
         raise click.UsageError("say one of --chirp 0.1-20Hz, --multisine 0.1-20Hz, --prbs 50Hz, --step")
-    wave, words = given[0]
-    low_hz, high_hz = _band(wave, words)
-    duration_s = _seconds("--for", lasting)
-    ramp_s = usual_ramp_s(wave, duration_s) if ramp is None else _seconds("--ramp", ramp)
-    bare, index = element_of(name)
-    return Excitation(bare, wave, amplitude, duration_s, low_hz, high_hz, ramp_s, index)
-
-
-def _band(wave: Wave, words: str) -> tuple[float, float]:
-    if wave is Wave.STEP:
-        return 0.0, 0.0
-    low, dash, high = words.lower().replace(" ", "").removesuffix("hz").rpartition("-")
-    try:
-        if wave is Wave.PRBS:
-            return 0.0, float(high if not dash else "-")
-        return float(low.removesuffix("hz") if dash else high), float(high)
-    except ValueError:
-        example = "50Hz" if wave is Wave.PRBS else "0.1-20Hz"
-        raise ElementError(f"--{wave.value} must be like {example}, got {shown(words)}") from None
-
-
-def _seconds(option: str, words: str) -> float:
-    seconds = seconds_of(words)
-    if seconds is None:
-        raise ElementError(f"{option} must be a time, got {shown(words)}; write 20s, 500ms, 2min")
-    return seconds
+    return excitation_of(name, *given[0], amplitude, lasting, ramp)
 
 
 class _Keys:

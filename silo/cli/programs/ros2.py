@@ -16,7 +16,7 @@ DISTRIBUTIONS = ("humble", "jazzy", "kilted", "lyrical", "rolling")
 @click.option("--router", default="tcp/localhost:7447", show_default=True, metavar="ENDPOINT", help="Of rmw_zenoh.")
 @click.option("--domain", type=click.IntRange(0, 232), default=0, envvar="ROS_DOMAIN_ID", show_default=True)
 @click.option("--distro", type=click.Choice(DISTRIBUTIONS), default="jazzy", envvar="ROS_DISTRO", show_default=True)
-@click.option("--control", is_flag=True, help="Offer services that start, stop and save, to all in the graph.")
+@click.option("--control", is_flag=True, help="Let all in the graph start, stop, save, set parameters.")
 def ros2(logger: str | None, router: str, domain: int, distro: str, control: bool) -> None:
     """Show a logger to ROS 2 with rmw_zenoh, until Ctrl-C. No ROS is needed on this computer.
 
@@ -34,7 +34,7 @@ def ros2(logger: str | None, router: str, domain: int, distro: str, control: boo
     from silo.bridges.feed import LoggerFollower
     from silo.bridges.ros2.graph import Graph, joined
     from silo.bridges.ros2.names import Distribution, Node, ros_name
-    from silo.bridges.services import pinned, services
+    from silo.bridges.services import pinned, services, setting
     from silo.client.client import Client
 
     config, looks = configuration(), not check_control(control)  # of this thread's command
@@ -51,9 +51,9 @@ def ros2(logger: str | None, router: str, domain: int, distro: str, control: boo
         node = Node(domain, str(session.zid()), ros_name(name))
         graph = Graph(
             session, node, Distribution(distro), lambda listener: LoggerFollower(reach, listener),
-            lambda text: click.echo(text, err=True),
+            lambda text: click.echo(text, err=True), setting(reach) if control else None,
         )  # fmt: skip
         with graph.serving(offered):
             click.echo(f"{name} is node /{node.name} in domain {domain} of {router}, for ROS 2 {distro}")
-            click.echo("all in the graph can start, stop and save" if control else "read-only", err=True)
+            click.echo("all in the graph can start, stop, save, set parameters" if control else "read-only", err=True)
             ended.wait()

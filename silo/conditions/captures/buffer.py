@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 
 from silo.core.elements import BufferType, CaptureFacts, Conditions, LoggedEvent, TriggerOptions
+from silo.core.episodes.words import within_ticks
 from silo.core.recording import Failures, Recording
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, longest_capture
 from silo.segment.layout import TIME_RING, ElementSchema, SegmentSchema
@@ -158,8 +159,8 @@ class CaptureBuffer:
         return {name: tick for name, tick in self._reader.unheld().items() if tick <= self.capture.last}
 
     def marks(self, since: int = 0) -> list[LoggedEvent]:
-        """The program's marks at ticks of the capture."""
-        return [mark for mark in self._reader.marks(since) if self.capture.first <= mark.tick <= self.capture.last]
+        """The program's marks at ticks of the capture, and those of episodes in which it begins."""
+        return within_ticks(self._reader.marks(since), self.capture.first, self.capture.last)
 
     def changes(self, since: int = -1) -> list[LoggedEvent]:
         """The changes of parameters until the capture's end."""

@@ -9,6 +9,7 @@ import msgspec
 
 from silo.conditions.captures.buffer import CaptureBuffer
 from silo.core.elements import FileType, LoggedEvent, SavedFile
+from silo.core.episodes.words import within_ticks
 from silo.errors import SaveError
 from silo.files.atomic import claimed
 from silo.files.formats import kind_of
@@ -82,8 +83,7 @@ def _written(
         return [file for file in files if file.type in buffer.options.save]
     options, logger = buffer.options, buffer.schema.logger
     if FileType.SILO not in there:
-        first, last = buffer.capture.first, buffer.capture.last
-        recording, own = buffer.recording(), [event for event in happened if first <= event.tick <= last]
+        recording, own = buffer.recording(), within_ticks(happened, buffer.capture.first, buffer.capture.last)
         # derived signals and limits by which it fired, whatever they are by now
         extras = msgspec.structs.replace(buffer.extras, capture=recording.extras.capture)
         why = f"trigger {options.name}"

@@ -70,12 +70,15 @@ class ParameterInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     @property
     def item_bytes(self) -> int:
         """What each of them takes."""
-        sizes = {ParameterKind.BOOL: 1, ParameterKind.STRING: self.string_bytes}
-        return sizes.get(self.kind, WORD_BYTES)
+        if self.kind is ParameterKind.BOOL:
+            return 1
+        return self.string_bytes if self.kind is ParameterKind.STRING else WORD_BYTES
 
     @property
     def words(self) -> int:
         """How many words it takes."""
+        if not self.shape and self.kind is not ParameterKind.STRING:  # asked three times where one is set
+            return 1
         return max(1, -(-self.count * self.item_bytes // WORD_BYTES))
 
     @property

@@ -179,8 +179,8 @@ def welcome(log: Logger) -> str:
         f"  script  {script}\n"
         f"  folder  {options.folder}\n"
         f"  watch   silo-tui {options.name}   or   silo watch {options.name}\n"
-        "  slips   it slips at random: in silo-tui, T lists the trigger 'slip', and t arms it\n"
-        f"  tune    how it walks: in silo-tui, P lists its parameters; or `silo param ls {options.name}`\n"
+        "  slips   it slips at random: in silo-tui, g t lists the trigger 'slip', and r t arms it\n"
+        f"  tune    how it walks: in silo-tui, g p lists its parameters; or `silo param ls {options.name}`\n"
         "  end     Ctrl-C"
     )
 
