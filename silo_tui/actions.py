@@ -104,6 +104,7 @@ _RECORDINGS = ("recordings",)
 _TRIGGERS = ("triggers",)
 _ALARMS = ("alarms",)
 _PARAMETERS = ("parameters",)
+_RUNS = ("runs",)
 _CONDITIONS = _TRIGGERS + _ALARMS
 _EVENTS = ("events",)
 _BOTH = ("table", "monitor")
@@ -121,7 +122,7 @@ _LIVE_PLOTS = _MONITOR + _DETAIL
 _FILE_PLOTS = _FILE_MONITOR + _FILE_DETAIL
 _HAPPENED = _EVENTS + _FILE_EVENTS
 _ASIDE = _CONDITIONS + _PARAMETERS + _RECORDINGS + _EVENTS
-_MARKED = _CONDITIONS + _PARAMETERS + _RECORDINGS + _LOGGERS
+_MARKED = _CONDITIONS + _PARAMETERS + _RECORDINGS + _LOGGERS + _RUNS
 _ORDERED = _MARKED + _HAPPENED
 _LISTS = _ORDERED + _SETTINGS
 FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL + _FILE_EVENTS
@@ -272,10 +273,19 @@ COMMANDS: tuple[Command, ...] = (
     Command("list_mark", "space", "Mark", "mark or unmark, and move on", "Lists", _MARKED, 2),
     Command("list_mark_all", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Lists", _MARKED),
     Command("list_range", "V", "Range", "begin a range, move, the same key marks it", "Lists", _MARKED),
-    Command("list_read", "r", "Read again", "ask for the list again", "Lists", _ASIDE, asks=True, retries=True),
+    Command("list_read", "r", "Read again", "ask for the list again", "Lists", _ASIDE + _RUNS, asks=True, retries=True),
     # -------------------------------------------------------------------------------------------------- events
     Command("set_marker", "M", "Marker", "mark the tick on the screen (paused: at cursor A) with some words", "Events",
             _BOTH + _DETAIL + _EVENTS, writes=True, asks=True, typed=Typed(("marker",))),
+    Command("episode_good", "f5", "Good", "the newest episode went well; it ends one begun by hand", "Events",
+            _BOTH + _DETAIL + _EVENTS, writes=True, asks=True),
+    Command("episode_bad", "f6", "Bad", "the newest went badly", "Events", _BOTH + _DETAIL + _EVENTS, writes=True,
+            asks=True),
+    Command("episode_redo", "f7", "To redo", "the newest episode went badly and is to be done again", "Events",
+            _BOTH + _DETAIL + _EVENTS, writes=True, asks=True),
+    Command("episode", "f8", "Episode", "begin an episode by hand; its name is asked for", "Events",
+            _BOTH + _DETAIL + _EVENTS, writes=True, asks=True,
+            typed=_read(("episode",), "", ":episode begin NAME", "an episode: begin, end, good, bad, redo", 9)),
     Command("events", "E", "Events", "what happened, and who did it", "Go",
             _TABLES + _PLOTS + _CONDITIONS + _PARAMETERS + _RECORDINGS,
             typed=Typed(("events",))),
@@ -310,6 +320,13 @@ COMMANDS: tuple[Command, ...] = (
             _RECORDINGS, 5, writes=True, asks=True, typed=_read(("record",))),
     Command("stop_recording", "t", "Stop", "end a recording that runs; its parts stay", "Recordings", _RECORDINGS, 6,
             writes=True, asks=True),
+    # ------------------------------------------------------------------------------------- runs of this machine
+    Command("runs", "f3", "Runs", "the runs of a folder of this machine, by what was measured", "Go", _TABLES,
+            typed=_read(("runs",), "logs", ":runs FOLDER", "the runs of a folder of this machine", 8)),
+    Command("open_run", "enter", "Open", "look into it; Esc comes back", "Runs", _RUNS, 1),
+    Command("overlay_runs", "O", "Overlay", "what is marked over each other, by time since start or an event", "Runs",
+            _RUNS, 3),
+    Command("runs_column", "C", "Column", "a statistic among the columns; again: without it", "Runs", _RUNS, 4),
     # -------------------------------------------------------------------------------------- triggers and alarms
     Command("triggers", "T", "Triggers", "conditions that save what was logged around them", "Go",
             _TABLE + _MONITOR + _DETAIL + _ALARMS + _PARAMETERS + _RECORDINGS + _EVENTS, typed=Typed(("triggers",))),
@@ -355,6 +372,9 @@ COMMANDS: tuple[Command, ...] = (
             asks=True),
     Command("default_parameter", "x", "Default", "back to the default, or those of all that are marked, after a "
             "question", "Parameters", _PARAMETERS, 4, writes=True, asks=True),
+    Command("excite", "U", "Excite", "move it around its value for a while, to measure; any key ends it", "Parameters",
+            _PARAMETERS, 12, writes=True, asks=True,
+            typed=_read(("excite",), "", ":excite kp step amplitude 2 for 3s", "excite a parameter", 9)),
     Command("save_preset", "w", "Save", "all values to a preset on this machine", "Parameters", _PARAMETERS, 5),
     Command("load_preset", "L", "Load", "a preset, after a question that shows what it changes", "Parameters",
             _PARAMETERS, 6, writes=True, asks=True),
@@ -370,7 +390,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("write_settings", "w", "Write the file", "keep the settings for next time", "Settings", _SETTINGS, 3),
     # ------------------------------------------------------------------------------------------------------ app
     Command("command", "colon", "Command", "type a command, Tab completes it", "Go",
-            _TABLE + _MONITOR + _DETAIL + _ASIDE + _LOGGERS + _SETTINGS + FILE_SCOPES, 11),
+            _TABLE + _MONITOR + _DETAIL + _ASIDE + _LOGGERS + _SETTINGS + _RUNS + FILE_SCOPES, 11),
     Command("menus", "backslash", "Menus", "the five menus: go, edit, view, record, plots", "Go", ("any",)),
     Command("menu_go", "", "Go", "the menu of screens, names, files", "Menus", ("any",), 2),
     Command("menu_edit", "", "Edit", "the menu of what edits elements, or what the cursor is on", "Menus", ("any",), 2),
@@ -469,7 +489,7 @@ def typed_on(scope: str, command: Command) -> bool:
 def key_of(command: str, *, last: bool = False) -> str:
     """Return the key of a command as the user has it, the first or the last of several, to be named in a sentence."""
     own = with_keys(BY_ID[command])
-    return own.key_text.split()[-1] if last else own.footer_key
+    return key_text(own.keys.rpartition(",")[2]) if last else own.footer_key
 
 
 def key_that_retries(scope: str) -> str:

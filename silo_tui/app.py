@@ -13,7 +13,7 @@ from textual.command import CommandPalette
 from silo.net.access.senders import is_by
 from silo.rpc.published import Event, EventKind
 from silo_tui import terminal, theme
-from silo_tui.actions import FILE_SCOPES
+from silo_tui.actions import FILE_SCOPES, key_of
 from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider
@@ -24,6 +24,7 @@ from silo_tui.keymap import use_keys
 from silo_tui.menus import MenuReader
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import dots
+from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.screens.holding import Holding
 from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder
@@ -366,11 +367,52 @@ class SiloApp(Guarded, App[None]):
 
         self._go_aside("recordings", RecordingsScreen)
 
+    def command_runs(self, typed: Spelled = BY_KEY) -> None:
+        from silo_tui.screens.runs import RunsScreen
+
+        if self.context.file_over_logger:
+            self.context.say(f"{key_of('back')} leaves the file first")
+            return
+        folder = self.context.session.status.folder
+        if isinstance(self.screen, RunsScreen):
+            self.pop_screen()
+        self.push_screen(RunsScreen(typed.rest or (folder if os.path.isdir(folder) else ".")))  # noqa: PTH112
+
     def command_set_marker(self) -> None:
         from silo_tui.screens.marking import ask_mark
 
         session = self.context.session
         ask_mark(self.context, session.frame_time_ns or session.status.last_tick_ns)
+
+    def command_episode_good(self) -> None:
+        self._say_of_episode("good")
+
+    def command_excite(self, typed: Spelled = BY_KEY) -> None:
+        from silo_tui.screens.exciting import excite
+        from silo_tui.screens.parameters import ParametersScreen
+
+        here = self.screen.chosen if isinstance(self.screen, ParametersScreen) else None
+        name = typed.first or (here.name if here is not None else "")
+        self.context.run_flow(excite(self.context, name, " ".join(typed.arguments[1:])))
+
+    def command_episode_bad(self) -> None:
+        self._say_of_episode("bad")
+
+    def command_episode_redo(self) -> None:
+        self._say_of_episode("redo")
+
+    def command_episode(self, typed: Spelled = BY_KEY) -> None:
+        from silo_tui.screens.marking import ask_episode
+
+        if typed.arguments:
+            self._say_of_episode(typed.first, " ".join(typed.arguments[1:]))
+        else:
+            ask_episode(self.context)
+
+    def _say_of_episode(self, word: str, name: str = "") -> None:
+        from silo_tui.screens.marking import say_of_episode
+
+        run_aside(self, "mark", say_of_episode, self.context, word, name)
 
     def on_monitor_screen_open_left(self, asked: "MonitorScreen.OpenLeft") -> None:
         """Open what a dead robot left, with the plots that were there."""

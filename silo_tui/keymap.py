@@ -43,7 +43,7 @@ _TABLE = (
     ("V", "range list_range"),
     ("o,v o", "sort list_order"),
     # ------------------------------------------------------------------------------------ into, beside
-    ("enter", "detail go_to_event open_logger open_recording alarm_worst"),
+    ("enter", "detail go_to_event open_logger open_recording open_run alarm_worst"),
     ("enter,r c", "trigger_capture"),
     ("m,enter", "monitor plot"),
     ("m", "plot_conditions"),
@@ -60,7 +60,7 @@ _TABLE = (
     ("ctrl+r", "redo"),
     ("S", "start_stop start_stop_loggers"),
     ("R", "restart restart_loggers"),
-    ("w", "save_data write_events save_loggers fetch_recording write_settings save_preset"),
+    ("w", "save_data write_events save_loggers fetch_recording write_settings"),
     ("w,p w", "export_plots"),
     (DESTROYS, "delete_recording trigger_remove forget_derived"),
     ("ctrl+l,v r", "refresh detail_refresh try_link list_read look_again"),
@@ -79,6 +79,7 @@ _TABLE = (
     # -------------------------------------------------------------------------------------------------- go to
     ("g l", "loggers"),
     ("g r", "recordings"),
+    ("f3,g f", "runs"),
     ("g e", "events"),
     ("g t", "triggers"),
     ("g a", "alarms"),
@@ -100,8 +101,9 @@ _TABLE = (
     ("e c", "control"),
     ("e l", "load_script load_into_loggers load_preset"),
     ("e w", "save_script"),
+    ("w,e w", "save_preset"),
     # --------------------------------------------------------------------------------------------------- view
-    ("v c", "columns"),
+    ("v c", "columns runs_column"),
     ("v i", "inspector"),
     ("v f", "all_entries"),
     ("v e", "component next_entry"),
@@ -137,11 +139,17 @@ _TABLE = (
     ("r f", "trigger_force scope_force"),
     ("r k", "acknowledge"),
     ("r m", "set_marker"),
+    ("f5,r g", "episode_good"),
+    ("f6,r b", "episode_bad"),
+    ("f7,r a", "episode_redo"),
+    ("f8,r e", "episode"),
     ("r d", "derive"),
-    ("r o", "overlay_recording"),
+    ("r x", "excite"),
+    ("r o", "overlay_recording overlay_runs"),
 )
 TWO_LAYERS = {command: keys for keys, commands in _TABLE for command in commands.split()}
-BASES: dict[str, Mapping[str, str]] = {"classic": {}, "two-layer": TWO_LAYERS}
+BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
+DEFAULT = "two-layer"
 
 
 def keys_in(keymap: str, command: str, own: Mapping[str, str] = MappingProxyType({})) -> str:
@@ -225,3 +233,4 @@ def _check() -> None:
 
 
 _check()
+use_keys(DEFAULT, {})  # also for what is said before there is an app

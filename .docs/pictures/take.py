@@ -29,9 +29,9 @@ SHOWN = "RUNNING"  # what the table begins with
 DEADLINE_S = 90.0
 # seconds to wait, then the keys
 PLAY = (
-    (2.0, "/"), (0.5, "torque"), (0.8, "\r"), (0.8, "*"), (0.8, "d"), (0.6, "2\r"), (1.2, "u"), (0.8, "m"), (3.0, "j"),
-    (0.5, "j"), (1.5, " "), (1.0, "h"), (0.3, "h"), (0.3, "h"), (1.5, "\r"), (2.0, "\t"), (1.5, "\x1b"), (0.8, " "),
-    (1.0, "\x1b"), (1.0, "?"), (2.0, "\x1b"), (0.8, "q"),
+    (2.0, "/"), (0.5, "torque"), (0.8, "\r"), (0.8, "*"), (0.8, "e"), (0.6, "d"), (0.6, "2\r"), (1.2, "u"), (0.8, "m"),
+    (3.0, "j"), (0.5, "j"), (1.5, " "), (1.0, "h"), (0.3, "h"), (0.3, "h"), (1.5, "\r"), (2.0, "\t"), (1.5, "\x1b"),
+    (0.8, " "), (1.0, "\x1b"), (1.0, "?"), (2.0, "\x1b"), (0.8, "q"),
 )  # fmt: skip
 
 
@@ -54,7 +54,7 @@ async def stills(folder: Path) -> None:
         async with app.run_test(size=STILL) as pilot:
             while not (app.context.has_session and app.context.session.live.readings):
                 await pilot.pause(0.1)
-            await pilot.press("j", "space", "j", "space", "j", "space", "t", "d", "5", "enter")
+            await pilot.press("j", "space", "j", "space", "j", "space", "e", "t", "e", "d", "5", "enter")
             await pilot.pause(3)
             keep("table.svg")
             await pilot.press("u", "u", "m")

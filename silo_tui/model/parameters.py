@@ -116,7 +116,7 @@ def why_fixed(one: ParameterInfo, *, locked: bool) -> str:
     """Return why nobody can change a parameter here, with the way out; empty where that isn't known here."""
     name = one.name.rpartition("/")[2]
     if one.input:
-        return f"{name} is an input, 0 unless it is excited: silo excite"
+        return f"{name} is an input, 0 unless it is excited (:excite, silo excite)"
     if one.writable is Writable.NO:
         return f"{name}: the program alone sets it (writable=False in log.parameter)"
     if locked and one.locked:

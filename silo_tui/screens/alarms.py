@@ -163,7 +163,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         same = bool(name) and typed in (shown, "")
         wanted = name if same else typed  # the line may have been typed over
         if wanted and not bounds.strip():
-            self.context.run_flow(self._told(lambda client: client.remove_limits(wanted)))
+            self.context.run_flow(self._told(lambda client: client._remove_limits(wanted)))
             return
         if not wanted:
             self.say(f"'{line}' are no limits: write signal = {HOW}")
@@ -174,7 +174,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         except ElementError as error:
             self.say(str(error))
             return
-        self.context.run_flow(self._told(lambda client: client.set_limits(made)))
+        self.context.run_flow(self._told(lambda client: client._set_limits(made)))
 
     async def _told(self, job: "Callable[[Client], str]") -> None:
         try:

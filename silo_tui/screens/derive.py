@@ -105,6 +105,6 @@ async def forget(context: Context, session: Session, rows: Sequence[int]) -> Non
     title, keep = f"Forget {what} of {session.name}?", f"Keep {'it' if one else 'them'}"
     if not await confirmed(context.app, title, "\n".join(lines), "Forget", keep):
         return
-    said = await context.link.call(lambda client: "; ".join([client.remove_derived(name) for name in names[::-1]]))
+    said = await context.link.call(lambda client: "; ".join([client._remove_derived(name) for name in names[::-1]]))
     await session.reload()
     context.say(session.table.shown(said))

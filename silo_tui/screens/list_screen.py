@@ -3,7 +3,7 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from rich.text import Text
 from textual import events
@@ -29,7 +29,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
     A line is known by its key, wherever it stands: the cursor and the marks go with it.
     """
 
-    orders: ClassVar[Sequence[Order[Any]]]  # the first is the usual one
+    orders: Sequence[Order[Any]]  # the first is the usual one
     filter_hint = "words of a line, a|b either, -not"
     mark_column = 1  # of a line, where its mark stands
 

@@ -18,6 +18,7 @@ from silo_tui.sessions.live import Session
 from silo_tui.sessions.recordings import Fetching, GivenUpError, as_listed, bring_here, cache_folder
 
 if TYPE_CHECKING:
+    from silo.analysis.log import Log
     from silo_tui.sessions.recorded import FileSession
 
 
@@ -52,6 +53,13 @@ async def open_path(context: Context, path: str) -> None:
 
     opened = await asyncio.to_thread(open_file, typed_path("the log", path))
     await _show(context, opened)
+
+
+async def show_log(context: Context, log: "Log") -> None:
+    """Show a log that is no file, over the logger that is open."""
+    from silo_tui.sessions.recorded import FileSession
+
+    await _show(context, await asyncio.to_thread(FileSession, log))
 
 
 async def _show(context: Context, opened: "FileSession") -> None:

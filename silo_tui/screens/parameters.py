@@ -13,6 +13,7 @@ from silo.core.tuning.parameters import ParameterInfo, ParameterValue, range_tex
 from silo.errors import SiloError
 from silo.net.access.senders import short_words
 from silo.settings.presets import read_preset, typed_value, write_preset
+from silo_tui.actions import key_of
 from silo_tui.modal import run_aside
 from silo_tui.model import parameters as rows
 from silo_tui.model.lists import Order
@@ -122,11 +123,18 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
 
     def _turn(self, steps: int) -> None:
         if (one := self.here()) is not None:
-            run_aside(self, "turning", self._tell, partial(self.knobs.turn, self.context.link, one.name, steps))
+            turn = partial(self.knobs.turn, self.context.link, one.name, steps)
+            run_aside(self, "turning", self._tell, turn, self._way_on())
 
-    async def _tell(self, job: Callable[[], Coroutine[Any, Any, str]]) -> None:
+    @staticmethod
+    def _way_on() -> str:
+        """What a stranger does next, whose keys no bar has room for."""
+        return f"; {key_of('undo')} takes it back, {key_of('plot_conditions')} plots it"
+
+    async def _tell(self, job: Callable[[], Coroutine[Any, Any, str]], more: str = "") -> None:
         try:
             words = await job()
+            words += more if words else ""
         except SiloError as error:
             words = str(error)
         if words:
@@ -156,7 +164,8 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         self._set({one.name: value})
 
     def _set(self, values: dict[str, ParameterValue]) -> None:
-        run_aside(self, "setting", self._tell, partial(self.knobs.set, self.context.link, values))
+        job = partial(self.knobs.set, self.context.link, values)
+        run_aside(self, "setting", self._tell, job, self._way_on())
 
     def command_undo(self) -> None:
         run_aside(self, "setting", self._tell, partial(self.knobs.undo, self.context.link))

@@ -40,7 +40,7 @@ class SettingRow:
     words: str = ""
 
 
-def all_rows(problems: Sequence[str], width: int, keymap: str = "classic") -> list[SettingRow]:
+def all_rows(problems: Sequence[str], width: int, keymap: str) -> list[SettingRow]:
     """Return the lines: what is wrong with the file, whole, options, then the keys of every command."""
     told = [part for problem in problems for part in wrap(f"! {problem}", max(20, width - 2), subsequent_indent="  ")]
     rows = [SettingRow(f"problem {place}", words=part) for place, part in enumerate(told)]

@@ -20,7 +20,7 @@ async def ask_trigger(context: Context, made: TriggerOptions) -> None:
     answer = await context.app.push_screen_wait(TriggerEditor(context.session, made, is_new=True))
     if answer is None:
         return
-    said = await context.link.call(lambda client: client.set_trigger(answer))
+    said = await context.link.call(lambda client: client._set_trigger(answer))
     try:
         await context.session.refresh_conditions()
     finally:

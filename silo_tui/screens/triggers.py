@@ -123,7 +123,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         ]
         title = f"Remove {f'trigger {names[0]}' if one else f'{len(names)} triggers'} of {self.session.name}?"
         if await confirmed(self.app, title, "\n".join(lines), "Remove", f"Keep {'it' if one else 'them'}"):
-            await self.carry_out(lambda client: "; ".join([client.remove_trigger(name) for name in names]))
+            await self.carry_out(lambda client: "; ".join([client._remove_trigger(name) for name in names]))
 
     def command_trigger_edit(self) -> None:
         one = self.here()
@@ -139,7 +139,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def _edited(self, made: TriggerOptions | None) -> None:
         if made is not None:
-            self.context.run_flow(self.carry_out(lambda client: client.set_trigger(made)))
+            self.context.run_flow(self.carry_out(lambda client: client._set_trigger(made)))
 
     def command_trigger_capture(self) -> None:
         one = self.chosen

@@ -12,6 +12,7 @@ import numpy as np
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.elements import LoggedEvent, SavedFile, State, Status
+from silo.core.episodes.words import next_marks
 from silo.errors import RefusedError
 from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import Recordings
@@ -197,6 +198,11 @@ class Session:
     async def mark(self, words: str, at_ns: int) -> LoggedEvent:
         """Mark the tick of a moment; of a logger that has no tick yet, the moment is now."""
         return await self._link.call(lambda client: client.mark(words, at_ns=at_ns or None))
+
+    async def say_of_episode(self, word: str, name: str) -> LoggedEvent:
+        """Mark that an episode begins or ends, or how it went. Raises ElementError where there is none."""
+        marks = next_marks(self.happened, word, name)
+        return [await self.mark(text, 0) for text in marks][-1]
 
     async def refresh_status(self) -> None:
         """Ask for the status."""

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from silo_tui.keymap import DEFAULT
 from silo_tui.model.table_columns import SETTINGS
 from silo_tui.settings.themes import THEMES
 
@@ -41,8 +42,8 @@ OPTIONS = (
         ("after a terminal or a link that was lost", "always, as it was left", ""),
     ),
     Option(
-        "keymap", "which keys there are", ("classic", "two-layer"),
-        ("a key for each command, \\ for menus", "the same few keys on every screen, the rest in menus"),
+        "keymap", "which keys there are", ("two-layer", "classic"),
+        ("the same few keys on every screen, the rest in menus", "a key for each command, \\ for menus"),
     ),
     Option("columns", "columns of the table, none: all", SETTINGS, several=True),
 )  # fmt: skip
@@ -60,7 +61,7 @@ class Settings:
     view: str = "lost"
     columns: tuple[str, ...] = ()
     keys: Mapping[str, str] = field(default_factory=dict)
-    keymap: str = "classic"
+    keymap: str = DEFAULT
 
 
 def changed(old: Settings, new: Settings) -> dict[str, Any]:

@@ -19,6 +19,9 @@ from silo_tui.settings.options import OPTION, OPTIONS, Option, Settings
 NAME = "tui.yaml"
 MOST_BYTES = 1_000_000
 LEFT_OUT = ". Left out"
+KEYS_ALONE = (
+    "keys without a keymap change those of `keymap: classic`, the default till 0.2; write that line, or two-layer"
+)
 _SAME = {"true": "on", "yes": "on", "false": "off", "no": "off"}
 _SIGN_FIRST = re.compile(r"[:\[,-]\s*[*&!?%@`|>{}#,]")
 
@@ -91,6 +94,9 @@ def read(text: str) -> tuple[Settings, list[SettingsProblem]]:
         except _MistakeError as mistake:
             problems.append(SettingsProblem(line_of(key), f"{mistake}{LEFT_OUT}"))
     if keys is not None:
+        if "keymap" not in found and list(pairs(keys[1])):
+            found["keymap"] = "classic"
+            problems.append(SettingsProblem(line_of(keys[0]), KEYS_ALONE))
         try:
             found["keys"] = _keys(keys[1], problems, found.get("keymap", settings.keymap))
         except _MistakeError as mistake:

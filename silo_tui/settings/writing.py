@@ -49,6 +49,8 @@ def rewritten(text: str, old: Settings, new: Settings) -> str:
             for once in (old for old, now in RENAMED.items() if now == command):
                 made = _with_key(made, once, "")
             made = _with_key(made, command, wanted.keys.get(command, ""))
+    if reading.read(made)[0].keymap != wanted.keymap:  # which counts without a line depends on whether there are keys
+        made = _with_value(made, "keymap", wanted.keymap)
     if reading.read(made)[0] != wanted:
         raise SaveError(f"{reading.NAME} can't take the changes as it is: look at its lines; nothing was changed")
     return made

@@ -11,17 +11,21 @@ from typing import Any
 
 import pytest
 from textual import events
+from textual.app import App
 from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
 from textual.keys import REPLACED_KEYS, _character_to_key, _get_unicode_name_from_key
+from textual.pilot import Pilot
 from textual.screen import ModalScreen
 
 from silo.core.elements import Action, ElementInfo
-from silo_tui.actions import use_keys
+from silo_tui.actions import BY_ID, with_keys
 from silo_tui.app import SiloApp
+from silo_tui.keymap import DEFAULT, use_keys
 from silo_tui.model.fields import Field, phrase_for
 from silo_tui.screens.file_table import FileTableScreen
 from silo_tui.sessions.recorded import open_file
+from silo_tui.settings.options import Settings
 from tests.stand_ins.fake_logger import FakeClient, FakeFinder
 from tests.stand_ins.fake_signals import robot_elements, scalar
 from tests.waiting import DEADLINE_S
@@ -54,6 +58,47 @@ def styles_parsed_once() -> Iterator[None]:
         yield
 
 
+MOST_ROUNDS = 10
+
+
+class Busy:
+    """Of an app, what `Pilot` waits for: itself and the widgets that have something to do.
+
+    Its own wait has each widget call back, hundreds of messages a key: half of the processor time of these tests.
+    """
+
+    def __init__(self, app: App[Any]) -> None:
+        self.app = self.screen = self
+        self._whole = app
+        self._exception_event = app._exception_event
+        self.call_later = app.call_later
+
+    def walk_children(self, *, with_self: bool) -> list[Any]:
+        nodes = [self._whole, *self._whole.screen.walk_children(with_self=with_self)]
+        queues = [(node, node._message_queue) for node in nodes]
+        return [node for node, queue in queues if queue.values or not queue.ready_event._waiters]
+
+
+@pytest.fixture(autouse=True, scope="session")
+def only_the_busy_are_waited_for() -> Iterator[None]:
+    """Until none is busy, or as often as one that is busy for long is waited for."""
+    wait = Pilot._wait_for_screen
+
+    async def wait_for_the_busy(pilot: Pilot[Any], timeout: float = 30.0) -> bool:
+        busy = Busy(pilot.app)
+        for _ in range(MOST_ROUNDS):
+            if not await wait(busy, timeout):
+                return False
+            await asyncio.sleep(0)
+            if not busy.walk_children(with_self=True):
+                break
+        return True
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Pilot, "_wait_for_screen", wait_for_the_busy)
+        yield
+
+
 @pytest.fixture(autouse=True)
 def state_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Where edits that were not applied, and views, are kept: never that of who runs the tests."""
@@ -62,11 +107,24 @@ def state_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "state"
 
 
+# modules whose tests press the keys of `keymap: classic`; those of `Screen.do` press commands, whatever their keys are
+CLASSIC = """
+bursts conditions derived dialogs_and_loggers edits_stay events file_screens filters_of_lists find_screens
+first_contact fitting_lines keys_of_screens large_plot leaving limits_and_log_axis lists measured
+monitor_screen mouse nonsense nonsense_everywhere painted_lines parameters pause real_logger recorders
+recordings_screen scope settings_doors settings_screen snapshots table_screen terminal typed_early views
+"""
+
+
 @pytest.fixture(autouse=True)
-def keys_of_nobody() -> Iterator[None]:
+def keys_of_nobody(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """What keys a test gave commands counts for no other."""
+    if request.path.stem.removeprefix("test_") in CLASSIC.split():
+        defaults = ("classic" if each == DEFAULT else each for each in Settings.__init__.__defaults__)
+        monkeypatch.setattr(Settings.__init__, "__defaults__", tuple(defaults))
+        use_keys("classic", {})
     yield
-    use_keys({})
+    use_keys(DEFAULT, {})
 
 
 @pytest.fixture
@@ -152,6 +210,12 @@ class Screen:
             await self._carried_out()
         await self.pilot.pause(0)
 
+    async def do(self, *steps: str) -> None:
+        """Press the keys of commands by their ids (`toggle`), whatever they are; other words are keys."""
+        for step in steps:
+            is_key = step in ("down", "up", "left", "right") or step not in BY_ID
+            await self.press(*([step] if is_key else with_keys(BY_ID[step]).keys.split(",")[0].split()))
+
     def _may_be_answered(self) -> bool:
         """Whether no question is open that may lose something and drops what was typed before one could read it."""
         top = self.app.screen if self.app.screen_stack else None
@@ -178,7 +242,15 @@ class Screen:
         names = {"/": "slash", ":": "colon", "*": "asterisk"}
         for char in words:
             self.app.post_message(events.Key(names.get(char, char), char))
-        await self.pilot.pause()
+        await self._carried_out()
+
+    async def type_or_paste(self, words: str) -> None:
+        """As somebody brings words in: what is long isn't typed."""
+        if len(words) < 40:
+            await self.type(words)
+        else:
+            self.app.post_message(events.Paste(words))
+            await self.pilot.pause()
 
 
 @asynccontextmanager

@@ -86,7 +86,7 @@ def running(fake):
 
 async def test_the_events_screen_shows_newest_first_and_follows(running, opened):
     async with opened(running) as screen:
-        await screen.press("E")
+        await screen.do("events")
         await screen.shows("3 events, follows")
         lines = [each for each in screen.text.splitlines()[1:] if ":" in each]
         assert "E 3 elements changed" in lines[0]
@@ -98,21 +98,21 @@ async def test_the_events_screen_shows_newest_first_and_follows(running, opened)
 
 async def test_a_line_that_the_mouse_chose_stays_under_the_cursor_when_something_happens(running, opened):
     async with opened(running) as screen:
-        await screen.press("E")
+        await screen.do("events")
         await screen.shows("3 events, follows")
         await screen.pilot.click("#list-lines", offset=(5, 2))
         await screen.shows("3 events, g follows")
         running.happen("lost", "12 rows lost", running.now_ns)
         await screen.shows("4 events, g follows")
         assert screen.app.screen.chosen.text == "started"
-        await screen.press("g")
+        await screen.do("list_top")
         await screen.shows("4 events, follows")
 
 
 @pytest.mark.parametrize("lost", [1, 2, 5])
 async def test_lines_whose_news_got_lost_are_asked_for_with_the_next_one(running, opened, monkeypatch, lost):
     async with opened(running) as screen:
-        await screen.press("E")
+        await screen.do("events")
         await screen.shows("3 events, follows")
         with monkeypatch.context() as thin:
             thin.setattr(running, "publish", lambda *_, **__: None)
@@ -131,7 +131,7 @@ async def test_signals_have_one_name_in_events_messages_and_plots(running, opene
     async with opened(running) as screen:
         running.publish(running.kinds.BLIND, "fall sees nothing: /log/legs/LF/HAA/torque is off")
         await screen.shows("fall sees nothing: /legs/LF/HAA/torque is off")
-        await screen.press("E")
+        await screen.do("events")
         await screen.shows("H /legs/LF/HAA/torque H 12 Nm")
         await screen.press("/", *"/log/legs", "enter")
         await screen.shows("1 of 4")
@@ -151,7 +151,7 @@ async def test_enter_goes_there_in_the_plots(running, opened):
     async with opened(running) as screen:
         await screen.press("m")
         await screen.until(lambda: not screen.app.screen.stack.store.empty)
-        await screen.press("E", "j", "enter")
+        await screen.do("events", "j", "enter")
         await screen.shows('"push 3" at -1.998 s')
         assert "PAUSED" in screen.text
         assert screen.app.screen.window.at_ns == running.happened[1].at_ns
@@ -159,7 +159,7 @@ async def test_enter_goes_there_in_the_plots(running, opened):
 
 async def test_without_plots_it_is_said_what_to_do(running, opened):
     async with opened(running) as screen:
-        await screen.press("E", "enter")
+        await screen.do("events", "enter")
         await screen.shows("no plots are open: m in the table")
 
 
@@ -167,7 +167,7 @@ async def test_a_marker_has_the_tick_of_the_key_press_and_the_words_that_follow(
     async with opened(running) as screen:
         await screen.until(lambda: screen.session.frame_time_ns == running.now_ns)
         pressed_ns = running.now_ns
-        await screen.press("M")
+        await screen.do("set_marker")
         running.advance(5.0)
         await screen.type("it slipped")
         await screen.press("enter")
@@ -177,7 +177,7 @@ async def test_a_marker_has_the_tick_of_the_key_press_and_the_words_that_follow(
 
 async def test_a_marker_left_by_esc_is_none(running, opened):
     async with opened(running) as screen:
-        await screen.press("M", "x", "escape")
+        await screen.do("set_marker", "x", "escape")
         assert [call for call in running.calls if call[0] == "mark"] == []
 
 
@@ -203,7 +203,7 @@ async def test_limits_of_other_signals_hide_neither_plots_nor_marks(flickering, 
         await screen.until(lambda: not screen.app.screen.stack.store.empty)
         await screen.until(lambda: "M" in screen.text.splitlines()[-3], "the letter of the mark")
         assert "H" not in screen.text.splitlines()[-3]
-        await screen.press("space", "{")
+        await screen.do("space", "previous_event")
         await screen.shows('event, 1 of 1: "push 3"')
 
 
@@ -211,18 +211,18 @@ async def test_next_event_and_find_go_to_markers(running, opened):
     async with opened(running) as screen:
         await screen.press("m")
         await screen.until(lambda: not screen.app.screen.stack.store.empty)
-        await screen.press("space", "f", "m")
+        await screen.do("space", "find", "m")
         await screen.shows("marker, 1 of 1")
         assert screen.app.screen.window.at_ns == running.happened[1].at_ns
-        await screen.press("}")
+        await screen.do("next_event")
         await screen.until(lambda: screen.app.screen.window.at_ns == running.happened[2].at_ns)
 
 
 async def test_a_read_only_session_sees_events_and_marks_nothing(running, opened):
     async with opened(running, read_only=True) as screen:
-        await screen.press("M")
+        await screen.do("set_marker")
         await screen.shows("read-only")
-        await screen.press("E")
+        await screen.do("events")
         await screen.shows("3 events")
 
 
@@ -237,7 +237,7 @@ async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
         await screen.press("m")
         await screen.until(lambda: not screen.app.screen.stack.store.empty)
         await screen.until(lambda: "╎" in screen.text)
-        await screen.press("E")
+        await screen.do("events")
         await screen.shows('M "push 3"')
         await screen.press("enter")
         await screen.shows('"push 3" at 2.5')
@@ -260,10 +260,34 @@ async def test_both_cursors_have_their_letter_where_they_stand_on_one_another(ru
     async with opened(running) as screen:
         await screen.press("m")
         await screen.until(lambda: not screen.app.screen.stack.store.empty)
-        await screen.press("space", "B")
+        await screen.do("space", "cursor_b")
 
         def axis():
             return next((line for line in screen.text.splitlines() if "-7.5 s" in line), "")
 
         await screen.until(lambda: "A" in axis() and "B" in axis(), "both letters")
         assert "-5 s" in axis()
+
+
+@pytest.mark.parametrize(
+    ("keys", "mark"),
+    [
+        (["f5"], 'episode "pick" good'),
+        (["f6"], 'episode "pick" bad'),
+        (["f7"], 'episode "pick" redo'),
+        (["f8", "c", "u", "p", "enter"], 'episode "cup" begin'),
+        ([":", *"episode end", "enter"], 'episode "pick" end'),
+    ],
+)
+async def test_a_key_says_how_an_episode_went(running, opened, keys, mark):
+    running.happen("marker", 'episode "pick" begin', running.now_ns)
+    async with opened(running) as screen:
+        await screen.press(*keys)
+        await screen.until(lambda: [call[1] for call in running.calls if call[0] == "mark"] == [mark])
+        await screen.shows(mark)
+
+
+async def test_without_an_episode_it_is_said_that_there_is_none(running, opened):
+    async with opened(running) as screen:
+        await screen.press("f5")
+        await screen.shows("no episode was begun in this run")

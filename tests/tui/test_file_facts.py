@@ -202,14 +202,14 @@ async def test_terms_follow_the_cursor_of_the_plots(path, on_file):
 
 async def test_statistics_of_a_file_are_columns(path, on_file):
     async with on_file(path) as screen:
-        await screen.press("C")
+        await screen.do("columns")
         await screen.until(lambda: "/log/c/spike" in screen.session.table.facts.details)
         await screen.shows("mean")
         line = next(line for line in screen.text.splitlines() if "spike" in line).split()
         assert "90.0000" in line
-        await screen.press("C")
+        await screen.do("columns")
         await screen.shows("jitter")
-        await screen.press("C")
+        await screen.do("columns")
         await screen.shows("samples")
 
 

@@ -103,14 +103,14 @@ async def test_a_wide_table_shows_values_and_the_inspector(path, on_file):
         await screen.shows("at 19.9975 s")
         await screen.shows("stand")
         await screen.shows("bob")
-        await screen.press("i", "G")
+        await screen.do("inspector", "G")
         await screen.shows("divider   40")
 
 
 async def test_a_narrow_table_of_a_file_has_the_inspector_below(path, on_file):
     async with on_file(path) as screen:
         await screen.type("//imu/temperature")
-        await screen.press("enter", "i")
+        await screen.do("enter", "inspector")
         for words in ("divider   40", "buffer    looping", "lost      3", "at 19.9975 s:"):
             await screen.shows(words)
         line = next(line for line in screen.text.splitlines() if "kind  " in line)
@@ -125,7 +125,7 @@ async def test_the_inspector_says_at_how_many_ticks_an_element_could_not_be_read
     mode = replace(element("mode", np.arange(TICKS)), failures=Failures(3, ((5, 6), (9, 9))))
     write_silo(recording(elements=(mode,)), found)
     async with on_file(found, (160, 50)) as screen:
-        await screen.press("i")
+        await screen.do("inspector")
         await screen.shows("not read  at 3 ticks")
 
 
@@ -256,11 +256,11 @@ async def test_a_cursor_that_leaves_the_window_takes_it_along(path, on_file):
 async def test_full_stop_and_comma_step_from_sample_to_sample(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "gait")
-        await screen.press("home", "full_stop")
+        await screen.do("home", "next_sample")
         assert to(screen) == pytest.approx(0.01)
-        await screen.press("full_stop", "comma", "comma")
+        await screen.do("next_sample", "previous_sample", "previous_sample")
         assert to(screen) == 0
-        await screen.press("comma")
+        await screen.do("previous_sample")
         await screen.shows("first sample")
 
 
@@ -269,7 +269,7 @@ async def test_zero_shows_the_whole_file_again(path, on_file):
         await plot(screen, "torque")
         await screen.press("plus", "plus")
         await screen.shows("s shown")
-        await screen.press("0")
+        await screen.do("all_held")
         await screen.shows("whole file")
 
 
@@ -384,7 +384,7 @@ async def test_the_end_of_a_long_run_fills_the_window(path, on_file):
         low, _ = monitor(screen).stack.store.window("/log/imu/temperature", monitor(screen).stack.store.end, 130)
         assert np.isfinite(low).sum() > 60
         assert monitor(screen).window.span_s < 11
-        await screen.press("enter", "plus", "minus", "0", "escape", "0")
+        await screen.do("enter", "plus", "minus", "all_held", "escape", "all_held")
         await screen.shows("whole file")
 
 
@@ -398,7 +398,7 @@ async def test_facts_of_an_enumeration_are_its_labels(path, on_file):
 async def test_taking_the_last_plot_away_leads_back_to_the_table(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "torque")
-        await screen.press("x")
+        await screen.do("drop_plot")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
 
 

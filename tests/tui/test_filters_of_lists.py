@@ -45,7 +45,7 @@ async def test_a_logger_is_found_by_the_middle_of_its_name(new_fake, opened, wid
 
 async def test_a_value_is_of_the_setting_that_it_was_begun_for_wherever_the_cursor_is(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("f2", "j", "j", "j", "e", "ctrl+u")
+        await screen.do("f2", "j", "j", "j", "change_setting", "ctrl+u")
         await screen.type("2")
         screen.app.screen.lines.move(0)
         await screen.press("enter")
@@ -57,7 +57,7 @@ async def test_a_key_is_of_the_command_that_it_was_asked_for_wherever_the_cursor
     async with opened(fake) as screen:
         await screen.press("f2", "/")
         await screen.type("key filter")
-        await screen.press("enter", "e")
+        await screen.do("enter", "change_setting")
         await screen.shows("Press the key of filter (Filter)")
         screen.app.screen_stack[-2].filter_by("key")
         screen.app.screen_stack[-2].lines.move(0)

@@ -61,7 +61,7 @@ def monitor(new_finder, screen_of):
 
 async def test_the_highest_sample_is_two_keys_away_and_exact(monitor):
     async with monitor("LF/torque") as (screen, shown):
-        await screen.press("f", "h")
+        await screen.do("find", "h")
         await screen.shows("highest, 1 of 1: 40")
         assert shown.file.time_ns == START_NS + 2345 * STEP_NS
         assert shown.window.cursor is not None
@@ -69,7 +69,7 @@ async def test_the_highest_sample_is_two_keys_away_and_exact(monitor):
 
 async def test_brackets_go_from_crossing_to_crossing(monitor):
     async with monitor("LF/torque", "RF/torque") as (screen, shown):
-        await screen.press("home", "f", "x")
+        await screen.do("home", "find", "x")
         await screen.shows("Enter finds it")
         for _ in range(12):
             await screen.press("backspace")
@@ -78,15 +78,15 @@ async def test_brackets_go_from_crossing_to_crossing(monitor):
         await screen.shows("crossing of 0.5 rising in /LF/torque, 1 of")
         first = shown.file.time_ns
         assert first == START_NS + 34 * STEP_NS  # sin(pi / 6) lies between ticks 33 and 34
-        await screen.press("right_square_bracket")
+        await screen.do("next_found")
         await screen.until(lambda: shown.file.time_ns > first, "the next one")
-        await screen.press("left_square_bracket")
+        await screen.do("previous_found")
         await screen.until(lambda: shown.file.time_ns == first, "the one before")
 
 
 async def test_what_is_no_level_is_said_and_can_be_typed_again(monitor):
     async with monitor("LF/torque") as (screen, _):
-        await screen.press("f", "x")
+        await screen.do("find", "x")
         await screen.type("fast")
         await screen.press("enter")
         await screen.shows("is no number")
@@ -96,7 +96,7 @@ async def test_what_is_no_level_is_said_and_can_be_typed_again(monitor):
 
 async def test_all_plotted_signals_can_be_looked_through(monitor):
     async with monitor("RF/torque", "LF/torque") as (screen, _):
-        await screen.press("home", "f", "asterisk")
+        await screen.do("home", "find", "asterisk")
         await screen.shows("all 2 signals")
         await screen.press("h")
         await screen.shows("of 11")  # ten times one, once forty
@@ -104,45 +104,45 @@ async def test_all_plotted_signals_can_be_looked_through(monitor):
 
 async def test_nothing_found_says_how_much_was_looked_through(monitor):
     async with monitor("LF/torque") as (screen, _):
-        await screen.press("f", "n")
+        await screen.do("find", "n")
         await screen.shows("nan or inf: none in 11 s held")
-        await screen.press("f", "t")
+        await screen.do("find", "t")
         await screen.shows("trigger fired: none in 11 s held")
 
 
 async def test_a_boolean_goes_from_change_to_change_without_a_search(monitor):
     async with monitor("LF/contact") as (screen, shown):
-        await screen.press("home", "right_square_bracket")
+        await screen.do("home", "next_found")
         await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the first edge")
         await screen.shows("true at")
 
 
 async def test_braces_go_to_the_hole(monitor):
     async with monitor("LF/torque") as (screen, shown):
-        await screen.press("home", "right_curly_bracket")
+        await screen.do("home", "next_event")
         await screen.shows("1 s without sample")
         assert shown.file.time_ns == START_NS + 2999 * STEP_NS
 
 
 async def test_two_cursors_tell_what_lies_between(monitor):
     async with monitor("LF/torque", "position", size=(120, 40)) as (screen, _):
-        await screen.press("home", "B", *["shift+right"] * 3)
+        await screen.do("home", "cursor_b", *["shift+right"] * 3)
         await screen.shows("slope/s")
         await screen.shows("B-A -")
         line = [line for line in screen.text.splitlines() if line.startswith(" b /position")][-1]
         assert float(line.split()[4]) == pytest.approx(1.0, abs=0.01)  # a second a second
-        await screen.press("B")
+        await screen.do("cursor_b")
         await screen.until(lambda: "slope/s" not in screen.text, "the table to go")
 
 
 async def test_joined_plots_have_letters_and_both_units(monitor):
     async with monitor("LF/torque", "RF/torque", "position", size=(120, 40)) as (screen, shown):
-        await screen.press("J")
+        await screen.do("join_plots")
         await screen.until(lambda: len(shown.stack.panels) == 2, "one plot of two")
-        await screen.press("J")
+        await screen.do("join_plots")
         await screen.until(lambda: len(shown.stack.panels) == 1, "all in one")
         await screen.shows("c /position→")
-        await screen.press("j", "I")
+        await screen.do("j", "isolate_plot")
         await screen.until(lambda: [len(panel) for panel in shown.stack.panels] == [2, 1], "one alone")
         assert shown.stack.chosen_plot.name == "/log/RF/torque"
 
@@ -159,7 +159,7 @@ async def test_tab_goes_through_the_arrangements_and_back(monitor):
 
 async def test_a_lane_can_t_be_joined_and_says_why(monitor):
     async with monitor("LF/torque", "LF/contact") as (screen, _):
-        await screen.press("J")
+        await screen.do("join_plots")
         await screen.shows("lanes stay alone; nothing was changed")
 
 
@@ -171,13 +171,13 @@ async def test_texts_hang_at_their_time(monitor):
 
 async def test_full_stop_goes_by_samples_and_the_window_follows(monitor):
     async with monitor("LF/torque") as (screen, shown):
-        await screen.press("home", "full_stop", "full_stop", "comma")
+        await screen.do("home", "next_sample", "next_sample", "previous_sample")
         await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the second sample")
 
 
 async def test_two_steps_of_which_neither_waits_for_the_other_are_two_samples(monitor, monkeypatch):
     async with monitor("LF/torque") as (screen, shown):
-        await screen.press("home", "full_stop")
+        await screen.do("home", "next_sample")
         await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the second sample")
         samples, asked = shown.source.samples, []
 
@@ -204,9 +204,9 @@ async def test_the_detail_plot_goes_from_time_to_histogram(monitor):
         await screen.press("tab")
         await screen.shows("SPECTRUM linear")
         await screen.shows("longest whole piece: 3000 of 4000")
-        await screen.press("Y", "Y")
+        await screen.do("level", "level")
         await screen.shows("0 dB = 1 Nm")
-        await screen.press("right_square_bracket")
+        await screen.do("next_found")
         await screen.shows("peak 1: ")
         await screen.press("tab")
         await screen.shows("median")
@@ -232,14 +232,14 @@ async def test_the_highest_of_a_live_plot_is_looked_for_in_what_is_pinned(fake, 
         await screen.type("/LF/HAA/torque")
         await screen.press("enter", "m")
         await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plot")
-        await screen.press("f", "h")
+        await screen.do("find", "h")
         await screen.shows("PAUSED")
         await screen.shows("highest, ")
 
 
 async def test_a_star_looks_in_all_plots_and_another_one_in_the_chosen_again(monitor):
     async with monitor("LF/torque", "RF/torque") as (screen, _):
-        await screen.press("f")
+        await screen.do("find")
         await screen.shows("Find in /LF/torque")
         await screen.press("*")
         await screen.shows("Find in all 2 signals that are plotted")

@@ -50,7 +50,7 @@ async def test_a_correction_typed_in_one_piece_is_made_where_it_was_typed(fake, 
 async def test_applying_around_a_stop_says_what_would_be_dropped_and_saves_it_when_asked(fake, opened):
     fake.run()
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.press("t", "a")
+        await screen.do("toggle", "a")
         held = f"{fake.status().held_samples:,}".replace(",", " ")
         assert fake.ticks == 4800  # of which buffers of 4000 samples hold 10 s
         await screen.shows(f"{held} samples of up to 10 s are not saved")
@@ -64,7 +64,7 @@ async def test_a_save_that_fails_in_between_stops_the_rest(fake, opened):
     fake.run()
     fake.save_error = "no space left"
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.press("t", "a")
+        await screen.do("toggle", "a")
         await screen.shows("are not saved")
         await screen.press("s")
         await screen.shows("no space left")
@@ -116,7 +116,7 @@ async def test_a_key_that_steps_goes_on_from_what_is_marked_and_not_from_the_cur
         await screen.press("space", "space")  # the cursor is on the third row now, which isn't marked
         values = []
         for letter in "fgl":
-            await screen.press("b", letter)
+            await screen.do("next_buffer", letter)
             values.append(screen.value(FIRST, Field.BUFFER))
         assert values == ["fixed", "growing", "looping"]
 
@@ -169,7 +169,7 @@ async def test_a_narrow_screen_leaves_columns_out_and_cuts_no_number(new_fake, r
 
 async def test_a_field_that_is_not_shown_can_be_edited_all_the_same(fake, opened):
     async with opened(fake, size=(40, 24)) as screen:
-        await screen.press("s", *"77", "enter", "b", "f")
+        await screen.do("edit_size", *"77", "enter", "next_buffer", "f")
         assert screen.value(FIRST, Field.SIZE) == "77"
         assert screen.value(FIRST, Field.BUFFER) == "fixed"
 
@@ -178,7 +178,7 @@ async def test_a_field_that_is_not_shown_can_be_edited_all_the_same(fake, opened
 async def test_without_a_link_no_dialog_opens(fake, opened, key):
     fake.run()
     async with opened(fake) as screen:
-        await screen.press("t")
+        await screen.do("toggle")
         fake.cut()
         await screen.shows("NO LINK")
         await screen.press(key)
@@ -208,7 +208,7 @@ async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(f
     fake.saved = True
     async with opened(fake) as screen:
         await screen.shows("100%")
-        await screen.press("s", *"40k", "enter", "a", "enter")
+        await screen.do("edit_size", *"40k", "enter", "a", "enter")
         await screen.shows("applied to 1 element")
         await screen.shows("40000    100%")
         await screen.press("S")
@@ -217,7 +217,7 @@ async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(f
 
 async def test_an_open_editor_says_what_to_type_and_which_keys_count(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("asterisk", "t", "s")
+        await screen.do("asterisk", "toggle", "edit_size")
         await screen.shows("size of 72 elements: 1000 10k 10s *2 /2 +10")
         await screen.shows("Enter sets it")
         assert "72 marked" not in screen.text
@@ -228,7 +228,7 @@ async def test_an_open_editor_says_what_to_type_and_which_keys_count(fake, opene
 
 async def test_what_is_wrong_with_a_value_is_read_whole(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("asterisk", "t", "s", *"abc", "enter")
+        await screen.do("asterisk", "toggle", "edit_size", *"abc", "enter")
         await screen.shows("? size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10, got abc")
         await screen.press(*["backspace"] * 3, "9", "enter")
         assert screen.value(FIRST, Field.SIZE) == "9"

@@ -52,6 +52,6 @@ async def test_a_filter_hides_neither_what_is_pending_nor_the_key_that_applies_i
 @pytest.mark.slow
 async def test_the_editor_of_a_cell_leaves_the_columns_before_it_in_sight(fake, opened):
     async with opened(fake, size=(80, 24)) as screen:
-        await screen.press("j", "d")
+        await screen.do("j", "edit_divider")
         line = screen.text.split("\n")[2 + screen.session.rows.position]
         assert "[x]" in line

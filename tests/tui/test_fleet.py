@@ -177,7 +177,7 @@ async def test_a_question_that_is_left_asks_nobody(robots, opened):
 async def test_a_script_is_loaded_into_all_that_are_marked(robots, opened):
     async with opened(*robots, ready=False, size=(120, 30)) as screen:
         await screen.shows("3 loggers")
-        await screen.press("*", "L")
+        await screen.do("*", "load_into_loggers")
         await screen.shows("Load a script into 3 loggers")
         await screen.type("quiet")
         await screen.press("enter")
@@ -201,7 +201,7 @@ async def test_the_list_is_filtered_and_ordered_and_a_line_that_is_gone_is_not_o
         await screen.shows("3 loggers")
         screen.app._finder.members["legs"] = member("legs", here=False, since_s=0.0)
         await screen.shows("○ SILENT")
-        await screen.press("g")
+        await screen.do("list_top")
         assert screen.app.screen.chosen.address == "legs"  # the worst first
         await screen.press("enter")
         await screen.shows("legs is not there any more")

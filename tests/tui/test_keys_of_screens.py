@@ -9,14 +9,14 @@ import pytest
 import silo_tui
 from silo_tui.actions import COMMANDS, commands_for, key_of, key_that_retries, use_keys, why_no_use
 
-# T table, P plots, D large plot, G triggers, A alarms, R recordings, E events, L loggers, H settings, K parameters;
-# each on a logger, and, where there is one, on a file
+# T table, P plots, D large plot, G triggers, A alarms, R recordings, E events, L loggers, H settings, K parameters,
+# U runs; each on a logger, and, where there is one, on a file
 SCREENS = {
     "T": ("table", "file"), "P": ("monitor", "file_monitor"), "D": ("detail", "file_detail"), "G": ("triggers",),
     "A": ("alarms",), "R": ("recordings",), "E": ("events", "file_events"), "L": ("loggers",), "H": ("settings",),
-    "K": ("parameters",),
+    "K": ("parameters",), "U": ("runs",),
 }  # fmt: skip
-ALL = "TPDGARELHK"
+ALL = "TPDGARELHKU"
 # keys; what their commands are called, any of these words; where
 LAW = (
     ("j down", "next down older", ALL),
@@ -31,18 +31,18 @@ LAW = (
     ("left right h l", "field cursor turn", "TPDK"),
     ("shift+left shift+right", "far", "PDK"),
     ("comma full_stop", "sample", "PD"),
-    ("enter", "edit detail open plot go to capture worst change", "TPGARELHK"),
+    ("enter", "edit detail open plot go to capture worst change", "TPGARELHKU"),
     ("escape", "back", ALL),
     ("tab", "field view", "TPDRH"),
-    ("slash", "filter search", "TGARELHK"),
-    ("o", "order", "TGARELK"),
-    ("C", "columns", "TGAREL"),
+    ("slash", "filter search", "TGARELHKU"),
+    ("o", "order", "TGARELKU"),
+    ("C", "columns", "TGARELU"),
     ("z", "fold", "TPL"),
     ("n", "entry", "TP"),
     ("Z", "zero", "TP"),
-    ("space", "mark pause", "TPDGARLK"),
-    ("asterisk", "all", "TGARLK"),
-    ("V", "range", "TGARLK"),
+    ("space", "mark pause", "TPDGARLKU"),
+    ("asterisk", "all", "TGARLKU"),
+    ("V", "range", "TGARLKU"),
     ("e", "edit limits change", "TGAHK"),
     ("t", "on/off arm/off stop", "TGR"),
     ("x", "discard remove delete default", "TPGRHK"),
@@ -56,7 +56,7 @@ LAW = (
     ("a", "apply", "T"),
     ("i", "inspector", "T"),
     ("m", "monitor plot", "TGAK"),
-    ("r", "refresh again", "TGARELDK"),
+    ("r", "refresh again", "TGARELDKU"),
     ("S", "start", "TPL"),
     ("R", "restart", "TPL"),
     ("L", "load", "TLK"),
@@ -78,7 +78,7 @@ LAW = (
     ("N", "new record", "TPGAR"),
     ("M", "marker", "TPDE"),
     ("K", "acknowledge", "A"),
-    ("O", "overlay", "R"),
+    ("O", "overlay", "RU"),
     ("D", "demo", "L"),
     ("T", "triggers", "TPDGARELK"),
     ("A", "alarms", "TPDGARELK"),
@@ -86,7 +86,7 @@ LAW = (
     ("E", "events", "TPDGARELK"),
     ("P", "parameters", "TPDGARELK"),
     ("ctrl+l", "loggers", "TPDGAREK"),
-    ("f2", "settings", "TPDGARELK"),
+    ("f2", "settings", "TPDGARELKU"),
     ("colon", "command", ALL),
     ("question_mark", "help", ALL),
     ("ctrl+p", "palette", ALL),
@@ -118,6 +118,7 @@ LEFT_OUT = {
         ("T A F E P", "of a logger: Enter opens one"),
     ),
     "settings": (("tab", "one view"),),
+    "runs": (),
 }  # fmt: skip
 LEFT_OUT["file_monitor"] = (
     *LEFT_OUT["monitor"], ("c Z", "of what comes"),

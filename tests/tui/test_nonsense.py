@@ -41,7 +41,7 @@ async def test_strange_words_in_a_cell_are_told_of_and_the_program_goes_on(key, 
     async with opened(fake) as screen:
         for typed in TYPED:
             await screen.press(key)
-            await screen.type(typed)
+            await screen.type_or_paste(typed)
             await screen.press("enter")
             await screen.leave()
         await screen.press("d", "7", "enter")
@@ -54,7 +54,7 @@ async def test_strange_words_in_a_dialog_are_told_of_and_the_program_goes_on(key
     async with opened(fake) as screen:
         for typed in TYPED:
             await screen.press(key)
-            await screen.type(typed)
+            await screen.type_or_paste(typed)
             await screen.press("enter")
             await screen.leave()
         assert screen.app.is_running

@@ -15,6 +15,7 @@ from tests.stand_ins.fake_signals import array_of_one, scalar
 pytestmark = pytest.mark.slow
 
 ENDS = {"quit", "quit_now", "suspend", "palette"}  # those that leave, and Textual's own list
+KINDS = ["of one", "nothing in it", "never started"]
 # how each screen is reached from the table
 SCREENS = {
     "table": (), "monitor": ("m",), "detail": ("m", "enter"), "scope": ("m", "S"), "triggers": ("T",), "alarms": ("A",),
@@ -73,7 +74,7 @@ async def keys_and_nonsense(screen, scope, way):
         await screen.press(key)
         for _ in range(3):  # a dialog, and what it leads to
             if isinstance(screen.app.focused, Input | Fleeting):
-                await screen.type(TYPED[typed % len(TYPED)])
+                await screen.type_or_paste(TYPED[typed % len(TYPED)])
                 typed += 1
             elif not isinstance(screen.app.screen, ModalScreen):
                 break
@@ -82,14 +83,14 @@ async def keys_and_nonsense(screen, scope, way):
         assert not screen.app.unforeseen.errors, (scope, key, screen.app.unforeseen.errors)
 
 
-@pytest.mark.parametrize("kind", ["of one", "nothing in it", "never started"])
+@pytest.mark.sampled
 @pytest.mark.parametrize("scope", SCREENS)
-async def test_every_key_of_a_screen_with_nonsense_behind_it(scope, kind, new_fake, opened, monkeypatch, tmp_path):
+async def test_every_key_of_a_screen_with_nonsense_behind_it(scope, new_fake, opened, drawn, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    async with opened(loggers_of(kind, new_fake), size=(100, 30), ready=kind != "nothing in it") as screen:
-        if kind == "nothing in it":
+    for kind in drawn(KINDS, 1):
+        async with opened(loggers_of(kind, new_fake), size=(100, 30), ready=kind != "nothing in it") as screen:
             await screen.until(lambda: screen.app.context.has_session, "the table")
-        await keys_and_nonsense(screen, scope, SCREENS[scope])
+            await keys_and_nonsense(screen, scope, SCREENS[scope])
 
 
 @pytest.fixture(params=["of one", "without a sample"])
@@ -119,7 +120,7 @@ async def test_every_key_of_a_file_with_nonsense_behind_it(scope, odd_file, on_f
         await keys_and_nonsense(screen, scope, FILES[scope])
 
 
-@pytest.mark.parametrize("kind", ["of one", "nothing in it", "never started"])
+@pytest.mark.parametrize("kind", KINDS)
 async def test_strange_lines_of_commands(kind, new_fake, opened, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     async with opened(loggers_of(kind, new_fake), ready=kind != "nothing in it") as screen:

@@ -5,8 +5,10 @@ from msgspec.structs import replace
 from textual.widgets import Input
 
 from silo.core.elements import LoggedEvent
+from silo.core.tuning.asked import read_excitation
 from silo.core.tuning.parameters import ParameterChange, ParameterInfo, ParameterKind
 from silo.errors import ElementError
+from silo_tui.keymap import in_menu
 from silo_tui.model.parameters import BAR, history, range_bar, stepped, why_fixed
 from tests.stand_ins.fake_parameters import PARAMETERS
 
@@ -74,14 +76,14 @@ def values(fake):
 
 async def test_one_is_turned_typed_undone_and_set_again(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("P")
+        await screen.do("parameters")
         await screen.shows("above ground")
         await screen.press("right")
         await screen.until(lambda: values(fake)["height"] == 0.485)
-        await screen.shows("height 0.485 m: it holds from tick 17 on")
+        await screen.shows("height 0.485 m: it holds from tick 17 on; u takes it back, m plots it")
         await screen.press("shift+left")
         await screen.until(lambda: values(fake)["height"] == 0.435)
-        await screen.press("e")
+        await screen.do("type_parameter")
         screen.app.screen.query_one(Input).value = "0.6"
         await screen.press("enter")
         await screen.shows("0.4 to 0.54")  # why it doesn't fit
@@ -93,9 +95,13 @@ async def test_one_is_turned_typed_undone_and_set_again(fake, opened):
         await screen.until(lambda: values(fake)["height"] == 0.435)
 
 
+def test_the_menu_of_edits_keeps_a_preset_here_and_not_the_table():
+    assert in_menu("menu_edit", "parameters")["w"][0].id == "save_preset"
+
+
 async def test_what_somebody_else_set_since_is_not_undone(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("P")
+        await screen.do("parameters")
         await screen.shows("above ground")
         await screen.press("right")
         await screen.shows("it holds")
@@ -108,11 +114,11 @@ async def test_what_somebody_else_set_since_is_not_undone(fake, opened):
 async def test_what_is_closed_says_so_and_is_not_asked_for(fake, opened):
     fake.parameters_locked = True
     async with opened(fake) as screen:
-        await screen.press("P")
+        await screen.do("parameters")
         await screen.shows("above ground")
         await screen.press("down", "down", "right")
         await screen.shows("closed by the program for now")
-        await screen.press("e")
+        await screen.do("type_parameter")
         assert screen.app.screen.scope == "parameters"
         assert not fake.calls
 
@@ -120,26 +126,70 @@ async def test_what_is_closed_says_so_and_is_not_asked_for(fake, opened):
 async def test_defaults_and_presets_are_shown_before_they_are_set_as_one_change(fake, opened, tmp_path):
     fake.put({"/log/gait/height": 0.5, "/log/gains/kp": 60.0})
     async with opened(fake) as screen:
-        await screen.press("P")
+        await screen.do("parameters")
         await screen.shows("above ground")
         await screen.press("w")
         screen.app.screen.query_one(Input).value = str(tmp_path / "tall")
         await screen.press("enter")
         await screen.shows("saved 4 parameters")
-        await screen.press("asterisk", "x")
+        await screen.do("asterisk", "default_parameter")
         await screen.shows("gait/height: 0.5 -> 0.48 m")
         await screen.press("escape")
         assert not fake.calls
-        await screen.press("x")
+        await screen.do("default_parameter")
         await screen.shows("gains/kp: 60.0 -> 40.0 Nm/rad")
         await screen.press("down", "enter")
         await screen.until(lambda: values(fake)["kp"] == 40.0)
-        await screen.press("c")
+        await screen.shows("it holds")  # the flow is over
+        await screen.do("compare_preset")
         screen.app.screen.query_one(Input).value = str(tmp_path / "tall.yaml")
         await screen.press("enter")
         await screen.shows("2 of 4 values differ from tall.yaml")
-        await screen.press("L", "enter")
+        await screen.do("load_preset", "enter")
         await screen.shows("gait/height: 0.48 -> 0.5 m")
         await screen.press("down", "enter")
         await screen.until(lambda: values(fake)["height"] == 0.5)
         assert [set(call[1]) for call in fake.calls] == 2 * [{"/log/gait/height", "/log/gains/kp"}]
+
+
+async def test_one_is_excited_after_a_look_at_how_far_and_how_long_and_any_key_ends_it(fake, opened):
+    async with opened(fake) as screen:
+        await screen.do("parameters")
+        await screen.shows("above ground")
+        await screen.do("excite")
+        await screen.shows("0.4 to 0.54 in steps of 0.005 m")
+        line = screen.app.screen.query_one(Input)
+        assert line.value == "chirp 0.1-20Hz amplitude 0.015 for 20s"
+        line.value = "step amplitude 1 for 20s"
+        await screen.press("enter")
+        await screen.shows("it takes 0.4 to 0.54")  # refused as a whole, and the line stays
+        line.value = "multisine 0.1-20Hz amplitude 0.02 for 20s"
+        await screen.press("enter")
+        await screen.shows("around 0.48 m, from 0.46 to 0.5:")
+        await screen.press("escape")
+        assert not fake.calls
+        await screen.press("colon")
+        await screen.type_or_paste("excite kp prbs 50Hz amplitude 2 for 20s")
+        await screen.press("enter")
+        await screen.shows("around 40.0 Nm/rad, from 38 to 42:")
+        await screen.press("down", "enter")
+        await screen.shows("3.0 of 20 s")
+        await screen.press("space")
+        await screen.shows("stopped by a key, rows 5 to 9")
+        assert fake.calls == [("excite", "kp", "prbs", 2.0, 20.0, 50.0)]
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("", "begins with chirp"), ("sine 1Hz", "begins with chirp"), ("chirp 1-2Hz", "amplitude and for must be said"),
+        ("step amplitude 2", "for must be said"), ("chirp 1-xHz amplitude 2 for 3s", "chirp must be like 0.1-20Hz"),
+        ("prbs 1-2 amplitude 2 for 3s", "prbs must be like 50Hz"),
+        ("step amplitude x for 3s", "amplitude must be a number"),
+        ("step amplitude 2 for x", "'for' must be a time"), ("step amplitude 2 for 3s ramp", "each once with a value"),
+        ("step amplitude 2 amplitude 3 for 3s", "each once with a value"), ("step 3 for 3s", "each once with a value"),
+    ],
+)  # fmt: skip
+def test_a_line_that_makes_no_sense_says_what_it_should_be(line, words):
+    with pytest.raises(ElementError, match=words):
+        read_excitation("kp", line)

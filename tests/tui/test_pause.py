@@ -191,7 +191,7 @@ async def test_what_was_found_is_read_whole_at_80_columns(fake, opened):
         await screen.type("/LF/")
         await screen.press("enter", "asterisk", "m")
         await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plot")
-        await screen.press("f", "h")
+        await screen.do("find", "h")
         await screen.until(
             lambda: re.search(r"highest in \S+, \d+ of \d+: \S+ at -\d+\.\d+ s", screen.text), "the answer"
         )
@@ -221,7 +221,7 @@ async def test_the_highest_is_looked_for_in_all_that_the_buffers_hold(spiked, op
         await screen.until(lambda: monitor(screen).window.span_s == 1.0)
         fake.advance(1.9)
         await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns >= fake.now_ns, "newest columns")
-        await screen.press("f", "h")
+        await screen.do("find", "h")
         await screen.shows("highest, 16 of 16: 40")
         held = monitor(screen).pause.source
         assert monitor(screen).window.at_ns == START_NS + 60 * 10**9
@@ -234,10 +234,10 @@ async def test_brackets_step_from_spike_to_spike_far_beyond_the_pin(spiked, open
     fake.run(61)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.press("f", "h")
+        await screen.do("find", "h")
         await screen.shows("16 of 16: 40")
         for count in range(15, 10, -1):
-            await screen.press("left_square_bracket")
+            await screen.do("previous_found")
             await screen.shows(f"{count} of 16: 40")
         assert monitor(screen).window.at_ns == START_NS + 40 * 10**9
         await screen.until(lambda: filled(screen), "the picture there")
@@ -249,7 +249,7 @@ async def test_a_moment_that_the_buffers_lost_is_said_with_the_oldest_that_is_he
     fake.happen("marker", "long ago", fake.started_ns + 10**9)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.press("E", "enter")
+        await screen.do("events", "enter")
         await screen.shows("gone, oldest held -19.99")
         assert monitor(screen).window.cursor is None
 
@@ -260,7 +260,7 @@ async def test_an_event_that_the_buffers_hold_is_gone_to_beyond_the_pin(spiked, 
     fake.happen("marker", "long ago", fake.started_ns + 10**9)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.press("E", "enter")
+        await screen.do("events", "enter")
         await screen.shows('"long ago" at -58.99')
         assert monitor(screen).window.at_ns == fake.started_ns + 10**9
 
@@ -271,7 +271,7 @@ async def test_next_event_goes_beyond_the_pin(spiked, opened):
     fake.happen("marker", "long ago", fake.started_ns + 10**9)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.press("{")
+        await screen.do("previous_event")
         await screen.shows('"long ago" at -58.99')
 
 
@@ -280,10 +280,10 @@ async def test_what_was_pinned_elsewhere_survives_link_and_buffers(spiked, opene
     fake.run(61)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.press("f", "h")
+        await screen.do("find", "h")
         await screen.shows("16 of 16: 40")
         for count in range(15, 10, -1):
-            await screen.press("left_square_bracket")
+            await screen.do("previous_found")
             await screen.shows(f"{count} of 16: 40")
         held, at_ns = monitor(screen).pause.source, START_NS + 40 * 10**9
         await screen.until(lambda: len(held.held(TORQUE, at_ns - 10**9, at_ns + 10**9)[0]) > 700, "the samples there")
@@ -312,9 +312,9 @@ async def test_finding_from_an_earlier_window_looks_at_what_came_after_it_too(sp
         await open_torque(screen)
         await screen.press("pageup", "pageup", "pageup")
         await screen.shows("End: now")
-        await screen.press("f", "l")
+        await screen.do("find", "l")
         await screen.shows("lowest, ")
-        await screen.press("f", "h")
+        await screen.do("find", "h")
         await screen.shows("of 16: 40")
 
 
@@ -326,7 +326,7 @@ async def test_a_full_stop_steps_into_what_no_pin_has(spiked, opened):
         held = await hold(screen)
         begin = held.main.begin_ns
         monitor(screen)._go_to(begin)
-        await screen.press("comma", "comma")
+        await screen.do("previous_sample", "previous_sample")
         await screen.until(lambda: monitor(screen).window.at_ns == begin - 2 * 2_500_000, "two samples before the pin")
 
 
@@ -366,10 +366,10 @@ async def test_a_crossing_is_offered_at_the_value_under_the_cursor(fake, opened)
     fake.run(61)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.press("f", "h")
+        await screen.do("find", "h")
         await screen.shows("of 3: 40")
         fake.advance(1.3)
-        await screen.press("f", "x")
+        await screen.do("find", "x")
         await screen.shows("Enter finds it")
         line = screen.app.screen.query_one(Input)
         await screen.until(lambda: line.value == "40", "the level of the spike")
@@ -420,7 +420,7 @@ async def test_with_the_link_cut_the_head_claims_no_seconds_and_the_highest_of_t
         await screen.press("space")
         await screen.shows("ago, only the picture held")
         assert "20 s held" not in screen.text
-        await screen.press("f", "h")
+        await screen.do("find", "h")
         await screen.shows("highest, ")
         await screen.shows(": 40.0000 at -")
         await screen.shows("(picture only, to ")
@@ -447,7 +447,7 @@ async def test_the_title_tells_the_sample_that_was_found_before_those_of_its_col
     async with opened(fake) as screen:
         await open_torque(screen)
         await hold(screen)
-        await screen.press("f", "h")
+        await screen.do("find", "h")
         await screen.shows("of 3: 40")
         await screen.until(lambda: re.search(r"at cursor 40(\.0*)? \(-?[\d.]+ … 40", screen.text), "the sample")
 
@@ -460,7 +460,7 @@ async def test_two_cursors_over_the_picture_alone_tell_what_its_columns_tell(fak
         fake.cut()
         await screen.press("space")
         await screen.shows("ago, only the picture held")
-        await screen.press("B", *["shift+left"] * 3)
+        await screen.do("cursor_b", *["shift+left"] * 3)
         await screen.shows("picture only, to ")
         line = [line for line in screen.text.splitlines() if "torque" in line][-1]
         at_a, _, _, smallest, largest = (float(word) for word in line.split()[1:])

@@ -56,7 +56,7 @@ async def test_events_say_whether_a_name_is_proven(fake, opened):
     fake.happen("stopped", "stopped", fake.now_ns, who="anna (proven) from desk2, silo-tui 2")
     fake.happen("started", "started", fake.now_ns, who="bob (says so) from desk3, silo 3")
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.press("E")
+        await screen.do("events")
         await screen.shows("anna (proven)")
         await screen.shows("bob (says so)")
 

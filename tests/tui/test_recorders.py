@@ -48,7 +48,7 @@ class TestScreens:
         fake.recorder_infos = [WALK, FULL]
         async with opened(fake) as screen:
             await screen.shows("REC 1")
-            await screen.press("F")
+            await screen.do("recordings")
             await screen.shows("walks/walk")
             await screen.shows("1.9 GB disk left")
             assert "Nothing is saved" in screen.text
@@ -56,9 +56,9 @@ class TestScreens:
     async def test_what_is_marked_is_recorded_with_split_and_budget(self, fake, opened):
         async with opened(fake) as screen:
             await screen.type("/LF torque")
-            await screen.press("enter", "asterisk", "escape", "F")
+            await screen.do("enter", "asterisk", "escape", "recordings")
             await screen.shows("Nothing is saved")
-            await screen.press("N")
+            await screen.do("record")
             await screen.shows("3 signals: 9.6 kB/s before compression")
             await screen.press("tab")
             await screen.type("walks")
@@ -74,7 +74,7 @@ class TestScreens:
 
     async def test_lines_that_make_no_sense_are_said_and_nothing_is_recorded(self, fake, opened):
         async with opened(fake) as screen:
-            await screen.press("F", "N")
+            await screen.do("recordings", "record")
             await screen.shows("72 signals")
             await screen.press("tab", "tab", "tab")
             await screen.type("x")
@@ -94,14 +94,14 @@ class TestScreens:
     async def test_one_is_stopped_after_a_question(self, fake, opened):
         fake.recorder_infos = [WALK, FULL]
         async with opened(fake) as screen:
-            await screen.press("F")
+            await screen.do("recordings")
             await screen.shows("walks/walk")
-            await screen.press("t")
+            await screen.do("stop_recording")
             await screen.shows("Stop which recording of robot?")
             await screen.press("enter")
             await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen)
             assert fake.recorder_infos == [WALK, FULL]
-            await screen.press("t")
+            await screen.do("stop_recording")
             await screen.shows("Stop walk: 21 parts, 21 GB, lost 0")
             await screen.press("1")
             await screen.shows("recording 'walk' ended")
@@ -110,14 +110,14 @@ class TestScreens:
 
     async def test_nothing_to_stop_names_the_key_that_begins(self, fake, opened):
         async with opened(fake) as screen:
-            await screen.press("F")
+            await screen.do("recordings")
             await screen.shows("Nothing is saved")
-            await screen.press("t")
+            await screen.do("stop_recording")
             await screen.shows("nothing is being recorded; N begins it")
 
     async def test_a_read_only_session_records_nothing(self, fake, opened):
         async with opened(fake, read_only=True) as screen:
-            await screen.press("F")
+            await screen.do("recordings")
             await screen.shows("Nothing is saved")
-            await screen.press("N")
+            await screen.do("record")
             await screen.shows("Record: this is read-only")

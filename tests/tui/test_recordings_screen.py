@@ -59,7 +59,7 @@ def far(fake, monkeypatch):
 
 
 async def at_recordings(screen):
-    await screen.press("F")
+    await screen.do("recordings")
     await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the screen")
     await screen.shows("trigger fall")
 
@@ -96,7 +96,7 @@ async def test_names_of_other_loggers_stay_apart_from_ours(opened, fake, logs):
 
 async def test_nothing_saved_yet_is_told_with_the_key_that_saves(opened, fake):
     async with opened(fake) as screen:
-        await screen.press("F")
+        await screen.do("recordings")
         await screen.shows("Nothing is saved in /home/ann/logs yet. w in the table")
 
 
@@ -197,7 +197,7 @@ async def test_a_link_that_broke_meanwhile_is_told_on_coming_back(opened, fake, 
 
 async def test_pending_edits_are_asked_for_when_one_quits_from_a_file(opened, fake, logs):
     async with opened(fake) as screen:
-        await screen.press("t")
+        await screen.do("toggle")
         await at_recordings(screen)
         await screen.press("enter")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
@@ -254,7 +254,7 @@ async def test_after_a_save_one_key_opens_the_file(opened, fake, logs, monkeypat
 
 
 async def at_the_capture(screen):
-    await screen.press("T")
+    await screen.do("triggers")
     await screen.shows("last capture: robot_20260921_14-00-00_00007_fall_3.silo")
     await screen.press("enter")
     await screen.until(lambda: isinstance(screen.app.screen, FileMonitorScreen), "plots of the capture")
@@ -282,7 +282,7 @@ async def test_a_capture_is_opened_from_the_triggers_as_any_file_is(opened, fake
         assert screen.app.context.file_over_logger
         assert screen.session.name == captured.name
         assert [plotted.name for plotted in screen.app.screen.stack.plots] == ["/log/legs/LF/HAA/torque"]
-        await screen.press("E")
+        await screen.do("events")
         await screen.until(lambda: screen.app.screen.scope == "file_events", "what happened in the file")
         await screen.press("escape", "escape")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "its table")
@@ -295,7 +295,7 @@ async def test_a_capture_is_opened_from_the_triggers_as_any_file_is(opened, fake
 async def test_a_capture_that_is_nowhere_any_more_is_told(opened, fake, captured):
     captured.unlink()
     async with opened(fake) as screen:
-        await screen.press("T")
+        await screen.do("triggers")
         await screen.shows("last capture")
         await screen.press("enter")
         await screen.until(lambda: "F lists what is there" in " ".join(screen.text.split()), "where it isn't")
@@ -309,7 +309,7 @@ async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left(opened, fak
         left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
         fake.publish(EventKind.CRASHED, fake.reason, files=left)
         await screen.shows("Enter opens it")
-        await screen.press("enter")
+        await screen.do("edit")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
         await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
 
@@ -337,7 +337,7 @@ async def test_what_a_dead_robot_left_here_is_opened_without_a_link_too(opened, 
         await screen.shows("Enter opens it")
         fake.cut()
         await screen.shows("NO LINK")
-        await screen.press("enter")
+        await screen.do("edit")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
 
 
@@ -348,7 +348,7 @@ async def test_who_comes_later_to_a_dead_robot_opens_it_too(opened, fake, logs, 
     fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
     async with opened(fake) as screen:
         await screen.shows("Enter opens it")
-        await screen.press("enter")
+        await screen.do("edit")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
         await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
 
@@ -383,14 +383,14 @@ async def test_over_a_file_the_events_are_those_of_the_file(opened, fake, logs):
         await at_recordings(screen)
         await screen.press("o", "n", "G", "enter")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-        await screen.press("E")
+        await screen.do("events")
         await screen.shows('M "in the file"')
         assert "on the live robot" not in screen.text
         await screen.press("enter")
         await screen.shows("no plots are open")  # those of the live robot lie below, and are of another clock
         await screen.press("escape", "m")
         await screen.until(lambda: isinstance(screen.app.screen, FileMonitorScreen), "plots of the file")
-        await screen.press("E", "enter")
+        await screen.do("events", "enter")
         await screen.shows('"in the file" at 2.5')
         assert live.window.at_ns is None
 
@@ -406,7 +406,7 @@ async def test_end_and_home_are_the_same_in_the_events_of_a_file_and_of_a_logger
             await at_recordings(screen)
             await screen.press("o", "n", "G", "enter")
             await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
-        await screen.press("E")
+        await screen.do("events")
         await screen.shows("follows")
         await screen.press("end")
         assert screen.app.screen.lines.highlighted == (0 if on_file else 2)
@@ -420,7 +420,7 @@ async def test_events_that_are_shown_are_written_to_a_csv_file(opened, fake, tmp
     fake.happen("marker", 'pushed, "hard"', fake.now_ns)
     fake.happen("edited", "3 elements changed", fake.now_ns)
     async with opened(fake) as screen:
-        await screen.press("E", "/", "M", "enter")
+        await screen.do("events", "/", "M", "enter")
         await screen.shows("/M: 1 of")
         await screen.press("w")
         await screen.shows("1 event as filtered")
@@ -439,7 +439,7 @@ async def test_events_are_ordered_by_time_kind_or_who(opened, fake):
     for kind, who in (("edited", "bob"), ("marker", "ann"), ("lost", "cid")):
         fake.happen(kind, f"by {who}", fake.now_ns, who=who)
     async with opened(fake) as screen:
-        await screen.press("E")
+        await screen.do("events")
         await screen.shows("by cid")
         for keys, found in (("k", "ann cid bob"), ("w", "ann bob cid"), ("t", "cid ann bob"), ("t", "bob ann cid")):
             await screen.press("o", keys)
@@ -495,11 +495,11 @@ async def test_a_fetch_that_fails_says_what_is_kept(opened, fake, logs, monkeypa
 async def test_x_asks_with_the_size_and_deletes_only_then(opened, fake, logs):
     async with opened(fake) as screen:
         await at_recordings(screen)
-        await screen.press("x")
+        await screen.do("delete_recording")
         await screen.shows("Delete robot_20260921_14-00-00_00007_fall_3, ")
         await screen.press("enter")  # the harmless answer has the focus
         assert len(list(logs.glob("*fall*"))) == 1
-        await screen.press("x", "y")
+        await screen.do("delete_recording", "y")
         await screen.until(lambda: not list(logs.glob("*fall*")), "its end")
         await screen.until(lambda: not lines_with(screen, "trigger fall"), "the list without it")
 
@@ -507,7 +507,7 @@ async def test_x_asks_with_the_size_and_deletes_only_then(opened, fake, logs):
 async def test_marked_ones_are_deleted_together(opened, fake, logs):
     async with opened(fake) as screen:
         await at_recordings(screen)
-        await screen.press("space", "space", "x")
+        await screen.do("space", "space", "delete_recording")
         await screen.shows("Delete 2 recordings, ")
         await screen.press("y")
         await screen.until(lambda: [path.name for path in logs.glob("*.silo")] == ["arm_20260921_14-00-00_00003.silo"])
@@ -516,7 +516,7 @@ async def test_marked_ones_are_deleted_together(opened, fake, logs):
 async def test_what_another_logger_wrote_is_not_deleted(opened, fake, logs):
     async with opened(fake) as screen:
         await at_recordings(screen)
-        await screen.press("G", "x")
+        await screen.do("G", "delete_recording")
         await screen.shows("(the logger arm wrote")
     assert ("delete", "arm_20260921_14-00-00_00003") not in fake.calls
 
@@ -525,7 +525,7 @@ async def test_who_may_only_look_may_not_delete(opened, fake, logs):
     fake.may_edit = False
     async with opened(fake) as screen:
         await at_recordings(screen)
-        await screen.press("x")
+        await screen.do("delete_recording")
         await screen.shows("user 'bob' may look at anymal/robot, not change it")
     assert len(list(logs.glob("*.silo"))) == 3
 
@@ -536,7 +536,7 @@ async def test_without_a_link_the_list_stays_and_says_so(opened, fake, logs):
         fake.cut()
         await screen.shows("NO LINK")
         assert lines_with(screen, "trigger fall")
-        await screen.press("x")
+        await screen.do("delete_recording")
         await screen.shows("no link to robot")
         await screen.press("enter")  # it lies on this machine
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
@@ -576,7 +576,7 @@ async def test_what_is_being_written_is_neither_deleted_nor_fetched(key, opened,
 
     monkeypatch.setattr(fake, "recordings", unfinished)
     async with opened(fake) as screen:
-        await screen.press("F")
+        await screen.do("recordings")
         await screen.shows("being written")
         await screen.press(key)
         await screen.shows("nothing to delete here" if key == "x" else "nothing to fetch here")

@@ -66,7 +66,7 @@ async def open_scope(screen, fake):
     await screen.type("/LF/HAA/torque")
     await screen.press("enter", "m")
     await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plot")
-    await screen.press("c")
+    await screen.do("catch")
     await screen.shows("SCOPE normal")
     return screen.app.screen
 
@@ -108,7 +108,7 @@ class TestScreen:
         fake.run(21)
         async with opened(fake) as screen:
             scope = await open_scope(screen, fake)
-            await screen.press("c")
+            await screen.do("scope_mode")
             await screen.shows("SCOPE single")
             await run_to(screen, fake, 25)
             await screen.shows("CAUGHT")
@@ -124,7 +124,7 @@ class TestScreen:
         fake.run(21)
         async with opened(fake) as screen:
             scope = await open_scope(screen, fake)
-            await screen.press("exclamation_mark")
+            await screen.do("scope_force")
             await screen.until(lambda: np.isfinite(scope.stack.store.low).any(), "a picture")
             assert not scope.caught
 
@@ -133,9 +133,9 @@ class TestScreen:
         async with opened(fake) as screen:
             scope = await open_scope(screen, fake)
             before = scope.settings.level
-            await screen.press("greater_than_sign")
+            await screen.do("level_up")
             assert scope.settings.level > before
-            await screen.press("less_than_sign", "less_than_sign")
+            await screen.do("level_down", "level_down")
             assert scope.settings.level < before
             await screen.press("e")
             await screen.until(lambda: screen.app.screen is not scope, "the line")

@@ -207,14 +207,14 @@ async def test_the_editor_of_the_screen_speaks_as_the_program_does(fake, opened)
         for word, field, value in TAKEN:
             table.edit_all([row], rows_of([START]))
             view.table.field = Field[find_option(field).name.upper()]
-            await screen.press("equals_sign")
+            await screen.do("edit_all")
             screen.app.screen.query_one(CellEditor).value = halves(word)[1]
             await screen.press("enter")
             assert options_of(table.values[:, row]) == wanted(field, value), word
         table.edit_all([row], rows_of([START]))
         for word, field, reason in REFUSED:
             view.table.field = Field[find_option(field).name.upper()]
-            await screen.press("equals_sign")
+            await screen.do("edit_all")
             screen.app.screen.query_one(CellEditor).value = halves(word)[1]
             await screen.press("enter")
             await screen.shows(reason[:100])

@@ -13,7 +13,7 @@ from silo_tui.actions import BY_ID, COMMANDS
 from silo_tui.keymap import clashes
 from silo_tui.settings.keys import read_key, typed_keys
 from silo_tui.settings.options import OPTIONS, Settings, typed
-from silo_tui.settings.reading import path, read, read_file
+from silo_tui.settings.reading import KEYS_ALONE, path, read, read_file
 from silo_tui.settings.writing import rewritten, write_file
 
 WHOLE = """\
@@ -22,6 +22,7 @@ theme: light      # the sun shines here
 rate: 2
 mouse: off
 columns: [div, size]   # all I want
+keymap: classic
 
 keys:
   # as in less
@@ -34,7 +35,12 @@ def test_a_file_is_taken_as_it_is():
     found, problems = read(WHOLE)
     assert not problems
     assert found == Settings(
-        theme="light", rate=2.0, mouse="off", columns=("div", "size"), keys={"filter": "slash,ctrl+f", "sort": "O"}
+        theme="light",
+        rate=2.0,
+        mouse="off",
+        columns=("div", "size"),
+        keys={"filter": "slash,ctrl+f", "sort": "O"},
+        keymap="classic",
     )
 
 
@@ -71,10 +77,10 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("line", "words"), MISTAKES)
 def test_a_mistake_costs_its_line_and_no_other(line, words):
-    text = f"dots: blocks\n{line}\nview: last\n"
+    text = f"dots: blocks\n{line}\nview: last\nkeymap: classic\n"
     found, problems = read(text)
     assert (found.dots, found.view) == ("blocks", "last")
-    assert found == Settings(dots="blocks", view="last")
+    assert found == Settings(dots="blocks", view="last", keymap="classic")
     assert len(problems) == 1
     assert words in str(problems[0])
     assert f"line {2 + line.count(chr(10))}:" in str(problems[0])
@@ -87,21 +93,30 @@ def test_a_second_line_for_the_same_is_told():
 
 
 def test_two_commands_may_change_keys():
-    found, problems = read("keys:\n  apply: x\n  discard: a\n")
+    found, problems = read("keys:\n  apply: x\n  discard: a\nkeymap: classic\n")
     assert not problems
     assert found.keys == {"apply": "x", "discard": "a"}
 
 
 def test_of_two_lines_that_want_one_key_the_later_is_left_out():
-    found, problems = read("keys:\n  sort: O\n  apply: O\n")
+    found, problems = read("keys:\n  sort: O\n  apply: O\nkeymap: classic\n")
     assert found.keys == {"sort": "O"}
     assert "line 3: O of apply is sort (Order) already" in str(problems[0])
 
 
 def test_a_line_left_out_takes_its_key_back_from_another():
-    found, problems = read("keys:\n  apply: x\n  discard: e\n")  # without `discard: e` x is discard's again
+    # without `discard: e` x is discard's again
+    found, problems = read("keys:\n  apply: x\n  discard: e\nkeymap: classic\n")
     assert found.keys == {}
     assert [problem.line for problem in problems] == [2, 3]
+
+
+def test_keys_without_a_keymap_stay_those_of_before_and_it_is_told():
+    found, problems = read("keys:\n  apply: x\n  discard: a\n")
+    assert (found.keymap, found.keys) == ("classic", {"apply": "x", "discard": "a"})
+    assert [(problem.line, problem.reason) for problem in problems] == [(1, KEYS_ALONE)]
+    made = rewritten("rate: 2\n", Settings(), Settings(keys={"apply": "x"}))
+    assert read(made) == (Settings(rate=2.0, keys={"apply": "x"}), [])
 
 
 def test_the_commands_themselves_share_no_key_on_a_screen():
@@ -110,7 +125,7 @@ def test_the_commands_themselves_share_no_key_on_a_screen():
 
 @pytest.mark.parametrize("command", [each for each in COMMANDS if each.keys], ids=lambda each: each.id)
 def test_every_key_is_read_as_it_is_written(command):
-    from_file, problems = read(f"keys:\n  {command.id}: {typed_keys(command.keys)}\n")
+    from_file, problems = read(f"keys:\n  {command.id}: {typed_keys(command.keys)}\nkeymap: classic\n")
     assert not problems
     assert from_file.keys == {command.id: command.keys}
     assert [read_key(word) for word in BY_ID[command.id].key_text.split(" ")] == command.keys.split(",")
@@ -169,11 +184,11 @@ values = st.fixed_dictionaries(
     }
 )
 keys = st.dictionaries(
-    st.sampled_from(["filter", "sort", "apply"]), st.sampled_from(["f5", "f6,ctrl+f", "number_sign"])
+    st.sampled_from(["filter", "sort", "apply"]), st.sampled_from(["f10", "f11,ctrl+f", "number_sign"])
 ).filter(lambda found: not list(clashes("classic", found)))
 made_settings = st.builds(lambda fields, own: Settings(**fields, keys=own), values, keys)
 layouts = st.sampled_from(
-    ["", "# a\n", WHOLE, "keys: {filter: f7}\n", "keys:\n\n# end", "rate: 3", "colums: 1\n", *LISTS]
+    ["", "# a\n", WHOLE, "keys: {filter: f10}\n", "keys:\n\n# end", "rate: 3", "colums: 1\n", *LISTS]
 )
 
 
@@ -184,7 +199,9 @@ def test_whatever_is_written_is_read_again(text, new):
     made = rewritten(text, old, new)
     again, told = read(made)
     assert again == new
-    assert len(told) == len(problems)
+    assert len([each for each in told if each.reason != KEYS_ALONE]) == len(
+        [each for each in problems if each.reason != KEYS_ALONE]
+    )
     assert rewritten(made, new, new) == made
 
 
@@ -270,7 +287,7 @@ def test_a_list_that_holds_itself_is_told_of_and_can_be_written_over():
     assert "theme: dark" in rewritten(text, found, replace(found, theme="dark"))
 
 
-OLD_NAMES = "keys:\n  next_logger: f\n  next_recording: [n, f]\n  mark_loggers: y\n"
+OLD_NAMES = "keys:\n  next_logger: f\n  next_recording: [n, f]\n  mark_loggers: y\nkeymap: classic\n"
 
 
 def test_keys_of_one_list_are_taken_as_those_of_all_lists_and_told():
@@ -283,6 +300,6 @@ def test_keys_of_one_list_are_taken_as_those_of_all_lists_and_told():
 def test_a_key_of_lists_that_is_changed_takes_the_place_of_its_names_of_before():
     found, _ = read(OLD_NAMES)
     made = rewritten(OLD_NAMES, found, replace(found, keys={**found.keys, "list_down": "ctrl+f"}))
-    assert made == "keys:\n  list_down: ctrl+f\n  mark_loggers: y\n"
+    assert made == "keys:\n  list_down: ctrl+f\n  mark_loggers: y\nkeymap: classic\n"
     given_back = {name: keys for name, keys in found.keys.items() if name != "list_mark_all"}
     assert "mark_loggers" not in rewritten(OLD_NAMES, found, replace(found, keys=given_back))

@@ -116,15 +116,15 @@ async def test_the_app_starts_over_a_file_with_mistakes_and_says_so(fake, opened
 
 
 async def test_changed_keys_stand_in_bar_help_and_palette(fake, opened):
-    settings, _ = read("keys:\n  filter: F7\n  help: F9\n")
+    settings, _ = read("keys:\n  filter: F10\n  help: F9\n")
     async with opened(fake, settings=settings) as screen:
         bar = line_with(screen, "q Quit")
-        assert "F7 Filter" in bar
+        assert "F10 Filter" in bar
         assert bar.rstrip().endswith("F9 Help  q Quit")
         await screen.press("ctrl+p")
-        await screen.shows("Filter  (F7)")
+        await screen.shows("Filter  (F10)")
         await screen.press("escape", "f9")
-        await screen.shows("F7")
+        await screen.shows("F10")
 
 
 async def test_a_file_that_cant_be_written_is_told_and_nothing_is_lost(fake, opened, home):

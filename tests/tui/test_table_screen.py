@@ -63,7 +63,7 @@ async def test_a_full_buffer_says_so_instead_of_an_old_value(fake, opened):
 async def test_the_filter_works_while_it_is_typed(fake, opened):
     async with opened(fake) as screen:
         await screen.type("/unit:Nm LF")
-        assert len(screen.session.rows.shown) == 3
+        await screen.until(lambda: len(screen.session.rows.shown) == 3)
         await screen.press("enter")
         await screen.shows("3 of 72")
 
@@ -91,7 +91,7 @@ async def test_space_marks_and_moves_on(fake, opened):
 
 async def test_t_switches_logging_off_as_a_pending_edit(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("t")
+        await screen.do("toggle")
         assert screen.value(FIRST, Field.ENABLED) == "off"
         await screen.shows("1 pending in 1 row (a to apply)")
         assert fake.calls == []
@@ -99,13 +99,13 @@ async def test_t_switches_logging_off_as_a_pending_edit(fake, opened):
 
 async def test_a_number_is_edited_in_place_for_all_marked(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("space", "space", "d", "5", "enter")
+        await screen.do("space", "space", "edit_divider", "5", "enter")
         assert [screen.value(name, Field.DIVIDER) for name in (FIRST, "/log/base/position")] == ["5", "5"]
 
 
 async def test_a_size_may_be_a_time(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("s")
+        await screen.do("edit_size")
         await screen.type("3s")
         await screen.press("enter")
         assert screen.value(FIRST, Field.SIZE) == "1200"
@@ -113,7 +113,7 @@ async def test_a_size_may_be_a_time(fake, opened):
 
 async def test_a_size_may_be_multiplied(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("s")
+        await screen.do("edit_size")
         await screen.type("*2")
         await screen.press("enter")
         assert screen.value(FIRST, Field.SIZE) == "8000"
@@ -122,7 +122,7 @@ async def test_a_size_may_be_multiplied(fake, opened):
 @pytest.mark.slow
 async def test_what_can_t_be_is_said_and_the_editor_stays(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("d", "0", "enter")
+        await screen.do("edit_divider", "0", "enter")
         await screen.shows("divider must be a whole number from 1")
         await screen.press("escape")
         assert screen.session.table.pending_count == (0, 0)
@@ -130,7 +130,7 @@ async def test_what_can_t_be_is_said_and_the_editor_stays(fake, opened):
 
 async def test_enter_lets_a_value_of_the_field_under_the_cursor_be_chosen(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("l", "l", "enter")
+        await screen.do("l", "l", "edit")
         await screen.shows("now save and publish")
         await screen.press("p")
         assert screen.value(FIRST, Field.ACTION) == "publish"
@@ -138,7 +138,7 @@ async def test_enter_lets_a_value_of_the_field_under_the_cursor_be_chosen(fake, 
 
 async def test_undo_and_redo(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("asterisk", "t", "u")
+        await screen.do("asterisk", "toggle", "u")
         assert screen.session.table.pending_count == (0, 0)
         await screen.press("ctrl+r")
         assert screen.session.table.pending_count == (72, 72)
@@ -146,7 +146,7 @@ async def test_undo_and_redo(fake, opened):
 
 async def test_apply_shows_the_difference_and_sends_one_transaction(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("space", "space", "d", "5", "enter", "a")
+        await screen.do("space", "space", "edit_divider", "5", "enter", "a")
         await screen.shows("1 → 5")
         await screen.press("enter")
         await screen.until(lambda: fake.calls)
@@ -160,7 +160,7 @@ async def test_buffers_of_gigabytes_are_told_of_when_they_are_applied_as_in_the_
     apply = fake.apply
     monkeypatch.setattr(fake, "apply", lambda *edits: msgspec.structs.replace(apply(*edits), warnings=[large]))
     async with opened(fake) as screen:
-        await screen.press("d", "5", "enter", "a")
+        await screen.do("edit_divider", "5", "enter", "a")
         await screen.shows("1 → 5")
         await screen.press("enter")
         await screen.shows("applied to 1 element")
@@ -170,7 +170,7 @@ async def test_buffers_of_gigabytes_are_told_of_when_they_are_applied_as_in_the_
 async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen(fake, opened):
     fake.run()
     async with opened(fake) as screen:
-        await screen.press("t", "a")
+        await screen.do("toggle", "a")
         await screen.shows("stop, apply, start again")
         await screen.press("enter")  # the first choice keeps them pending
         assert fake.calls == []
@@ -184,7 +184,7 @@ async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen
 
 async def test_somebody_elses_edit_of_the_same_field_is_a_conflict(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("d", "5", "enter")
+        await screen.do("edit_divider", "5", "enter")
         fake.somebody_edits(FIRST, divider=3)
         await screen.shows("! 1 conflict")
         await screen.press("a")
@@ -196,7 +196,7 @@ async def test_somebody_elses_edit_of_the_same_field_is_a_conflict(fake, opened)
 
 async def test_an_edit_that_came_between_is_not_overwritten(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("d", "5", "enter", "a")
+        await screen.do("edit_divider", "5", "enter", "a")
         await screen.shows("1 → 5")
         fake.connected = False  # the news of it doesn't reach us
         fake.somebody_edits(FIRST, divider=3)
@@ -209,7 +209,7 @@ async def test_an_edit_that_came_between_is_not_overwritten(fake, opened):
 async def test_pending_edits_survive_a_lost_link_and_are_rebased(fake, opened):
     fake.run()
     async with opened(fake) as screen:
-        await screen.press("d", "5", "enter")
+        await screen.do("edit_divider", "5", "enter")
         fake.cut()
         await screen.shows("No link to robot")
         await screen.shows("pending edits are kept")
@@ -246,7 +246,7 @@ async def test_start_needs_no_question_and_stop_does(fake, opened):
 
 async def test_quit_asks_only_with_pending_edits(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("t", "q")
+        await screen.do("toggle", "q")
         await screen.shows("Quit without applying?")
         await screen.press("escape", "u", "q")
         await screen.until(lambda: screen.app._exit)
@@ -254,7 +254,7 @@ async def test_quit_asks_only_with_pending_edits(fake, opened):
 
 async def test_read_only_refuses_what_changes_the_logger(fake, opened):
     async with opened(fake, read_only=True) as screen:
-        await screen.press("t")
+        await screen.do("toggle")
         await screen.shows("read-only")
         assert screen.session.table.pending_count == (0, 0)
 
@@ -262,13 +262,13 @@ async def test_read_only_refuses_what_changes_the_logger(fake, opened):
 async def test_a_logger_that_lets_us_only_watch_says_so(fake, opened):
     fake.may_edit = False
     async with opened(fake) as screen:
-        await screen.press("t")
+        await screen.do("toggle")
         await screen.shows("user 'bob' may look at anymal/robot, not change it: the role is viewer")
 
 
 async def test_escape_backs_out_of_range_filter_and_marks_but_keeps_edits(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("t", "space", "V")
+        await screen.do("toggle", "space", "V")
         await screen.type("/base")
         await screen.press("enter", "escape", "escape", "escape")
         rows = screen.session.rows
@@ -335,7 +335,7 @@ async def test_keys_that_come_all_at_once_keep_their_order(fake, opened):
 
 async def test_tab_doesn_t_leave_an_editor_behind(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("d", "tab", "9", "enter")
+        await screen.do("edit_divider", "tab", "9", "enter")
         assert screen.value(FIRST, Field.DIVIDER) == "9"
         assert not screen.app.screen.query_one("#cell-editor").display
 

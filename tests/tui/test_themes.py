@@ -70,7 +70,7 @@ def test_every_theme_of_the_settings_is_there():
 async def test_the_table_is_drawn_in_every_theme(fake, opened, word):
     fake.run()
     async with opened(fake, settings=Settings(theme=word)) as screen:
-        await screen.press("j", "space", "d", "5", "enter", "V", "j")
+        await screen.do("j", "space", "edit_divider", "5", "enter", "V", "j")
         assert screen.app.theme == f"silo-{word}"
         await screen.shows("pending")
         await screen.press("m")
@@ -82,7 +82,7 @@ async def test_without_colours_none_are_sent_and_the_cursor_is_reversed(fake, op
     monkeypatch.setenv("NO_COLOR", "1")
     fake.run()
     async with opened(fake, settings=Settings(theme=word)) as screen:
-        await screen.press("j", "space", "d", "5", "enter")
+        await screen.do("j", "space", "edit_divider", "5", "enter")
         await screen.shows("pending")
         lines = [screen.app.screen.get_style_at(3, y) for y in range(3, 7)]
         painted = [segment.style for line in filtered(screen) for segment in line if segment.style]
@@ -102,7 +102,7 @@ def filtered(screen):
 async def test_sixteen_colours_send_nothing_but_these(fake, opened):
     fake.run()
     async with opened(fake, settings=Settings(theme="16")) as screen:
-        await screen.press("j", "space", "d", "5", "enter", "question_mark")
+        await screen.do("j", "space", "edit_divider", "5", "enter", "question_mark")
         await screen.pilot.pause()
         styles = [segment.style for line in screen._lines() for segment in line if segment.style]
         codes = " ".join(style.render("x") for style in styles)

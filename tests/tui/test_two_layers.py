@@ -15,12 +15,6 @@ from tests.tui.test_typed_early import burst
 SCOPES = sorted({scope for command in COMMANDS for scope in command.scopes} - {"any"})
 
 
-@pytest.fixture
-def menus(opened):
-    """The app with menus."""
-    return lambda *fakes, **options: opened(*fakes, settings=Settings(keymap="two-layer"), **options)
-
-
 def drawn(screen):
     lines = screen.app.screen.query(MenuLines)
     return lines.first().content.plain if lines else ""
@@ -61,6 +55,7 @@ def test_a_command_without_a_place_is_refused(monkeypatch):
 
 
 def test_every_command_has_its_place_on_every_screen_where_it_has_a_key():
+    use_keys("classic", {})
     classic = {scope: {command.id for command in commands_for(scope)} for scope in SCOPES}
     use_keys("two-layer", {})
     for scope in SCOPES:
@@ -106,8 +101,8 @@ def test_ids_of_before_still_work():
 
 
 @pytest.mark.slow
-async def test_what_is_typed_on_goes_there_and_no_menu_is_drawn(fake, menus):
-    async with menus(fake) as screen:
+async def test_what_is_typed_on_goes_there_and_no_menu_is_drawn(fake, opened):
+    async with opened(fake) as screen:
         burst(screen, "g e")
         await screen.until(lambda: screen.app.screen.scope == "events" and screen.app.gate.free)
         assert not drawn(screen)
@@ -119,8 +114,8 @@ async def test_what_is_typed_on_goes_there_and_no_menu_is_drawn(fake, menus):
 
 
 @pytest.mark.slow
-async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(fake, menus):
-    async with menus(fake) as screen:
+async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(fake, opened):
+    async with opened(fake) as screen:
         await screen.press("e")
         await screen.until(lambda: drawn(screen))
         assert "Divider: 1" in drawn(screen)
@@ -138,8 +133,8 @@ async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(fake, m
 
 
 @pytest.mark.slow
-async def test_an_entry_that_can_t_act_says_why(fake, menus):
-    async with menus(fake, read_only=True) as screen:
+async def test_an_entry_that_can_t_act_says_why(fake, opened):
+    async with opened(fake, read_only=True) as screen:
         await screen.press("e")
         await screen.until(lambda: drawn(screen))
         assert "(d) Divider: read-only" in drawn(screen)
@@ -151,8 +146,8 @@ async def test_an_entry_that_can_t_act_says_why(fake, menus):
 
 
 @pytest.mark.slow
-async def test_what_is_pasted_outside_a_line_is_left_out_whole(fake, menus):
-    async with menus(fake) as screen:
+async def test_what_is_pasted_outside_a_line_is_left_out_whole(fake, opened):
+    async with opened(fake) as screen:
         screen.app.post_message(events.Paste("et"))
         await screen.shows("no keys")
         assert screen.session.table.pending_count == (0, 0)
@@ -160,7 +155,7 @@ async def test_what_is_pasted_outside_a_line_is_left_out_whole(fake, menus):
 
 @pytest.mark.slow
 async def test_classic_has_the_same_menus_behind_one_key(fake, opened):
-    async with opened(fake) as screen:
+    async with opened(fake, settings=Settings(keymap="classic")) as screen:
         burst(screen, "backslash e t")
         await screen.until(lambda: screen.session.table.pending_count == (1, 1))
         assert screen.value(screen.session.table.names[screen.session.rows.row], Field.ENABLED) == "off"
@@ -168,8 +163,8 @@ async def test_classic_has_the_same_menus_behind_one_key(fake, opened):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
-async def test_menus_have_room_on_every_screen(fake, menus, size):
-    async with menus(fake, size=size) as screen:
+async def test_menus_have_room_on_every_screen(fake, opened, size):
+    async with opened(fake, size=size) as screen:
         for letter in OPENERS:
             await screen.press(letter)
             await screen.until(lambda: drawn(screen))

@@ -121,9 +121,9 @@ async def test_a_view_keeps_axes_of_powers_of_ten(new_fake, opened):
         await screen.press("m")
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         monitor = screen.app.screen
-        await screen.press("Y")
+        await screen.do("log_axis")
         await screen.until(lambda: monitor.window.log_scales, "a scale")
-        await screen.press("y")
+        await screen.do("scale")
         kept = capture(screen.app.context)
         assert kept.logs == ("/legs/LF/HAA/torque",)
         assert set(kept.scales) == {"/legs/LF/HAA/torque"}
@@ -153,7 +153,7 @@ async def test_a_view_keeps_order_column_set_folds_and_components(new_fake, open
     )  # fmt: skip
     first, second = new_fake(), new_fake()
     async with opened(first) as screen:
-        await screen.press("o", "n", "C")
+        await screen.do("o", "n", "columns")
         screen.app.screen.table.choose_columns(("div", "size"))
         for name, keys in (
             ("LF/HAA/torque", "zkz"), ("base/velocity", "z"), ("base/position", "nnn"), ("acceleration", "n")
@@ -242,7 +242,7 @@ async def test_edits_and_plots_that_were_left_both_come_back(new_fake, opened):
     fake = new_fake()
     fake.run()
     async with opened(fake) as screen:
-        await screen.press("t", "m")
+        await screen.do("toggle", "m")
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         mine = files.left_by_us(screen.session.name)
         await screen.until(lambda: mine.exists() and files.load_file(mine)[0].plots, "kept within a second")

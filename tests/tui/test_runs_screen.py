@@ -1,0 +1,110 @@
+"""The runs of a folder on the screen: what the index knows, narrowed, ordered, opened, over each other."""
+
+import numpy as np
+import pytest
+
+import silo
+from silo.analysis.log import Log
+from silo.core.elements import BufferType, Entry, LoggedEvent
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.errors import ElementError
+from silo.files import write
+from silo_tui.model.runs import together
+from silo_tui.screens.file_table import FileTableScreen
+from silo_tui.screens.runs import RunsScreen
+
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
+SECOND = 10**9
+BEGIN = 1_790_000_000 * SECOND
+
+
+def run_of(number, seconds=3, mark_s=1.0):
+    """A run of 100 Hz whose torque is the seconds since its start, times its number, with a mark."""
+    time_ns = BEGIN + number * 3600 * SECOND + np.arange(100 * seconds + 1, dtype=np.int64) * SECOND // 100
+    entry = RecordedEntry("/log/tau", Entry("", "<f8"), (number + 1) * np.arange(len(time_ns)) / 100)
+    tau = RecordedElement(entry.name, "Nm", "scalar", (), 1, BufferType.LOOPING, 0, (entry,))
+    tick = round(mark_s * 100)
+    events = [LoggedEvent("marker", "push", int(time_ns[tick]), tick, int(time_ns[tick])),
+              LoggedEvent("marker", 'episode "walk" begin', int(time_ns[tick]), tick),
+              LoggedEvent("marker", 'episode "walk" end good', int(time_ns[-1]), len(time_ns) - 1)]  # fmt: skip
+    return Recording("robot", time_ns, len(time_ns), [tau], events=tuple(events), about={"task": f"gait{number}"})
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for number in range(3):
+        write(run_of(number, mark_s=0.5 * (number + 1)), tmp_path / "logs", "robot", ["silo"], f"run{number}")
+    return tmp_path / "logs"
+
+
+async def on_runs(screen, folder):
+    await screen.press(":", *f"runs {folder}", "enter")
+    await screen.until(lambda: isinstance(screen.app.screen, RunsScreen) and len(screen.app.screen.shown) == 3)
+
+
+async def test_runs_are_listed_narrowed_by_what_was_measured_and_opened(fake, opened, folder):
+    async with opened(fake) as screen:
+        await on_runs(screen, folder)
+        assert [one.name for one in screen.app.screen.shown] == ["run2", "run1", "run0"]
+        assert "1/1" in screen.text
+        await screen.press("/", *"max(tau) > 5", "enter")
+        await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run2", "run1"])
+        await screen.press("escape")
+        await screen.press("/", *"gait0", "enter")
+        await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run0"])
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+        await screen.press("escape")
+        await screen.until(lambda: isinstance(screen.app.screen, RunsScreen))
+        await on_runs(screen, folder)
+        assert sum(isinstance(one, RunsScreen) for one in screen.app.screen_stack) == 1
+
+
+async def test_a_statistic_is_a_column_and_an_order(fake, opened, folder):
+    async with opened(fake) as screen:
+        await on_runs(screen, folder)
+        await screen.do("runs_column")
+        await screen.type("max(tau)")
+        await screen.press("enter")
+        await screen.shows("max(tau)")
+        assert list(screen.app.screen.values["max(tau)"].values()) == [3.0, 6.0, 9.0]
+        await screen.press("o", "v", "o", "v")
+        await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run0", "run1", "run2"])
+        await screen.do("runs_column")
+        await screen.type("max(nothing)")
+        await screen.press("enter")
+        await screen.shows("no run has 'nothing'")
+
+
+async def test_marked_runs_lie_over_each_other(fake, opened, folder):
+    async with opened(fake) as screen:
+        await on_runs(screen, folder)
+        await screen.do("overlay_runs")
+        await screen.shows("two or more lie over each other")
+        await screen.do("*", "overlay_runs")
+        await screen.type("push")
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+        assert list(screen.app.screen.file.table.names) == [f"/log/tau/run{number}" for number in range(3)]
+
+
+def test_together_stand_the_moments_that_are_alike():
+    logs = [(f"run{number}", Log(run_of(number, 3 + number, 0.5 * (number + 1)))) for number in range(2)]
+    made = Log(together(logs))
+    assert made["tau/run1"].values.tolist() == [2 * one for one in made["tau/run0"].values.tolist()]
+    assert made.duration_s == 3.0
+    moved = Log(together(logs, "push"))
+    (mark,) = moved.events
+    assert moved["tau/run0"].value(mark.seconds) == pytest.approx(0.5)
+    assert moved["tau/run1"].value(mark.seconds) == pytest.approx(2.0)
+    with pytest.raises(ElementError, match="no event with 'slip'"):
+        together(logs, "slip")
+
+
+async def test_a_folder_without_runs_says_what_to_do(fake, opened, tmp_path):
+    async with opened(fake) as screen:
+        (tmp_path / "none").mkdir()
+        await screen.press(":", *f"runs {tmp_path / 'none'}", "enter")
+        await screen.shows("There is no run in")
+        assert silo.runs(tmp_path / "none").values("lost") == []
