@@ -118,7 +118,18 @@ def _former(name: str, home: str, now: str) -> object:
     return getattr(importlib.import_module(home), now)
 
 
-_OF_A_LOGGER = {"set", "enable", "disable", "remove", "apply", "element", "elements", "snapshot", "read_new_values"}
+_OF_A_LOGGER = {
+    "episode",
+    "set",
+    "enable",
+    "disable",
+    "remove",
+    "apply",
+    "element",
+    "elements",
+    "snapshot",
+    "read_new_values",
+}
 
 
 def _no_such_name(name: str) -> AttributeError:

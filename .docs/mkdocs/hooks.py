@@ -17,6 +17,7 @@ from silo.cli.group import COMMANDS, cli
 from silo.files.formats import FORMATS, Keeps
 from silo.rpc.declaring import Ask, Do, leaves, reply_type
 from silo_tui.actions import COMMANDS as ACTIONS
+from silo_tui.actions import with_keys
 
 ROOT = Path(__file__).resolve().parents[2]
 MARK = re.compile(r"<!-- generated: (\w+) -->")
@@ -71,11 +72,15 @@ def _help(command: click.Command, name: str, above: click.Context, level: int) -
 
 def keys() -> str:
     """The keys of silo-tui by group, and the words after `:`."""
-    groups = dict.fromkeys(action.group for action in ACTIONS if action.keys)
+    actions = [own for each in ACTIONS if (own := with_keys(each)).keys]
+    groups = dict.fromkeys(action.group for action in actions)
     parts = []
     for group in groups:
-        rows = ((f"`{a.key_text}`" if "`" not in a.key_text else a.key_text, a.label, a.help)
-                for a in ACTIONS if a.keys and a.group == group)  # fmt: skip
+        rows = (
+            (f"`{a.key_text}`" if "`" not in a.key_text else a.key_text, a.label, a.help)
+            for a in actions
+            if a.group == group
+        )
         parts.append(f"## {group}\n\n{_table(('key', 'command', 'what it does'), rows)}")
     typed = ((f"`{a.typed.usage}`", a.typed.help) for a in ACTIONS if a.typed and a.typed.usage)
     parts.append(f"## After `:`\n\n{_table(('words', 'what they do'), typed)}")

@@ -28,6 +28,7 @@ from silo.errors import ElementError
 
 Event = Callable[[Log], "Signal | float"]
 
+_CELLS = 1 << 20  # of signals that are looked at together
 MOST_SHIFT_SAMPLES = 200_000  # of a signal by which runs are aligned
 HEADS = ("signal", "unit", "largest", "at s", "rms", "mean", "differ")
 
@@ -48,17 +49,27 @@ class SignalDifference:
     rms: float
     mean: float
     differ: float
-    a: Signal
-    b: Signal
-    count: int = 0
-    samples: int = 0
-    first_s: float = 0.0
-    most: float = np.nan
+    count: int
+    samples: int
+    first_s: float
+    most: float
+    _weight: float = field(repr=False, compare=False)
+    _signals: Callable[[], tuple[Signal, Signal]] = field(repr=False, compare=False)
+
+    @property
+    def a(self) -> Signal:
+        """The signal of the first run."""
+        return self._signals()[0]
+
+    @property
+    def b(self) -> Signal:
+        """That of the second, moved and in the unit of the first."""
+        return self._signals()[1]
 
     @property
     def facts(self) -> dict[str, str | float | int | None]:
         """What `silo compare --json` has of it; None for what is no finite number."""
-        found = {key: value for key, value in vars(self).items() if key not in ("a", "b")}
+        found = {key: value for key, value in vars(self).items() if not key.startswith("_")}
         return {
             key: None if isinstance(value, float) and not np.isfinite(value) else value for key, value in found.items()
         }
@@ -100,6 +111,11 @@ class Comparison:
     def __bool__(self) -> bool:
         """Whether anything differs."""
         return bool(self.rows or self.only_a or self.only_b)
+
+    @property
+    def weight(self) -> tuple[float, float]:
+        """How different the most different signal is: in multiples of how far it moves, and in its unit; 0 for none."""
+        return (self.rows[0]._weight, self.rows[0].rms) if self.rows else (0.0, 0.0)
 
     def __str__(self) -> str:
         lines = table(HEADS, [row.cells for row in self.rows], 120, "llrrrrr") if self.rows else []
@@ -157,6 +173,7 @@ def compare(
     signal: str = "",
     tolerance: float = 0.0,
     by: Literal["start", "stamps"] = "start",
+    episode: str | int = "",
 ) -> Comparison:
     """Compare two runs: every scalar that both have, at the times that both have.
 
@@ -172,6 +189,7 @@ def compare(
         tolerance: by how much numbers may differ.
         by: `"start"` lays the starts of both on each other; `"stamps"` takes the time stamps as they are, for two files
             of one run.
+        episode: compare this episode of both, from its beginning on: the first of a name, or a number.
 
     Returns:
         What differs, most different first; false where nothing does.
@@ -179,7 +197,7 @@ def compare(
     Raises:
         ElementError: an event that isn't in both, a signal without a course, an argument out of range.
     """
-    first, second = _log(a), _log(b)
+    first, second = (_episode(one, episode) for one in (_log(a), _log(b)))
     allowed = real("tolerance", tolerance, 0, float("inf"), "")
     shift_s = _shift(first, second, event, signal, by)
     if by == "stamps":
@@ -196,7 +214,7 @@ def compare(
             wrong[one.name] = one.wrong
         elif one.span:
             partly[one.name] = one.span
-    rows.sort(key=lambda row: -_weight(row))
+    rows.sort(key=lambda row: -row._weight)
     only_a, only_b = (tuple(n for n in x if n not in y) for x, y in ((mine, theirs), (theirs, mine)))
     return Comparison(tuple(rows), shift_s, alike, only_a, only_b, wrong, partly)
 
@@ -240,20 +258,22 @@ def _facts(element: RecordedElement) -> tuple[tuple[str, object], ...]:
     )
 
 
+def _episode(log: Log, which: str | int) -> Log:
+    """The part of a log that is an episode, counted from its beginning; all of it where none is asked for."""
+    if which == "":
+        return log
+    found = [one for one in log.episodes if which in (one.name, one.number, str(one.number))]
+    if not found:
+        names = ", ".join(dict.fromkeys(one.name for one in log.episodes)) or "none"
+        raise ElementError(f"{log.path or 'a run'} has no episode {shown(which)}; it has {names}")
+    part = log.clip(found[0].start_s, found[0].stop_s)
+    return Log(part.recording, part.path, log.start_ns + round(found[0].start_s * 1e9))
+
+
 def _log(given: Any) -> Log:
     from silo.analysis.opening import open_log
 
     return given if isinstance(given, Log) else open_log(given)
-
-
-def _weight(row: SignalDifference) -> float:
-    """How different a signal is, in multiples of how far it moves: metres and volts stand in one list."""
-    if not row.rms > 0:
-        return row.differ
-    values = as_floats(row.a.values)
-    known = values[np.isfinite(values)]
-    spread = float(known.std()) if len(known) else 0.0
-    return row.rms / spread if spread > 0 else float("inf")
 
 
 class _Pair(NamedTuple):
@@ -264,6 +284,25 @@ class _Pair(NamedTuple):
     alike: int = 0
     span: str = ""
     wrong: str = ""
+
+
+class _Scalar(NamedTuple):
+    """A scalar of both logs that is to be looked at, at the places of both where they meet."""
+
+    name: str
+    unit: str
+    values: tuple[NDArray[Any], NDArray[Any]]
+    meeting: "_Meeting"
+    signals: Callable[[], tuple[Signal, Signal]]
+
+    @property
+    def group(self) -> tuple[object, ...]:
+        """What can be looked at together: plain numbers of one type each, at the same times."""
+        types = [each.dtype for each in self.values]
+        plain = all(each.kind in "bf" or (each.kind in "iu" and each.itemsize < 8) for each in types)
+        if not plain or any(isinstance(each, np.ma.MaskedArray) for each in self.values):
+            return (id(self.values),)
+        return (id(self.meeting), *types)
 
 
 class _Meeting(NamedTuple):
@@ -278,34 +317,86 @@ class _Meeting(NamedTuple):
     bases: tuple[NDArray[np.int64], NDArray[np.int64]]  # held, as they are known by where they lie
 
 
-def _compared(a: Log, b: Log, names: Sequence[str], shift_s: float, tolerance: float) -> Iterator[_Pair]:
+def _compared(a: Log, b: Log, names: Sequence[str], shift_s: float, tolerance: float) -> list[_Pair]:
     """Compare these signals of both. What has the same bytes at the same times is alike without a look at it."""
     met: dict[tuple[object, ...], _Meeting] = {}
+    found: list[_Pair] = []
+    groups: dict[tuple[object, ...], list[tuple[int, _Scalar]]] = {}
     # a log has the names of its elements first, in their order
     elements = [dict(zip(log, range(len(log.recording.elements)), strict=False)) for log in (a, b)]
     for name in names:
         try:
-            places = [each.get(name) for each in elements]
-            ours, theirs = (
-                None if place is None else log.recording.elements[place]
-                for log, place in zip((a, b), places, strict=True)
-            )
-            if ours is not None and theirs is not None and _same_bytes(ours, theirs):
-                stamps = stamps_of(a.recording, ours), stamps_of(b.recording, theirs)
-                meeting = _meeting(name, stamps, (a.start_ns, b.start_ns), shift_s, met)
-                if meeting.places is None:
-                    yield _Pair(name, alike=len(ours.entries))
-                    continue
-            yield _differences(a[name], b[name], shift_s, tolerance, met)
+            scalars, made = _scalars(a, b, name, [each.get(name) for each in elements], shift_s, met)
         except ElementError as error:
-            yield _Pair(name, wrong=str(error))
+            scalars, made = [], _Pair(name, wrong=str(error))
+        for one in scalars:
+            groups.setdefault(one.group, []).append((len(found), one))
+        found.append(made)
+    rows: dict[int, list[SignalDifference]] = {}
+    for group in groups.values():
+        step = max(1, _CELLS // max(1, len(group[0][1].values[0])))
+        for begin in range(0, len(group), step):
+            some = group[begin : begin + step]
+            try:
+                for place, row in _different([one for _, one in some], tolerance):
+                    rows.setdefault(some[place][0], []).append(row)
+            except ElementError as error:  # of texts beside numbers, which are looked at one by one
+                found[some[0][0]] = _Pair(found[some[0][0]].name, wrong=str(error))
+    return [
+        one if place not in rows or one.wrong else one._replace(rows=rows[place], alike=one.alike - len(rows[place]))
+        for place, one in enumerate(found)
+    ]
+
+
+def _scalars(
+    a: Log,
+    b: Log,
+    name: str,
+    places: Sequence[int | None],
+    shift_s: float,
+    met: dict[tuple[object, ...], _Meeting],
+) -> tuple[list[_Scalar], _Pair]:
+    """What is to be looked at of an element of both logs. Raises ElementError where they can't be compared."""
+    ours, theirs = (
+        None if place is None else log.recording.elements[place] for log, place in zip((a, b), places, strict=True)
+    )
+    starts = a.start_ns, b.start_ns
+    if ours is not None and theirs is not None and _same_kind(ours, theirs):
+        stamps = stamps_of(a.recording, ours), stamps_of(b.recording, theirs)
+        meeting = _meeting(name, stamps, starts, shift_s, met)
+        if meeting.places is None and _same_bytes(ours, theirs):
+            return [], _Pair(name, alike=len(ours.entries))
+        if len(ours.entries) == 1 and not ours.shape and ours.entries[0].values.ndim == 1:
+            values = ours.entries[0].values, theirs.entries[0].values
+
+            def signals() -> tuple[Signal, Signal]:
+                return _signals(a[name], b[name], shift_s, met)[0]
+
+            return [_Scalar(name, ours.unit, values, meeting, signals)], _Pair(name, alike=1, span=meeting.span)
+    one, other = a[name], b[name]
+    if not len(one) and not len(other):
+        return [], _Pair(name)
+    (one, other), meeting = _signals(one, other, shift_s, met)
+    every = [(one, other)]
+    if one.components:
+        every = [(one.component(place), other.component(place)) for place in range(len(one.components))]
+    return [
+        _Scalar(pair[0].name, pair[0].unit, (pair[0].values, pair[1].values), meeting, _always(pair)) for pair in every
+    ], _Pair(name, alike=len(every), span=meeting.span)
+
+
+def _always(pair: tuple[Signal, Signal]) -> Callable[[], tuple[Signal, Signal]]:
+    return lambda: pair
+
+
+def _same_kind(one: RecordedElement, other: RecordedElement) -> bool:
+    """Whether two elements are of one unit, shape and length, and have samples."""
+    known = (one.unit, one.kind, one.shape, one.count, len(one.entries))
+    return bool(one.count) and known == (other.unit, other.kind, other.shape, other.count, len(other.entries))
 
 
 def _same_bytes(one: RecordedElement, other: RecordedElement) -> bool:
-    """Whether two elements are of one unit and type, and their samples the same to the last bit."""
-    known = (one.unit, one.kind, one.shape, one.count, len(one.entries))
-    if not one.count or known != (other.unit, other.kind, other.shape, other.count, len(other.entries)):
-        return False
+    """Whether two elements of one kind are of one type, and their samples the same to the last bit."""
     for mine, theirs in zip(one.entries, other.entries, strict=True):
         values = mine.values, theirs.values
         if mine.entry.suffix != theirs.entry.suffix or values[0].dtype != values[1].dtype:
@@ -341,47 +432,76 @@ def _meeting(
     return met.setdefault(key, _Meeting(places, mine.times, moved_ns, span, stamps))
 
 
-def _differences(
-    one: Signal, other: Signal, shift_s: float, tolerance: float, met: dict[tuple[object, ...], _Meeting]
-) -> _Pair:
-    """The scalars of a signal of both."""
-    if not len(one) and not len(other):
-        return _Pair(one.name)
+def _signals(
+    one: Signal, other: Signal, shift_s: float, met: dict[tuple[object, ...], _Meeting]
+) -> tuple[tuple[Signal, Signal], _Meeting]:
+    """Signals of both logs as they are compared, and where they meet. Raises ElementError where they can't be."""
     other = in_order(other, one.components)
     if one.components != other.components:
         raise ElementError(f"components {one.components or 'none'} and {other.components or 'none'}")
     if not units.same(one.unit, other.unit) and {one.unit, other.unit}.isdisjoint(("", "-")):
         other = other.to(one.unit)
     meeting = _meeting(one.name, (one.time_ns, other.time_ns), (one.start_ns, other.start_ns), shift_s, met)
-    other = replace(other, time_ns=meeting.moved_ns, start_ns=one.start_ns)
-    if one.components:
-        every = [(one.component(place), other.component(place)) for place in range(len(one.components))]
-    else:
-        every = [(one, other)]
-    rows = [row for pair in every if (row := _difference(*pair, meeting, tolerance)) is not None]
-    return _Pair(one.name, rows, len(every) - len(rows), meeting.span)
+    return (one, replace(other, time_ns=meeting.moved_ns, start_ns=one.start_ns)), meeting
 
 
-def _difference(one: Signal, other: Signal, meeting: _Meeting, tolerance: float) -> SignalDifference | None:
-    """How a scalar differs where both have it; None where it doesn't."""
-    first, second = one.values, other.values
+def _different(scalars: Sequence[_Scalar], tolerance: float) -> Iterator[tuple[int, SignalDifference]]:
+    """Those of one group that differ where both logs have them, by their places."""
+    meeting = scalars[0].meeting
+    first, second = (
+        np.stack([one.values[side] for one in scalars]) if len(scalars) > 1 else scalars[0].values[side][None]
+        for side in (0, 1)
+    )
+    whole = first
     if meeting.places is not None:
-        first, second = first[meeting.places[0]], second[meeting.places[1]]
-    gap = _gap(first, second)
+        first, second = first[:, meeting.places[0]], second[:, meeting.places[1]]
+    gaps = _gap(first, second) if len(scalars) > 1 else _gap(first[0], second[0])[None]
     with np.errstate(invalid="ignore"):
-        differ = ~(np.abs(gap) <= tolerance)
-    if not differ.any():
-        return None
-    sizes = np.where(np.isnan(gap), np.inf, np.abs(gap))
-    where = int(np.argmax(sizes))
-    known = gap[np.isfinite(gap)]
-    rms, mean = (float(np.sqrt(np.mean(known**2))), float(known.mean())) if len(known) else (np.nan, np.nan)
-    first_s = float(meeting.times[int(np.argmax(differ))])
-    size = float(sizes[where])
-    return SignalDifference(
-        one.name, one.unit, size, float(meeting.times[where]), rms, mean, float(differ.mean()), one, other,
-        int(differ.sum()), len(differ), first_s, float(np.abs(known).max()) if len(known) else np.nan,
-    )  # fmt: skip
+        differ = ~(np.abs(gaps) <= tolerance)
+    (places,) = np.nonzero(differ.any(axis=1))
+    if not len(places):
+        return
+    gaps, differ = gaps[places], differ[places]
+    sizes = np.where(np.isnan(gaps), np.inf, np.abs(gaps))
+    where, begin = np.argmax(sizes, axis=1), np.argmax(differ, axis=1)
+    largest = np.take_along_axis(sizes, where[:, None], 1)[:, 0]
+    counts = differ.sum(axis=1)
+    rms, mean, most = _of_finite(gaps)
+    spread = _spread([whole[place] for place in places])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = np.where(rms > 0, np.where(spread > 0, rms / spread, np.inf), counts / differ.shape[1])
+    columns = (largest, meeting.times[where], rms, mean, counts / differ.shape[1], counts, meeting.times[begin], most)
+    numbers = zip(*(each.tolist() for each in columns), weight.tolist(), strict=True)
+    for place, (size, at_s, root, middle, share, count, first_s, largest_known, heavy) in zip(
+        places.tolist(), numbers, strict=True
+    ):
+        one = scalars[place]
+        yield place, SignalDifference(
+            one.name, one.unit, size, at_s, root, middle, share, count, differ.shape[1], first_s, largest_known, heavy,
+            one.signals,
+        )  # fmt: skip
+
+
+def _of_finite(gaps: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Root mean square, mean and largest size of the finite numbers of each row; NaN where there are none."""
+    known = np.isfinite(gaps)
+    if known.all():
+        return np.sqrt(np.mean(gaps**2, axis=1)), gaps.mean(axis=1), np.abs(gaps).max(axis=1)
+    rows = [row[there] for row, there in zip(gaps, known, strict=True)]
+    told = [
+        (float(np.sqrt(np.mean(row**2))), float(row.mean()), float(np.abs(row).max())) if len(row) else (np.nan,) * 3
+        for row in rows
+    ]
+    return tuple(np.array(told).T)
+
+
+def _spread(rows: Sequence[NDArray[Any]]) -> NDArray[np.float64]:
+    """How far each signal moves: metres and volts stand in one list."""
+    floats = [as_floats(row) for row in rows]
+    if all(np.isfinite(one).all() for one in floats):
+        return np.stack(floats).std(axis=1) if len(floats[0]) else np.zeros(len(floats))
+    finite = [one[np.isfinite(one)] for one in floats]
+    return np.array([one.std() if len(one) else 0.0 for one in finite])
 
 
 def _gap(first: NDArray[Any], second: NDArray[Any]) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ from silo.analysis.compute.responses import Bode, StepResponse
 from silo.analysis.compute.shapes import assembled, component_names
 from silo.analysis.lookup import names_of
 from silo.analysis.parameters import LoggedParameters
-from silo.analysis.plots.events import LogEvent, events_of
+from silo.analysis.plots.events import LogEvent, episodes_of, events_of
 from silo.analysis.responses import bode_between, step_between
 from silo.analysis.signal import Signal
 from silo.analysis.stretches import clipped, resampled
@@ -31,6 +31,7 @@ from silo.core.arguments import INT64, real, shown, switch, text
 from silo.core.arguments import path as file_path
 from silo.core.calls import former_member, no_attribute, told_class
 from silo.core.elements import NO_EXTRAS
+from silo.core.episodes.words import Episode
 from silo.core.kinds import SCALAR
 from silo.core.names import is_glob
 from silo.core.printing import html_table
@@ -467,6 +468,11 @@ class Log(Mapping[str, Signal]):
     def events(self) -> list[LogEvent]:
         """What happened, in the order of time: marks, starts, stops, edits, triggers, losses, saves, and who did it."""
         return events_of(self.recording, self.start_ns)
+
+    @property
+    def episodes(self) -> list[Episode]:
+        """What `log.episode("pick")` marked, in the order of time: `log.clip(one.start_s, one.stop_s)` is its part."""
+        return episodes_of(self.recording, self.start_ns)
 
     @property
     def warnings(self) -> tuple[str, ...]:

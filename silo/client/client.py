@@ -5,7 +5,7 @@ Views, streams, pins and control are leases that it renews; the connection comes
 
 import contextlib
 import secrets
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ from silo.conditions.requests import ConditionRequests
 from silo.control.requests import LONGEST_LEASE_S, ControlRequests, TakeControl
 from silo.core.arguments import path, real, shown, switch, text, texts, whole
 from silo.core.calls import former_member, no_attribute, told_class
-from silo.core.elements import SavedFile
+from silo.core.elements import FileType, SavedFile
 from silo.core.printing import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SiloError
 from silo.fleet.discovery import discover
@@ -51,10 +51,16 @@ if TYPE_CHECKING:
     from silo.live.topic import Topic
     from silo.live.view import View
 
-# members of before, which work for one release: silo's own, of its terminal and its bridges
+# members of before, which work for one release: first silo's own, of its terminal and its bridges
 FORMER = {
     name: (f"_{name}", "")
     for name in ("act_for", "hello", "identity", "keep_view", "kept_view", "kept_views", "measure", "survey", "try_now")
+} | {
+    "set_limits": ("_set_limits", "client.limit('x', (red_low, yellow_low, yellow_high, red_high))"),
+    "remove_limits": ("_remove_limits", "client.limit('x', None)"),
+    "set_trigger": ("_set_trigger", "client.trigger('fall', 'x > 1')"),
+    "remove_trigger": ("_remove_trigger", "client.trigger('fall', None)"),
+    "remove_derived": ("_remove_derived", "client.derive('x', None)"),
 }
 LEASE_S = 15.0  # of control that is renewed: seven renewals, or 15 s of a link that is away
 LONGEST_S = 1e6  # that anybody waits
@@ -126,6 +132,100 @@ class Client(
         text("config", config, 'Client.connect("robot", config="client.json5")')
         with ExitStack() as holding:
             return cls(discover(timeout_s, config, holding).one(logger), timeout_s, read_only=read_only)
+
+    def limit(
+        self,
+        name: str,
+        bounds: Sequence[float | None] | None,
+        *,
+        persistence: int = 1,
+        hysteresis: float = 0.0,
+        stale: float | str = 0.0,
+        when: str = "",
+    ) -> str:
+        """Give a signal limits, as `Logger.limit` does, also while the logger runs.
+
+            client.limit("joints/tau", (-40, -30, 30, 40))
+
+        Args:
+            name: an element, one scalar of it, or a derived signal.
+            bounds: (red_low, yellow_low, yellow_high, red_high), None for one that there isn't. None in place of all
+                four forgets its limits, of exactly the name that they were given to.
+            persistence: so many samples in a row make a state.
+            hysteresis: how far inside a bound its state ends.
+            stale: a value that stays the same for so long is one too (`"0.5s"`).
+            when: an expression that must hold, else nothing is judged.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            ElementError: the bounds or a time make no sense; nothing was asked.
+            RefusedError: there is no such signal, a number or its condition makes no sense, or the robot program has
+                ended; nothing was changed.
+            GoesOnError: the robot program takes longer.
+        """
+        from silo.conditions.given import limits_given
+
+        if bounds is None:
+            return self._remove_limits(name)
+        return self._set_limits(
+            limits_given(name, bounds, persistence=persistence, hysteresis=hysteresis, stale=stale, when=when)
+        )
+
+    def trigger(
+        self,
+        name: str,
+        when: str | None,
+        *,
+        pre: float | str = 0.0,
+        post: float | str = 0.0,
+        edge: str = "rising",
+        rearm: str = "",
+        persist: float | str = 0.0,
+        holdoff: float | str = 0.0,
+        mode: str = "normal",
+        save: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        keep: int = 0,
+        armed: bool = True,
+    ) -> str:
+        """Capture what all saved elements did around a condition, as `Logger.trigger` does, also while it runs.
+
+            client.trigger("fall", "abs(base/roll) > 0.6", pre="5s", post="1s")
+
+        Args:
+            name: stands in the names of its files; a trigger of this name is replaced.
+            when: the condition; None forgets the trigger, and a capture that is under way goes on.
+            pre: how long before the fire; times are seconds, or texts such as `"20ms"`.
+            post: how long after it.
+            edge: `"rising"`, `"falling"`, or `"level"`.
+            rearm: what must be true before it fires again.
+            persist: it must stay so for so long.
+            holdoff: it ignores what follows for so long.
+            mode: `"normal"`, or `"single"`.
+            save: file types; without any it captures nothing: `triggers` tells when it fired.
+            keep: so many captures of it stay on the disk, 0 for all.
+            armed: False: it waits until it is armed.
+
+        Returns:
+            What was done, in words, with what its captures will lack.
+
+        Raises:
+            ElementError: a number, a word or a time makes no sense; nothing was asked.
+            RefusedError: a condition makes no sense, `pre` is longer than what buffers hold, there is no such trigger
+                to be forgotten, or the robot program has ended; nothing was changed.
+            GoesOnError: the robot program takes longer.
+        """
+        from silo.conditions.given import trigger_given
+
+        if when is None:
+            return self._remove_trigger(name)
+        return self._set_trigger(
+            trigger_given(
+                name, when, pre=pre, post=post, edge=edge, rearm=rearm, persist=persist, holdoff=holdoff, mode=mode,
+                save=save, keep=keep, armed=armed,
+            )
+        )  # fmt: skip
 
     @property
     def parameters(self) -> ClientParameters:

@@ -256,6 +256,7 @@ class Conditions(msgspec.Struct, frozen=True, omit_defaults=True):
 NO_EXTRAS = Conditions()
 
 
+STARTED = "started"
 MARKER = "marker"  # the kind of an event that somebody set
 PARAMETER = "parameter"  # of one that tells what parameters were, or became
 NOTED = (MARKER, PARAMETER)  # what the program notes in its segment

@@ -104,6 +104,26 @@ def frames(wanted: Sequence[Wanted], fps: int) -> FrameTable:
     )
 
 
+def same_features(known: tuple[Feature, ...], made: FrameTable, name: str) -> tuple[Feature, ...]:
+    """Return the features of an episode. Raises ElementError where they aren't those that are known of the others."""
+    if known and made.features != known:
+        raise ElementError(f"'{name}': {_difference(known, made.features)}; take runs of one kind")
+    return made.features
+
+
+def _difference(first: Sequence[Feature], other: Sequence[Feature]) -> str:
+    mine, theirs = ({one.name: one for one in some} for some in (first, other))
+    for name in (*mine, *theirs):
+        if mine.get(name) != theirs.get(name):
+            says = [
+                f"{one.dtype} {list(one.shape)}" if one else "missing" for one in (mine.get(name), theirs.get(name))
+            ]
+            if says[0] == says[1]:
+                return f"'{name}' is made of other signals, or has other units, than in the first run"
+            return f"'{name}' is {says[0]} in the first run and {says[1]} here"
+    return "its features have another order than in the first run"
+
+
 def _column(wanted: Wanted, grid_ns: NDArray[np.int64], fps: int) -> tuple[Feature, NDArray[Any]]:
     parts, names, units = [], [], []
     for signal in (one._in_order() for one in wanted.signals):

@@ -1,4 +1,4 @@
-"""Runs -> a LeRobot data set, version 3.0, without cameras: one episode per run.
+"""Runs -> a LeRobot data set, version 3.0, without cameras: one episode per run; or a NumPy file for each.
 
 The layout is that of the package lerobot 0.6.1 (`src/lerobot/datasets/`): `meta/info.json`, `meta/stats.json`,
 `meta/tasks.parquet`, `meta/episodes/chunk-*/file-*.parquet`, `data/chunk-*/file-*.parquet`. Its loader checks neither
@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -20,8 +20,10 @@ from silo.analysis.log import Log
 from silo.analysis.opening import open_log
 from silo.core.arguments import INT64, path, shown, whole
 from silo.core.recording import Progress
-from silo.datasets.frames import HOWS, Feature, FrameTable, How, frames, wanted_of
+from silo.datasets.episodes import Pieces, facts_of, pieces_of, with_facts
+from silo.datasets.frames import HOWS, Feature, FrameTable, How, frames, same_features, wanted_of
 from silo.datasets.moments import Moments, merged
+from silo.datasets.npz import ENTRY, EpisodeFiles
 from silo.errors import ElementError, SaveError, SiloError
 from silo.files.atomic import atomic_folder, replaced_folder
 from silo.files.extras import need
@@ -56,6 +58,8 @@ def write_lerobot(
     also: Sequence[str] = (),
     window: Sequence[str] = (),
     how: How = "last",
+    to: Literal["lerobot", "episodes"] = "lerobot",
+    episodes: Pieces = "runs",
     task: str | Callable[[Log], str] = "",
     where: str = "",
     robot: str = "",
@@ -76,8 +80,13 @@ def write_lerobot(
         also: of those that become features of their own, `observation.<name>`, with their types; texts too.
         window: likewise, but each frame holds all samples since the frame before: `(samples, numbers)`.
         how: what of a signal with a higher rate stands in a frame: `"last"` sample, or `"mean"` since the frame before.
-        task: what was done, in words; or a function of a log that says it.
-        where: an expression; only runs count for which it is true at their last sample.
+        to: `"episodes"` writes a NumPy file per episode instead (`silo.datasets.npz`).
+        episodes: what is an episode: each of the runs, each that the program marked in them (`log.episode`), or those
+            of the runs that are captures. One that is to be done again (redo) is left out.
+        task: what was done, in words, or a function of a log that says it; marked episodes have their names if it is
+            empty.
+        where: an expression; only episodes count for which it is true at their last sample. Of marked ones it knows
+            what was said of them: `success`, `good`, `bad`, facts that are numbers.
         robot: the type of robot.
         force: replace a data set that is there.
         progress: called with the fraction that is done.
@@ -94,30 +103,36 @@ def write_lerobot(
     if not state:
         raise ElementError("a data set needs at least one signal of the state: state=['joints/*']")
     replaced = final.is_dir() and force
-    if replaced and not (final / "meta" / "info.json").is_file():
+    if replaced and not any((final / name).is_file() for name in ("meta/info.json", ENTRY)):
         raise SaveError(f"'{final}' is a folder, but no data set: it is not replaced; choose another name")
     with (replaced_folder if replaced else atomic_folder)(final) as part:
         part.mkdir(exist_ok=True)
         with ExitStack() as stack:
-            writer = _Writer(part, fps, robot, stack)
+            writer = (EpisodeFiles if to == "episodes" else _Writer)(part, fps, robot, stack)
             done = DataSet(final)
             for number, run in enumerate(runs):
                 if progress is not None:
                     progress(number / len(runs))
-                name, log = (run.path or run.name, run) if isinstance(run, Log) else (os.fspath(run), None)
+                source = run.path or run.name if isinstance(run, Log) else os.fspath(run)
                 try:
-                    log = open_log(run) if log is None else log  # type: ignore[arg-type]  # a path, then
-                    if where and not _holds(log, where):
-                        done.left_out.append((name, f"'{where}' is not true at its end"))
-                        continue
-                    made = frames(wanted_of(log, state, action, also, how, window), fps)
+                    pieces = pieces_of(run if isinstance(run, Log) else open_log(run), source, episodes)
                 except SiloError as error:
-                    done.left_out.append((name, str(error)))
+                    done.left_out.append((source, str(error)))
                     continue
-                words = task(log) if callable(task) else task
-                lost = sum(element.lost for element in log.recording.elements)
-                done.lost += lost
-                writer.add(name, made, words, {"silo/source": name, "silo/begin_s": made.begin_s, "silo/lost": lost})
+                for name, log, episode in pieces:
+                    try:
+                        if where and not _holds(log if episode is None else with_facts(log, episode), where):
+                            done.left_out.append((name, f"'{where}' is not true at its end"))
+                            continue
+                        made = frames(wanted_of(log, state, action, also, how, window), fps)
+                    except SiloError as error:
+                        done.left_out.append((name, str(error)))
+                        continue
+                    words = task(log) if callable(task) else task or (episode.name if episode is not None else "")
+                    lost = sum(element.lost for element in log.recording.elements)
+                    facts = {"silo/source": source, "silo/begin_s": made.begin_s, "silo/lost": lost}
+                    writer.add(name, made, words, facts | ({} if episode is None else facts_of(episode)))
+                    done.lost += lost
             done.episodes, done.frames = len(writer.rows), writer.frames
             if not writer.rows:
                 why = f": {done.left_out[0][0]}: {done.left_out[0][1]}" if done.left_out else "; name some"
@@ -148,10 +163,7 @@ class _Writer:
 
     def add(self, name: str, made: FrameTable, task: str, facts: dict[str, Any]) -> None:
         """Write an episode. Raises ElementError where its features aren't those of the first one."""
-        if not self._features:
-            self._features = made.features
-        elif made.features != self._features:
-            raise ElementError(f"'{name}': {_difference(self._features, made.features)}; take runs of one kind")
+        self._features = same_features(self._features, made, name)
         count, episode = len(made), len(self.rows)
         number = self._tasks.setdefault(task, len(self._tasks))
         steps = np.arange(count, dtype=np.int64)
@@ -277,16 +289,3 @@ def _of_hugging_face(feature: Feature) -> dict[str, Any]:
         return {"shape": list(feature.shape), "dtype": feature.dtype, "_type": f"Array{len(feature.shape)}D"}
     one = {"dtype": feature.dtype, "_type": "Value"}
     return one if feature.shape == (1,) else {"feature": one, "length": feature.shape[0], "_type": "List"}
-
-
-def _difference(first: Sequence[Feature], other: Sequence[Feature]) -> str:
-    mine, theirs = ({one.name: one for one in some} for some in (first, other))
-    for name in (*mine, *theirs):
-        if mine.get(name) != theirs.get(name):
-            says = [
-                f"{one.dtype} {list(one.shape)}" if one else "missing" for one in (mine.get(name), theirs.get(name))
-            ]
-            if says[0] == says[1]:
-                return f"'{name}' is made of other signals, or has other units, than in the first run"
-            return f"'{name}' is {says[0]} in the first run and {says[1]} here"
-    return "its features have another order than in the first run"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from silo.core.recording import Progress, Recording
 
-    Writer = Callable[[Recording, Path, Progress | None], None]
+    Writer = Callable[..., None]  # recording, path, progress; and options of its format
     Reader = Callable[[Path], Recording]
 
 
@@ -101,7 +101,7 @@ class Format(msgspec.Struct, frozen=True):
         """The function that writes a recording with its derived signals: `write(recording, path, progress)`."""
         function = _function(self.writer)
 
-        def write(recording: "Recording", path: Path, progress: "Progress | None") -> None:
+        def write(recording: "Recording", path: Path, progress: "Progress | None", **options: Any) -> None:
             from silo.core.recording import has_own_stamps, read_whole
 
             if not self.own_times and has_own_stamps(recording):
@@ -116,7 +116,7 @@ class Format(msgspec.Struct, frozen=True):
 
                 recording = with_derived(recording)
             # of logs it is told when they are read again; in tables stands all that other tools may want to know
-            function(recording if self.for_logs else _clock_told(recording), path, progress=progress)
+            function(recording if self.for_logs else _clock_told(recording), path, progress=progress, **options)
 
         return write
 
@@ -204,6 +204,14 @@ FORMATS = (
         keeps=Keeps.ALL,
         own_times=True,
         extra="convert",
+    ),
+    Format(
+        name="rerun",
+        endings=(".rrd",),
+        about="Rerun",
+        writer="silo.files.tables.rrd:write_rrd",
+        own_times=True,
+        extra="rerun",
     ),
     Format(
         name="ulog",

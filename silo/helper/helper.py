@@ -51,6 +51,7 @@ from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Reply
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
+from silo.run_index.keeping import IndexKeeper
 from silo.state.event_log import EventLog
 from silo.state.events import EventNotifier, plain
 from silo.state.handover import RobotState
@@ -153,28 +154,26 @@ class Helper:
         held = HeldRuns(replica, self._poke)
         early = list(taken_over(self._robot, replica, held))
         held.take()  # one that was not handed over
-        events = EventNotifier(
-            session, self._root, replica, EventLog(first.folder, first.logger), self._robot.end_excitation
-        )
-        marks = MarkReader(replica, events)
+        events = EventNotifier(session, self._root, replica, EventLog(first.folder, first.logger))
+        marks, keeper = MarkReader(replica, events), IndexKeeper(replica, events)
         publisher = Publisher(session, self._root, replica, events)
         saver = Saver(replica, events, self._robot)
         journaling = Journaling(replica, events)
-        judge = Judge(replica, events, held)
+        judge = Judge(replica, events, held, self._robot.end_excitation)
         recording = EndlessRecordings(replica, events, held)
         runs = Runs(self._robot, replica, held, events, marks, judge, recording, early)
         runs.begin()
         people = self._authority(path, replica, events)
         servers = Servers(replica, events, publisher, saver, self._robot, judge, recording, people[1])
         control = RequestThreads(session, self._root, servers, *people, publisher.name_client, self._denials)
-        for part in (marks, publisher, saver, journaling, judge, recording, control):
+        for part in (keeper, marks, publisher, saver, journaling, judge, recording, control):
             part.start()
         token = session.liveliness().declare_token(self._root.key("alive"))
         predecessors = OrphanRecovery(replica, events)
         self._robot.tell(LinkReply(READY, Done(str(path))))
         predecessors.start()
         with contextlib.ExitStack() as at_end:  # the last one first
-            for stop in (events.log.stop, marks.stop, publisher.stop):
+            for stop in (keeper.stop, events.log.stop, marks.stop, publisher.stop):
                 at_end.callback(stop)
             at_end.callback(held.release, at_end=True)
             for wait in (saver.stop, predecessors.stop, recording.wait):

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from silo.core.arguments import line, shown, switch, text, whole
+from silo.core.arguments import line, shown, text
 from silo.core.calls import told_class
 from silo.core.elements import (
     NO_EXTRAS,
@@ -149,22 +149,14 @@ class LoggerConditions:
             ElementError: there is no such signal, or the bounds or a number make no sense; nothing was changed.
             ExpressionError: `when` makes no sense; the message shows the place.
         """
-        from silo.judging.definitions import MOST_STALE_S, bounds_given, seconds
+        from silo.conditions.given import limits_given
 
         if bounds is None:
             self.remove_limits(name)
             return
-        name = text("the signal's name", name, 'log.limit("joints/tau", (-40, -30, 30, 40))')
-        when = text("when", when, 'when="controller/mode == STANCE"')
-        one = SignalLimits(
-            name,
-            bounds_given(name, bounds),
-            persistence,
-            hysteresis,
-            seconds("stale", stale, MOST_STALE_S),
-            when,
+        self.set_limits(
+            limits_given(name, bounds, persistence=persistence, hysteresis=hysteresis, stale=stale, when=when)
         )
-        self.set_limits(one)
 
     def set_limits(self, one: SignalLimits) -> None:
         """Give a signal limits as they stand in scripts, or other ones than it has; also while the logger runs.
@@ -254,33 +246,17 @@ class LoggerConditions:
             ElementError: a number or name makes no sense; also for a `pre` that is longer than what buffers hold, with
                 the size that would do.
         """
-        from silo.files.formats import file_types
-        from silo.judging.definitions import MOST_TRIGGER_S, seconds
+        from silo.conditions.given import trigger_given
 
         if when is None:
             self.remove_trigger(name)
             return
-        example = 'log.trigger("fall", "abs(base/roll) > 0.6")'
-        name = line("the trigger's name", name, example)
-        pre_s, post_s, persist_s, holdoff_s = (
-            seconds(what, given, MOST_TRIGGER_S)
-            for what, given in (("pre", pre), ("post", post), ("persist", persist), ("holdoff", holdoff))
-        )
-        one = TriggerOptions(
-            name,
-            text("when", when, example),
-            pre_s,
-            post_s,
-            text("edge", edge, 'edge="falling"'),
-            text("rearm", rearm, 'rearm="abs(base/roll) < 0.3"'),
-            persist_s,
-            holdoff_s,
-            text("mode", mode, 'mode="single"'),
-            tuple(file_types(save)),
-            whole("keep", keep, 0, 1_000_000),
-            switch("armed", armed),
-        )
-        self.set_trigger(one)
+        self.set_trigger(
+            trigger_given(
+                name, when, pre=pre, post=post, edge=edge, rearm=rearm, persist=persist, holdoff=holdoff, mode=mode,
+                save=save, keep=keep, armed=armed,
+            )
+        )  # fmt: skip
 
     def set_trigger(self, one: TriggerOptions) -> None:
         """Set a trigger as it stands in scripts, or replace the one of its name; also while the logger runs.

@@ -22,6 +22,7 @@ from silo.core.elements import (
     Storage,
     Threads,
 )
+from silo.core.episodes.block import EpisodeBlock
 from silo.errors import SiloError, StateError
 from silo.logger.arguments.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord
 from silo.logger.arguments.options import (
@@ -264,6 +265,26 @@ class Logger(metaclass=HidesOtherNames):
         """
         self._mark(text, *more)
 
+    def episode(self, /, name: str, success: bool | None = None, **about: object) -> EpisodeBlock:
+        """Mark a stretch of the run: `with log.episode("pick", object="cup") as episode: ...; episode.success = True`.
+
+        It is two marks and is kept as marks are: it survives `kill -9`, and is in files, parts and captures, where
+        `silo.open_log(...).episodes` has it. An exception in the block makes it no success.
+
+        Args:
+            name: what is done, up to 60 bytes.
+            success: whether it went well, until `episode.success` is set.
+            **about: what else is to be known: `object="cup", speed=0.3`.
+
+        Returns:
+            A context manager.
+
+        Raises:
+            ElementError: the name or a fact is too long.
+        """
+        missing = "" if self._present.number else "call start() first"
+        return EpisodeBlock(functools.partial(Logger.mark, self), name, success, about, missing)
+
     def _set_mark(self, mark: Mark) -> None:
         self._mark = vars(self)["mark"] = mark  # in the instance in place of the method, as `collect`: 40 ns less
         if mark is no_mark:
@@ -401,11 +422,6 @@ class Logger(metaclass=HidesOtherNames):
     def ticks(self) -> int:
         """Ticks logged since the last start."""
         return self._present.ticks
-
-    @property
-    def lost(self) -> int:
-        """Samples that could not be kept since the last start (memory limit, full folder), all elements together."""
-        return self._present.lost
 
     @property
     def stop_reason(self) -> str:

@@ -18,6 +18,7 @@ from numpy.typing import DTypeLike, NDArray
 from silo.core.arguments import path as file_path
 from silo.core.calls import call_problem
 from silo.core.elements import DEFAULT_OPTIONS, NO_EXTRAS, ElementInfo, Entry, LoggerOptions, State, join_name
+from silo.core.episodes.block import EpisodeBlock
 from silo.core.kinds import index_suffixes, kind_by_shape
 from silo.core.recording import Recording
 from silo.errors import ArgumentError, ElementError
@@ -111,12 +112,13 @@ class NullLogger(metaclass=HidesOtherNames):
     is_running = False
     has_unsaved = False
     ticks = 0
-    lost = 0
     stop_reason = ""
     _extras = NO_EXTRAS
     # what `FORMER` leads to
     _scripted = _conditions = _Nothing()
-    _life = _table = _present = SimpleNamespace(state=State.STOPPED, revision=0, failures={}, path="", saved_before="")
+    _life = _table = _present = SimpleNamespace(
+        state=State.STOPPED, revision=0, failures={}, path="", saved_before="", lost=0
+    )
     _is_closed, _ignored = False, 0
 
     @_like(Logger.__init__)
@@ -132,6 +134,11 @@ class NullLogger(metaclass=HidesOtherNames):
 
     def mark(self, text: str = "mark", *more: object) -> None:
         """Mark nothing."""
+
+    @_like(Logger.episode)
+    def episode(self, name: str, success: bool | None, about: dict[str, object]) -> EpisodeBlock:
+        """Mark nothing. Raises like `Logger.episode`."""
+        return EpisodeBlock(self.mark, name, success, about)
 
     value = _nothing(Logger.value)
     update = _nothing(Logger.update)

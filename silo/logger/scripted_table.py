@@ -334,7 +334,7 @@ class ScriptedTable:
             elif read_script and not self.is_updated and Path(self._options.script).name != DEFAULT_SCRIPT:
                 log.warning(
                     "%s: there is no script %s, all elements are logged as the program says (log.save_script() writes "
-                    "one, W in silo-tui too)", self._options.name, self._options.script,
+                    "one, e w in silo-tui too)", self._options.name, self._options.script,
                 )  # fmt: skip
             self.is_updated, self._reads_script = True, read_script
             self._life.tell()

@@ -2,12 +2,16 @@
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
 from silo.analysis.plots.curves import CurveSource, picked
+from silo.analysis.plots.events import episodes_of
 from silo.analysis.reports import statistics
+from silo.core.episodes.words import Episode
 from silo.core.recording import Recording, read_ahead
 from silo.core.tuning.parameters import ParameterValue
 from silo.errors import SiloError
@@ -21,12 +25,13 @@ SANE_NS = 946_684_800 * 10**9  # the year 2000: stamps before it count from a st
 class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     """What a list of runs shows of one; `path` is relative to the folder of the index.
 
-    kind: `run`, or `capture` of a trigger. begun_ns: by the wall clock. span_s: from the
-    first tick to the last. rate_hz: of its ticks. lost: samples. limits, triggers, marks: how often. problem: why it
-    can't be read, then all else is empty.
+    prefix: of the names of its elements. kind: `run`, or `capture` of a trigger. begun_ns: by the wall clock. span_s:
+    from the first tick to the last. rate_hz: of its ticks. lost: samples. limits, triggers, marks: how often. problem:
+    why it can't be read, then all else is empty.
     """
 
     path: str
+    prefix: str = ""
     kind: str = "run"
     robot: str = ""
     task: str = ""
@@ -45,6 +50,7 @@ class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     size_bytes: int = 0
     about: dict[str, str] = {}
     parameters: dict[str, ParameterValue] = {}
+    episodes: tuple[Episode, ...] = ()
     problem: str = ""
 
 
@@ -61,23 +67,55 @@ class SignalFacts(msgspec.Struct, frozen=True, array_like=True):
     std: float | None
     rms: float | None
     last: float | None
+    kind: str = "number"  # or text, enum
 
 
-def read_facts(root: Path, name: str, size_bytes: int) -> tuple[RunFacts, list[SignalFacts]]:
+class EventFacts(msgspec.Struct, frozen=True, array_like=True):
+    """Something that happened in a run; at_s counts from its first tick, tick since its start, -1 for none."""
+
+    at_s: float
+    tick: int
+    time_ns: int
+    kind: str
+    text: str
+    who: str
+
+
+class Facts(NamedTuple):
+    """All that the index keeps of a run."""
+
+    run: RunFacts
+    signals: Sequence[SignalFacts] = ()
+    events: Sequence[EventFacts] = ()
+
+
+def read_facts(root: Path, name: str, size_bytes: int) -> Facts:
     """Read a log below a folder as a whole; one that can't be read says why."""
     path = root / name
     try:
         recording = read_recording(path, added_formats)
-        facts = _facts(recording, name, size_bytes, path)
-        read_ahead(recording.elements)
-        return facts, [
-            _of_signal(picked(recording, element, entry), element.name)
-            for element in recording.elements
-            for entry in element.entries
-        ]
+        return facts_of(recording, name, size_bytes, path)
     except (SiloError, OSError, MemoryError) as error:
         begun_ns = path.stat().st_mtime_ns if path.exists() else 0
-        return RunFacts(name, begun_ns=begun_ns, size_bytes=size_bytes, problem=str(error) or type(error).__name__), []
+        problem = str(error) or type(error).__name__
+        return Facts(RunFacts(name, begun_ns=begun_ns, size_bytes=size_bytes, problem=problem))
+
+
+def facts_of(recording: Recording, name: str, size_bytes: int, path: Path) -> Facts:
+    """Return what the index keeps of a recording. Raises SiloError, OSError where it can't be read as a whole."""
+    facts = _facts(recording, name, size_bytes, path)
+    read_ahead(recording.elements)
+    signals = [
+        _of_signal(picked(recording, element, entry), element.name)
+        for element in recording.elements
+        for entry in element.entries
+    ]
+    begin_ns = int(recording.time_ns[0]) if len(recording.time_ns) else recording.started_ns
+    events = [
+        EventFacts((one.at_ns - begin_ns) * 1e-9, one.tick, one.time_ns, one.kind, one.text, one.who)
+        for one in recording.events
+    ]
+    return Facts(facts, signals, events)
 
 
 def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunFacts:
@@ -91,6 +129,7 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         parameters |= {key: new for key, _, new in (event.change.values if event.change is not None else ())}
     return RunFacts(
         path=name,
+        prefix=recording.prefix,
         kind="capture" if is_capture(path) else "run",
         robot=recording.logger,
         task=recording.about.get("task", ""),
@@ -109,6 +148,7 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         size_bytes=size_bytes,
         about=dict(recording.about),
         parameters=parameters,
+        episodes=tuple(episodes_of(recording, int(stamps[0]) if ticks else 0)),
     )
 
 
@@ -120,4 +160,5 @@ def _of_signal(signal: CurveSource, element: str) -> SignalFacts:
     return SignalFacts(
         told.name, element, told.unit, told.samples - told.not_finite, told.minimum, told.maximum, told.mean, told.std,
         told.rms, last if last is not None and math.isfinite(last) else None,
+        "text" if signal.is_text else "enum" if signal.labels else "number",
     )  # fmt: skip

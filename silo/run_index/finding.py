@@ -8,26 +8,30 @@ from typing import NamedTuple
 from silo.files.csv.metadata import SIDECAR
 from silo.files.formats import FORMATS, LOG_ENDINGS
 
+NAME = ".silo-runs.sqlite"  # of the index, in the folder of which it is
 _READ = tuple(ending for one in FORMATS if one.for_logs or (one.mark and one.reader) for ending in one.endings)
 _PREFERENCE = {ending: place for place, ending in enumerate([*LOG_ENDINGS, *_READ])}
 
 
 class There(NamedTuple):
-    """A log as it lies there: what changes when it is written anew."""
+    """A log as it lies there: what changes when it is written anew; `others` are its other formats, by their paths."""
 
     size_bytes: int
     changed_ns: int
+    others: tuple[tuple[str, int, int], ...] = ()
 
 
 def logs_below(root: Path) -> dict[str, There]:
     """Return the logs below a folder by their paths relative to it. Raises OSError where it can't be read."""
-    found: dict[str, tuple[int, str, There]] = {}
+    found: dict[str, list[tuple[int, str, There]]] = {}
     for name, there in _below(root, "", _names(root)):
         stem, ending = _split(name)
-        preference = _PREFERENCE[ending]
-        if stem not in found or preference < found[stem][0]:
-            found[stem] = preference, name, there
-    return {name: there for _, name, there in found.values()}
+        found.setdefault(stem, []).append((_PREFERENCE[ending], name, there))
+    best: dict[str, There] = {}
+    for formats in found.values():
+        (_, name, there), *others = sorted(formats) if len(formats) > 1 else formats
+        best[name] = There(*there[:2], tuple((other, *about[:2]) for _, other, about in others))
+    return best
 
 
 def _below(root: Path, folder: str, names: list[str]) -> Iterator[tuple[str, There]]:

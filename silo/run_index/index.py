@@ -13,22 +13,25 @@ import msgspec
 
 from silo.errors import SiloError
 from silo.files.atomic import reason
-from silo.run_index.facts import RunFacts, SignalFacts, read_facts
-from silo.run_index.finding import There, logs_below
+from silo.run_index.facts import EventFacts, RunFacts, SignalFacts, read_facts
+from silo.run_index.finding import NAME, There, logs_below
 
-NAME = ".silo-runs.sqlite"
-VERSION = 1
+VERSION = 4
 PATIENCE_S = 30.0
 TOGETHER = 200  # logs whose facts are one transaction
 
 Told = Callable[[int, int], None]
 _TABLES = """
-CREATE TABLE IF NOT EXISTS run (id INTEGER PRIMARY KEY, path TEXT UNIQUE, size INTEGER, changed INTEGER, facts BLOB);
-CREATE TABLE IF NOT EXISTS signal (name TEXT, run INTEGER, element TEXT, unit TEXT, count INTEGER, least REAL,
-    most REAL, mean REAL, std REAL, rms REAL, last REAL, PRIMARY KEY (name, run)) WITHOUT ROWID;
-CREATE INDEX IF NOT EXISTS signal_of_run ON signal (run);
+CREATE TABLE run (id INTEGER PRIMARY KEY, path TEXT UNIQUE, size INTEGER, changed INTEGER, facts BLOB, others BLOB);
+CREATE TABLE signal (name TEXT, run INTEGER, element TEXT, unit TEXT, count INTEGER, least REAL,
+    most REAL, mean REAL, std REAL, rms REAL, last REAL, kind TEXT, PRIMARY KEY (name, run)) WITHOUT ROWID;
+CREATE INDEX signal_of_run ON signal (run);
+CREATE TABLE event (run INTEGER, at REAL, tick INTEGER, time INTEGER, kind TEXT, text TEXT, who TEXT);
+CREATE INDEX event_of_run ON event (run);
 """
+_TABLES_OF_A_RUN = ("signal", "event")
 _OF_RUNS = "SELECT run.path, signal.* FROM signal JOIN run ON run.id = signal.run"
+_EVENTS = "SELECT run.path, event.* FROM event JOIN run ON run.id = event.run ORDER BY event.rowid"
 _ENCODE, _DECODE = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder(RunFacts).decode
 
 
@@ -65,32 +68,59 @@ class RunIndex:
             there = logs_below(self.root)
         except OSError as error:
             raise SiloError(f"'{self.root}' can't be read: {reason(error)}") from error
-        rows = [] if anew else self._database.execute("SELECT path, size, changed FROM run").fetchall()
-        known = {path: There(size, changed) for path, size, changed in rows}
+        rows = [] if anew else self._database.execute("SELECT path, size, changed, others FROM run").fetchall()
+        known = {path: (size, changed) for path, size, changed, _ in rows}
+        self._follow(rows, known, there)
         gone = [path for path in known if path not in there]
         if anew or gone:
             with self._database as database:
                 if anew:
-                    database.execute("DELETE FROM signal")
-                    database.execute("DELETE FROM run")
+                    for table in (*_TABLES_OF_A_RUN, "run"):
+                        database.execute(f"DELETE FROM {table}")
                 self._forget(database, gone)
-        new = [path for path, log in there.items() if known.get(path) != log]
+        new = [path for path, log in there.items() if known.get(path) != log[:2]]
         for begin in range(0, len(new), TOGETHER):
             some = new[begin : begin + TOGETHER]
             found = []
             for place, path in enumerate(some):
                 told(begin + place, len(new))
-                found.append((path, there[path], *read_facts(self.root, path, there[path].size_bytes)))
+                found.append((path, there[path], read_facts(self.root, path, there[path].size_bytes)))
             with self._database as database:
                 self._forget(database, some)
-                for path, log, facts, signals in found:
-                    row = database.execute(
-                        "INSERT INTO run (path, size, changed, facts) VALUES (?, ?, ?, ?)", (path, *log, _ENCODE(facts))
+                for path, log, facts in found:
+                    run = database.execute(
+                        "INSERT INTO run (path, size, changed, facts, others) VALUES (?, ?, ?, ?, ?)",
+                        (path, *log[:2], _ENCODE(facts.run), _ENCODE(log.others)),
+                    ).lastrowid
+                    database.executemany(
+                        f"INSERT OR IGNORE INTO signal VALUES ({', '.join('?' * 12)})",
+                        [(one.name, run, *msgspec.structs.astuple(one)[1:]) for one in facts.signals],
                     )
                     database.executemany(
-                        "INSERT OR IGNORE INTO signal VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                        [(one.name, row.lastrowid, *msgspec.structs.astuple(one)[1:]) for one in signals],
+                        f"INSERT INTO event VALUES ({', '.join('?' * 7)})",
+                        [(run, *msgspec.structs.astuple(one)) for one in facts.events],
                     )
+
+    def _follow(
+        self, rows: Sequence[tuple[str, int, int, bytes]], known: dict[str, tuple[int, int]], there: dict[str, There]
+    ) -> None:
+        """Let runs have the name of another format that was there when they were read, where theirs is gone."""
+        for path, _, _, others in rows:
+            if path in there:
+                continue
+            for name, size, changed in msgspec.msgpack.decode(others, type=list[tuple[str, int, int]]):
+                if name not in known and name in there and there[name][:2] == (size, changed):
+                    with self._database as database:
+                        # another process may be ahead: of rows that are gone or there already nothing comes
+                        for (facts,) in database.execute("SELECT facts FROM run WHERE path = ?", (path,)).fetchall():
+                            told = msgspec.structs.replace(_DECODE(facts), path=name, size_bytes=size)
+                            database.execute(
+                                "UPDATE OR IGNORE run SET path = ?, size = ?, changed = ?, facts = ? WHERE path = ?",
+                                (name, size, changed, _ENCODE(told), path),
+                            )
+                    known[name] = (size, changed)
+                    del known[path]
+                    break
 
     def runs(self) -> list[RunFacts]:
         """Return all runs."""
@@ -118,16 +148,32 @@ class RunIndex:
         rows = self._database.execute(f"{_OF_RUNS} WHERE path = ? ORDER BY name", (path,))
         return [SignalFacts(name, *rest) for _, name, _, *rest in rows]
 
+    def every_signal(self) -> dict[str, list[SignalFacts]]:
+        """Return the facts of all scalars by the path of their run."""
+        found: dict[str, list[SignalFacts]] = {}
+        for path, name, _, *rest in self._database.execute(_OF_RUNS):
+            found.setdefault(path, []).append(SignalFacts(name, *rest))
+        return found
+
+    def events(self) -> dict[str, list[EventFacts]]:
+        """Return what happened by the path of the run, in its order there."""
+        found: dict[str, list[EventFacts]] = {}
+        for path, _, *rest in self._database.execute(_EVENTS):
+            found.setdefault(path, []).append(EventFacts(*rest))
+        return found
+
     def _opened(self, path: Path | str) -> sqlite3.Connection:
         database = sqlite3.connect(path, timeout=PATIENCE_S, check_same_thread=False)
         try:
-            (version,) = database.execute("PRAGMA user_version").fetchone()
-            if version != VERSION:
+            if _version(database) != VERSION:
                 with database:
-                    database.execute("DROP TABLE IF EXISTS run")
-                    database.execute("DROP TABLE IF EXISTS signal")
-                    database.execute(f"PRAGMA user_version = {VERSION}")
-            database.executescript(_TABLES)
+                    database.execute("BEGIN IMMEDIATE")
+                    if _version(database) != VERSION:  # another one may have made it meanwhile
+                        for table in (*_TABLES_OF_A_RUN, "run"):
+                            database.execute(f"DROP TABLE IF EXISTS {table}")
+                        for statement in _TABLES.split(";\n"):
+                            database.execute(statement)
+                        database.execute(f"PRAGMA user_version = {VERSION}")
         except sqlite3.Error:
             database.close()
             raise
@@ -136,5 +182,11 @@ class RunIndex:
     @staticmethod
     def _forget(database: sqlite3.Connection, paths: Iterable[str]) -> None:
         for path in paths:
-            database.execute("DELETE FROM signal WHERE run IN (SELECT id FROM run WHERE path = ?)", (path,))
+            for table in _TABLES_OF_A_RUN:
+                database.execute(f"DELETE FROM {table} WHERE run IN (SELECT id FROM run WHERE path = ?)", (path,))
             database.execute("DELETE FROM run WHERE path = ?", (path,))
+
+
+def _version(database: sqlite3.Connection) -> int:
+    (version,) = database.execute("PRAGMA user_version").fetchone()
+    return int(version)

@@ -2,106 +2,25 @@
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from datetime import datetime, timedelta, timezone
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from silo.analysis.opening import open_log
 from silo.core.arguments import path as checked_path
 from silo.core.arguments import shown
 from silo.core.calls import told
 from silo.core.quantities.writing import many, size_text
 from silo.errors import ElementError
 from silo.run_index import labels
-from silo.run_index.facts import RunFacts, SignalFacts
 from silo.run_index.index import RunIndex, Told
+from silo.run_index.listed import EPOCH, ListedRun, episodes_of
 from silo.run_index.where import Query
 
 if TYPE_CHECKING:
-    from silo.analysis.log import Log
+    from silo.analysis.compare import Comparison
 
 When = str | float | datetime | None
-EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ListedRun:
-    """One run of a list: its facts, what people say of it, and the way to its log."""
-
-    facts: RunFacts
-    folder: Path
-    _labels: dict[str, labels.Labels] = field(default_factory=dict)
-    _signals: Callable[[], list[SignalFacts]] = list
-
-    @property
-    def path(self) -> Path:
-        """The file or bag folder."""
-        return self.folder / self.facts.path
-
-    @property
-    def name(self) -> str:
-        """Its file name without ending."""
-        return self.path.stem
-
-    @property
-    def begun(self) -> datetime:
-        """When it began, by the wall clock, in local time."""
-        return (EPOCH + timedelta(microseconds=self.facts.begun_ns // 1000)).astimezone()
-
-    @property
-    def tags(self) -> tuple[str, ...]:
-        """Its tags, in the order in which they were given."""
-        return self._said.tags
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was noted, oldest first."""
-        return self._said.notes
-
-    @property
-    def signals(self) -> list[SignalFacts]:
-        """Each scalar in a few numbers, from the index."""
-        return self._signals()
-
-    def open(self) -> "Log":
-        """Open the log. Raises as `silo.open_log`."""
-        return open_log(self.path)
-
-    def tag(self, *tags: str) -> None:
-        """Give it tags. Raises ElementError for one that is no word, SaveError."""
-        labels.tag(self.path.parent, self.name, tags)
-        self._reread()
-
-    def untag(self, *tags: str) -> None:
-        """Take tags from it. Raises as `tag`."""
-        labels.tag(self.path.parent, self.name, (), tags)
-        self._reread()
-
-    def note(self, text: str) -> None:
-        """Say something of it. Raises ElementError, SaveError."""
-        labels.note(self.path.parent, self.name, text)
-        self._reread()
-
-    def undo(self) -> str:
-        """Take the last tag or note back, and return what it was. Raises ElementError where there is none."""
-        gone = labels.undo(self.path.parent, self.name)
-        self._reread()
-        return gone
-
-    def __repr__(self) -> str:
-        said = f" [{', '.join(self.tags)}]" if self.tags else ""
-        when = f"{self.begun:%Y-%m-%d %H:%M:%S}, {self.facts.span_s:.6g} s"
-        return f"<Run {self.facts.path}: {self.facts.robot}, {when}{said}>"
-
-    @property
-    def _said(self) -> labels.Labels:
-        return self._labels.get(self.name, labels.Labels())
-
-    def _reread(self) -> None:
-        self._labels.clear()
-        self._labels.update(labels.read_labels(self.path.parent))
 
 
 class RunList(Sequence[ListedRun]):
@@ -109,7 +28,7 @@ class RunList(Sequence[ListedRun]):
 
     def __init__(self, runs: Sequence[ListedRun], indexes: Sequence[RunIndex]) -> None:
         """Keep runs, and the indexes that they are from; `silo.runs` makes them."""
-        self._runs, self._indexes = list(runs), indexes
+        self._runs, self.indexes = list(runs), indexes
 
     def __len__(self) -> int:
         return len(self._runs)
@@ -127,8 +46,12 @@ class RunList(Sequence[ListedRun]):
         return iter(self._runs)
 
     def __repr__(self) -> str:
-        total = sum(run.facts.size_bytes for run in self._runs)
-        return f"<{many(len(self), 'run')}, {size_text(total)}>"
+        return f"<{many(len(self), 'run')}, {size_text(self.size_bytes)}>"
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of their logs; that of several episodes counts once."""
+        return sum({run.path: run.facts.size_bytes for run in self._runs}.values())
 
     def where(self, condition: str) -> "RunList":
         """Return those for which a condition holds: `max(joints/tau_3) > 30 and lost == 0`.
@@ -185,6 +108,36 @@ class RunList(Sequence[ListedRun]):
         low, high = _ns("since", since, -(2**63), late=False), _ns("until", until, 2**63, late=True)
         return self._kept([place for place, run in enumerate(self) if low <= run.facts.begun_ns < high])
 
+    def episodes(self) -> "RunList":
+        """Return the episodes of these runs, as runs: `runs.episodes().where("success and speed > 0.3")`.
+
+        Their names are tasks. Conditions know what was said at their beginning, `success` (no where nobody said so),
+        `good`, `bad` and `redo`; signals, losses and limits are those of their runs. Captures have episodes of their
+        runs again, and are left out. `episode` is what is known of each, `open()` gives its part of the log.
+        """
+        return RunList([one for run in self if run.facts.kind == "run" for one in episodes_of(run)], self.indexes)
+
+    def compare(self, pattern: str = "*", **options: Any) -> "list[tuple[ListedRun, Comparison]]":
+        """Compare all other runs with the first one, as `silo.compare` does.
+
+        Args:
+            pattern: which elements.
+            **options: those of `silo.compare`: `event`, `signal`, `tolerance`, `by`, `episode`.
+
+        Returns:
+            Each with what differs, the most different run first.
+
+        Raises:
+            ElementError: there is one run at most; or as `silo.compare`.
+        """
+        from silo.analysis.compare import compare
+
+        if len(self) < 2:
+            raise ElementError(f"{many(len(self), 'run')} can't be compared: there must be two or more")
+        first = self[0].open()
+        found = [(run, compare(first, run.open(), pattern, **options)) for run in self[1:]]
+        return sorted(found, key=lambda pair: pair[1].weight, reverse=True)
+
     def to_pandas(self) -> Any:
         """Return a table with a row per run. Needs pandas."""
         from silo.files.extras import need
@@ -192,19 +145,41 @@ class RunList(Sequence[ListedRun]):
         rows = [told_of(run) for run in self]
         return need("pandas", "analysis", "tables of runs").DataFrame(rows)
 
+    def sql(self, statement: str) -> Any:
+        """Answer an SQL statement over these runs, by DuckDB. Needs `pip install "silo-logger[query]"`.
+
+        Tables are `runs`, `signals` (a scalar of a run in numbers), `episodes`, `events`, `parameters`, `about`;
+        `samples` (a value of a scalar a row: run, signal, t, time, value, text) and `wide` (a tick a row, a column for
+        each scalar), of which only what is asked for is read. Files, network and extensions are out of its reach.
+
+        Args:
+            statement: `"select run, max(abs(\"joints/tau_3\")) from wide group by run order by 2 desc"`.
+
+        Returns:
+            A polars DataFrame; `.to_pandas()`, `.to_numpy()` and `.write_parquet(...)` are its.
+
+        Raises:
+            ElementError: the statement is wrong, or asks for more than fits into memory.
+            SiloError: a log can't be read, or DuckDB is missing.
+        """
+        from silo.run_index.sql import query
+        from silo.run_index.tables import Folders
+
+        return query(Folders(self, self.indexes), statement)
+
     def _judged(self, text: str, how: Callable[[Query], Callable[..., float]]) -> list[float]:
         known: dict[str, list[str]] = {}
-        for index in self._indexes:
+        for index in self.indexes:
             for element, scalars in index.elements().items():
                 known[element] = list(dict.fromkeys([*known.get(element, ()), *scalars]))
         words = {word for run in self for word in (*run.tags, *run.facts.parameters)}
         condition = Query(text, known, words)
-        signals = {index.root: index.signals(condition.signals) for index in self._indexes}
+        signals = {index.root: index.signals(condition.signals) for index in self.indexes}
         judge = how(condition)
         return [judge(run.facts, run.tags, signals[run.folder].get(run.facts.path, ())) for run in self]
 
     def _kept(self, places: Sequence[int]) -> "RunList":
-        return RunList([self._runs[place] for place in places], self._indexes)
+        return RunList([self._runs[place] for place in places], self.indexes)
 
 
 @told("silo.runs")

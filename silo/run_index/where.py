@@ -35,6 +35,7 @@ FACTS: dict[str, tuple[str, Callable[[RunFacts], float]]] = {
     "marks": ("", lambda run: float(run.marks)),
     "limits": ("", lambda run: float(run.limits)),
     "triggers": ("", lambda run: float(run.triggers)),
+    "episodes": ("", lambda run: float(len(run.episodes))),
     "warnings": ("", lambda run: float(run.warnings)),
 }
 _OF_SIGNALS: dict[str, tuple[str, Callable[[Sequence[float]], float]]] = {

@@ -24,6 +24,11 @@ PROGRESS_PERIOD_S = 0.1
 
 _QUIET = (EventKind.SAVING, EventKind.MARKER)  # not on the console of the robot program
 
+_OF_FILES = (
+    EventKind.SAVED, EventKind.CAPTURED, EventKind.CRASHED, EventKind.RECOVERED, EventKind.RECORDING,
+    EventKind.RECORDING_FAILED, EventKind.DELETED, EventKind.FILES_DELETED,
+)  # fmt: skip
+
 log = logging.getLogger("silo.helper")
 
 
@@ -35,15 +40,8 @@ def plain(text: str, limit: int = MAX_BY) -> str:
 class EventNotifier:
     """Numbers events, logs and publishes them."""
 
-    def __init__(
-        self,
-        session: zenoh.Session,
-        root: Root,
-        replica: Replica,
-        log: EventLog,
-        limit_fired: Callable[[str], object] | None = None,
-    ) -> None:
-        """Tell by this session; `limit_fired` is called with the words of each limit that fires."""
+    def __init__(self, session: zenoh.Session, root: Root, replica: Replica, log: EventLog) -> None:
+        """Tell by this session."""
         self._publisher = session.declare_publisher(
             root.key("event"), congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.INTERACTIVE_HIGH
         )
@@ -51,7 +49,7 @@ class EventNotifier:
         self._lock = threading.Lock()
         self._number = 0
         self.log = log
-        self._limit_fired = limit_fired
+        self.files_changed: Callable[[Sequence[SavedFile]], object] = lambda files: None
 
     def publish(
         self,
@@ -93,8 +91,8 @@ class EventNotifier:
             # whoever sits before the robot wants to know why it does what nobody there asked for
             log.warning("%s: %s, by %s", self._replica.now.robot.logger, text, plain(by))
         self._put(event, by=plain(by), status=status, job=job, progress=progress, files=list(files))
-        if kind is EventKind.LIMIT and self._limit_fired is not None:
-            self._limit_fired(text)
+        if kind in _OF_FILES:
+            self.files_changed(files)
         return event
 
     def progress(self, what: str, *, by: str = "", job: int = 0) -> Callable[[float], None]:

@@ -270,7 +270,7 @@ def test_a_data_set_is_made_of_several_logs(tmp_path, new_logger):
     assert "left out: " in made.stderr
     assert "run0.silo: no signal is meant by 'cmd'" in made.stderr
     for given, words in (
-        ([*runs, "x.csv"], "more than one IN (2) is for data sets: add --to lerobot"),
+        ([*runs, "x.csv"], "more than one IN (2) is for data sets: add --to lerobot or --to episodes"),
         ([runs[0], "x.csv", "--fps", "3"], "--fps is for data sets"),
         ([runs[0], "x", "--to", "lerobot", "--fps", "3"], "at least one --state"),
         ([runs[0], "x", "--to", "lerobot", "--fps", "3", "--state", "q", "--rate", "3"], "write --fps instead"),

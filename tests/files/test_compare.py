@@ -1,7 +1,9 @@
 """`silo.compare`, `silo compare` and `silo diff`: one rule, and no work twice."""
 
+import itertools
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from silo.analysis.compare import differences
 from silo.cli.group import cli
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.errors import ElementError
 
 COUNT = 20
 
@@ -113,3 +116,57 @@ def test_the_shell_compares_as_silo_compare_does(tmp_path):
     event = CliRunner().invoke(cli, ["compare", *paths, "--event", "s1 > 99"])
     assert event.exit_code == 1
     assert "doesn't happen in the first run" in event.output
+
+
+@pytest.fixture
+def several(tmp_path):
+    """Four runs, each with an episode a tick later than in the one before; the third is unlike the others."""
+    for number in range(4):
+        clock = itertools.count(1_700_000_000_000_000_000 + number * 10**11, 10_000_000).__next__
+        log = silo.Logger("dog", frequency=100, folder=tmp_path, clock=clock, script=tmp_path / "none.yaml")
+        x = log.array("x")
+        log.start()
+        for tick in range(30):
+            x[...] = np.sin(tick) if tick < 10 + number else (tick - number) * (10 if number == 2 else 1)
+            if tick == 10 + number:
+                with log.episode("pick"):
+                    for step in range(5):
+                        x[...] = step * (10 if number == 2 else 1)
+                        log.collect()
+            else:
+                log.collect()
+        log.save("silo", name=f"run{number}")
+        log.close()
+    return tmp_path
+
+
+def test_many_runs_are_compared_with_the_first_the_most_different_first(several, monkeypatch):
+    found = silo.runs(several).compare("x")
+    assert found[0][0].name == "run2"
+    assert len(found) == 3
+    same = silo.runs(several).compare("x", episode="pick")
+    assert [(run.name, bool(one)) for run, one in same] == [("run2", True), ("run1", False), ("run3", False)]
+    with pytest.raises(ElementError, match="1 run can't be compared"):
+        silo.runs(several)[:1].compare()
+    monkeypatch.chdir(several)
+
+    def ran(*words, code):
+        result = CliRunner().invoke(cli, ["compare", *words])
+        assert result.exit_code == code, result.output
+        return result.stdout
+
+    lines = ran("run0.silo..run3.silo", "x", "--png", "worst.png", code=4).splitlines()
+    assert lines[1].split()[:3] == ["run2.silo", "1", "/log/x"]
+    assert lines[-1] == "worst.png"
+    assert Path("worst.png").read_bytes().startswith(b"\x89PNG")
+    ran("run0.silo..run1.silo", "--episode", "pick", code=0)
+    told = json.loads(ran("run1.silo..run3.silo", "--episode", "0", "--json", code=4))
+    assert [(one["run"], len(one["differ"])) for one in told] == [("run2.silo", 1), ("run3.silo", 0)]
+    ran("run0.silo", "run2.silo", "x", "--png", "pair.png", code=4)
+    assert Path("pair.png").stat().st_size > 1000
+    ran("run0.silo", code=2)
+
+
+def test_an_episode_that_is_not_there_is_told_with_those_that_are(several):
+    with pytest.raises(ElementError, match=r"run0.silo has no episode 'place'; it has pick"):
+        silo.compare(several / "run0.silo", several / "run1.silo", episode="place")

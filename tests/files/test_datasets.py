@@ -3,6 +3,9 @@
 import itertools
 import json
 import shutil
+import subprocess
+import sys
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -183,6 +186,24 @@ def test_others_read_it(made):
 # ---------------------------------------------------------------------------------------------- what is refused
 
 
+def test_a_file_per_episode_holds_the_same_frames(runs, made, tmp_path):
+    arguments = {"fps": FPS, "state": ["joints/*", "speed"], "action": ["cmd"], "also": ["camera", "ok"], "where": "ok"}
+    write_lerobot(runs, tmp_path / "out", to="episodes", task="pick", window=["joints/q"], **arguments)
+    told = json.loads((tmp_path / "out" / "episodes.json").read_text())
+    frames_of = pq.read_table(next(made.path.glob("data/*/*.parquet"))).to_pydict()
+    assert [one["frames"] for one in told["episodes"]] == [
+        frames_of["episode_index"].count(0), frames_of["episode_index"].count(1)
+    ]  # fmt: skip
+    arrays = [np.load(tmp_path / "out" / one["file"]) for one in told["episodes"]]
+    for feature in told["features"]:
+        whole = np.concatenate([one[feature["name"]] for one in arrays])
+        np.testing.assert_array_equal(whole, np.array(frames_of[feature["name"]], whole.dtype).reshape(whole.shape))
+    assert {one["task"] for one in told["episodes"]} == {"pick"}
+    assert arrays[0]["timestamp"][1] == 1 / FPS
+    write_lerobot(runs[:1], tmp_path / "out", to="episodes", force=True, **arguments)
+    assert len(list((tmp_path / "out").glob("*.npz"))) == 1
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
     [
@@ -277,3 +298,32 @@ def test_a_head_that_says_something_else_is_found(made, tmp_path):
         check_lerobot(copy)
     with pytest.raises(silo.errors.LogNotFoundError, match="no data set"):
         check_lerobot(tmp_path)
+
+
+@pytest.mark.slow
+def test_rerun_finds_its_file_whole_with_what_was_told(runs, tmp_path):
+    pytest.importorskip("rerun")
+    recording = replace(silo.open_log(runs[0]).recording, warnings=("a wheel was loose",))
+    silo.Log(recording).save(tmp_path / "run.rrd")
+
+    def said(*arguments):
+        command = [sys.executable, "-m", "rerun", "rrd", *arguments, tmp_path / "run.rrd"]
+        ran = subprocess.run(command, capture_output=True, text=True, check=True)
+        return ran.stdout + ran.stderr
+
+    assert "1 file verified without error" in said("verify")
+    assert "/log/joints/q: 2" in said("stats")
+    everything = said("print", "-vvv")
+    assert "a wheel was loose" in everything
+    assert "0/399.png" in everything
+
+
+def test_duckdb_reads_it(made):
+    duckdb = pytest.importorskip("duckdb")
+    with duckdb.connect() as database:
+        (frames_there, last), = database.execute(
+            f"select count(*), max(frame_index) from '{made.path}/data/**/*.parquet'"
+        ).fetchall()  # fmt: skip
+        (episodes,) = database.execute(f"select count(*) from '{made.path}/meta/episodes/**/*.parquet'").fetchone()
+    assert (frames_there, episodes) == (made.frames, made.episodes)
+    assert last == max(pq.read_table(f"{made.path}/data").column("frame_index").to_pylist())

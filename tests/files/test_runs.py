@@ -5,6 +5,8 @@ import json
 import math
 import os
 import shutil
+import subprocess
+import sys
 import threading
 
 import numpy as np
@@ -212,6 +214,41 @@ def test_several_may_make_it_at_once(root):
     for thread in threads:
         thread.join()
     assert found == [found[0]] * 4
+
+
+def test_a_run_whose_best_format_is_deleted_is_not_read_again(root, monkeypatch):
+    before = {run.name: run.facts for run in silo.runs(root)}
+    (root / "tuesday/run3.silo").unlink()
+    monkeypatch.setattr(index, "read_facts", lambda *_: pytest.fail("a run was read again"))
+    runs = silo.runs(root, where="max(joints/tau) > 2.5")
+    assert names(runs) == ["run3", "run4"]
+    assert runs[0].facts.path == "tuesday/run3.csv"
+    assert (runs[0].facts.ticks, runs[0].facts.parameters) == (before["run3"].ticks, before["run3"].parameters)
+    most = max(one.most for one in runs[0].signals if one.element.endswith("tau"))
+    assert runs[0].open()["joints/tau"].values.max() == most
+    (root / "tuesday/run3.csv").unlink()
+    assert names(silo.runs(root))[-1] == "run4"
+
+
+def test_another_format_that_changed_since_is_read(root):
+    silo.runs(root)
+    shutil.copy(root / "tuesday/run4.silo", root / "tuesday/run3.silo")
+    (root / "tuesday/run3.csv").touch()
+    (root / "tuesday/run3.silo").unlink()
+    assert silo.runs(root)[3].facts.path == "tuesday/run3.csv"
+
+
+@pytest.mark.slow
+def test_processes_that_keep_it_at_once_lose_nothing_and_have_nothing_twice(root):
+    silo.runs(root)
+    for copy in range(8):
+        shutil.copy(root / "monday/run1.silo", root / f"monday/copy{copy}.silo")
+    kept = [subprocess.Popen([sys.executable, "-m", "silo.run_index.keeping", root]) for _ in range(3)]
+    found = silo.runs(root)
+    assert [one.wait() for one in kept] == [0, 0, 0]
+    assert len(names(found)) == len(set(names(found))) == RUNS + 8
+    assert silo.runs(root).values("max(joints/tau)") == found.values("max(joints/tau)")
+    assert silo.runs(root, rebuild=True).values("max(joints/tau)") == found.values("max(joints/tau)")
 
 
 def test_a_list_stays_right_while_somebody_makes_the_index_anew(root):

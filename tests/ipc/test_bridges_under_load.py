@@ -65,7 +65,7 @@ def test_joint_states_have_every_tick_however_the_rings_are_read() -> None:
         return of[0].time_ns, [b"x"] * len(of[0])
 
     outlet = SimpleNamespace(elements=("/log/q", "/log/qd"), encode=encode)
-    topic = GraphTopic(outlet, b"", None, None, is_watched=True)
+    topic = GraphTopic(b"", None, None, outlet=outlet, is_watched=True)
     batches = [{"/log/q": samples(0, 4), "/log/qd": samples(0, 5)}, {"/log/q": samples(5, 9), "/log/qd": samples(6, 9)}]
     times = [time_ns for batch in batches for time_ns, _ in topic.messages(batch)]
     assert times == [tick * 1000 for tick in range(10)]

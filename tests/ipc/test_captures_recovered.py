@@ -30,7 +30,7 @@ def fallen(robots, *triggers: TriggerOptions):
     robot = robots("bot")
     with Client.connect("bot") as client:
         for one in triggers:
-            client.set_trigger(one)
+            client._set_trigger(one)
         wait_until(lambda: all(one.fires for one in client.triggers().triggers))
         fired = client.status().ticks
         wait_until(lambda: client.status().ticks > fired)  # something of the post is there
@@ -103,7 +103,7 @@ def held(robots, runtime) -> tuple[str, Path]:
     """A run that a program held for its triggers before it and its helper process were killed."""
     robot = robots("bot")
     with Client.connect("bot") as client:
-        client.set_trigger(TriggerOptions("fall", "x % 100 == 50", pre_s=0.05, post_s=0.05))
+        client._set_trigger(TriggerOptions("fall", "x % 100 == 50", pre_s=0.05, post_s=0.05))
         wait_until(lambda: client.triggers().triggers and client.triggers().triggers[0].fires)
         first = client.triggers().run
         freeze(robot.helper_pid)  # frozen: it judges no more
@@ -160,7 +160,7 @@ def test_a_run_that_no_helper_process_saw_is_judged_and_its_start_told(robots, t
     folder = tmp_path / "logs"
     robot = robots("bot")
     with Client.connect("bot") as client:
-        client.set_trigger(TriggerOptions("fall", "x % 100 == 50", pre_s=0.01, post_s=0.01))
+        client._set_trigger(TriggerOptions("fall", "x % 100 == 50", pre_s=0.01, post_s=0.01))
         first = client.triggers().run
         client.restart(unsaved="discard")
         wait_until(lambda: client.triggers().run != first and client.triggers().triggers[0].fires)

@@ -198,6 +198,20 @@ def test_setting_what_is_set_says_that_there_is_nothing_to_do(log: silo.Logger, 
     assert log._table.revision == revision
 
 
+def test_what_is_said_of_an_episode_is_in_the_log_of_the_run(log, command):
+    log.start()
+    try:
+        assert command("episode", "arm", "good").code == EXIT_FAILED
+        said = [command("episode", "arm", "begin", "--name", "pick", "--about", "object=cup"),
+                command("episode", "arm", "good"), command("episode", "arm", "redo")]  # fmt: skip
+        texts = ['episode "pick" begin {"object":"cup"}', 'episode "pick" end good', 'episode "pick" redo']
+        assert [one.out.strip().partition(": ")[2] for one in said] == texts
+        assert command("episode", "arm", "fine").code == command("episode", "arm", "end").code == EXIT_FAILED
+        assert command("episode", "arm", "begin", "--about", "cup").code == EXIT_USAGE
+    finally:
+        log.stop()
+
+
 def test_a_running_logger_refuses_to_be_changed(log: silo.Logger, command: Run) -> None:
     log.start()
     shown = command("set", "*", "divider=2")

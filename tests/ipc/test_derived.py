@@ -64,7 +64,7 @@ class TestTable:
         assert newest(client, ["/log/twice"]) == [20.0]
         assert client.derive("twice", "3 * x") == "'/log/twice' is derived anew: 3 * x"
         assert newest(client, ["/log/twice"]) == [30.0]
-        assert client.remove_derived("twice") == "'twice' is derived no more"
+        assert client._remove_derived("twice") == "'twice' is derived no more"
         assert client.table().derived == []
 
     def test_what_makes_no_sense_is_refused_with_words(self, bench, client):
@@ -80,20 +80,20 @@ class TestTable:
             with pytest.raises(RefusedError, match=words):
                 client.derive(name, expression)
         with pytest.raises(RefusedError, match="used by '/log/b': remove that first"):
-            client.remove_derived("a")
+            client._remove_derived("a")
         with pytest.raises(RefusedError, match="no derived signal is called 'z', there are /log/a, /log/b"):
-            client.remove_derived("z")
+            client._remove_derived("z")
         assert [one.name for one in bench.logger.extras.derived] == ["/log/a", "/log/b"]
 
     def test_what_limits_and_triggers_use_stays(self, bench, client):
         bench.logger.derive("twice", "2 * x")
         bench.logger.limit("twice", (None, None, 1, 2))
         with pytest.raises(RefusedError, match="used by the limits of 'twice'"):
-            client.remove_derived("twice")
+            client._remove_derived("twice")
         bench.logger._conditions.remove_limits("twice")
         bench.logger.trigger("much", "twice > 3")
         with pytest.raises(RefusedError, match="used by trigger 'much'"):
-            client.remove_derived("/log/twice")
+            client._remove_derived("/log/twice")
 
     def test_a_new_expression_may_use_what_was_derived_later(self, bench):
         bench.logger.derive("a", "x + 1")
@@ -180,7 +180,7 @@ class TestRows:
             bench.ticks(20)
             found = read(stream, 20, "/log/x")
             with Client.connect("bot") as other:
-                other.remove_derived("half")
+                other._remove_derived("half")
             wait_until(lambda: (stream.read(0.05), stream.missing)[1])
             bench.ticks(10)
             found += read(stream, 10, "/log/x")
@@ -216,7 +216,7 @@ class TestRows:
         derive(bench, client, "twice", "2 * x")
         run(bench, client, 30)
         with client.pin(["/log/twice", "/log/x"], 0, 2**61) as pin:
-            client.remove_derived("twice")
+            client._remove_derived("twice")
             wait_until(lambda: table_of(client).get("/log/twice") is None)
             request = OpenPin(pin=pin.id, names=["/log/twice", "/log/x"], start_ns=0, end_ns=2**61)
             assert client._call(request) == pin.opened

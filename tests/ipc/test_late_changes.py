@@ -89,7 +89,7 @@ def test_of_changes_for_a_stopped_robot_program_those_that_are_said_to_go_on_are
     finally:
         os.kill(robot.pid, signal.SIGCONT)
     with Client.connect("bot") as client:
-        client.set_trigger(TriggerOptions("last", "/log/x > 1e9"))  # after all that waited for the robot program
+        client._set_trigger(TriggerOptions("last", "/log/x > 1e9"))  # after all that waited for the robot program
         there = {one.options.name for one in client.triggers().triggers}
     assert "try again" not in answers.values(), answers
     assert "goes on" in answers.values()

@@ -14,7 +14,7 @@ LOOKING = TriggerOptions("scope", "x % 50 == 0", pre_s=0.05, post_s=0.05, save=(
 def test_it_fires_and_tells_which_ticks_it_captured_and_writes_nothing(bench, client):
     bench.logger.start()
     bench.ticks(10)
-    assert client.set_trigger(LOOKING, lease_s=60) == "trigger 'scope' is held for 60 s"
+    assert client._set_trigger(LOOKING, lease_s=60) == "trigger 'scope' is held for 60 s"
     trigger(client, "scope", TriggerWord.ARMED)
     bench.ticks(100)
     judged(client, bench)
@@ -29,7 +29,7 @@ def test_it_fires_and_tells_which_ticks_it_captured_and_writes_nothing(bench, cl
 def test_while_a_capture_is_under_way_the_one_before_stands_still(bench, client):
     bench.logger.start()
     bench.ticks(10)
-    client.set_trigger(LOOKING, lease_s=60)
+    client._set_trigger(LOOKING, lease_s=60)
     trigger(client, "scope", TriggerWord.ARMED)
     bench.ticks(92)
     judged(client, bench)
@@ -38,7 +38,7 @@ def test_while_a_capture_is_under_way_the_one_before_stands_still(bench, client)
 
 
 def test_it_is_in_no_script_and_not_in_the_logger(bench, client):
-    client.set_trigger(LOOKING, lease_s=60)
+    client._set_trigger(LOOKING, lease_s=60)
     assert trigger(client, "scope").state is TriggerWord.WAITING
     client.save_script("new.yaml")
     assert "scope" not in client.read_script("new.yaml").text
@@ -49,25 +49,25 @@ def test_it_goes_with_a_client_that_goes_away(bench, client):
     bench.logger.start()
     bench.ticks(10)
     with Client.connect("bot") as other:
-        assert other.set_trigger(LOOKING, lease_s=0.5) == "trigger 'scope' is held for 0.5 s"
+        assert other._set_trigger(LOOKING, lease_s=0.5) == "trigger 'scope' is held for 0.5 s"
     wait_until(lambda: not client.triggers().triggers)
 
 
 def test_the_same_again_renews_it_and_it_goes_on_counting(bench, client):
     bench.logger.start()
     bench.ticks(10)
-    client.set_trigger(LOOKING, lease_s=60)
+    client._set_trigger(LOOKING, lease_s=60)
     trigger(client, "scope", TriggerWord.ARMED)
     bench.ticks(60)
     judged(client, bench)
-    assert client.set_trigger(LOOKING, lease_s=60) == "trigger 'scope' is kept for 60 s"
+    assert client._set_trigger(LOOKING, lease_s=60) == "trigger 'scope' is kept for 60 s"
     assert trigger(client, "scope").fires == 1
 
 
 def test_it_survives_a_new_start(bench, client):
     bench.logger.start()
     bench.ticks(10)
-    client.set_trigger(LOOKING, lease_s=60)
+    client._set_trigger(LOOKING, lease_s=60)
     trigger(client, "scope", TriggerWord.ARMED)
     bench.logger.restart(unsaved="clear")
     bench.ticks(10)
@@ -77,7 +77,7 @@ def test_it_survives_a_new_start(bench, client):
 def test_in_mode_auto_it_fires_by_itself_when_its_condition_does_not(bench, client):
     bench.logger.start()
     bench.ticks(10)
-    client.set_trigger(TriggerOptions("scope", "x < 0", post_s=0.1, mode="auto", save=(), patience_s=0.2), lease_s=60)
+    client._set_trigger(TriggerOptions("scope", "x < 0", post_s=0.1, mode="auto", save=(), patience_s=0.2), lease_s=60)
     trigger(client, "scope", TriggerWord.ARMED)
     bench.ticks(100)
     judged(client, bench)
@@ -88,31 +88,31 @@ def test_in_mode_auto_it_fires_by_itself_when_its_condition_does_not(bench, clie
 
 def test_mode_auto_with_files_is_refused(bench, client):
     with pytest.raises(RefusedError, match="auto captures without end"):
-        client.set_trigger(TriggerOptions("scope", "x < 0", mode="auto"), lease_s=60)
+        client._set_trigger(TriggerOptions("scope", "x < 0", mode="auto"), lease_s=60)
 
 
 def test_a_name_that_the_logger_has_is_refused(bench, client):
     bench.logger.trigger("high", "x > 5")
     trigger(client, "high")
     with pytest.raises(RefusedError, match="'high' is one of the logger"):
-        client.set_trigger(TriggerOptions("high", "x > 6", save=()), lease_s=60)
+        client._set_trigger(TriggerOptions("high", "x > 6", save=()), lease_s=60)
 
 
 def test_more_past_than_buffers_hold_is_refused_with_the_size_that_would_do(bench, client):
     with pytest.raises(RefusedError, match="set size="):
-        client.set_trigger(TriggerOptions("scope", "x > 6", pre_s=60, save=()), lease_s=60)
+        client._set_trigger(TriggerOptions("scope", "x > 6", pre_s=60, save=()), lease_s=60)
     assert client.triggers().triggers == []
 
 
 def test_it_is_armed_forced_and_let_go_of_by_name(bench, client):
     bench.logger.start()
     bench.ticks(10)
-    client.set_trigger(TriggerOptions("scope", "x > 20", mode="single", save=()), lease_s=60)
+    client._set_trigger(TriggerOptions("scope", "x > 20", mode="single", save=()), lease_s=60)
     trigger(client, "scope", TriggerWord.ARMED)
     bench.ticks(20)
     trigger(client, "scope", TriggerWord.FIRED)
     client.arm_trigger("scope")
     assert trigger(client, "scope").state is TriggerWord.ARMED
     assert client.force_trigger("scope") == "trigger 'scope' was fired at tick 29"
-    assert client.remove_trigger("scope") == "trigger 'scope' is let go of"
+    assert client._remove_trigger("scope") == "trigger 'scope' is let go of"
     assert client.triggers().triggers == []

@@ -103,6 +103,8 @@ def test_an_interrupt_anywhere_in_a_tick_is_one_and_the_next_tick_goes_on(
     for divider in dividers:
         logger.add(robot, f"y{divider}", attr="tick", divider=divider, buffer=kind, size=500)
     logger.add(np.zeros(1), "looping", size=20)
+    if threads == "serialized":  # slow rows are then found by the next tick at which they are due
+        logger.parameter("kp", 1.0)
     logger.start()
     interrupts = Interrupts(lambda code: code.co_filename == "<silo collect>" or code.co_name in ("claim", "more"))
 
@@ -120,7 +122,7 @@ def test_an_interrupt_anywhere_in_a_tick_is_one_and_the_next_tick_goes_on(
             tick()
     assert seen > len(places)
     recording = logger.snapshot()
-    for element in recording.elements[:-1]:
+    for element in recording.elements[: len(dividers) + 1]:
         gone = recording.offset - len(recording.time_ns)
         assert element.entries[0].values.tolist() == (element.stamp_indices + gone).tolist()
     logger.close(discard=True)

@@ -1,8 +1,9 @@
 """What happened during a log, on its own scale of time: `log.events`, lines in plots, the table of `silo info`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from silo.core.episodes.words import Episode, found_episodes
 from silo.core.recording import Recording
 
 MOST_SHOWN = 20
@@ -35,6 +36,20 @@ def events_of(recording: Recording, start_ns: int) -> list[LogEvent]:
     return [
         LogEvent(event.tick, event.at_ns, (event.at_ns - start_ns) * 1e-9, event.kind, event.text, event.who)
         for event in recording.events
+    ]
+
+
+def episodes_of(recording: Recording, start_ns: int) -> list[Episode]:
+    """Return the episodes that the recording has a part of; seconds count from `start_ns`."""
+    time_ns, before = recording.time_ns, recording.offset - len(recording.time_ns)
+
+    def seconds(tick: int) -> float:
+        return (int(time_ns[min(max(tick - before, 0), len(time_ns) - 1)]) - start_ns) * 1e-9
+
+    return [
+        replace(one, start_s=seconds(one.first), stop_s=max(seconds(one.last), seconds(one.first)))
+        for one in found_episodes(recording.events, recording.offset)
+        if len(time_ns) and one.last >= before and one.first < recording.offset
     ]
 
 

@@ -35,6 +35,29 @@ def mark(client: "Client", text: str, tick: int | None) -> str:
     return f"marked tick {event.tick}: {event.text}"
 
 
+@verb(None, "episode", "WORD")
+@click.option("--name", default="", help="Which one; the newest if it isn't given.")
+@click.option("--about", "facts", metavar="KEY=VALUE", multiple=True, help="What is to be known of one that begins.")
+def episode(client: "Client", word: str, name: str, facts: tuple[str, ...]) -> str:
+    """Say of an episode that it was good or bad, is to be done again (redo), begins or ends.
+
+    Programs mark episodes by `with log.episode("pick")`. What a person says holds against what the program says.
+
+    \b
+    Examples:
+      silo episode good                      (the only logger, its newest episode)
+      silo episode demo begin --name pick --about object=cup
+      silo episode demo redo --name pick
+    """
+    from silo.client.episodes import say_of_episode
+
+    split = [fact.partition("=") for fact in facts]
+    if any(not key or not there for key, there, _ in split):
+        raise click.UsageError("write --about KEY=VALUE")
+    event = say_of_episode(client, word, name, {key: value for key, _, value in split})
+    return f"marked tick {event.tick}: {event.text}"
+
+
 @click.command()
 @click.argument("which", required=False, type=LogWord(), metavar="[LOGGER|FOLDER|FILE]", shell_complete=complete_logger)
 @click.option("-f", "--follow", is_flag=True, help="Go on with what comes, until Ctrl-C.")

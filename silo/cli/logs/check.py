@@ -1,12 +1,13 @@
 """`silo check FILE`: limits and conditions judged on a log, with an exit code for scripts."""
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FAILED, EXIT_USAGE
-from silo.cli.common import LogWord, find_saved, show_json, show_rows
+from silo.cli.common import LogWord, TypedPath, find_saved, show_json, show_rows
 from silo.errors import SiloError
 
 if TYPE_CHECKING:
@@ -23,9 +24,20 @@ EXIT_VIOLATED = EXIT_FAILED
 @click.option("--when", default="", metavar="EXPRESSION", help="Judge the limits given here only where this holds.")
 @click.option("--never", multiple=True, metavar="EXPRESSION", help="Must be true at no tick.")
 @click.option("--always", multiple=True, metavar="EXPRESSION", help="Must be false at no tick.")
+@click.option("--rules", metavar="FILE", type=TypedPath(path_type=Path), help="A YAML file of rules for whole runs.")
+@click.option("--against", metavar="BASELINE", help="A run that was good: nothing may be newly missing, broken, lost.")
+@click.option("--junit", "report", metavar="FILE", type=TypedPath(path_type=Path), help="Write a report for CI.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
 def check_command(
-    file: str, limits: tuple[str, ...], when: str, never: tuple[str, ...], always: tuple[str, ...], as_json: bool
+    file: str,
+    limits: tuple[str, ...],
+    when: str,
+    never: tuple[str, ...],
+    always: tuple[str, ...],
+    rules: Path | None,
+    against: str | None,
+    report: Path | None,
+    as_json: bool,
 ) -> int:
     """Judge a log by the limits that stand in it, and by what is given here. Every sample counts.
 
@@ -34,6 +46,7 @@ def check_command(
       silo check run.silo
       silo check run.silo --limit joints/tau=-40,-30,30,40 --when 'controller/mode == STANCE'
       silo check run.silo --never 'abs(base/roll) > 0.6' --always 'battery/voltage > 21V'
+      silo check new.silo --against good.silo --rules rules.yaml --junit report.xml
 
     \b
     Exit codes:
@@ -43,15 +56,23 @@ def check_command(
     from silo.analysis.check import check
     from silo.files.added import added_formats
     from silo.files.formats import read_recording
+    from silo.guards.guard import guard, junit
+    from silo.guards.rules import read_rules
 
     try:
         recording = read_recording(find_saved(file), added_formats)
+        baseline = None if against is None else read_recording(find_saved(against), added_formats)
+        held = [] if rules is None else read_rules(rules)
         asked = [*recording.extras.limits, *(_limits(text, when) for text in limits)]
-        if not (asked or never or always):
+        if baseline is not None:  # what it broke, too, is nothing new
+            asked = asked[len(recording.extras.limits) :]
+        if not (asked or never or always or held or baseline):
             raise click.UsageError(
                 "the log has no limits: give some, --limit joints/tau=-40,-30,30,40 or --never 'abs(base/roll) > 0.6'"
             )
-        found = check(recording, asked, never, always)
+        found = check(recording, asked, never, always) + guard(recording, held, baseline)
+        if report is not None:
+            junit(report, file, found)
     except SiloError as error:
         click.echo(f"silo: {error}", err=True)
         return EXIT_USAGE
@@ -95,7 +116,7 @@ def _show(found: "list[Finding]", *, as_json: bool) -> None:
     show_rows(rows, right=(2, 3, 4, 5, 6))
     for one in worst_first:
         if one.why:
-            click.echo(f"{one.what} can't be told: {one.why}")
+            click.echo(f"{one.what}: {one.why}" if one.violated else f"{one.what} can't be told: {one.why}")
     violated = sum(one.violated for one in found)
     blind = sum(one.worst == "UNOBSERVABLE" for one in found)
     judged = f"{len(found) - blind} judged" + (f", {blind} unobservable" if blind else "")

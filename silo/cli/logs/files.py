@@ -17,7 +17,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from silo.cli.codes import EXIT_DIFFERENT
-from silo.cli.common import LogWord, TypedPath, find_saved, progress, show, show_json
+from silo.cli.common import LogWord, TypedPath, find_saved, progress, show, show_json, show_rows
 from silo.errors import SiloError
 from silo.files.formats import readable, writable
 
@@ -73,7 +73,8 @@ _CONVERT_HELP = f"""Convert a log to another format, chosen by the ending of OUT
       silo convert run_*.silo data/ --to lerobot --fps 30 --state 'joints/q*' \\
           --action 'cmd/*' --task 'pick the cup'
 
-    --to lerobot makes a data set for training (LeRobot v3.0, without cameras) of several runs: an episode of each.
+    --to lerobot makes a data set for training (LeRobot v3.0, without cameras) of several runs: an episode of each;
+    --to episodes a NumPy file of each.
     """
 
 
@@ -83,7 +84,7 @@ def _ending_says(_ctx: click.Context, _param: click.Parameter, value: str | None
 
 
 def _of_data_sets(command: _Command) -> _Command:
-    """The options of `--to lerobot`."""
+    """The options of data sets."""
     for name, metavar, words in reversed(_MANY_PATTERNS):
         command = click.option(name, metavar=metavar, multiple=True, help=words)(command)
     command = click.option("--where", metavar="EXPR", default="", help="Only runs for which it is true at their end.")(
@@ -92,6 +93,8 @@ def _of_data_sets(command: _Command) -> _Command:
     command = click.option("--how", type=click.Choice(["last", "mean"]), help="Of faster signals; last if not given.")(
         command
     )
+    command = click.option("--episodes", type=click.Choice(["runs", "episodes", "captures"]),
+                           help="What an episode is: each IN (runs), or each marked in them.")(command)  # fmt: skip
     command = click.option("--task", metavar="WORDS", default="", help="What was done.")(command)
     command = click.option("--robot", metavar="WORD", default="", help="The type of robot.")(command)
     return click.option("--fps", type=click.IntRange(min=1), help="Frames per second of a data set.")(command)
@@ -106,21 +109,21 @@ _MANY_PATTERNS = (
 
 
 def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options: dict[str, Any]) -> None:
-    """Write `--to lerobot`, check what was written, and say what was left out."""
+    """Write a data set, check what was written, and say what was left out."""
     from silo.datasets.check import check_lerobot
     from silo.datasets.lerobot import write_lerobot
 
     if not options["fps"] or not options["state"]:
         raise click.UsageError("a data set needs --fps and at least one --state: --fps 30 --state 'joints/*'")
     runs = [find_saved(source) for source in sources]
-    options["how"] = options["how"] or "last"
+    options["how"], options["episodes"] = options["how"] or "last", options["episodes"] or "runs"
     with progress(f"{target}") as tell:
         made = write_lerobot(runs, target, force=force, progress=tell, **options)
     for name, why in made.left_out:
         click.echo(f"left out: {name}: {why}", err=True)
     if made.lost:
         click.echo(f"warning: {made.lost} samples of these runs are lost; column silo/lost says of which", err=True)
-    problems = check_lerobot(target)
+    problems = check_lerobot(target) if options["to"] == "lerobot" else []
     if problems:
         raise SiloError(f"'{target}' was written, but {problems[0]}; please report that")
     click.echo(f"{target}  {made.episodes} episodes, {made.frames} frames at {options['fps']}/s")
@@ -130,7 +133,8 @@ def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options:
 @click.argument("sources", type=LogWord(), metavar="IN...", nargs=-1, required=True, shell_complete=_complete_file)
 @click.argument("target", metavar="OUT", type=TypedPath(path_type=Path))
 @click.option("-f", "--force", is_flag=True, help="Replace OUT if it exists.")
-@click.option("--to", "kind", type=click.Choice(["lerobot"]), help="Make a data set of all IN, in the folder OUT.")
+@click.option("--to", "kind", type=click.Choice(["lerobot", "episodes"]),
+              help="Make a data set of all IN, in the folder OUT.")  # fmt: skip
 @_of_data_sets
 @click.option("--rate", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="All signals at this rate.")
 @click.option("-t", "--type", "--format", hidden=True, is_eager=True, expose_value=False, callback=_ending_says)
@@ -141,14 +145,14 @@ def convert_command(
     if kind is not None:
         if rate is not None:
             raise click.UsageError("a data set has frames: write --fps instead of --rate")
-        _make_data_set(sources, target, force, options)
+        _make_data_set(sources, target, force, options | {"to": kind})
         return
     from silo.files.convert import convert
 
     given = next((f"--{name}" for name, value in options.items() if value), "")
     if given or len(sources) > 1:
         what = given or f"more than one IN ({len(sources)})"
-        raise click.UsageError(f"{what} is for data sets: add --to lerobot")
+        raise click.UsageError(f"{what} is for data sets: add --to lerobot or --to episodes")
     path = find_saved(sources[0])
     with progress(f"{target.name}") as tell:
         recording = convert(path, target, tell, force, lambda read: read if rate is None else _at_rate(read, rate))
@@ -230,42 +234,81 @@ def diff_command(first: str, second: str, tolerance: float, by: Literal["start",
 
 @click.command("compare")
 @click.argument("first", type=LogWord(), metavar="A", shell_complete=_complete_file)
-@click.argument("second", type=LogWord(), metavar="B", shell_complete=_complete_file)
-@click.argument("pattern", default="*")
+@click.argument("words", metavar="[B] [PATTERN]", nargs=-1, shell_complete=_complete_file)
 @_meeting_options
 @click.option("--event", help="An expression: where it first holds is the same moment in both.")
 @click.option("--signal", default="", help="A signal by whose course they are laid on each other.")
+@click.option("--episode", default="", metavar="NAME|NUMBER", help="Compare this episode of both.")
+@click.option("--png", type=TypedPath(path_type=Path, dir_okay=False), help="Draw the most different signal.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
 def compare_command(
     first: str,
-    second: str,
-    pattern: str,
+    words: tuple[str, ...],
     tolerance: float,
     by: Literal["start", "stamps"],
     event: str | None,
     signal: str,
+    episode: str,
+    png: Path | None,
     as_json: bool,
 ) -> None:
     """Show in numbers how the signals of two runs differ, the most different first, as silo.compare does.
 
-    PATTERN are the elements, all by default. Exit code 0 if no signal differs, 4 if one does, 1 if a log can't be read.
+    A..B are the runs of a folder from A to B: each is compared with A, the most different run first. PATTERN are the
+    elements, all by default. Exit code 0 if no signal differs, 4 if one does, 1 if a log can't be read.
 
     \b
     Examples:
       silo compare 16 17 'joints/*'
-      silo compare good.silo bad.mcap --event 'state/mode == TROT'
+      silo compare good.silo bad.mcap --event 'state/mode == TROT' --png worst.png
+      silo compare 16..40 --episode pick
     """
     from silo.analysis.compare import compare
     from silo.analysis.log import Log
 
-    recordings = [_read(find_saved(one)) for one in (first, second)]
+    options: dict[str, Any] = {"signal": signal, "tolerance": tolerance, "by": by, "episode": episode}
+    options["event"] = None if event is None else lambda log: log.eval(event)
+    if ".." in first and not Path(first).exists():
+        _compare_many(first, words, options, png, as_json)
+        return
+    if not 1 <= len(words) <= 2:
+        raise click.UsageError("name two runs, silo compare A B [PATTERN], or many: silo compare A..B [PATTERN]")
+    recordings = [_read(find_saved(one)) for one in (first, words[0])]
     a, b = map(Log, recordings)
-    moment = None if event is None else lambda log: log.eval(event)
-    found = compare(a, b, pattern, event=moment, signal=signal, tolerance=tolerance, by=by)
+    found = compare(a, b, *words[1:], **options)
     show([row.facts for row in found.rows], as_json, lambda: str(found))
     for recording in recordings:
         _warn(recording)
+    if png is not None and found.rows:
+        click.echo(found.plot(path=png), err=as_json)
     if found:
+        raise SystemExit(EXIT_DIFFERENT)
+
+
+def _compare_many(
+    words: str, pattern: tuple[str, ...], options: dict[str, Any], png: Path | None, as_json: bool
+) -> None:
+    """Compare the runs A..B of a folder with A."""
+    from silo.analysis.compare import HEADS
+    from silo.run_index.runs import runs
+
+    begin, end = (find_saved(word) for word in words.split("..", 1))
+    if begin.absolute().parent != end.absolute().parent or len(pattern) > 1:
+        raise click.UsageError("A..B are runs of one folder; behind them stands one PATTERN at most")
+    every = runs(begin.absolute().parent)
+    places = [place for place, run in enumerate(every) if run.path.absolute() in (begin.absolute(), end.absolute())]
+    found = every[places[0] : places[-1] + 1].compare(*pattern, **options)
+    none = [""] * 5
+    rows = [(run.facts.path, str(len(one)), *(one.rows[0].cells[:5] if one.rows else none)) for run, one in found]
+    if as_json:
+        show_json([{"run": run.facts.path, "differ": [row.facts for row in one.rows]} for run, one in found])
+    else:
+        show_rows([("run", "differ", *HEADS[:5]), *rows], right=(1, 4, 5, 6))
+    if png is not None and found[0][1].rows:
+        worst = found[0][1].rows[0]
+        others = [row.b for _, one in found for row in one.rows if row.name == worst.name]
+        click.echo(worst.a.plot(*others, path=png, title=worst.name), err=as_json)
+    if any(one for _, one in found):
         raise SystemExit(EXIT_DIFFERENT)
 
 

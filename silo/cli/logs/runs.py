@@ -10,7 +10,8 @@ from silo.core.quantities.writing import many, size_text
 from silo.errors import LogNotFoundError
 
 if TYPE_CHECKING:
-    from silo.run_index.runs import ListedRun, RunList
+    from silo.run_index.listed import ListedRun
+    from silo.run_index.runs import RunList
 
 
 @click.command("runs")
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 @click.option("--since", metavar="WHEN", help="Only those from then on: 2026-11-22, '2026-11-22 14:00'.")
 @click.option("--until", metavar="WHEN", help="Only those before.")
 @click.option("--show", "shown", metavar="EXPR", multiple=True, help="A column more: 'max(joints/tau_3)'.")
+@click.option("--episodes", is_flag=True, help="A line for each episode of the runs; EXPR speaks of episodes.")
 @click.option("--rebuild", is_flag=True, help="Make the index anew from the logs.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
 def runs(
@@ -31,6 +33,7 @@ def runs(
     since: str | None,
     until: str | None,
     shown: tuple[str, ...],
+    episodes: bool,
     rebuild: bool,
     as_json: bool,
 ) -> None:
@@ -45,6 +48,7 @@ def runs(
     Examples:
       silo runs
       silo runs logs --where 'max(joints/tau_3) > 30 and lost == 0'
+      silo runs logs --episodes --where 'success and speed > 0.3'
       silo runs logs --tag slip --since 2026-11-22 --show 'rms(imu/acc_z)'
     """
     from silo.run_index.runs import runs as find_runs
@@ -52,9 +56,11 @@ def runs(
 
     with progress("index") as tell:
         found = find_runs(
-            *folders, where=where, since=since, until=until, rebuild=rebuild,
+            *folders, where="" if episodes else where, since=since, until=until, rebuild=rebuild,
             told=lambda done, total: tell(done / total) if tell is not None else None,
         )  # fmt: skip
+    if episodes:
+        found = found.episodes().where(where) if where else found.episodes()
     found = found.find(*words)
     for tag in tags:
         found = found.where(f"tagged(`{tag}`)")
@@ -67,7 +73,7 @@ def runs(
         head = ("RUN", "ROBOT", "BEGUN", "SPAN", "LOST", "LIMITS", "TASK", *(name for name, _ in columns), "SAID")
         table = [_row(run, [f"{values[place]:.5g}" for _, values in columns]) for place, run in enumerate(found)]
         show_rows([head, *table], right=(3, 4, 5, *range(7, 7 + len(columns))))
-    click.echo(_summary(found))
+    click.echo(_summary(found, "episode" if episodes else "run"))
 
 
 @click.command("tag")
@@ -127,17 +133,21 @@ def _row(run: "ListedRun", more: list[str]) -> tuple[str, ...]:
     said = " ".join([*(f"#{tag}" for tag in run.tags), *run.notes[-1:]])
     if facts.problem:
         said = f"can't be read: {facts.problem}"
+    elif facts.kind == "episode":
+        (one,) = facts.episodes
+        said = " ".join(filter(None, [one.verdict or ("" if one.whole else "unfinished"), one.why, said]))
     elif facts.kind != "run":
         said = f"{facts.kind} {said}".strip()
+    place = f"#{facts.episodes[0].number}" if facts.kind == "episode" else ""
     return (
-        facts.path, facts.robot, f"{run.begun:%Y-%m-%d %H:%M:%S}", f"{facts.span_s:.4g} s", str(facts.lost or ""),
-        str(facts.limits or ""), facts.task, *more, said,
+        f"{facts.path}{place}", facts.robot, f"{run.begun:%Y-%m-%d %H:%M:%S}", f"{facts.span_s:.4g} s",
+        str(facts.lost or ""), str(facts.limits or ""), facts.task, *more, said,
     )  # fmt: skip
 
 
-def _summary(found: "RunList") -> str:
+def _summary(found: "RunList", what: str) -> str:
     if not len(found):
-        return "no run; look in another folder, or ask for less"
+        return f"no {what}; look in another folder, or ask for less"
     unread = sum(bool(run.facts.problem) for run in found)
     more = f", of which {unread} can't be read" if unread else ""
-    return f"{many(len(found), 'run')}, {size_text(sum(run.facts.size_bytes for run in found))}{more}"
+    return f"{many(len(found), what)}, {size_text(found.size_bytes)}{more}"

@@ -18,6 +18,7 @@ from silo.files.others.message_types import MOST_VALUES, MessageFields, Node, Nu
 from silo.files.others.topics import Bad, Equal
 
 Bytes = NDArray[np.uint8]
+Lists = frozenset[Path]  # paths, with `*` for a place in a list
 
 
 __all__ = [
@@ -25,10 +26,12 @@ __all__ = [
     "MessageLayout",
     "Place",
     "WantedColumns",
+    "alike",
     "any_whole",
     "columns_of",
     "layout_of",
     "lengths_of",
+    "values_at",
 ]
 
 _MOST_PARTS = 20_000  # texts and lists of one message: of each, one step of Python is taken
@@ -52,11 +55,15 @@ class MessageLayout(NamedTuple):
     places: dict[Path, Place]
     lengths: list[tuple[int, int]]
     order: str
+    lists: Lists = frozenset()
 
 
-def layout_of(message: MessageFields, row: bytes) -> tuple[MessageLayout, str]:
-    """Walk through one message. Of one that is none of this type the layout goes as far as the walk, and says why."""
-    made = MessageLayout({}, [], "<" if len(row) > 1 and row[1] else ">")
+def layout_of(message: MessageFields, row: bytes, lists: Lists = frozenset()) -> tuple[MessageLayout, str]:
+    """Walk through one message. Of one that is none of this type the layout goes as far as the walk, and says why.
+
+    `lists` are those lists of messages whose parts get places, too: `(*path, "0", ...)`.
+    """
+    made = MessageLayout({}, [], "<" if len(row) > 1 and row[1] else ">", lists)
     try:
         _fill(message, row, made)
     except ValueError as error:
@@ -115,13 +122,14 @@ def _walk_repeated(node: Repeated, row: bytes, at: int, path: Path | None, made:
         raise ValueError("it announces more than it holds")
     met: dict[int, tuple[int, int]] = {}
     number = 0
+    kept = path is not None and tuple("*" if part.isdigit() else part for part in path) in made.lists
     while number < count:
-        each = (*path, str(number)) if path is not None and isinstance(inner, Text) else None
+        each = (*path, str(number)) if path is not None and (kept or isinstance(inner, Text)) else None
         lengths, place = len(made.lengths), (at - _HEAD) % 8
         before = at
         at = _walk(inner, row, at, each, made)
         number += 1
-        if len(made.lengths) > lengths:
+        if kept or len(made.lengths) > lengths:
             continue
         # without lengths in it, what begins at the same place of a word is as long again
         first, begin = met.setdefault(place, (number - 1, before))
@@ -131,6 +139,8 @@ def _walk_repeated(node: Repeated, row: bytes, at: int, path: Path | None, made:
             met.clear()
     if path is not None and isinstance(inner, Text):
         made.places[path] = Place(at, "texts", count)
+    elif path is not None and kept:
+        made.places[path] = Place(at, "messages", count)
     return at
 
 
@@ -201,12 +211,12 @@ def columns_of(message: MessageFields, wanted: WantedColumns, groups: Iterable[E
     """
     found: dict[Path, list[tuple[NDArray[np.int64], NDArray[Any]]]] = {path: [] for path in wanted.paths}
     longest = max(256, _MOST_TEXT_BYTES // max(wanted.total, 1))
-    for which, layout, rows in _alike(message, groups, wanted.bad):
+    for which, layout, rows in alike(message, groups, wanted.bad):
         for path, count in wanted.paths.items():
             if layout.places[path].values > count:
                 met = Longer(len(which), layout.places[path].values, int(which.min()))
                 wanted.longer[path] = met.and_so(wanted.longer.get(path, met._replace(messages=0)))
-            values = _values(layout, rows, path, count)
+            values = values_at(layout, rows, path, count)
             if values is None:
                 continue
             if values.dtype.kind == "S" and values.dtype.itemsize > longest:
@@ -218,26 +228,26 @@ def columns_of(message: MessageFields, wanted: WantedColumns, groups: Iterable[E
 
 def any_whole(message: MessageFields, groups: Iterable[Equal], bad: Bad) -> bool:
     """Return whether one of some messages can be read."""
-    return any(True for _ in _alike(message, groups, bad))
+    return any(True for _ in alike(message, groups, bad))
 
 
 def lengths_of(message: MessageFields, paths: Sequence[Path], groups: Iterable[Equal], bad: Bad) -> dict[Path, int]:
     """Return the largest number of values in the arrays at some paths."""
     most = dict.fromkeys(paths, 0)
-    for _, layout, _ in _alike(message, groups, bad):
+    for _, layout, _ in alike(message, groups, bad):
         for path in paths:
             most[path] = max(most[path], layout.places[path].values)
     return most
 
 
-def _alike(
-    message: MessageFields, groups: Iterable[Equal], bad: Bad
+def alike(
+    message: MessageFields, groups: Iterable[Equal], bad: Bad, lists: Lists = frozenset()
 ) -> Iterator[tuple[NDArray[np.int64], MessageLayout, Bytes]]:
-    """Messages of one layout each: which they are, the layout, their bytes."""
+    """Yield messages of one layout each: which they are, the layout, their bytes."""
     for of_one_size in groups:
         which, rows = of_one_size
         while len(rows):
-            layout, why = layout_of(message, rows[0].tobytes())
+            layout, why = layout_of(message, rows[0].tobytes(), lists)
             # how far a walk comes hangs on what the lengths are that it meets: all that have the same end the same way
             same = (rows[:, :2] == rows[0, :2]).all(axis=1)
             for at, _ in layout.lengths:
@@ -251,10 +261,11 @@ def _alike(
             which, rows = which[~same], rows[~same]
 
 
-def _values(layout: MessageLayout, rows: Bytes, path: Path, count: int) -> NDArray[Any] | None:
+def values_at(layout: MessageLayout, rows: Bytes, path: Path, count: int) -> NDArray[Any] | None:
+    """Return what stands at a path in messages of one layout, of an array its first values; None where it has none."""
     at, dtype, there = layout.places[path]
     if dtype == "texts":
-        parts = [_values(layout, rows, (*path, str(number)), 0) for number in range(min(there, count))]
+        parts = [values_at(layout, rows, (*path, str(number)), 0) for number in range(min(there, count))]
         texts = [part for part in parts if part is not None]
         return np.stack(texts, axis=-1) if texts else None
     if dtype in ("time", "duration"):

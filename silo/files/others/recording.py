@@ -24,6 +24,7 @@ from silo.files.atomic import reason
 from silo.files.bags.index import DamageNotes, damage_told
 from silo.files.formats import ROS1_MARK, refuse_others, starts_with
 from silo.files.others import cdr, json_text
+from silo.files.others.keyed import KeyedList, KeyedValues, keyed_list, of_keys
 from silo.files.others.mcap_file import McapFile
 from silo.files.others.message_types import FieldSpec, MessageFields, Path, UnknownTypeError, message_type, signals_of
 from silo.files.others.ros1_file import Ros1File
@@ -34,6 +35,7 @@ from silo.files.silo.values import file_recording
 _HEADER: Path = ("header", "stamp")
 _JOINTS = "sensor_msgs/msg/JointState"
 _MOST_TOLD = 5
+_MOST_LOOKED_AT = 100_000  # messages of a list with keys
 _File: TypeAlias = McapFile | SqliteFile | Ros1File
 
 
@@ -265,7 +267,9 @@ def _reader(name: str, alike: _Alike, told: DamageNotes) -> "TopicReader":
             kept.append(replace(one, suffixes=tuple(suffixes), count=len(suffixes)))
         else:
             kept.append(one)
-    return TopicReader(name, path, parts, message, kept, left, told, joints, empty)
+    kind = keyed_list(message)
+    left = left if kind is None else [one for one in left if one not in kind.lists]
+    return TopicReader(name, path, parts, message, kept, left, told, joints, empty, kind)
 
 
 def _looked_at(parts: Sequence[FileTopic], message: MessageFields, *, all_blocks: bool) -> list[Equal]:
@@ -326,6 +330,7 @@ class TopicReader:
         told: DamageNotes,
         joints: Sequence[str] = (),
         empty: Sequence[Path] = (),  # arrays without a value in all messages that were looked at
+        kind: KeyedList | None = None,
     ) -> None:
         self.name = name
         self.path = path
@@ -336,19 +341,50 @@ class TopicReader:
         self._told = told
         self._joints = joints
         self._empty = empty
+        self._kind = kind
         self._read: TopicReader | None = None  # whose columns these are, in another order
 
     def by_header(self) -> "TopicReader":
         """Return the same with the stamps of the headers."""
-        if self._read is not None or not any(one.name == _HEADER for one in self._wanted):
+        if self._read is not None or not self.is_headed:
             return self
         made = copy(self)
         made._read = self
         return made
 
+    @property
+    def is_headed(self) -> bool:
+        """Whether its messages say when they were measured."""
+        return any(one.name == _HEADER for one in self._wanted)
+
     def elements(self) -> "list[TopicElement]":
-        """Return the elements; their values and stamps are read when they are asked for."""
-        return [self._element(one) for one in self._wanted]
+        """Return the elements; their values and stamps are read when they are asked for.
+
+        Of a list with keys the keys stand in the messages: then all of them are read here, or some of very many.
+        """
+        plain = [self._element(one) for one in self._wanted]
+        if self._kind is None:
+            return plain
+        keys = self.keyed if len(self.log_ns) <= _MOST_LOOKED_AT else self._some_keys()
+        readers = [KeyReader(self, key, found.specs(self._kind)) for key, found in keys.items()]
+        return plain + [element for one in readers for element in one.elements()]
+
+    @cached_property
+    def keyed(self) -> dict[str, KeyedValues]:
+        """What came under each key of a list of messages."""
+        assert self._message is not None
+        assert self._kind is not None
+        bad: Bad = []
+        with damage_told(self.path):
+            found = of_keys(self._message, self._kind, self._messages(bad), bad)
+        self._tell_bad(bad, len(self.log_ns))
+        return found
+
+    def _some_keys(self) -> dict[str, KeyedValues]:
+        assert self._message is not None
+        assert self._kind is not None
+        self._told.add(f"{self.name}: what came first in it is listed, as it has {len(self.log_ns):,} messages")
+        return of_keys(self._message, self._kind, _looked_at(self._parts, self._message, all_blocks=True), [])
 
     def _element(self, one: FieldSpec) -> "TopicElement":
         name = "/".join((self.name, *one.name))
@@ -490,6 +526,31 @@ class TopicReader:
                         made[np.ix_(mine, target)] = found[path][np.ix_(mine, source)]
                 found[path] = made
         return found
+
+
+class KeyReader(TopicReader):
+    """What came under one key of a list of messages."""
+
+    def __init__(self, topic: TopicReader, key: str, specs: Sequence[FieldSpec]) -> None:
+        super().__init__(f"{topic.name}/{key}", topic.path, (), None, specs, (), topic._told)
+        self._topic, self._key = topic, key
+
+    @property
+    def is_headed(self) -> bool:
+        """Whether its messages say when they were measured."""
+        return super().is_headed or self._topic.is_headed
+
+    @property
+    def log_ns(self) -> NDArray[np.int64]:
+        """Shape `(m,)`: when they were logged, rising."""
+        return self._topic.log_ns[self._topic.keyed[self._key].which]
+
+    @cached_property
+    def _columns(self) -> Mapping[Path, NDArray[Any]]:
+        found = self._topic.keyed[self._key]
+        if _HEADER in found.columns or not self._topic.is_headed:
+            return found.columns
+        return {**found.columns, _HEADER: self._topic.values(_HEADER)[found.which]}
 
 
 class _Column:

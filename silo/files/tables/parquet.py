@@ -24,8 +24,10 @@ _GROUP_CELLS = 8_000_000
 _MAX_ROWS = 1 << 16
 
 
-def write_parquet(recording: Recording, path: Path, progress: Progress | None = None) -> None:
+def write_parquet(recording: Recording, path: Path, progress: Progress | None = None, *, without: str = "") -> None:
     """Write `time_ns` (int64), `time` (UTC, nanoseconds) and one column per entry; complex ones are two columns.
+
+    Columns are called as entries are, but for what `without` says that they begin with.
 
     Where something happened there is a column `events` too, with its words; all of it, as JSON, is in the metadata,
     as are the recording's `warnings`.
@@ -37,7 +39,12 @@ def write_parquet(recording: Recording, path: Path, progress: Progress | None = 
     parquet = need("pyarrow.parquet", "convert", "Parquet files")
     columns = list(_columns(recording))
     events = _events_by_tick(recording)
-    wanted = ["time_ns", "time", *(name for name, _, _ in columns), *(["events"] if events else [])]
+    wanted = [
+        "time_ns",
+        "time",
+        *(name.removeprefix(without) for name, _, _ in columns),
+        *(["events"] if events else []),
+    ]
     names = list(map(unique_names(str), wanted))
     time_type = arrow.timestamp("ns", tz="UTC")
     fields = [arrow.field(names[0], arrow.int64(), nullable=False), arrow.field(names[1], time_type, nullable=False)]
@@ -72,8 +79,8 @@ def write_parquet(recording: Recording, path: Path, progress: Progress | None = 
                 progress(stop / total)
 
 
-def read_parquet(path: Path) -> Recording:
-    """Open a file that `write_parquet` wrote; a column is read when it is asked for."""
+def read_parquet(path: Path, source: Any = None) -> Recording:
+    """Open a file that `write_parquet` wrote; a column is read when it is asked for, from `source` if one is given."""
     arrow = need("pyarrow", "convert", "Parquet files")
     parquet = need("pyarrow.parquet", "convert", "Parquet files")
 
@@ -85,7 +92,7 @@ def read_parquet(path: Path) -> Recording:
         return values + 1j * _samples(arrow, file, names[names.index(place[0]) + 1], element, count)
 
     with told_of(path):
-        file = parquet.ParquetFile(path)
+        file = parquet.ParquetFile(path if source is None else source)
         text = (file.schema_arrow.metadata or {}).get(NAME.encode())
         stamps = lambda: file.read(columns=["time_ns"]).column(0).to_numpy()  # noqa: E731
         return restored(path, text, lambda: file.metadata.num_rows, stamps, column)

@@ -110,6 +110,7 @@ FORMER = {
     "remove_limits": ("_conditions.remove_limits", "log.limit('x', None)"),
     "remove_trigger": ("_conditions.remove_trigger", "log.trigger('fall', None)"),
     "source_failures": ("_present.failures", "log['x'].failures"),
+    "lost": ("_present.lost", "sum(log[name].lost for name in log)"),
     "state": ("_life.state", "log.is_running"),
     "is_closed": ("_is_closed", ""),
     "extras": ("_extras", ""),

@@ -1,0 +1,122 @@
+"""`silo query`, `silo archive`: runs as tables, asked in SQL, kept as Parquet."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from silo.cli.common import progress, show_json, show_rows
+from silo.core.quantities.writing import many, size_text
+from silo.errors import SaveError
+
+MOST_ROWS = 100
+EXIT_NOT_ALL = 1
+
+
+@click.command("query")
+@click.argument("statement", metavar="SQL")
+@click.option("--in", "places", metavar="FOLDER", multiple=True, help="Where the runs are: folders, or an archive.")
+@click.option("--where", metavar="EXPR", default="", help="Only runs for which it holds, as of `silo runs`.")
+@click.option("--to", "file", metavar="FILE", help="Write the answer to a .csv or .parquet file.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
+def query(statement: str, places: tuple[str, ...], where: str, file: str | None, as_json: bool) -> None:
+    """Answer an SQL statement over runs, by DuckDB.
+
+    \b
+    Tables: runs, signals (a scalar of a run in numbers), episodes, events,
+    parameters, about;
+    samples: run, signal, t, time, value, text; wide: a column for each scalar.
+    Only those signals and runs are read that the statement asks for. It reaches
+    no other file, no network, no extension.
+
+    \b
+    Examples:
+      silo query "select run, span_s, lost from runs where lost > 0" --in logs
+      silo query 'select run, max("joints/tau_3") from wide group by run' --in logs
+      silo query "select signal, avg(value) from samples where signal = 'imu/acc_z' group by all"
+    """
+    if file is not None and (Path(file).suffix not in (".csv", ".parquet") or Path(file).exists()):
+        raise SaveError(f"'{file}' must end with .csv or .parquet, and not be there already")
+    frame = _asked(places or (".",), where)(statement)
+    if file is not None:
+        (frame.write_csv if file.endswith(".csv") else frame.write_parquet)(file)
+        click.echo(f"{file}: {many(len(frame), 'row')}")
+    elif as_json:
+        show_json(frame.to_dicts())
+    elif frame.width:
+        numbers = [place for place, kind in enumerate(frame.dtypes) if kind.is_numeric()]
+        show_rows([frame.columns, *([_cell(one) for one in row] for row in frame.head(MOST_ROWS).iter_rows())], numbers)
+        if len(frame) > MOST_ROWS:
+            click.echo(f"... {len(frame) - MOST_ROWS:,} rows more: LIMIT fewer, or write them, --to rows.csv")
+
+
+@click.command("archive")
+@click.argument("folders", metavar="[FOLDER]...", nargs=-1)
+@click.argument("to", metavar="TO")
+@click.option("--where", metavar="EXPR", default="", help="Only runs for which it holds, as of `silo runs`.")
+@click.option("--since", metavar="WHEN", help="Only those from then on: 2026-11-22, '2026-11-22 14:00'.")
+@click.option("--until", metavar="WHEN", help="Only those before.")
+@click.option("--as", "name", metavar="NAME", default="", help="What their names begin with there.")
+@click.option("--check", is_flag=True, help="Read the archive again, and hold it against its manifest.")
+def archive(
+    folders: tuple[str, ...], to: str, where: str, since: str | None, until: str | None, name: str, check: bool
+) -> int:
+    """Keep runs as Parquet: by robot, date and run, with their facts, events and statistics.
+
+    TO is a folder, or a URL that fsspec knows (s3://bucket/runs; credentials come from the environment). What is in it
+    as it is now stays; what was interrupted goes on. `silo query --in TO` asks it, and so does all that reads Parquet.
+
+    \b
+    Examples:
+      silo archive logs /mnt/archive
+      silo archive logs s3://robots/runs --since 2026-11-01 --as lab2
+      silo archive --check /mnt/archive
+
+    \b
+    Exit codes:
+      0  all is in the archive        1  something is not, and was named
+    """
+    from silo.run_index.archive import Archive
+    from silo.run_index.runs import runs
+
+    there = Archive(to)
+    if check:
+        if folders:
+            raise click.UsageError("--check takes the archive alone")
+        with progress("check") as tell:
+            wrong = there.check(lambda done, total: tell(done, total) if tell is not None else None)
+        _name(wrong)
+        click.echo(f"{many(len(there.manifest()), 'run')}, {len(wrong)} not as archived")
+        return EXIT_NOT_ALL if wrong else 0
+    with progress("archive") as tell:
+        found = runs(*folders, where=where, since=since, until=until)
+        done = there.add(found, lambda done, total: tell(done, total) if tell is not None else None, name)
+    _name(done.problems)
+    click.echo(
+        f"{to}: {many(len(done.added), 'run')} added ({size_text(done.bytes)}), {done.kept} there already, "
+        f"{len(done.problems)} not archived"
+    )
+    return EXIT_NOT_ALL if done.problems else 0
+
+
+def _asked(places: tuple[str, ...], where: str) -> Any:
+    """What answers SQL over some places: an archive, or folders of logs."""
+    from silo.run_index.archive import MARK, Archive
+    from silo.run_index.runs import runs
+
+    if len(places) == 1 and ("://" in places[0] or Path(places[0], MARK).exists()):
+        if where:
+            raise click.UsageError("--where is for folders of logs; of an archive ask the table `runs`")
+        return Archive(places[0]).sql
+    with progress("index") as tell:
+        found = runs(*places, where=where, told=lambda done, total: tell(done, total) if tell is not None else None)
+    return found.sql
+
+
+def _name(problems: dict[str, str]) -> None:
+    for run, why in problems.items():
+        click.echo(f"{run}: {why}")
+
+
+def _cell(value: object) -> str:
+    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,53 @@
+"""What an episode of a data set is: a run, a capture, or each stretch that a program marked in one."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from silo.analysis.log import Log
+from silo.core.elements import BufferType, Entry, join_name
+from silo.core.episodes.words import REDO, Episode
+from silo.core.recording import RecordedElement, RecordedEntry
+from silo.errors import ElementError
+from silo.files.naming import is_capture
+
+Pieces = Literal["runs", "episodes", "captures"]
+
+
+def pieces_of(log: Log, name: str, pieces: Pieces) -> list[tuple[str, Log, Episode | None]]:
+    """Return the episodes of a log with their names. Raises ElementError where it has none."""
+    if pieces not in get_args(Pieces):
+        raise ElementError(f"episodes must be one of {', '.join(get_args(Pieces))}, got {pieces!r}")
+    if pieces == "captures" and not is_capture(Path(os.path.basename(name))):  # noqa: PTH119
+        raise ElementError("it is no capture")
+    if pieces != "episodes":
+        return [(name, log, None)]
+    found = [one for one in log.episodes if one.verdict != REDO]
+    if not found:
+        raise ElementError("no episode is marked in it that isn't to be done again")
+    return [(f"{name}#{one.number}", log.clip(one.start_s, one.stop_s), one) for one in found]
+
+
+def with_facts(log: Log, episode: Episode) -> Log:
+    """Return the log with what was said of the episode as signals, in place of its own of the same names."""
+    recording = log.recording
+    facts = {
+        join_name(recording.prefix, "", key): one for key, one in episode.facts.items() if not isinstance(one, str)
+    }
+    own = [one for one in recording.elements if one.name not in facts]
+    made = [_constant(name, value, len(recording.time_ns)) for name, value in facts.items()]
+    return Log(replace(recording, elements=(*own, *made)), log.path, log.start_ns)
+
+
+def facts_of(episode: Episode) -> dict[str, Any]:
+    """Return what a data set tells of an episode; the same columns for each."""
+    return {"silo/episode": episode.number, "silo/verdict": episode.verdict, "silo/whole": episode.whole}
+
+
+def _constant(name: str, value: float, ticks: int) -> RecordedElement:
+    values = np.broadcast_to(np.asarray(value), ticks)
+    entry = RecordedEntry(name, Entry("", values.dtype.str), values)
+    return RecordedElement(name, "", "scalar", (), 1, BufferType.LOOPING, 0, (entry,))

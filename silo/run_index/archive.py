@@ -1,0 +1,298 @@
+"""An archive of runs: Parquet by robot, date and run, on a disk or in object storage, for whatever reads Parquet.
+
+    wide/robot=anymal/date=2026-11-22/run=walk.silo/run.parquet    a row per tick, a column per scalar
+    runs.parquet, signals.parquet, events.parquet ...              the tables of `silo query`
+    manifest/walk.silo.json                                        what was archived: sizes, SHA-256; written last
+
+silo opens the Parquet files like any log.
+
+A run is in the archive from when its manifest is. What was interrupted before that is done again, what is in it is not
+touched; the tables follow at the end.
+"""
+
+import hashlib
+import json
+import os
+import socket
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from functools import partial
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, urlsplit
+
+import msgspec
+
+from silo.core.recording import Recording, has_own_stamps
+from silo.errors import ElementError, FileFormatError, LogNotFoundError, SaveError, SiloError
+from silo.files.added import added_formats
+from silo.files.atomic import PART_ENDING, atomic_file, reason, sweep_parts
+from silo.files.extras import need
+from silo.files.formats import read_recording, writer_for
+from silo.files.tables.parquet import read_parquet
+from silo.run_index.index import Told
+from silo.run_index.listed import ListedRun
+from silo.run_index.runs import RunList
+from silo.run_index.tables import COLUMNS, FACTS, Folders, read_signals, typed
+
+EXTRA = "archive"
+MARK = "silo-archive.json"
+VERSION = 1
+_BLOCK = 1 << 20
+
+
+class Archived(msgspec.Struct, frozen=True):
+    """The manifest of a run. source: the folder that it is from, with its computer."""
+
+    run: str
+    file: str
+    bytes: int
+    sha256: str
+    source: str
+    source_bytes: int
+    source_changed_ns: int
+
+
+@dataclass
+class Outcome:
+    """What became of runs: `problems` are those that are not in the archive, with the reason."""
+
+    added: list[str] = field(default_factory=list)
+    kept: int = 0
+    bytes: int = 0
+    problems: dict[str, str] = field(default_factory=dict)
+
+
+class Archive:
+    """An archive at a path or URL (`s3://bucket/runs`), read and written by fsspec."""
+
+    def __init__(self, where: str) -> None:
+        """Open it. Raises SiloError without fsspec, ElementError for a URL with a password in it."""
+        if "@" in urlsplit(where).netloc:
+            raise ElementError("a URL of an archive holds no user and no password: they belong into the environment")
+        with _told(where):
+            self._files, self._root = need("fsspec.core", EXTRA, "Archives").url_to_fs(where)
+        self.where = where
+        self._listed: list[Archived] | None = None
+        self._is_local = "file" in (protocol := self._files.protocol) or protocol == "file"
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is one."""
+        with _told(self.where):
+            return bool(self._files.exists(self._at(MARK)))
+
+    def add(self, runs: RunList, told: Told = lambda done, total: None, name: str = "") -> Outcome:
+        """Put runs into it; those that are in it as they are now stay.
+
+        Args:
+            runs: which.
+            told: called with how many of how many were looked at.
+            name: what their names begin with in the archive, for runs of several computers.
+
+        Returns:
+            What became of each.
+
+        Raises:
+            SaveError: the archive can't be written.
+            SiloError: it is of a newer silo, or pyarrow is missing.
+        """
+        need("pyarrow", EXTRA, "Archives")
+        self._check(anew=True)
+        self._listed = None
+        self._sweep()
+        known, outcome = {one.run: one for one in self.manifest()}, Outcome()
+        source = Folders(runs, runs.indexes)
+        for place, (key, run) in enumerate(source.runs.items()):
+            told(place, len(runs))
+            called = _called(key, name)
+            try:
+                self._add(called, run, known.get(called), outcome)
+            except (FileFormatError, LogNotFoundError, ElementError, MemoryError) as error:
+                outcome.problems[called] = str(error) or type(error).__name__
+        self._write_tables(source, name)
+        for lost in {one.run: one for one in self.manifest() if one.run not in self.frame("runs")["run"]}.values():
+            outcome.problems[lost.run] = (
+                f"it is in the archive, but not in its tables: archive it again, from {lost.source}"
+            )
+        return outcome
+
+    def manifest(self) -> list[Archived]:
+        """Return what is in it, by name. Raises FileFormatError for a manifest that can't be read."""
+        with _told(self.where):
+            # beside them may lie what somebody is writing
+            names = sorted(name for name in self._files.find(self._at("manifest")) if name.endswith(".json"))
+            texts = self._files.cat(names) if names else {}
+        try:
+            return [msgspec.json.decode(text, type=Archived) for _, text in sorted(texts.items())]
+        except msgspec.DecodeError as error:
+            raise FileFormatError(
+                f"'{self.where}' has a damaged manifest: {error}; remove it and archive again"
+            ) from error
+
+    def check(self, told: Told = lambda done, total: None) -> dict[str, str]:
+        """Read all of it again; return what is not as its manifest says, by the name of the run."""
+        wrong = {}
+        for place, one in enumerate(every := self.manifest()):
+            told(place, len(every))
+            try:
+                with _told(self.where), self._files.open(self._at(one.file)) as file:
+                    if _sha256(file) != one.sha256:
+                        wrong[one.run] = "it isn't what was archived"
+            except SiloError as error:
+                wrong[one.run] = str(error)
+        return wrong
+
+    def frame(self, table: str) -> Any:
+        """Return a table of facts as a polars frame."""
+        polars = need("polars", EXTRA, "Archives")
+        self._check()
+        with _told(self.where):
+            if not self._files.exists(self._at(f"{table}.parquet")):
+                return polars.DataFrame(schema=typed(COLUMNS[table]))
+            with self._files.open(self._at(f"{table}.parquet")) as file:
+                return polars.read_parquet(file.read())
+
+    def read(self, run: str, signals: Sequence[str]) -> Any:
+        """Return signals of a run, as `Drawer.read` does."""
+        file = self._at(next(one.file for one in self._known() if one.run == run))
+        with _told(self.where), self._files.open(file) as source:
+            return read_signals(read_parquet(Path(file), source), signals)
+
+    def sql(self, statement: str) -> Any:
+        """Answer an SQL statement, as `RunList.sql` does; here the runs are those of the archive."""
+        from silo.run_index.sql import query
+
+        return query(self, statement)
+
+    def _sweep(self) -> None:
+        """Remove what was being written here by processes that died."""
+        for folder, _, names in os.walk(self._root) if self._is_local else ():
+            if any(name.endswith(PART_ENDING) for name in names):
+                sweep_parts(folder)
+
+    def _known(self) -> list[Archived]:
+        if self._listed is None:
+            self._listed = self.manifest()
+        return self._listed
+
+    def _add(self, name: str, run: ListedRun, before: Archived | None, outcome: Outcome) -> None:
+        if run.facts.problem:
+            raise FileFormatError(run.facts.problem)
+        source, about = f"{socket.gethostname()}:{run.folder.absolute()}", run.path.stat()
+        size, changed_ns = run.facts.size_bytes, about.st_mtime_ns
+        if before is not None:
+            if (before.source_bytes, before.source_changed_ns) == (size, changed_ns):
+                outcome.kept += 1
+                return
+            if before.source != source:
+                raise ElementError(
+                    f"a run of this name was archived from {before.source}; give these another one (--as)"
+                )
+        recording = read_recording(run.path, added_formats)
+        if has_own_stamps(recording):
+            raise ElementError(
+                "each of its topics has times of its own: convert it at a rate first (silo convert --rate)"
+            )
+        day = datetime.fromtimestamp(run.facts.begun_ns * 1e-9, timezone.utc).date()
+        file = f"wide/robot={_part(run.facts.robot or 'none')}/date={day}/run={_part(name)}/run.parquet"
+        written, digest = self._put(recording, file)
+        made = Archived(name, file, written, digest, source, size, changed_ns)
+        self._write(f"manifest/{_part(name)}.json", msgspec.json.format(msgspec.json.encode(made)))
+        if before is not None and before.file != file:
+            with _told(self.where):
+                self._files.rm(self._at(before.file))
+        outcome.added.append(name)
+        outcome.bytes += written
+
+    def _put(self, recording: Recording, file: str) -> tuple[int, str]:
+        """Write a run; return its size and what it sums up to."""
+        prefix = f"{recording.prefix.rstrip('/')}/"
+        with self._local(file) as path:
+            writer_for(path)(recording, path, None, without=prefix)
+            with path.open("rb") as written:
+                digest = _sha256(written)
+            return path.stat().st_size, digest
+
+    @contextmanager
+    def _local(self, file: str) -> Iterator[Path]:
+        """A path to write a file at, which is in the archive afterwards."""
+        target = self._at(file)
+        with _told(self.where):
+            if self._is_local:
+                Path(target).parent.mkdir(parents=True, exist_ok=True)
+                yield Path(target)
+                return
+            with tempfile.TemporaryDirectory(prefix="silo-archive-") as folder:
+                path = Path(folder, file.rpartition("/")[2])
+                yield path
+                self._files.put_file(str(path), target)
+
+    def _write(self, file: str, data: bytes) -> None:
+        with self._local(file) as path, atomic_file(path) as out:
+            out.write(data)
+
+    def _write_tables(self, source: Folders, name: str) -> None:
+        """Bring the tables of facts up to date: rows of runs that are there now take the place of those of before."""
+        polars = need("polars", EXTRA, "Archives")
+        run = polars.col("run")
+        there = [one.run for one in self.manifest()]
+        new = [called for one in source.runs if (called := _called(one, name)) in there]
+        for table in FACTS:
+            rows = source.frame(table).with_columns(run.map_elements(partial(_called, name=name), polars.String))
+            old = self.frame(table).filter(~run.is_in(new) & run.is_in(there))
+            frame = polars.concat([old, rows.filter(run.is_in(new))], how="diagonal")
+            with self._local(f"{table}.parquet") as path, atomic_file(path) as out:
+                frame.write_parquet(out)
+
+    def _check(self, anew: bool = False) -> None:
+        """Raise SiloError where this is no archive, or one of a newer silo; make it where it is to be made anew."""
+        if not self.exists:
+            if not anew:
+                raise LogNotFoundError(
+                    f"there is no archive at '{self.where}'; `silo archive FOLDER {self.where}` makes one"
+                )
+            self._write(MARK, json.dumps({"version": VERSION}).encode())
+            return
+        with _told(self.where):
+            version = json.loads(self._files.cat(self._at(MARK))).get("version")
+        if version != VERSION:
+            raise SiloError(
+                f"'{self.where}' is an archive of version {version}, this silo knows {VERSION}: install a newer one"
+            )
+
+    def _at(self, name: str) -> str:
+        return f"{self._root.rstrip('/')}/{name}"
+
+
+def _called(run: str, name: str) -> str:
+    return f"{name}/{run}" if name else run
+
+
+def _part(name: str) -> str:
+    """A name as one part of a path, as partitions are named."""
+    return quote(name, safe=" ._-+,()")
+
+
+def _sha256(file: Any) -> str:
+    found = hashlib.sha256()
+    while block := file.read(_BLOCK):
+        found.update(block)
+    return found.hexdigest()
+
+
+@contextmanager
+def _told(where: str) -> Iterator[None]:
+    """Turn what a file system says into an error of silo."""
+    try:
+        yield
+    except SiloError:
+        raise
+    except FileNotFoundError as error:
+        raise LogNotFoundError(f"the archive '{where}' lacks '{error.filename or error}'") from error
+    except Exception as error:  # each file system has its own
+        words = reason(error) if isinstance(error, OSError) else str(error).strip() or type(error).__name__
+        raise SaveError(f"the archive '{where}' can't be reached: {words}") from error

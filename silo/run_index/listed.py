@@ -1,0 +1,138 @@
+"""One run of a list: its facts, what people say of it, the way to its log."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from silo.analysis.opening import open_log
+from silo.core.episodes.words import Episode
+from silo.run_index import labels
+from silo.run_index.facts import RunFacts, SignalFacts
+
+if TYPE_CHECKING:
+    from silo.analysis.log import Log
+
+EPOCH = datetime(1970, 1, 1, tzinfo=timezone.utc)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ListedRun:
+    """One run of a list: its facts, what people say of it, and the way to its log."""
+
+    facts: RunFacts
+    folder: Path
+    _labels: dict[str, labels.Labels] = field(default_factory=dict)
+    _signals: Callable[[], list[SignalFacts]] = list
+
+    @property
+    def path(self) -> Path:
+        """The file or bag folder."""
+        return self.folder / self.facts.path
+
+    @property
+    def name(self) -> str:
+        """Its file name without ending."""
+        return self.path.stem
+
+    @property
+    def begun(self) -> datetime:
+        """When it began, by the wall clock, in local time."""
+        return (EPOCH + timedelta(microseconds=self.facts.begun_ns // 1000)).astimezone()
+
+    @property
+    def tags(self) -> tuple[str, ...]:
+        """Its tags, in the order in which they were given."""
+        return self._said.tags
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was noted, oldest first."""
+        return self._said.notes
+
+    @property
+    def signals(self) -> list[SignalFacts]:
+        """Each scalar in a few numbers, from the index."""
+        return self._signals()
+
+    def open(self) -> "Log":
+        """Open the log. Raises as `silo.open_log`."""
+        return open_log(self.path)
+
+    def tag(self, *tags: str) -> None:
+        """Give it tags. Raises ElementError for one that is no word, SaveError."""
+        labels.tag(self.path.parent, self.name, tags)
+        self._reread()
+
+    def untag(self, *tags: str) -> None:
+        """Take tags from it. Raises as `tag`."""
+        labels.tag(self.path.parent, self.name, (), tags)
+        self._reread()
+
+    def note(self, text: str) -> None:
+        """Say something of it. Raises ElementError, SaveError."""
+        labels.note(self.path.parent, self.name, text)
+        self._reread()
+
+    def undo(self) -> str:
+        """Take the last tag or note back, and return what it was. Raises ElementError where there is none."""
+        gone = labels.undo(self.path.parent, self.name)
+        self._reread()
+        return gone
+
+    def __repr__(self) -> str:
+        said = f" [{', '.join(self.tags)}]" if self.tags else ""
+        when = f"{self.begun:%Y-%m-%d %H:%M:%S}, {self.facts.span_s:.6g} s"
+        return f"<Run {self.facts.path}: {self.facts.robot}, {when}{said}>"
+
+    @property
+    def _said(self) -> labels.Labels:
+        return self._labels.get(self.name, labels.Labels())
+
+    def _reread(self) -> None:
+        self._labels.clear()
+        self._labels.update(labels.read_labels(self.path.parent))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ListedEpisode(ListedRun):
+    """One episode of a run, as a run of its own: its time and task are the episode's, all else is of its run."""
+
+    episode: Episode = field(default_factory=lambda: Episode("", 0, 0))
+
+    def open(self) -> "Log":
+        """Open its part of the log. Raises as `silo.open_log`, and ElementError where the log lacks it by now."""
+        return super().open().clip(self.episode.start_s, self.episode.stop_s)
+
+    def __repr__(self) -> str:
+        one = self.episode
+        return (
+            f"<Episode {one.number} of {self.facts.path}: {one.name}, {self.facts.span_s:.6g} s, success {one.success}>"
+        )
+
+
+def episodes_of(run: ListedRun) -> list[ListedEpisode]:
+    """Return the episodes of a run. Conditions know what was said of them: `success`, `good`, `bad`, `redo`, facts."""
+    return [
+        ListedEpisode(
+            msgspec.structs.replace(
+                run.facts,
+                kind="episode",
+                task=one.name,
+                begun_ns=run.facts.begun_ns + round(one.start_s * 1e9),
+                span_s=one.stop_s - one.start_s,
+                ticks=one.last - one.first + 1,
+                about={**run.facts.about, **{key: str(value) for key, value in one.about.items()}},
+                parameters={**run.facts.parameters, **one.facts},
+                episodes=(one,),
+            ),
+            run.folder,
+            run._labels,
+            run._signals,
+            one,
+        )
+        for one in run.facts.episodes
+    ]

@@ -1,0 +1,195 @@
+"""Runs as tables: what is known of them from the index, and what they measured from their logs, when it is asked for.
+
+| Table | A row is |
+|---|---|
+| `runs` | a run |
+| `signals` | a scalar of a run, in a few numbers |
+| `events` | something that happened in a run |
+| `episodes` | a stretch of a run that the program, or somebody, marked |
+| `parameters`, `about` | a parameter as it was at the end of a run; a fact that the program told |
+| `samples` | a value of a scalar |
+| `wide` | a tick of a run, with a column for each scalar that any run has |
+
+`run` is a run's path below the folder, in each of them; signals are called without the prefix of their logger, so that
+one name means the same of every robot. NaN is NULL, as SQL takes it for larger than all numbers.
+"""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+import msgspec
+
+from silo.analysis.compute.exports import log_to_polars
+from silo.analysis.log import Log
+from silo.core.recording import Recording, common_axis, has_own_stamps
+from silo.errors import LogWarning
+from silo.files.added import added_formats
+from silo.files.extras import need
+from silo.files.formats import read_recording
+from silo.run_index.index import RunIndex
+from silo.run_index.listed import ListedRun
+
+EXTRA = "query"
+COLUMNS: dict[str, dict[str, str]] = {
+    "runs": {
+        "run": "text", "name": "text", "kind": "text", "robot": "text", "task": "text", "begun": "time",
+        "span_s": "number", "ticks": "whole", "elements": "whole", "frequency_hz": "number", "why": "text",
+        "marks": "whole", "limits": "whole", "triggers": "whole", "lost": "whole", "failed": "whole",
+        "warnings": "whole", "size_bytes": "whole", "tags": "texts", "notes": "texts", "problem": "text",
+    },
+    "signals": {
+        "run": "text", "signal": "text", "element": "text", "unit": "text", "kind": "text", "samples": "whole",
+        "min": "number", "max": "number", "mean": "number", "std": "number", "rms": "number", "last": "number",
+    },
+    "events": {
+        "run": "text", "t": "number", "tick": "whole", "time": "time", "kind": "text", "text": "text", "who": "text",
+    },
+    "episodes": {
+        "run": "text", "number": "whole", "name": "text", "t": "number", "span_s": "number", "ticks": "whole",
+        "verdict": "text", "success": "truth", "why": "text", "whole": "truth", "about": "text",
+    },
+    "parameters": {"run": "text", "name": "text", "value": "number", "text": "text"},
+    "about": {"run": "text", "name": "text", "text": "text"},
+    "samples": {
+        "run": "text", "signal": "text", "t": "number", "time": "time", "value": "number", "text": "text",
+    },
+    "wide": {"run": "text", "t": "number", "time": "time"},
+}  # fmt: skip
+FACTS = ("runs", "signals", "events", "episodes", "parameters", "about")  # those that no log is read for
+
+
+class Drawer(Protocol):
+    """Where runs are, as tables."""
+
+    def frame(self, table: str) -> Any:
+        """Return one of `FACTS` as a polars frame."""
+
+    def read(self, run: str, signals: Sequence[str]) -> Any:
+        """Return signals of a run as a polars frame: `t`, `time`, a column for each; null where there is no sample.
+
+        Of an enumeration `#NAME` are its numbers, NAME its words.
+        """
+
+
+def typed(columns: Mapping[str, str]) -> dict[str, Any]:
+    """Return a schema for polars. Raises SiloError without it."""
+    polars = need("polars", EXTRA, "Tables of runs")
+    types = {
+        "text": polars.String, "number": polars.Float64, "whole": polars.Int64, "texts": polars.List(polars.String),
+        "time": polars.Datetime("ns", "UTC"), "truth": polars.Boolean,
+    }  # fmt: skip
+    return {name: types[kind] for name, kind in columns.items()}
+
+
+class Folders:
+    """The runs of a list."""
+
+    def __init__(self, runs: Sequence[ListedRun], indexes: Sequence[RunIndex]) -> None:
+        """Name each by its path below its folder; where there are several folders, by its whole path."""
+        folders = {run.folder for run in runs}
+        self.runs = {run.facts.path if len(folders) == 1 else str(run.path): run for run in runs}
+        self._indexes = indexes
+
+    def frame(self, table: str) -> Any:
+        """Return one of `FACTS`."""
+        polars = need("polars", EXTRA, "Tables of runs")
+        rows = {
+            "runs": self._facts, "signals": self._signals, "events": self._events, "parameters": self._parameters,
+            "about": self._about, "episodes": self._episodes,
+        }[table]()  # fmt: skip
+        return polars.DataFrame(rows, schema=typed(COLUMNS[table]), orient="row")
+
+    def read(self, run: str, signals: Sequence[str]) -> Any:
+        """Return signals of a run. Raises SiloError for a log that can't be read."""
+        one = self.runs[run]
+        return read_signals(read_recording(one.path, added_formats), signals)
+
+    def _signals(self) -> list[tuple[Any, ...]]:
+        every = {index.root: index.every_signal() for index in self._indexes}
+        return [
+            (name, short(run.facts.prefix, one.name), short(run.facts.prefix, one.element), one.unit, one.kind,
+             one.count, one.least, one.most, one.mean, one.std, one.rms, one.last)
+            for name, run in self.runs.items()
+            for one in every[run.folder].get(run.facts.path, ())
+        ]  # fmt: skip
+
+    def _events(self) -> list[tuple[Any, ...]]:
+        every = {index.root: index.events() for index in self._indexes}
+        return [
+            (name, one.at_s, one.tick, one.time_ns, one.kind, one.text, one.who)
+            for name, run in self.runs.items()
+            for one in every[run.folder].get(run.facts.path, ())
+        ]
+
+    def _facts(self) -> list[tuple[Any, ...]]:
+        rows = []
+        for name, run in self.runs.items():
+            facts = run.facts
+            rows.append((
+                name, run.name, facts.kind, facts.robot, facts.task, facts.begun_ns, facts.span_s, facts.ticks,
+                facts.elements, facts.rate_hz, facts.why, facts.marks, facts.limits, facts.triggers, facts.lost,
+                facts.failed, facts.warnings, facts.size_bytes, list(run.tags), list(run.notes), facts.problem,
+            ))  # fmt: skip
+        return rows
+
+    def _episodes(self) -> list[tuple[Any, ...]]:
+        return [
+            (name, one.number, one.name, one.start_s, one.stop_s - one.start_s, one.last - one.first + 1, one.verdict,
+             one.success, one.why, one.whole, msgspec.json.encode(dict(one.about)).decode())
+            for name, run in self.runs.items()
+            for one in run.facts.episodes
+        ]  # fmt: skip
+
+    def _parameters(self) -> list[tuple[Any, ...]]:
+        return [
+            (name, short(run.facts.prefix, key), *((None, value) if isinstance(value, str) else (float(value), None)))
+            for name, run in self.runs.items()
+            for key, value in run.facts.parameters.items()
+            if isinstance(value, str | int | float)
+        ]
+
+    def _about(self) -> list[tuple[str, str, str]]:
+        return [(name, *fact) for name, run in self.runs.items() for fact in run.facts.about.items()]
+
+
+def short(prefix: str, name: str) -> str:
+    """Return a name without the prefix of its logger."""
+    return name.removeprefix(f"{prefix.rstrip('/')}/")
+
+
+def read_signals(recording: Recording, signals: Sequence[str]) -> Any:
+    """Return signals of a log, by their names without its prefix, as `Drawer.read` does. Raises SiloError."""
+    polars = need("polars", EXTRA, "Tables of runs")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)  # how many there are stands in `runs`
+        log = Log(recording)
+        found = {name: log[_whole(log, name.removeprefix("#"))] for name in signals}
+        own = has_own_stamps(log.recording)
+        axis = common_axis([one.time_ns for one in found.values()]) if own else log.time_ns
+        frames = [
+            log_to_polars({name: replace(one, name=name, labels={} if name.startswith("#") else one.labels)}, axis)
+            for name, one in found.items()
+        ]
+        begin_ns = int(axis[0]) if len(axis) else 0
+        time = polars.Series(axis).cast(typed(COLUMNS["wide"])["time"])
+        made = polars.DataFrame({"t": (axis - begin_ns) * 1e-9, "time": time})
+    return made.hstack([_plain(polars, name, frame) for name, frame in zip(found, frames, strict=True)])
+
+
+def _whole(log: Log, name: str) -> str:
+    whole = f"{log.recording.prefix.rstrip('/')}/{name}"
+    return whole if whole in log else name
+
+
+def _plain(polars: Any, name: str, frame: Any) -> Any:
+    """A column of numbers or of texts; one of neither, as of complex numbers, is all null."""
+    if name not in frame.columns:
+        return polars.Series(name, [None] * len(frame), dtype=polars.Float64)
+    column = frame[name]
+    if column.dtype in (polars.String, polars.Categorical) or isinstance(column.dtype, polars.Enum):
+        return column.cast(polars.String)
+    if column.dtype == polars.Boolean or column.dtype.is_numeric() or column.dtype.is_temporal():
+        return column.to_physical().cast(polars.Float64).fill_nan(None)
+    return polars.Series(name, [None] * len(frame), dtype=polars.Float64)

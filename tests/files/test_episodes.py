@@ -1,0 +1,103 @@
+"""Episodes of runs: as a list from the index, and as those of a data set."""
+
+import itertools
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner
+
+import silo
+from silo.cli.group import cli
+from silo.datasets.check import check_lerobot
+from silo.datasets.lerobot import write_lerobot
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    """Two runs of 100 Hz with episodes of 100 ticks: good, bad, to be done again, and one that a kill cut."""
+    folder = tmp_path_factory.mktemp("logs")
+    for number in range(2):
+        clock = itertools.count(1_700_000_000_000_000_000 + number * 3600 * 10**9, 10_000_000).__next__
+        log = silo.Logger("arm", frequency=100, folder=folder, script=folder / "none.yaml", clock=clock)
+        q, success = log.array("q", 2), log.array("success", dtype=bool)
+        log.start()
+
+        def ticks(count, log=log, q=q, success=success):
+            for _ in range(count):
+                q[:], success[...] = log.ticks, True
+                log.collect()
+
+        ticks(50)
+        for verdict in (True, False, None):
+            with log.episode("pick", verdict, speed=0.1 * (number + 1), object="cup" if verdict else "ball"):
+                ticks(100)
+            ticks(10)
+        log.mark('episode "pick" redo')
+        log.episode("place", wet=True).__enter__()
+        ticks(20)
+        log.save("silo", name=f"run{number}")
+        log.close()
+    return folder
+
+
+def test_episodes_of_the_index_are_those_of_the_logs(root):
+    runs = silo.runs(root)
+    assert [run.facts.episodes for run in runs] == [tuple(silo.open_log(run.path).episodes) for run in runs]
+    found = runs.episodes()
+    assert [(one.facts.task, one.episode.number, one.episode.verdict, one.facts.ticks) for one in found] == [
+        ("pick", 0, "good", 100), ("pick", 1, "bad", 100), ("pick", 2, "redo", 100),
+        ("place", 3, "", 20)] * 2  # fmt: skip
+    assert found.size_bytes == runs.size_bytes == sum(run.path.stat().st_size for run in runs)
+    for one in found:
+        part = one.open()
+        assert part["q"].values[:, 0].tolist() == list(range(one.episode.first, one.episode.last + 1))
+    assert found[0].begun == runs[0].begun.fromtimestamp(runs[0].begun.timestamp() + 0.5).astimezone()
+
+
+@pytest.mark.parametrize(
+    ("where", "count"),
+    [("success", 2), ("good and speed > 0.15", 1), ("not success", 6), ("redo", 2), ("wet", 2), ("span < 0.5", 2)],
+)
+def test_conditions_speak_of_episodes(root, where, count):
+    assert len(silo.runs(root).episodes().where(where)) == count
+
+
+def test_the_command_has_a_line_for_each(root):
+    ran = CliRunner().invoke(cli, ["runs", str(root), "--episodes", "--where", "bad or redo", "-w", "ball"])
+    assert ran.exit_code == 0, ran.output
+    lines = ran.output.splitlines()
+    assert [line.split()[0] for line in lines[1:-1]] == ["run0.silo#1", "run0.silo#2", "run1.silo#1", "run1.silo#2"]
+    assert lines[-1].startswith("4 episodes")
+    told = json.loads(CliRunner().invoke(cli, ["runs", str(root), "--episodes", "--json"]).output)
+    assert [one["episodes"][0]["name"] for one in told] == ["pick", "pick", "pick", "place"] * 2
+    assert CliRunner().invoke(cli, ["runs", str(root), "--where", "episodes == 4"]).output.count(".silo") == 2
+
+
+def test_a_data_set_has_the_marked_episodes_without_those_to_be_done_again(root, tmp_path):
+    words = ["--to", "lerobot", "--fps", "50", "--state", "q", "--episodes", "episodes", "--where", "success"]
+    runs = [str(root / f"run{number}.silo") for number in range(2)]
+    ran = CliRunner().invoke(cli, ["convert", *runs, str(tmp_path / "set"), *words])
+    assert ran.exit_code == 0, ran.output
+    assert not check_lerobot(tmp_path / "set")
+    (file,) = (tmp_path / "set" / "meta" / "episodes").glob("*/*.parquet")
+    rows = pq.read_table(file).to_pylist()
+    assert [(row["tasks"], row["length"], row["silo/episode"], row["silo/source"]) for row in rows] == [
+        (["pick"], 50, 0, runs[0]), (["pick"], 50, 0, runs[1])]  # fmt: skip
+    (data,) = (tmp_path / "set" / "data").glob("*/*.parquet")
+    assert np.array(pq.read_table(data)["observation.state"].to_pylist())[:50, 0].tolist() == list(range(50, 150, 2))
+
+
+@pytest.mark.parametrize(
+    ("options", "count"),
+    [({"episodes": "episodes"}, 6), ({"episodes": "episodes", "where": "speed > 0.15 and bad"}, 1), ({}, 2)],
+)
+def test_what_an_episode_is_and_which_count_is_said(root, tmp_path, options, count):
+    made = write_lerobot(sorted(root.glob("*.silo")), tmp_path / "set", fps=50, state=["q"], to="episodes", **options)
+    assert made.episodes == count
+
+
+def test_runs_that_are_no_captures_are_none_of_a_data_set_of_captures(root, tmp_path):
+    with pytest.raises(silo.SaveError, match="it is no capture"):
+        write_lerobot(sorted(root.glob("*.silo")), tmp_path / "set", fps=50, state=["q"], episodes="captures")

@@ -1,0 +1,172 @@
+"""Rules for runs and a run held against a good one: what is found, how it is said, what CI reads of it."""
+
+import itertools
+import json
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import silo
+from silo.cli.group import cli
+from silo.core.elements import SignalLimits
+from silo.errors import ScriptError
+from silo.guards.guard import guard
+from silo.guards.rules import read_rules
+
+TICKS = 50
+
+
+def write(folder, name, scale=1.0, offset=0.0, slow=True, limits=(), lost=0):
+    clock = itertools.count(1_700_000_000_000_000_000, 10_000_000).__next__
+    log = silo.Logger("dog", frequency=100, folder=folder, clock=clock, script=folder / "none.yaml")
+    tau = log.array("tau", group="joints", unit="Nm")
+    mode = log.array("mode", dtype=np.int32)
+    if slow:
+        log.array("slow")
+    for one in limits:
+        log.set_limits(one)
+    log.start()
+    for tick in range(TICKS):
+        tau[...] = scale * np.sin(tick / 5) + offset
+        mode[...] = tick > 10
+        log.collect()
+    log.save(("silo",), name=name)
+    log.close()
+    return folder / f"{name}.silo"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    root = tmp_path_factory.mktemp("runs")
+    limit = [SignalLimits("joints/tau", (None, None, None, 1.5))]
+    write(root, "good", limits=limit)
+    write(root, "same", limits=limit)
+    write(root, "worse", scale=2.0, slow=False, limits=limit)
+    write(root, "shifted", offset=0.05, limits=limit)
+    return root
+
+
+def found(folder, run, rules="", against=None):
+    path = folder / "rules.yaml"
+    path.write_text(rules)
+    recordings = [silo.open_log(folder / f"{one}.silo").recording for one in (run, against) if one]
+    return guard(recordings[0], read_rules(path) if rules else [], recordings[1] if against else None)
+
+
+@pytest.mark.parametrize(
+    ("run", "rule", "verdict", "words"),
+    [
+        ("good", "- never: joints/tau > 0.9Nm", "VIOLATED", ""),
+        ("good", "- always: joints/tau < 1.1", "GREEN", ""),
+        ("good", "- holds: max(joints/tau) < 1 and lost == 0", "GREEN", ""),
+        ("worse", "- holds: max(joints/tau) < 1", "VIOLATED", "doesn't hold"),
+        ("worse", "- {value: max(joints/tau), at_most: 1.5}", "VIOLATED", "it is 1.99"),
+        ("worse", "- {value: max(joints/tau), at_least: 1.5}", "GREEN", ""),
+        ("worse", "- {value: min(joints/tau), at_least: -0.5}", "VIOLATED", "it is -1.99"),
+        ("shifted", "- {value: mean(joints/tau), within: 0.06}", "GREEN", ""),
+        ("shifted", "- {value: mean(joints/tau), within: 0.04}", "VIOLATED", "the baseline has"),
+        ("shifted", "- {value: rms(joints/tau), within: 10%}", "GREEN", ""),
+        ("worse", "- {value: rms(joints/tau), within: 90%}", "VIOLATED", "is allowed"),
+        ("worse", "- {value: rms(joints/tau), at_most: 201%}", "GREEN", ""),
+        ("worse", "- {value: rms(joints/tau), at_most: 199%}", "VIOLATED", ""),
+        ("worse", "- {value: rms(joints/tau), at_least: 201%}", "VIOLATED", ""),
+        ("worse", "- {value: mean(slow), within: 1}", "UNOBSERVABLE", "the run lacks"),
+        ("same", "- signals: joints/*", "GREEN", ""),
+        ("shifted", "- {signals: joints/*, tolerance: 0.051}", "GREEN", ""),
+        ("shifted", "- {signals: joints/*, tolerance: 0.049}", "VIOLATED", ""),
+        ("shifted", "- {signals: joints/*, tolerance: 0.049, event: mode == 1}", "VIOLATED", ""),
+        ("shifted", "- {name: same torque, signals: joints/*}", "VIOLATED", ""),
+    ],
+)  # fmt: skip
+def test_a_rule_finds_what_it_says(folder, run, rule, verdict, words):
+    first = found(folder, run, rule, "good")[0]
+    assert first.worst == verdict
+    assert words in first.why
+    assert first.violated == (verdict == "VIOLATED")
+    assert first.what == "same torque" or "same torque" not in rule
+
+
+@pytest.mark.parametrize(
+    ("run", "rule", "violated"),
+    [
+        ("same", "", []),
+        ("worse", "", ["nothing is missing", "/log/joints/tau"]),
+        ("worse", "- new: [limits]", ["/log/joints/tau"]),
+        ("worse", "- new: []", []),
+        ("worse", "- never: joints/tau > 9", ["nothing is missing", "/log/joints/tau"]),
+        ("shifted", "", []),
+    ],
+)
+def test_beside_a_good_run_nothing_may_be_newly_missing_or_broken(folder, run, rule, violated):
+    assert [one.what for one in found(folder, run, rule, "good") if one.violated] == violated
+    # what the good one broke, too, is nothing new
+    assert not [one.what for one in found(folder, run, rule, run) if one.violated]
+
+
+@pytest.mark.parametrize(
+    ("rules", "words"),
+    [
+        ("- nevr: x", "rules.yaml:1: a rule is one of"), ("x: 1", "a list"), ("", "a list"),
+        ("- never: x\n- {never: a, always: b}", "rules.yaml:2: a rule is one of"),
+        ("- {never: a, within: 3}", "has no 'within'"),
+        ("- value: max(x)", "needs within"), ("- {value: max(x), within: -1}", "from 0 on"),
+        ("- {value: max(x), at_most: much}", "at_most is a number"), ("- {signals: x, tolerance: 1%}", "got a share"),
+        ("- new: [all]", "list of missing"), ("- never: [a]", "never is a text"), ("- holds:", "holds is empty"),
+        ("- a: [", "not valid YAML"), ("- {value: max(nope), at_most: 3}", r"rules.yaml:1: no run has 'nope'"),
+        ("- never: nope > 1", r"rules.yaml:1:"), ("- signals: nope*", "rules.yaml:1: both runs have no"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_rules_is_said_with_file_and_line(folder, rules, words):
+    path = folder / "rules.yaml"
+    path.write_text(rules)
+    good = silo.open_log(folder / "good.silo").recording
+    with pytest.raises(ScriptError, match=words):
+        guard(good, read_rules(path), good)
+
+
+def test_a_rule_that_needs_a_good_run_says_so(folder):
+    with pytest.raises(ScriptError, match=r"rules.yaml:1.*--against"):
+        found(folder, "good", "- {value: max(joints/tau), within: 1%}")
+
+
+def test_the_shell_judges_and_writes_a_report(folder, tmp_path):
+    rules = tmp_path / "rules.yaml"
+    rules.write_text("- {name: torque, value: max(joints/tau), at_most: 110%}\n- {value: mean(slow), within: 1}\n")
+
+    def ran(run, *arguments):
+        run = CliRunner().invoke(
+            cli,
+            ["check", str(folder / f"{run}.silo"), "--rules", str(rules), *map(str, arguments)],
+            standalone_mode=False,
+        )
+        return run.return_value, run.stdout + ("" if "--json" in arguments else run.stderr)
+
+    report = tmp_path / "report.xml"
+    code, said = ran("worse", "--against", folder / "good.silo", "--junit", report)
+    assert code == 1
+    assert "torque: it is 1.99" in said
+    suite = ElementTree.parse(report).getroot()[0]
+    assert {key: suite.get(key) for key in ("tests", "failures", "skipped")} == {
+        "tests": "5",
+        "failures": "3",
+        "skipped": "1",
+    }
+    assert [case.get("name") for case in suite if case.find("failure") is not None] == [
+        "torque", "nothing is missing", "/log/joints/tau"
+    ]  # fmt: skip
+    code, said = ran("same", "--against", folder / "good.silo", "--json")
+    assert code == 0
+    assert [one["what"] for one in json.loads(said)][:1] == ["torque"]
+    code, said = ran("same")
+    assert code == 2
+    assert f"{rules}:1: this needs a run" in said
+
+
+def test_the_fixture_fails_a_test_with_what_is_wrong(folder, silo_runs):
+    assert len(silo_runs(folder)) == 4
+    silo_runs.check(folder / "same.silo", against=folder / "good.silo")
+    with pytest.raises(AssertionError, match="slow") as failed:
+        silo_runs.check(folder / "worse.silo", against=folder / "good.silo")
+    assert "2 of 3 violated" in str(failed.value)

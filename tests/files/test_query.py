@@ -1,0 +1,278 @@
+"""SQL over runs and their archive: each answer against the logs themselves, what is read, what can't be reached."""
+
+import itertools
+import json
+import multiprocessing
+import os
+import signal
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import silo
+from silo.cli.group import cli
+from silo.errors import ElementError, LogNotFoundError, SiloError
+from silo.run_index import archive as archives
+from silo.run_index import tables
+from silo.run_index.archive import Archive
+
+duckdb = pytest.importorskip("duckdb")
+polars = pytest.importorskip("polars")
+RUNS, TICKS = 4, 40
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Runs with a vector, a slow signal, a text, an enumeration, whole numbers that no double holds, a hole, a mark."""
+    root = tmp_path_factory.mktemp("logs")
+    for number in range(RUNS):
+        clock = itertools.count(1_700_000_000_000_000_000 + number * 86_400 * 10**9, 10_000_000).__next__
+        log = silo.Logger(f"dog{number % 2}", prefix=f"/dog{number % 2}", frequency=100, folder=root, clock=clock,
+                          script=root / "none.yaml", about={"task": "walk"})  # fmt: skip
+        tau = log.array("tau", 3, group="joints", unit="Nm")
+        slow = log.array("slow", dtype=np.int64, divider=4)
+        word = np.array("", "U8")
+        log.add(word, "word")
+        if number:
+            log.array("Gain")[...] = number
+        log.array("gain")[...] = -number
+        log.parameter("kp", 10.0 * number, min=0, max=100)
+        log.start()
+        for tick in range(TICKS):
+            tau[:] = number * np.sin(tick / 3 + np.arange(3))
+            tau[1] = np.nan if tick == 7 else tau[1]
+            slow[...] = 2**60 + tick
+            word[...] = f"w{tick // 10}"
+            if tick == 10:
+                with log.episode("step", speed=0.5 * number) as episode:
+                    log.collect()
+                    episode.success = number != 2
+            else:
+                log.collect()
+        if number == 1:
+            log.mark("pushed")
+        log.save(("silo",), name=f"run{number}")
+        log.close()
+    return root
+
+
+@pytest.fixture(scope="module")
+def runs(written):
+    return silo.runs(written)
+
+
+@pytest.fixture(scope="module")
+def archive(runs, tmp_path_factory):
+    made = Archive(str(tmp_path_factory.mktemp("archive") / "there"))
+    assert not made.add(runs).problems
+    return made
+
+
+@pytest.fixture(params=["logs", "archive"])
+def drawer(request, runs, archive):
+    return runs if request.param == "logs" else archive
+
+
+def test_every_value_of_the_tables_is_that_of_the_log(drawer, runs):
+    rows = drawer.sql("select run, signal, t, value, text from samples order by run, signal, t")
+    wide = drawer.sql("select * from wide order by run, t")
+    for run in runs:
+        log = run.open()
+        of_run, table = (frame.filter(polars.col("run") == run.facts.path) for frame in (rows, wide))
+        columns = {"gain": "gain_2"} | {name: name for name in ("joints/tau_x", "joints/tau_y", "slow", "word")}
+        for name, shown in (columns | ({"Gain": "Gain"} if run.name != "run0" else {})).items():
+            one = log[f"/{run.facts.robot}/{name}"]
+            there = of_run.filter(polars.col("signal") == name)
+            column = table[shown]
+            if name == "word":
+                assert there["text"].to_list() == column.to_list() == [str(text) for text in one.texts]
+                continue
+            finite = np.isfinite(one.values)
+            assert there["value"].to_numpy() == pytest.approx(one.values[finite].astype(float), abs=0)
+            assert there["t"].to_numpy() == pytest.approx((one.time_ns[finite] - one.start_ns) * 1e-9)
+            np.testing.assert_array_equal(column.drop_nulls().to_numpy(), one.values[finite].astype(float))
+
+
+def test_facts_statistics_events_and_parameters_stand_in_tables(drawer):
+    facts = drawer.sql("select run, robot, task, ticks, problem from runs order by run")
+    assert facts.rows() == [(f"run{one}.silo", f"dog{one % 2}", "walk", TICKS, "") for one in range(RUNS)]
+    assert drawer.sql(
+        "select run, text, tick from events where kind = 'marker' and text not like 'episode%'"
+    ).rows() == [("run1.silo", "pushed", TICKS - 1)]
+    assert drawer.sql("select sum(value) from parameters where name = 'kp'").item() == 60
+    assert drawer.sql("select count(*) from about where name = 'task'").item() == RUNS
+    asked = "select run, name, success, ticks, (about->>'speed')::double from episodes order by run"
+    assert [row[1:] for row in drawer.sql(asked).rows()] == [("step", one != 2, 1, one / 2) for one in range(RUNS)]
+    told, read = drawer.sql(
+        'select s.max, w.most from signals s join (select run, max("joints/tau_z") most from wide group by run) w'
+        " on s.run = w.run where s.signal = 'joints/tau_z' and s.run = 'run3.silo'"
+    ).row(0)
+    assert told == read > 2.9
+
+
+@pytest.mark.parametrize(
+    ("statement", "wanted"),
+    [
+        ("select count(*) from runs", {}),
+        ("select count(*) from wide where run = 'run1.silo'", {"run1.silo": set()}),
+        ("select max(slow) from wide", {f"run{one}.silo": {"slow"} for one in range(RUNS)}),
+        ("select max(value) from samples where signal = 'joints/tau_x' and run in ('run0.silo', 'run2.silo')",
+         {"run0.silo": {"joints/tau_x"}, "run2.silo": {"joints/tau_x"}}),
+        ("select t from wide where word = 'w1' and run <> 'run0.silo' and run < 'run2'", {"run1.silo": {"word"}}),
+        ("select a.t from wide a, runs r where a.run = r.run and a.run = 'run3.silo' and a.slow is not null",
+         {"run3.silo": {"slow"}}),
+    ],
+)  # fmt: skip
+@pytest.mark.skipif(duckdb.__version__ < "2", reason="DuckDB for Python 3.10 reads whole tables")
+def test_no_more_is_read_than_a_statement_asks_for(runs, monkeypatch, statement, wanted):
+    read = {}
+    real = tables.Folders.read
+    monkeypatch.setattr(
+        tables.Folders,
+        "read",
+        lambda self, run, names: (read.setdefault(run, set(names)), real(self, run, names))[1],
+    )
+    runs.sql(statement)
+    assert read == wanted
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "select * from read_csv('{file}')", "select * from read_text('{file}')", "select * from '{file}'",
+        "copy runs to '{new}'", "attach '{new}'", "install httpfs", "load httpfs", "set enable_external_access = true",
+        "select * from read_parquet('http://127.0.0.1:9/x')", "select * from glob('{folder}/*')",
+        "select * from polars", "export database '{new}'",
+    ],
+)  # fmt: skip
+def test_a_statement_reaches_no_file_no_network_no_extension(runs, tmp_path, statement):
+    file = tmp_path / "secret.csv"
+    file.write_text("a\n1\n")
+    with pytest.raises(ElementError):
+        runs.sql(statement.format(file=file, folder=tmp_path, new=tmp_path / "new"))
+    assert [one.name for one in tmp_path.iterdir()] == ["secret.csv"]
+
+
+def test_what_is_wrong_with_a_statement_is_said(runs):
+    with pytest.raises(ElementError, match="did you mean joints/tau_x"):
+        runs.sql("select * from samples where signal = 'joint/tau_x'")
+    with pytest.raises(ElementError, match=r"samples.*describe wide"):
+        runs.sql("select * from sample")
+
+
+def test_more_than_fits_into_memory_is_refused(runs, monkeypatch):
+    monkeypatch.setattr("silo.run_index.sql.SHARE", 1e-12)
+    with pytest.raises(ElementError, match="name signals"):
+        runs.sql("select max(value) from samples")
+    with pytest.raises(ElementError, match="name columns"):
+        runs.sql("select slow from wide")
+    assert runs.sql("select count(*) from runs").item() == RUNS
+
+
+def test_a_log_that_went_away_is_an_error_that_names_it(written, tmp_path):
+    (tmp_path / "run0.silo").write_bytes((written / "run0.silo").read_bytes())
+    found = silo.runs(tmp_path)
+    (tmp_path / "run0.silo").unlink()
+    with pytest.raises(LogNotFoundError, match=r"run0\.silo"):
+        found.sql("select max(slow) from wide")
+
+
+def test_the_shell_prints_writes_and_counts(written, tmp_path):
+    def ran(*arguments, code=0):
+        result = CliRunner().invoke(cli, list(map(str, arguments)), standalone_mode=False)
+        assert (result.exit_code or result.return_value or 0) == code, result.output
+        return result.output
+
+    asked = "select run, max(slow) - 1152921504606846976 < 64 as most, max(word) w from wide group by run order by run"
+    assert ran("query", asked, "--in", written, "--where", "last(kp) > 25").splitlines()[1].split() == [
+        "run3.silo",
+        "True",
+        "w3",
+    ]
+    assert json.loads(ran("query", "select ticks from runs limit 1", "--in", written, "--json")) == [{"ticks": TICKS}]
+    ran("query", "select * from runs", "--in", written, "--to", tmp_path / "runs.parquet")
+    assert len(polars.read_parquet(tmp_path / "runs.parquet")) == RUNS
+    assert "60 rows more" in ran("query", "select t from wide", "--in", written)
+    ran("query", "select 1", "--to", tmp_path / "runs.parquet", code=1)
+    assert "4 runs added" in ran("archive", written, tmp_path / "kept")
+    assert "0 runs added (0 B), 4 there already" in ran("archive", written, tmp_path / "kept")
+    assert "4 runs, 0 not as archived" in ran("archive", "--check", tmp_path / "kept")
+    assert "run3.silo" in ran("query", asked, "--in", tmp_path / "kept")
+    next((tmp_path / "kept").rglob("run=run2.silo/run.parquet")).write_bytes(b"PAR1")
+    assert "run2.silo: it isn't what was archived" in ran("archive", "--check", tmp_path / "kept", code=1)
+
+
+def test_an_archived_run_is_the_run(archive, runs):
+    for run in runs:
+        (file,) = Path(archive.where).rglob(f"run={run.facts.path}/run.parquet")
+        assert f"robot={run.facts.robot}" in file.parts
+        assert not silo.compare(run.open(), silo.open_log(file))
+
+
+def test_another_engine_answers_the_same(archive):
+    everything = polars.scan_parquet(
+        f"{archive.where}/wide/**/*.parquet", hive_partitioning=True, missing_columns="insert", extra_columns="ignore"
+    )
+    answers = everything.group_by("run").agg(polars.col("joints/tau_x").max()).sort("run").collect()
+    assert answers.rows() == archive.sql('select run, max("joints/tau_x") from wide group by run order by run').rows()
+
+
+def test_runs_of_one_name_from_two_places_are_kept_apart(runs, written, tmp_path):
+    one = Archive(str(tmp_path / "a"))
+    one.add(runs)
+    other = tmp_path / "logs"
+    other.mkdir()
+    (other / "run0.silo").write_bytes((written / "run0.silo").read_bytes())
+    assert "give these another" in one.add(silo.runs(other)).problems["run0.silo"]
+    assert one.add(silo.runs(other), name="desk").added == ["desk/run0.silo"]
+    assert one.sql("select count(*) from runs").item() == RUNS + 1
+    os.utime(other / "run0.silo", ns=(1, 1))
+    assert one.add(silo.runs(other), name="desk").added == ["desk/run0.silo"]
+    assert one.sql("select count(*), count(distinct run) from runs").row(0) == (RUNS + 1, RUNS + 1)
+
+
+def test_a_store_elsewhere_is_one_too_and_a_password_in_a_url_is_refused(runs):
+    there = Archive("memory://robots/runs")
+    assert len(there.add(runs).added) == RUNS
+    assert there.sql("select count(slow) from wide").item() == RUNS * TICKS // 4
+    assert not there.check()
+    with pytest.raises(ElementError, match="environment"):
+        Archive("s3://key:secret@bucket/runs")
+    with pytest.raises(SiloError) as refused:
+        Archive("nothing://x")
+    assert "nothing" in str(refused.value)
+
+
+def _archived(folder, to, steps):
+    """Archive, and die at the n-th time that something is written."""
+    left = itertools.count(steps, -1)
+    real = archives.atomic_file
+
+    @contextmanager
+    def dying(path):
+        with real(path) as file:
+            if next(left) <= 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+            yield file
+
+    archives.atomic_file = dying
+    Archive(to).add(silo.runs(folder))
+
+
+@pytest.mark.slow
+def test_what_was_interrupted_anywhere_goes_on_without_loss_and_without_double(written, tmp_path):
+    to = str(tmp_path / "kept")
+    for steps in range(1, 12, 2):
+        process = multiprocessing.get_context("spawn").Process(target=_archived, args=(written, to, steps))
+        process.start()
+        process.join()
+        there = Archive(to)
+        assert not there.exists or not there.check()
+    assert not there.add(silo.runs(written)).problems
+    assert there.sql("select count(*), count(distinct run) from runs").row(0) == (RUNS, RUNS)
+    assert there.sql("select count(slow) from wide").item() == RUNS * TICKS // 4
+    assert len(list(Path(to).rglob("run.parquet"))) == RUNS
+    assert not list(Path(to).rglob("*.part"))
