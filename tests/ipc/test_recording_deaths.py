@@ -462,7 +462,7 @@ def test_whoever_cleans_up_after_a_killed_program_leaves_the_same_event_log_and_
     robot, parts = began(robots)
     robot.kill()
     wait_until(lambda: list(folder.glob("*.silo")) and not list_segments())
-    wait_until(lambda: not list(runtime_dir().glob("*.recorders")))
+    wait_until(lambda: any("ended: " in one.text for one in read_events(folder, "bot")))
     by_helper = left_by(robot, folder)
     end_helper(robot.helper_pid)
     shutil.rmtree(folder)

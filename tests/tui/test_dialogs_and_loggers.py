@@ -323,6 +323,7 @@ def test_every_command_has_its_method():
     from silo_tui.screens.monitor import FileMonitorScreen, MonitorScreen
     from silo_tui.screens.parameters import ParametersScreen
     from silo_tui.screens.recordings import RecordingsScreen
+    from silo_tui.screens.runs import RunsScreen
     from silo_tui.screens.scope import ScopeScreen
     from silo_tui.screens.settings import SettingsScreen
     from silo_tui.screens.triggers import TriggersScreen
@@ -345,6 +346,7 @@ def test_every_command_has_its_method():
         "triggers": TriggersScreen,
         "alarms": AlarmsScreen,
         "parameters": ParametersScreen,
+        "runs": RunsScreen,
     }
     for command in COMMANDS:
         for scope in command.scopes if "any" not in command.scopes else screens:
