@@ -208,8 +208,27 @@ def test_what_is_said_of_an_episode_is_in_the_log_of_the_run(log, command):
         assert [one.out.strip().partition(": ")[2] for one in said] == texts
         assert command("episode", "arm", "fine").code == command("episode", "arm", "end").code == EXIT_FAILED
         assert command("episode", "arm", "begin", "--about", "cup").code == EXIT_USAGE
+        facts = ["speed=0.4", "wet=true", "turns=3", "number=007", "limit=1e999"]
+        typed = command(
+            "episode", "arm", "begin", "--name", "turn", *(one for fact in facts for one in ("--about", fact))
+        )
+        assert typed.out.strip().endswith('{"speed":0.4,"wet":true,"turns":3,"number":"007","limit":"1e999"}')
     finally:
         log.stop()
+
+
+@pytest.mark.parametrize(
+    ("typed", "wanted"),
+    [
+        (["begin", "pick"], "begin --name pick"), (["arm", "begin", "pick"], "arm begin --name pick"),
+        (["begin", "a cup", "speed=0.4"], "begin --name 'a cup' --about speed=0.4"),
+        (["good", "bad", "x"], "good bad --name x"),
+    ],
+)  # fmt: skip
+def test_an_episodes_name_behind_the_word_is_told_where_it_belongs(command, typed, wanted):
+    refused = command("episode", *typed)
+    assert refused.code == EXIT_USAGE
+    assert f"episode {wanted}\n" in refused.err
 
 
 def test_a_running_logger_refuses_to_be_changed(log: silo.Logger, command: Run) -> None:

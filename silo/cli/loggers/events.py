@@ -1,5 +1,7 @@
 """`silo mark` and `silo events`: say what happened, and read what did."""
 
+import math
+import shlex
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -9,8 +11,9 @@ import click
 import msgspec
 
 from silo.cli.common import LogWord, complete_logger, connect, find_saved, json_option, means_saved, show_json
-from silo.cli.verbs import verb
+from silo.cli.verbs import Target, Words, by_count, verb
 from silo.core.elements import LoggedEvent
+from silo.core.episodes.words import BEGIN, END, VERDICTS
 from silo.errors import LogNotFoundError
 
 if TYPE_CHECKING:
@@ -35,7 +38,18 @@ def mark(client: "Client", text: str, tick: int | None) -> str:
     return f"marked tick {event.tick}: {event.text}"
 
 
-@verb(None, "episode", "WORD")
+def _said(ctx: click.Context, words: Sequence[str], usage: str) -> Target:
+    """Take what is said, and tell where the episode's name belongs that stands behind it."""
+    said = next(
+        (place for place in (1, 0) if words[place : place + 1] and words[place] in (BEGIN, END, *VERDICTS)), None
+    )
+    if said is not None and len(words) > said + 1:
+        rest = [f"--{'about' if '=' in word else 'name'} {shlex.quote(word)}" for word in words[said + 1 :]]
+        raise click.UsageError(f"write {ctx.command_path} {' '.join([*words[: said + 1], *rest])}", ctx)
+    return by_count(ctx, words, usage)
+
+
+@verb(None, "episode", "WORD", Words(_said))
 @click.option("--name", default="", help="Which one; the newest if it isn't given.")
 @click.option("--about", "facts", metavar="KEY=VALUE", multiple=True, help="What is to be known of one that begins.")
 def episode(client: "Client", word: str, name: str, facts: tuple[str, ...]) -> str:
@@ -46,7 +60,7 @@ def episode(client: "Client", word: str, name: str, facts: tuple[str, ...]) -> s
     \b
     Examples:
       silo episode good                      (the only logger, its newest episode)
-      silo episode demo begin --name pick --about object=cup
+      silo episode begin --name pick --about object=cup --about speed=0.4
       silo episode demo redo --name pick
     """
     from silo.client.episodes import say_of_episode
@@ -54,8 +68,17 @@ def episode(client: "Client", word: str, name: str, facts: tuple[str, ...]) -> s
     split = [fact.partition("=") for fact in facts]
     if any(not key or not there for key, there, _ in split):
         raise click.UsageError("write --about KEY=VALUE")
-    event = say_of_episode(client, word, name, {key: value for key, _, value in split})
+    event = say_of_episode(client, word, name, {key: _fact(value) for key, _, value in split})
     return f"marked tick {event.tick}: {event.text}"
+
+
+def _fact(typed: str) -> str | float | bool:
+    """What is typed as a program would say it: `speed=0.4` is a number, `wet=true` a yes; all else are words."""
+    try:
+        value = msgspec.json.decode(typed, type=bool | int | float)
+    except msgspec.MsgspecError:
+        return typed
+    return value if math.isfinite(value) else typed
 
 
 @click.command()
