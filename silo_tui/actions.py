@@ -8,7 +8,7 @@ eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports nothing of `silo_t
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 from textual.keys import REPLACED_KEYS
 
@@ -461,23 +461,29 @@ def use_keys(keys: Mapping[str, str]) -> None:
     """Let all that is shown and said name the user's keys."""
     _own.clear()
     _own.update(keys)
+    commands_for.cache_clear()
 
 
 def with_keys(command: Command) -> Command:
     """Return a command with the keys of the user's keymap, and the user's own, if it has some."""
-    if command.id not in _own:
-        return command
-    keys = _own[command.id]
+    return _with(command.id, _own[command.id]) if command.id in _own else command
+
+
+@cache
+def _with(command_id: str, keys: str) -> Command:
+    command = BY_ID[command_id]
     shown = command.shown_key if set(command.keys.split(",")) <= set(keys.split(",")) else ""
     return replace(command, keys=keys, shown_key=shown)
 
 
-def commands_for(scope: str) -> list[Command]:
+@cache  # each key asks for it, and each painting of the key bar
+def commands_for(scope: str) -> tuple[Command, ...]:
     """Return what can be done with keys on a screen; what is only typed counts where its word can be typed."""
     there = (
         scope in each.scopes or "any" in each.scopes or (not each.scopes and typed_on(scope, each)) for each in COMMANDS
     )
-    return [own for each, is_there in zip(COMMANDS, there, strict=True) if is_there and (own := with_keys(each)).keys]
+    all_here = zip(COMMANDS, there, strict=True)
+    return tuple(own for each, is_there in all_here if is_there and (own := with_keys(each)).keys)
 
 
 def typed_on(scope: str, command: Command) -> bool:

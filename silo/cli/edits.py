@@ -33,7 +33,8 @@ from silo.settings.typed import (
 
 if TYPE_CHECKING:
     from silo.client.client import Client
-    from silo.core.elements import ElementInfo, ElementOptions, FieldChange, Table
+    from silo.core.elements import Edit, ElementInfo, ElementOptions, FieldChange, Table
+    from silo.state.requests import EditsApplied
 
 MOST_CHANGES = 100  # of 10,000 elements, nobody reads each; `--dry-run` shows all
 
@@ -123,7 +124,7 @@ def set_command(words: tuple[str, ...], dry_run: bool, restart: bool, save_first
 def _set(
     client: "Client", patterns: Sequence[str], settings: ElementSettings, *, dry_run: bool, restart: bool, keep: str
 ) -> None:
-    from silo.core.elements import Edit, State
+    from silo.core.elements import Edit
     from silo.settings.script import diff_options
 
     status, table = client.status(), client.table()
@@ -143,25 +144,25 @@ def _set(
         show_changes(changes)
         click.echo(f"would change {what}")
         return
-    runs = status.state is State.RUNNING
-    if runs:
+    applied = _apply(client, edits, table.revision)
+    runs = applied is None
+    if applied is None:
         tell_viewers(client)
-    if runs and not restart:
-        raise RefusedError(
-            f"logger '{status.logger}' is running: `silo stop {status.logger}` first, or add --restart "
-            "(its buffers are cleared by a start: `silo save` before); nothing was changed"
-        )
-    if runs and keep == "refuse" and status.ticks and not status.saved:
-        raise RefusedError(
-            f"logger '{status.logger}' holds {many(status.held_samples, 'sample')} of up to {duration(status.held_s)}, "
-            "of which some are in no file, and a restart clears them: add --save or --discard; nothing was changed"
-        )
-    if runs:
+        if not restart:
+            raise RefusedError(
+                f"logger '{status.logger}' is running: `silo stop {status.logger}` first, or add --restart "
+                "(its buffers are cleared by a start: `silo save` before); nothing was changed"
+            )
+        if keep == "refuse" and status.ticks and not status.saved:
+            raise RefusedError(
+                f"logger '{status.logger}' holds {many(status.held_samples, 'sample')} of up to "
+                f"{duration(status.held_s)}, of which some are in no file, and a restart clears them: add --save or "
+                "--discard; nothing was changed"
+            )
         client.stop()
-    try:
-        applied = client.apply(edits, table.revision)
-    finally:
-        if runs:
+        try:
+            applied = client.apply(edits, table.revision)
+        finally:
             client.start(keep, say_saved)
     _tell_rate(settings, options, status.frequency_hz)
     for warning in applied.warnings:
@@ -170,6 +171,18 @@ def _set(
     if len(changes) > MOST_CHANGES:
         click.echo(f"... and {len(changes) - MOST_CHANGES} more changes")
     click.echo(f"changed {what} (revision {applied.revision}){'; logging again' if runs else ''}")
+
+
+def _apply(client: "Client", edits: "Sequence[Edit]", revision: int) -> "EditsApplied | None":
+    """Return what became of edits; None where the logger runs, which it alone knows: it may have started just now."""
+    from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+
+    try:
+        return client.apply(edits, revision)
+    except RequestRefusedError as refused:
+        if refused.why is not RefusedWhy.RUNNING:
+            raise
+        return None
 
 
 def _tell_rate(settings: ElementSettings, options: "Sequence[ElementOptions]", frequency_hz: float) -> None:

@@ -17,6 +17,7 @@ import silo
 from silo.cli.codes import EXIT_FAILED, EXIT_USAGE
 from silo.cli.loggers.watch import show_clock
 from silo.cli.main import run
+from silo.client.client import Client
 from silo.core.elements import Action, BufferType
 from tests.waiting import DEADLINE_S, wait_until
 
@@ -237,6 +238,20 @@ def test_a_running_logger_refuses_to_be_changed(log: silo.Logger, command: Run) 
     assert (shown.code, shown.out) == (EXIT_FAILED, "")
     assert "logger 'arm' is running: `silo stop arm` first, or add --restart" in shown.err
     assert {element.options.divider for element in log.elements} == {1}
+
+
+def test_one_that_was_started_since_it_was_looked_at_is_told_of_and_restarted_like_any_that_runs(
+    log: silo.Logger, command: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Client.connect("arm") as client:
+        stopped = client.status()
+    log.start()
+    monkeypatch.setattr(Client, "status", lambda _client: stopped)
+    shown = command("set", "*", "divider=2")
+    assert (shown.code, shown.out) == (EXIT_FAILED, "")
+    assert "logger 'arm' is running: `silo stop arm` first, or add --restart" in shown.err
+    shown = command("set", "*", "divider=2", "--restart", "--discard")
+    assert (shown.code, "logging again" in shown.out, log.is_running) == (0, True, True)
 
 
 def test_restart_stops_changes_and_starts_again(log: silo.Logger, command: Run) -> None:

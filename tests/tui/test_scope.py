@@ -132,11 +132,10 @@ class TestScreen:
         fake.run(21)
         async with opened(fake) as screen:
             scope = await open_scope(screen, fake)
-            before = scope.settings.level
-            await screen.do("level_up")
-            assert scope.settings.level > before
-            await screen.do("level_down", "level_down")
-            assert scope.settings.level < before
+            for key, sign in (("level_up", 1), ("level_down", -1), ("level_down", -1)):
+                before = scope.settings.level  # a step is a share of the scale, which follows what comes
+                await screen.do(key)
+                assert sign * (scope.settings.level - before) > 0
             await screen.press("e")
             await screen.until(lambda: screen.app.screen is not scope, "the line")
             line = screen.app.screen.query_one("Input")
