@@ -50,20 +50,34 @@ def loggers_with_events(folder: str | os.PathLike[str]) -> list[str]:
     return sorted(name[1 : -len(ENDING)] for name in found if name.startswith(".") and name.endswith(ENDING))
 
 
-def append_events(folder: str | os.PathLike[str], logger: str, events: Sequence[LoggedEvent]) -> None:
+def append_events(folder: str | os.PathLike[str], logger: str, events: Sequence[LoggedEvent]) -> int:
     """Append lines, all or none; the folder is made if it isn't there. Helper processes may do so at once.
 
-    Raises OSError.
+    Returns by how much higher they are numbered than they came: where another process wrote in between, its lines have
+    these numbers. Raises OSError.
     """
     path = event_log_path(folder, logger)
     path.parent.mkdir(parents=True, exist_ok=True)
+    higher = 0
     with _locked(path) as descriptor:
+        newest = newest_number(folder, logger)
+        if events and newest >= max(events[0].number, 1):
+            there = set(read_events(folder, logger))  # of a try before, which a full disk ended and left
+            events = [one for one in events if one not in there]
+            higher = max(0, newest + 1 - events[0].number) if events else 0
+            events = renumbered(events, higher)
         # that a program died says whoever comes first
         died = [one for one in events if one.kind == CRASHED]
         told = [one for one in died if not lacking([one], read_events(folder, logger, one.run))]
         _append(descriptor, [one for one in events if one not in told])
         if os.fstat(descriptor).st_size > MOST_BYTES:
             path.rename(older_event_log(folder, logger))
+    return higher
+
+
+def renumbered(events: Iterable[LoggedEvent], higher: int) -> list[LoggedEvent]:
+    """Return lines with numbers that are so much higher."""
+    return [msgspec.structs.replace(one, number=one.number + higher) for one in events]
 
 
 def _append(descriptor: int, events: Sequence[LoggedEvent]) -> None:

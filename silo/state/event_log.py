@@ -1,5 +1,7 @@
 """What happened to this logger, numbered: the newest lines in memory, all of them in the file in the logger's folder.
 
+The file has the last word on numbers: where another process wrote there in between, lines that wait are numbered on.
+
 Any thread may add; a thread of its own writes, so that a disk that hangs holds nobody up. What can't be written now is
 tried again with the next lines, as long as memory has it.
 """
@@ -15,7 +17,7 @@ import msgspec
 
 from silo.core.elements import LoggedEvent
 from silo.core.recording import MOST_EVENTS
-from silo.files.event_log import append_events, lacking, read_events
+from silo.files.event_log import append_events, lacking, read_events, renumbered
 
 RETRY_S = 5.0
 MOST_WAIT_S = 2.0  # what follows a death may take so long: the disk of the log may hang
@@ -121,7 +123,7 @@ class EventLog:
         if not lines:
             return
         try:
-            append_events(self._folder, self._logger, lines)
+            higher = append_events(self._folder, self._logger, lines)
         except OSError as error:
             if not self._told:
                 log.warning(
@@ -131,7 +133,19 @@ class EventLog:
             return
         self._told = False
         with self._lock:
-            last = lines[-1].number
+            if higher:
+                self._number_on(lines[0].number, higher)
+            last = lines[-1].number + higher
             while self._waiting and self._waiting[0].number <= last:
                 self._waiting.popleft()
             self._written.notify_all()
+
+    def _number_on(self, first: int, higher: int) -> None:
+        """Number all lines from a number on so much higher, and those to come. Called with the lock held."""
+        for lines in (self._events, self._waiting):
+            at = next((at for at, event in enumerate(lines) if event.number >= first), len(lines))
+            moved = renumbered(itertools.islice(lines, at, None), higher)
+            while len(lines) > at:
+                lines.pop()
+            lines.extend(moved)
+        self._numbers = itertools.count(next(self._numbers) + higher)

@@ -3,6 +3,7 @@
 import errno
 import fcntl
 import json
+import threading
 
 import pytest
 
@@ -116,8 +117,9 @@ def test_a_disk_that_is_full_within_a_batch_leaves_none_of_it_and_the_next_try_w
 
 def test_what_an_older_silo_wrote_twice_on_a_full_disk_is_read_once(tmp_path):
     batch = [line(number) for number in range(40)]
-    append_events(tmp_path, "bot", batch[:18])
     append_events(tmp_path, "bot", batch)
+    path = event_log_path(tmp_path, "bot")
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:18]) + path.read_bytes())
     assert read_events(tmp_path, "bot") == batch
 
 
@@ -146,3 +148,53 @@ def test_a_line_is_in_the_file_soon_and_not_at_the_end_alone(tmp_path, until):
     log.stop()
     log.add(line(0))
     assert len(read_events(tmp_path, "bot")) == 3
+
+
+def test_two_writers_at_once_number_no_line_twice(tmp_path, until):
+    """As the helper of the run before, which still writes when the next start has its own."""
+    before, after = EventLog(str(tmp_path), "bot"), EventLog(str(tmp_path), "bot")
+    written = []
+    for log, text in [(before, "a"), (after, "b"), (before, "c"), (after, "d"), (after, "e")]:
+        log.add(line(0, text=text))
+        written.append(text)
+        until(lambda: [event.text for event in read_events(tmp_path, "bot")] == written)
+    before.stop()
+    after.stop()
+    found = read_events(tmp_path, "bot")
+    assert [event.number for event in found] == [1, 2, 3, 4, 5]
+    assert after.since(0, 9)[0] == [found[1], found[3], found[4]]
+    assert before.since(0, 9)[0] == [found[0], found[2]]
+    assert (after.newest, after.written) == (5, 5)
+
+
+def test_lines_that_waited_while_another_process_wrote_are_numbered_on_and_waited_for(tmp_path, monkeypatch):
+    """Those that come while a batch is written, too."""
+    log, append = EventLog(str(tmp_path), "bot"), event_log.append_events
+    held, going = threading.Event(), threading.Event()
+
+    def slow(*batch):
+        held.set()
+        assert going.wait(20)
+        return append(*batch)
+
+    monkeypatch.setattr("silo.state.event_log.append_events", slow)
+    log.add(line(0, text="a"))
+    assert held.wait(20)
+    last = log.add(line(0, text="b"))
+    append(tmp_path, "bot", [line(1, text="other"), line(2, text="another")])
+    going.set()
+    assert log.wait_written(last.number + 2, 20)
+    log.stop()
+    assert [(event.text, event.number) for event in read_events(tmp_path, "bot")] == [
+        ("other", 1), ("another", 2), ("a", 3), ("b", 4),
+    ]  # fmt: skip
+    assert [event.number for event in log.since(0, 9)[0]] == [3, 4]
+    assert log.add(line(0)).number == 5
+
+
+def test_what_a_full_disk_left_of_a_batch_is_not_numbered_anew(tmp_path):
+    batch = [line(number) for number in range(1, 9)]
+    append_events(tmp_path, "bot", batch[:3])
+    assert append_events(tmp_path, "bot", batch) == 0
+    assert event_log_path(tmp_path, "bot").read_bytes().count(b"\n") == len(batch)
+    assert read_events(tmp_path, "bot") == batch
