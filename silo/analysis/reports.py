@@ -10,6 +10,7 @@ from datetime import datetime, timezone
 import msgspec
 import numpy as np
 
+from silo.analysis.compute.calculus import Floats
 from silo.analysis.plots.curves import CurveSource, text_of
 from silo.analysis.plots.events import LogEvent, event_lines, events_of
 from silo.core.quantities.writing import size_text
@@ -140,20 +141,29 @@ def statistics(signal: CurveSource) -> SignalStats:
     elif names:
         numbers = Counter(number for number in signal.values.tolist() if number is not None)
         common = tuple(f"{names.get(number, number)} {count}x" for number, count in numbers.most_common(3))
-    finite = values[np.isfinite(values)]
+    finite = finite_of(values)
     plain = SignalStats(signal.name, signal.unit, len(values), 0, None, None, None, None, None, common)
     if signal.is_text or not len(finite):
         return msgspec.structs.replace(plain, not_finite=0 if signal.is_text else len(values))
+    least, most, mean, std, rms = moments(finite)
+    return msgspec.structs.replace(
+        plain, not_finite=len(values) - len(finite), minimum=least, maximum=most, mean=mean, std=std, rms=rms
+    )
+
+
+def finite_of(values: Floats) -> Floats:
+    """Return those that are numbers: no NaN, not infinite."""
+    kept = np.isfinite(values)
+    return values if kept.all() else values[kept]
+
+
+def moments(finite: Floats) -> tuple[float, float, float, float, float]:
+    """Return the minimum, maximum, mean, standard deviation and RMS of one finite number at least."""
     with np.errstate(over="ignore", invalid="ignore"):
-        return msgspec.structs.replace(
-            plain,
-            not_finite=len(values) - len(finite),
-            minimum=float(finite.min()),
-            maximum=float(finite.max()),
-            mean=float(finite.mean()),
-            std=float(finite.std()),
-            rms=float(np.sqrt(np.mean(finite**2))),
-        )
+        return (
+            float(finite.min()), float(finite.max()), float(finite.mean()), float(finite.std()),
+            float(np.sqrt(np.mean(finite**2))),
+        )  # fmt: skip
 
 
 def format_report(facts: LogReport, width: int) -> str:

@@ -2,32 +2,45 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from silo.analysis.plots.curves import CurveSource, picked
 from silo.analysis.plots.events import episodes_of
-from silo.analysis.reports import statistics
-from silo.core.episodes.words import Episode
-from silo.core.recording import Recording, read_ahead
+from silo.analysis.reports import finite_of, moments
+from silo.core.elements import MARKER, LoggedEvent
+from silo.core.episodes.words import Episode, said_by
+from silo.core.recording import Recording, read_ahead, stamps_of, within
 from silo.core.tuning.parameters import ParameterValue
 from silo.errors import SiloError
 from silo.files.added import added_formats
 from silo.files.formats import read_recording
 from silo.files.naming import is_capture
 
+NUMBERS = ("count", "least", "most", "mean", "std", "rms", "last")  # of a signal, in a run or an episode
 SANE_NS = 946_684_800 * 10**9  # the year 2000: stamps before it count from a start, not from 1970
+
+
+class EpisodeFacts(msgspec.Struct, frozen=True, array_like=True):
+    """What happened in an episode; overwritten: how many scalars a looping buffer had forgotten the beginning of."""
+
+    marks: int
+    limits: int
+    triggers: int
+    overwritten: int
 
 
 class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     """What a list of runs shows of one; `path` is relative to the folder of the index.
 
     prefix: of the names of its elements. kind: `run`, or `capture` of a trigger. begun_ns: by the wall clock. span_s:
-    from the first tick to the last. rate_hz: of its ticks. lost: samples. limits, triggers, marks: how often. problem:
-    why it can't be read, then all else is empty.
+    from the first tick to the last. rate_hz: of its ticks. lost: samples. limits, triggers, marks: how often; a mark of
+    an episode is none. in_episodes: of each of `episodes`. problem: why it can't be read, then all else is empty.
     """
 
     path: str
@@ -51,6 +64,7 @@ class RunFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     about: dict[str, str] = {}
     parameters: dict[str, ParameterValue] = {}
     episodes: tuple[Episode, ...] = ()
+    in_episodes: tuple[EpisodeFacts, ...] = ()
     problem: str = ""
 
 
@@ -82,11 +96,12 @@ class EventFacts(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Facts(NamedTuple):
-    """All that the index keeps of a run."""
+    """All that the index keeps of a run; parts: of each signal the numbers of each episode, of shape (episodes, 7)."""
 
     run: RunFacts
     signals: Sequence[SignalFacts] = ()
     events: Sequence[EventFacts] = ()
+    parts: Sequence[NDArray[np.float64]] = ()
 
 
 def read_facts(root: Path, name: str, size_bytes: int) -> Facts:
@@ -105,24 +120,30 @@ def facts_of(recording: Recording, name: str, size_bytes: int, path: Path) -> Fa
     """Return what the index keeps of a recording. Raises SiloError, OSError where it can't be read as a whole."""
     facts = _facts(recording, name, size_bytes, path)
     read_ahead(recording.elements)
-    signals = [
-        _of_signal(picked(recording, element, entry), element.name)
-        for element in recording.elements
-        for entry in element.entries
-    ]
     begin_ns = int(recording.time_ns[0]) if len(recording.time_ns) else recording.started_ns
+    signals, parts = [], []
+    for element in recording.elements:
+        pieces = [
+            within(stamps_of(recording, element), *(begin_ns + round(at * 1e9) for at in (one.start_s, one.stop_s)))
+            for one in facts.episodes
+        ]
+        for entry in element.entries:
+            signal, of_episodes = _of_signal(picked(recording, element, entry), element.name, pieces)
+            signals.append(signal)
+            parts.append(of_episodes)
+    facts = msgspec.structs.replace(facts, in_episodes=_in_episodes(recording, facts.episodes))
     events = [
         EventFacts((one.at_ns - begin_ns) * 1e-9, one.tick, one.time_ns, one.kind, one.text, one.who)
         for one in recording.events
     ]
-    return Facts(facts, signals, events)
+    return Facts(facts, signals, events, parts)
 
 
 def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunFacts:
     stamps = recording.time_ns
     ticks = len(stamps)
     span_s = float(stamps[-1] - stamps[0]) * 1e-9 if ticks else 0.0
-    happened = Counter(event.kind for event in recording.events)
+    happened = _happened(recording.events)
     began = recording.started_ns or (int(stamps[0]) if ticks and stamps[0] > SANE_NS else 0)
     parameters: dict[str, ParameterValue] = {}
     for event in recording.events:
@@ -139,9 +160,9 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         elements=len(recording.elements),
         rate_hz=(ticks - 1) / span_s if span_s > 0 else recording.frequency_hz or 0.0,
         why=recording.why,
-        marks=happened["marker"],
-        limits=happened["limit"],
-        triggers=happened["triggered"],
+        marks=happened[0],
+        limits=happened[1],
+        triggers=happened[2],
         lost=sum(element.lost for element in recording.elements),
         failed=sum(element.failures.count for element in recording.elements),
         warnings=len(recording.warnings),
@@ -152,13 +173,43 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
     )
 
 
-def _of_signal(signal: CurveSource, element: str) -> SignalFacts:
-    told = statistics(signal)
-    last = None
-    if not signal.is_text and told.minimum is not None:
-        last = float(signal.as_numbers()[0][-1])
-    return SignalFacts(
-        told.name, element, told.unit, told.samples - told.not_finite, told.minimum, told.maximum, told.mean, told.std,
-        told.rms, last if last is not None and math.isfinite(last) else None,
-        "text" if signal.is_text else "enum" if signal.labels else "number",
-    )  # fmt: skip
+def _happened(events: Iterable[LoggedEvent]) -> tuple[int, int, int]:
+    """Count marks, limits, triggers; what is said of an episode is none of them."""
+    found = Counter(event.kind for event in events if event.kind != MARKER or said_by(event.text) is None)
+    return found[MARKER], found["limit"], found["triggered"]
+
+
+def _in_episodes(recording: Recording, episodes: Sequence[Episode]) -> tuple[EpisodeFacts, ...]:
+    oldest = recording.offset - len(recording.time_ns)
+    begun = [(oldest + one.first - one.divider, len(one.entries)) for one in recording.elements if one.own_ns is None]
+    return tuple(
+        EpisodeFacts(
+            *_happened(event for event in recording.events if one.first <= event.tick <= one.last),
+            sum(scalars for tick, scalars in begun if tick >= max(one.first, oldest)),
+        )
+        for one in episodes
+    )
+
+
+def _of_signal(
+    signal: CurveSource, element: str, pieces: Sequence[slice | NDArray[np.bool_]]
+) -> tuple[SignalFacts, NDArray[np.float64]]:
+    values, _ = signal.as_numbers()
+    kind = "text" if signal.is_text else "enum" if signal.labels else "number"
+    parts = np.array([_numbers(values[piece], signal.is_text) for piece in pieces]).reshape(-1, len(NUMBERS))
+    return signal_facts(signal.name, element, signal.unit, _numbers(values, signal.is_text), kind), parts
+
+
+def signal_facts(name: str, element: str, unit: str, numbers: Sequence[float], kind: str) -> SignalFacts:
+    """Return them of numbers as `Facts.parts` has them; NaN is None."""
+    least, most, mean, std, rms, last = (None if math.isnan(one) else float(one) for one in numbers[1:])
+    return SignalFacts(name, element, unit, int(numbers[0]), least, most, mean, std, rms, last, kind)
+
+
+def _numbers(values: NDArray[np.float64], is_text: bool) -> tuple[float, ...]:
+    """Count, minimum, maximum, mean, standard deviation, RMS of the finite ones, and the last one; NaN for none."""
+    finite = finite_of(values)
+    if is_text or not len(finite):
+        return (len(finite), *[math.nan] * 6)
+    last = float(values[-1])
+    return (len(finite), *moments(finite), last if math.isfinite(last) else math.nan)

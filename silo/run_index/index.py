@@ -6,17 +6,19 @@ at once: each log is one short transaction. Where the folder can't be written, t
 
 import os
 import sqlite3
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
+import numpy as np
 
 from silo.errors import SiloError
 from silo.files.atomic import reason
-from silo.run_index.facts import EventFacts, RunFacts, SignalFacts, read_facts
+from silo.run_index.facts import NUMBERS, EventFacts, RunFacts, SignalFacts, read_facts, signal_facts
 from silo.run_index.finding import NAME, There, logs_below
 
-VERSION = 4
+VERSION = 5
 PATIENCE_S = 30.0
 TOGETHER = 200  # logs whose facts are one transaction
 
@@ -26,11 +28,17 @@ CREATE TABLE run (id INTEGER PRIMARY KEY, path TEXT UNIQUE, size INTEGER, change
 CREATE TABLE signal (name TEXT, run INTEGER, element TEXT, unit TEXT, count INTEGER, least REAL,
     most REAL, mean REAL, std REAL, rms REAL, last REAL, kind TEXT, PRIMARY KEY (name, run)) WITHOUT ROWID;
 CREATE INDEX signal_of_run ON signal (run);
+CREATE TABLE part (name TEXT, run INTEGER, numbers BLOB, PRIMARY KEY (name, run)) WITHOUT ROWID;
+CREATE INDEX part_of_run ON part (run);
 CREATE TABLE event (run INTEGER, at REAL, tick INTEGER, time INTEGER, kind TEXT, text TEXT, who TEXT);
 CREATE INDEX event_of_run ON event (run);
 """
-_TABLES_OF_A_RUN = ("signal", "event")
+_TABLES_OF_A_RUN = ("signal", "part", "event")
 _OF_RUNS = "SELECT run.path, signal.* FROM signal JOIN run ON run.id = signal.run"
+_OF_EPISODES = (
+    "SELECT run.path, part.numbers, signal.name, signal.element, signal.unit, signal.kind FROM part"
+    " JOIN signal USING (name, run) JOIN run ON run.id = part.run"
+)
 _EVENTS = "SELECT run.path, event.* FROM event JOIN run ON run.id = event.run ORDER BY event.rowid"
 _ENCODE, _DECODE = msgspec.msgpack.Encoder().encode, msgspec.msgpack.Decoder(RunFacts).decode
 
@@ -97,6 +105,11 @@ class RunIndex:
                         [(one.name, run, *msgspec.structs.astuple(one)[1:]) for one in facts.signals],
                     )
                     database.executemany(
+                        "INSERT OR IGNORE INTO part VALUES (?, ?, ?)",
+                        [(one.name, run, part.tobytes()) for one, part in zip(facts.signals, facts.parts, strict=True)
+                         if part.size],
+                    )  # fmt: skip
+                    database.executemany(
                         f"INSERT INTO event VALUES ({', '.join('?' * 7)})",
                         [(run, *msgspec.structs.astuple(one)) for one in facts.events],
                     )
@@ -133,27 +146,40 @@ class RunIndex:
             found.setdefault(element, []).append(name)
         return found
 
-    def signals(self, names: Sequence[str]) -> dict[str, list[SignalFacts]]:
-        """Return the facts of scalars by the path of their run: its number is another one once it was read anew."""
-        found: dict[str, list[SignalFacts]] = {}
-        for begin in range(0, len(names), 500):
-            some = names[begin : begin + 500]
-            marks = ", ".join("?" * len(some))
-            for path, name, _, *rest in self._database.execute(f"{_OF_RUNS} WHERE name IN ({marks})", some):
-                found.setdefault(path, []).append(SignalFacts(name, *rest))
-        return found
+    def signals(self, names: Sequence[str] | None = None) -> dict[str, list[SignalFacts]]:
+        """Return the facts of scalars by the path of their run: its number is another one once it was read anew.
 
-    def of_run(self, path: str) -> list[SignalFacts]:
-        """Return the facts of all scalars of a run, by name."""
-        rows = self._database.execute(f"{_OF_RUNS} WHERE path = ? ORDER BY name", (path,))
-        return [SignalFacts(name, *rest) for _, name, _, *rest in rows]
-
-    def every_signal(self) -> dict[str, list[SignalFacts]]:
-        """Return the facts of all scalars by the path of their run."""
+        Of all scalars without names.
+        """
         found: dict[str, list[SignalFacts]] = {}
-        for path, name, _, *rest in self._database.execute(_OF_RUNS):
+        for path, name, _, *rest in self._rows(_OF_RUNS, names):
             found.setdefault(path, []).append(SignalFacts(name, *rest))
         return found
+
+    def signals_of_episodes(self, names: Sequence[str] | None = None) -> dict[tuple[str, int], list[SignalFacts]]:
+        """Return the facts of scalars by the path of their run and the number of the episode in it."""
+        found: dict[tuple[str, int], list[SignalFacts]] = {}
+        for path, blob, name, element, unit, kind in self._rows(_OF_EPISODES, names):
+            for number, numbers in enumerate(_parts(blob)):
+                found.setdefault((path, number), []).append(signal_facts(name, element, unit, numbers, kind))
+        return found
+
+    def of_run(self, path: str, episode: int | None = None) -> list[SignalFacts]:
+        """Return the facts of all scalars of a run, or of one of its episodes, by name."""
+        if episode is None:
+            rows = self._database.execute(f"{_OF_RUNS} WHERE path = ? ORDER BY name", (path,))
+            return [SignalFacts(name, *rest) for _, name, _, *rest in rows]
+        rows = self._database.execute(f"{_OF_EPISODES} WHERE path = ? ORDER BY name", (path,))
+        return [signal_facts(name, element, unit, _parts(blob)[episode], kind)
+                for _, blob, name, element, unit, kind in rows]  # fmt: skip
+
+    def _rows(self, query: str, names: Sequence[str] | None) -> Iterator[tuple[Any, ...]]:
+        if names is None:
+            yield from self._database.execute(query)
+            return
+        for begin in range(0, len(names), 500):
+            some = names[begin : begin + 500]
+            yield from self._database.execute(f"{query} WHERE name IN ({', '.join('?' * len(some))})", some)
 
     def events(self) -> dict[str, list[EventFacts]]:
         """Return what happened by the path of the run, in its order there."""
@@ -185,6 +211,11 @@ class RunIndex:
             for table in _TABLES_OF_A_RUN:
                 database.execute(f"DELETE FROM {table} WHERE run IN (SELECT id FROM run WHERE path = ?)", (path,))
             database.execute("DELETE FROM run WHERE path = ?", (path,))
+
+
+def _parts(blob: bytes) -> list[list[float]]:
+    numbers: list[list[float]] = np.frombuffer(blob).reshape(-1, len(NUMBERS)).tolist()
+    return numbers
 
 
 def _version(database: sqlite3.Connection) -> int:

@@ -26,12 +26,17 @@ class ListedRun:
     facts: RunFacts
     folder: Path
     _labels: dict[str, labels.Labels] = field(default_factory=dict)
-    _signals: Callable[[], list[SignalFacts]] = list
+    _signals: Callable[[int | None], list[SignalFacts]] = lambda episode: []
 
     @property
     def path(self) -> Path:
         """The file or bag folder."""
         return self.folder / self.facts.path
+
+    @property
+    def key(self) -> tuple[Path, int]:
+        """What tells it from all others: its path, and the number of the episode, -1 for a whole run."""
+        return self.path, -1
 
     @property
     def name(self) -> str:
@@ -56,7 +61,7 @@ class ListedRun:
     @property
     def signals(self) -> list[SignalFacts]:
         """Each scalar in a few numbers, from the index."""
-        return self._signals()
+        return self._signals(None)
 
     def open(self) -> "Log":
         """Open the log. Raises as `silo.open_log`."""
@@ -99,9 +104,19 @@ class ListedRun:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ListedEpisode(ListedRun):
-    """One episode of a run, as a run of its own: its time and task are the episode's, all else is of its run."""
+    """One episode of a run, as a run of its own; what it lost, its parameters and labels are those of its run."""
 
     episode: Episode = field(default_factory=lambda: Episode("", 0, 0))
+
+    @property
+    def key(self) -> tuple[Path, int]:
+        """Its run's path, and its number there."""
+        return self.path, self.episode.number
+
+    @property
+    def signals(self) -> list[SignalFacts]:
+        """Each scalar in a few numbers, those of this episode, from the index."""
+        return self._signals(self.episode.number)
 
     def open(self) -> "Log":
         """Open its part of the log. Raises as `silo.open_log`, and ElementError where the log lacks it by now."""
@@ -128,11 +143,15 @@ def episodes_of(run: ListedRun) -> list[ListedEpisode]:
                 about={**run.facts.about, **{key: str(value) for key, value in one.about.items()}},
                 parameters={**run.facts.parameters, **one.facts},
                 episodes=(one,),
+                in_episodes=(happened,),
+                marks=happened.marks,
+                limits=happened.limits,
+                triggers=happened.triggers,
             ),
             run.folder,
             run._labels,
             run._signals,
             one,
         )
-        for one in run.facts.episodes
+        for one, happened in zip(run.facts.episodes, run.facts.in_episodes, strict=True)
     ]

@@ -13,12 +13,14 @@ from silo.core.calls import told
 from silo.core.quantities.writing import many, size_text
 from silo.errors import ElementError
 from silo.run_index import labels
+from silo.run_index.facts import SignalFacts
 from silo.run_index.index import RunIndex, Told
-from silo.run_index.listed import EPOCH, ListedRun, episodes_of
+from silo.run_index.listed import EPOCH, ListedEpisode, ListedRun, episodes_of
 from silo.run_index.where import Query
 
 if TYPE_CHECKING:
     from silo.analysis.compare import Comparison
+    from silo.run_index.apart import Apart
 
 When = str | float | datetime | None
 
@@ -112,10 +114,34 @@ class RunList(Sequence[ListedRun]):
         """Return the episodes of these runs, as runs: `runs.episodes().where("success and speed > 0.3")`.
 
         Their names are tasks. Conditions know what was said at their beginning, `success` (no where nobody said so),
-        `good`, `bad` and `redo`; signals, losses and limits are those of their runs. Captures have episodes of their
+        `good`, `bad` and `redo`; signals, limits, triggers and marks are those of the episode, `lost`, parameters and
+        tags those of its run. Captures have episodes of their
         runs again, and are left out. `episode` is what is known of each, `open()` gives its part of the log.
         """
         return RunList([one for run in self if run.facts.kind == "run" for one in episodes_of(run)], self.indexes)
+
+    def apart(self, others: "RunList") -> "list[Apart]":
+        """Return what tells these from others: each signal by the statistic that differs most, from the index alone.
+
+        `episodes.where("bad").apart(episodes.where("good"))` says what differs in the bad ones.
+
+        Args:
+            others: runs, or episodes, of the same folders or of others; those that are among these don't count.
+
+        Returns:
+            Of each signal, and of facts such as `span` and `limits`, what differs, the farthest apart first.
+
+        Raises:
+            ElementError: there are none of the one or of the other.
+        """
+        from silo.run_index.apart import what_tells
+
+        mine = {run.key for run in self}
+        rest = others._kept([place for place, run in enumerate(others) if run.key not in mine])
+        if not len(self) or not len(rest):
+            raise ElementError(f"{many(len(self), 'run')} can't be told from {len(rest)}: there must be one of each")
+        known = ([*zip(some, some.signals(), strict=True)] for some in (self, rest))
+        return what_tells(*known)
 
     def compare(self, pattern: str = "*", **options: Any) -> "list[tuple[ListedRun, Comparison]]":
         """Compare all other runs with the first one, as `silo.compare` does.
@@ -148,9 +174,10 @@ class RunList(Sequence[ListedRun]):
     def sql(self, statement: str) -> Any:
         """Answer an SQL statement over these runs, by DuckDB. Needs `pip install "silo-logger[query]"`.
 
-        Tables are `runs`, `signals` (a scalar of a run in numbers), `episodes`, `events`, `parameters`, `about`;
-        `samples` (a value of a scalar a row: run, signal, t, time, value, text) and `wide` (a tick a row, a column for
-        each scalar), of which only what is asked for is read. Files, network and extensions are out of its reach.
+        Tables are `runs`, `signals` (a scalar of a run in numbers), `episodes`, `episode_signals`, `events`,
+        `parameters`, `about`; `samples` (a value of a scalar a row: run, signal, t, time, value, text) and `wide` (a
+        tick a row, a column for each scalar), of which only what is asked for is read. Files, network and extensions
+        are out of its reach.
 
         Args:
             statement: `"select run, max(abs(\"joints/tau_3\")) from wide group by run order by 2 desc"`.
@@ -174,9 +201,25 @@ class RunList(Sequence[ListedRun]):
                 known[element] = list(dict.fromkeys([*known.get(element, ()), *scalars]))
         words = {word for run in self for word in (*run.tags, *run.facts.parameters)}
         condition = Query(text, known, words)
-        signals = {index.root: index.signals(condition.signals) for index in self.indexes}
-        judge = how(condition)
-        return [judge(run.facts, run.tags, signals[run.folder].get(run.facts.path, ())) for run in self]
+        judge, signals = how(condition), self.signals(condition.signals)
+        return [judge(run.facts, run.tags, of_run) for run, of_run in zip(self, signals, strict=True)]
+
+    def signals(self, names: Sequence[str] | None = None) -> list[Sequence[SignalFacts]]:
+        """Return the facts of scalars, by their whole names, of each of these; of all scalars without names."""
+        runs: dict[Path, dict[str, list[SignalFacts]]] = {}
+        episodes: dict[Path, dict[tuple[str, int], list[SignalFacts]]] = {}
+        for index in self.indexes:
+            mine = [run for run in self if run.folder == index.root]
+            if any(isinstance(run, ListedEpisode) for run in mine):
+                episodes[index.root] = index.signals_of_episodes(names)
+            if not all(isinstance(run, ListedEpisode) for run in mine):
+                runs[index.root] = index.signals(names)
+        return [
+            episodes[run.folder].get((run.facts.path, run.episode.number), ())
+            if isinstance(run, ListedEpisode)
+            else runs[run.folder].get(run.facts.path, ())
+            for run in self
+        ]
 
     def _kept(self, places: Sequence[int]) -> "RunList":
         return RunList([self._runs[place] for place in places], self.indexes)

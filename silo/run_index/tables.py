@@ -4,6 +4,7 @@
 |---|---|
 | `runs` | a run |
 | `signals` | a scalar of a run, in a few numbers |
+| `episode_signals` | a scalar of an episode, likewise |
 | `events` | something that happened in a run |
 | `episodes` | a stretch of a run that the program, or somebody, marked |
 | `parameters`, `about` | a parameter as it was at the end of a run; a fact that the program told |
@@ -28,6 +29,7 @@ from silo.errors import LogWarning
 from silo.files.added import added_formats
 from silo.files.extras import need
 from silo.files.formats import read_recording
+from silo.run_index.facts import SignalFacts
 from silo.run_index.index import RunIndex
 from silo.run_index.listed import ListedRun
 
@@ -50,6 +52,11 @@ COLUMNS: dict[str, dict[str, str]] = {
         "run": "text", "number": "whole", "name": "text", "t": "number", "span_s": "number", "ticks": "whole",
         "verdict": "text", "success": "truth", "why": "text", "whole": "truth", "about": "text",
     },
+    "episode_signals": {
+        "run": "text", "number": "whole", "signal": "text", "element": "text", "unit": "text", "kind": "text",
+        "samples": "whole", "min": "number", "max": "number", "mean": "number", "std": "number", "rms": "number",
+        "last": "number",
+    },
     "parameters": {"run": "text", "name": "text", "value": "number", "text": "text"},
     "about": {"run": "text", "name": "text", "text": "text"},
     "samples": {
@@ -57,7 +64,7 @@ COLUMNS: dict[str, dict[str, str]] = {
     },
     "wide": {"run": "text", "t": "number", "time": "time"},
 }  # fmt: skip
-FACTS = ("runs", "signals", "events", "episodes", "parameters", "about")  # those that no log is read for
+FACTS = tuple(name for name in COLUMNS if name not in ("samples", "wide"))  # those that no log is read for
 
 
 class Drawer(Protocol):
@@ -97,7 +104,7 @@ class Folders:
         polars = need("polars", EXTRA, "Tables of runs")
         rows = {
             "runs": self._facts, "signals": self._signals, "events": self._events, "parameters": self._parameters,
-            "about": self._about, "episodes": self._episodes,
+            "about": self._about, "episodes": self._episodes, "episode_signals": self._episode_signals,
         }[table]()  # fmt: skip
         return polars.DataFrame(rows, schema=typed(COLUMNS[table]), orient="row")
 
@@ -107,13 +114,21 @@ class Folders:
         return read_signals(read_recording(one.path, added_formats), signals)
 
     def _signals(self) -> list[tuple[Any, ...]]:
-        every = {index.root: index.every_signal() for index in self._indexes}
+        every = {index.root: index.signals() for index in self._indexes}
         return [
-            (name, short(run.facts.prefix, one.name), short(run.facts.prefix, one.element), one.unit, one.kind,
-             one.count, one.least, one.most, one.mean, one.std, one.rms, one.last)
+            (name, *_signal(run, one))
             for name, run in self.runs.items()
             for one in every[run.folder].get(run.facts.path, ())
-        ]  # fmt: skip
+        ]
+
+    def _episode_signals(self) -> list[tuple[Any, ...]]:
+        every = {index.root: index.signals_of_episodes() for index in self._indexes}
+        return [
+            (name, episode.number, *_signal(run, one))
+            for name, run in self.runs.items()
+            for episode in run.facts.episodes
+            for one in every[run.folder].get((run.facts.path, episode.number), ())
+        ]
 
     def _events(self) -> list[tuple[Any, ...]]:
         every = {index.root: index.events() for index in self._indexes}
@@ -152,6 +167,12 @@ class Folders:
 
     def _about(self) -> list[tuple[str, str, str]]:
         return [(name, *fact) for name, run in self.runs.items() for fact in run.facts.about.items()]
+
+
+def _signal(run: ListedRun, one: SignalFacts) -> tuple[Any, ...]:
+    prefix = run.facts.prefix
+    return (short(prefix, one.name), short(prefix, one.element), one.unit, one.kind, one.count, one.least, one.most,
+            one.mean, one.std, one.rms, one.last)  # fmt: skip
 
 
 def short(prefix: str, name: str) -> str:

@@ -21,18 +21,24 @@ def root(tmp_path_factory):
     for number in range(2):
         clock = itertools.count(1_700_000_000_000_000_000 + number * 3600 * 10**9, 10_000_000).__next__
         log = silo.Logger("arm", frequency=100, folder=folder, script=folder / "none.yaml", clock=clock)
-        q, success = log.array("q", 2), log.array("success", dtype=bool)
+        q, success = log.array("q", 2, unit="rad"), log.array("success", dtype=bool)
+        log.array("slow", divider=7)
+        word = np.array("abc", "U5")
+        log.add(word, "word")
+        log.array("last", size=30, buffer="looping")
         log.start()
 
-        def ticks(count, log=log, q=q, success=success):
+        def ticks(count, log=log, q=q, success=success, word=word):
             for _ in range(count):
-                q[:], success[...] = log.ticks, True
+                q[:], success[...], word[...] = log.ticks, True, str(log.ticks)
                 log.collect()
 
         ticks(50)
         for verdict in (True, False, None):
             with log.episode("pick", verdict, speed=0.1 * (number + 1), object="cup" if verdict else "ball"):
                 ticks(100)
+                if verdict is False:
+                    log.mark("slipped")
             ticks(10)
         log.mark('episode "pick" redo')
         log.episode("place", wet=True).__enter__()
@@ -62,6 +68,85 @@ def test_episodes_of_the_index_are_those_of_the_logs(root):
 )
 def test_conditions_speak_of_episodes(root, where, count):
     assert len(silo.runs(root).episodes().where(where)) == count
+
+
+def test_each_signal_of_an_episode_is_in_the_index_as_its_part_of_the_log_has_it(root):
+    found = silo.runs(root).episodes()
+    assert len({len(one.signals) for one in found}) == 1
+    for one in found:
+        log = one.open()
+        for signal in one.signals:
+            values = np.asarray(log[signal.name].values)
+            assert signal.count == len(values), signal
+            if signal.kind == "text" or not len(values):
+                assert (signal.least, signal.last) == (None, None)
+                continue
+            numbers = values.astype(float)
+            wanted = (numbers.min(), numbers.max(), numbers.mean(), numbers.std(), np.sqrt((numbers**2).mean()))
+            told = (signal.least, signal.most, signal.mean, signal.std, signal.rms, signal.last)
+            np.testing.assert_allclose(told, (*wanted, numbers[-1]), rtol=1e-12, atol=1e-12)
+    assert [one.facts.in_episodes[0].overwritten for one in found] == [1, 1, 1, 0] * 2
+    assert {signal.unit for signal in found[0].signals if signal.element == "/log/q"} == {"rad"}
+
+
+def test_conditions_on_signals_limits_and_marks_are_judged_by_the_episode(root):
+    runs = silo.runs(root)
+    found = runs.episodes()
+    most = [float(one.open()["q_0"].values.max()) for one in found]
+    assert found.values("max(q)") == most
+    assert len(set(most)) == 4
+    assert [one.episode.number for one in found.where("150rad < max(q_0) < 300")] == [1, 1]
+    assert [one.facts.marks for one in found] == [0, 1, 0, 0] * 2
+    assert [one.facts.marks for one in runs] == [1, 1]
+    assert [one.signals for one in found[:2]] == found[:2].signals()
+    mixed = silo.runs(root)
+    assert mixed.values("max(q_0)") != found.values("max(q_0)")[:2]
+
+
+def test_sql_has_the_signals_of_episodes(root):
+    pytest.importorskip("duckdb")
+    asked = (
+        "select run, number, verdict, max from episode_signals join episodes using (run, number)"
+        " where signal = 'q_0' order by run, number"
+    )
+    found = silo.runs(root).episodes()
+    wanted = [
+        (one.facts.path, one.episode.number, one.episode.verdict, one.open()["q_0"].values.max()) for one in found
+    ]
+    assert silo.runs(root).sql(asked).rows() == wanted
+
+
+def test_what_tells_bad_episodes_from_good_ones_is_the_correlation_with_the_group(root):
+    found = silo.runs(root).episodes().where("span > 0.5")
+    bad, rest = found.where("bad or redo"), found.where("good")
+    told = {one.what: one for one in bad.apart(found)}
+    assert "success" not in told
+    assert "word" not in told
+    for what, how, numbers in [("marks", "", [one.facts.marks for one in (*bad, *rest)]),
+                               ("q_0", "max", [one.open()["q_0"].max() for one in (*bad, *rest)])]:  # fmt: skip
+        one = told[what]
+        assert (one.how, one.these, one.others) == (how, np.median(numbers[:4]), np.median(numbers[4:]))
+        assert one.apart == pytest.approx(np.corrcoef(numbers, [1, 1, 1, 1, 0, 0])[0, 1])
+    far = [abs(one.apart) for one in bad.apart(rest)]
+    assert far == sorted(far, reverse=True)
+    assert [one.apart for one in rest.apart(bad)] == pytest.approx([-one.apart for one in bad.apart(rest)])
+    with pytest.raises(silo.ElementError, match=r"2 runs can't be told from 0"):
+        rest.apart(rest)
+
+
+def test_the_command_says_what_tells_episodes_apart_and_what_is_not_kept(root, tmp_path):
+    ran = CliRunner().invoke(cli, ["runs", str(root), "--episodes", "--where", "bad", "--against", "good"])
+    assert ran.exit_code == 0, ran.output
+    assert ran.output.splitlines()[0].split() == ["SIGNAL", "HOW", "UNIT", "THESE", "OTHERS", "APART"]
+    assert any(line.split() == ["q_0", "max", "rad", "259", "149", "+1.00"] for line in ran.output.splitlines()), (
+        ran.output
+    )
+    words = ["runs", str(root), "--episodes", "-w", "place", "--against", "good", "--where", "wet"]
+    assert "2 runs can't be told from 0" in CliRunner().invoke(cli, words).output
+    listed = CliRunner().invoke(cli, ["runs", str(root), "--episodes"]).output.splitlines()
+    assert ["(1 signal overwritten)" in line for line in listed[1:-1]] == [True, True, True, False] * 2
+    told = json.loads(CliRunner().invoke(cli, [*words[:3], "--where", "bad", "--against", "good", "--json"]).output)
+    assert {"what": "marks", "how": "", "unit": "", "these": 1.0, "others": 0.0, "apart": 1.0} in told
 
 
 def test_the_command_has_a_line_for_each(root):

@@ -23,8 +23,8 @@ def query(statement: str, places: tuple[str, ...], where: str, file: str | None,
     """Answer an SQL statement over runs, by DuckDB.
 
     \b
-    Tables: runs, signals (a scalar of a run in numbers), episodes, events,
-    parameters, about;
+    Tables: runs, signals (a scalar of a run in numbers), episodes,
+    episode_signals, events, parameters, about;
     samples: run, signal, t, time, value, text; wide: a column for each scalar.
     Only those signals and runs are read that the statement asks for. It reaches
     no other file, no network, no extension.

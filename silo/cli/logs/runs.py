@@ -9,7 +9,10 @@ from silo.cli.common import TypedPath, find_saved, progress, show_json, show_row
 from silo.core.quantities.writing import many, size_text
 from silo.errors import LogNotFoundError
 
+MOST_APART = 20
+
 if TYPE_CHECKING:
+    from silo.run_index.apart import Apart
     from silo.run_index.listed import ListedRun
     from silo.run_index.runs import RunList
 
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
 @click.option("--until", metavar="WHEN", help="Only those before.")
 @click.option("--show", "shown", metavar="EXPR", multiple=True, help="A column more: 'max(joints/tau_3)'.")
 @click.option("--episodes", is_flag=True, help="A line for each episode of the runs; EXPR speaks of episodes.")
+@click.option("--against", metavar="EXPR", default="", help="What tells them from those for which it holds.")
 @click.option("--rebuild", is_flag=True, help="Make the index anew from the logs.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
 def runs(
@@ -34,6 +38,7 @@ def runs(
     until: str | None,
     shown: tuple[str, ...],
     episodes: bool,
+    against: str,
     rebuild: bool,
     as_json: bool,
 ) -> None:
@@ -41,14 +46,18 @@ def runs(
 
     The first time each log is read once; what is known of it then stands in an index beside the logs.
 
-    EXPR speaks of a whole run: max(joints/tau_3), min, mean, std, rms, last, count of signals; span, lost, limits,
-    triggers, marks; a tag, a parameter, or the last value of a signal by its name.
+    EXPR speaks of a whole run, or of an episode: max(joints/tau_3), min, mean, std, rms, last, count of signals; span,
+    lost, limits, triggers, marks; a tag, a parameter, or the last value of a signal by its name.
+
+    --against lists what differs instead, each signal by the statistic that differs most: APART is 1 where its number
+    alone tells these runs from the others, and 0 where it says nothing.
 
     \b
     Examples:
       silo runs
       silo runs logs --where 'max(joints/tau_3) > 30 and lost == 0'
       silo runs logs --episodes --where 'success and speed > 0.3'
+      silo runs logs --episodes --where bad --against good
       silo runs logs --tag slip --since 2026-11-22 --show 'rms(imu/acc_z)'
     """
     from silo.run_index.runs import runs as find_runs
@@ -56,14 +65,21 @@ def runs(
 
     with progress("index") as tell:
         found = find_runs(
-            *folders, where="" if episodes else where, since=since, until=until, rebuild=rebuild,
+            *folders, since=since, until=until, rebuild=rebuild,
             told=lambda done, total: tell(done / total) if tell is not None else None,
         )  # fmt: skip
-    if episodes:
-        found = found.episodes().where(where) if where else found.episodes()
-    found = found.find(*words)
-    for tag in tags:
-        found = found.where(f"tagged(`{tag}`)")
+    every = found.episodes() if episodes else found
+
+    def narrowed(condition: str) -> "RunList":
+        some = (every.where(condition) if condition else every).find(*words)
+        for tag in tags:
+            some = some.where(f"tagged(`{tag}`)")
+        return some
+
+    found = narrowed(where)
+    if against:
+        _show_apart(found.apart(narrowed(against)), as_json)
+        return
     columns = [(expression, found.values(expression)) for expression in shown]
     if as_json:
         rows = [told_of(run) | {name: values[place] for name, values in columns} for place, run in enumerate(found)]
@@ -128,6 +144,18 @@ def _found(run: str) -> tuple[Path, str]:
     return path.absolute().parent, path.stem
 
 
+def _show_apart(found: "list[Apart]", as_json: bool) -> None:
+    if as_json:
+        show_json(found)
+        return
+    head = ("SIGNAL", "HOW", "UNIT", "THESE", "OTHERS", "APART")
+    rows = [(one.what, one.how, one.unit, f"{one.these:.5g}", f"{one.others:.5g}", f"{one.apart:+.2f}")
+            for one in found[:MOST_APART]]  # fmt: skip
+    show_rows([head, *rows], right=(3, 4, 5))
+    if len(found) > MOST_APART:
+        click.echo(f"{len(found) - MOST_APART} more differ less; --json has all")
+
+
 def _row(run: "ListedRun", more: list[str]) -> tuple[str, ...]:
     facts = run.facts
     said = " ".join([*(f"#{tag}" for tag in run.tags), *run.notes[-1:]])
@@ -135,7 +163,9 @@ def _row(run: "ListedRun", more: list[str]) -> tuple[str, ...]:
         said = f"can't be read: {facts.problem}"
     elif facts.kind == "episode":
         (one,) = facts.episodes
-        said = " ".join(filter(None, [one.verdict or ("" if one.whole else "unfinished"), one.why, said]))
+        lacks = facts.in_episodes[0].overwritten
+        less = f"({many(lacks, 'signal')} overwritten)" if lacks else ""
+        said = " ".join(filter(None, [one.verdict or ("" if one.whole else "unfinished"), one.why, said, less]))
     elif facts.kind != "run":
         said = f"{facts.kind} {said}".strip()
     place = f"#{facts.episodes[0].number}" if facts.kind == "episode" else ""
