@@ -105,6 +105,7 @@ _TRIGGERS = ("triggers",)
 _ALARMS = ("alarms",)
 _PARAMETERS = ("parameters",)
 _RUNS = ("runs",)
+_RESPONSE = ("response",)
 _CONDITIONS = _TRIGGERS + _ALARMS
 _EVENTS = ("events",)
 _BOTH = ("table", "monitor")
@@ -375,6 +376,10 @@ COMMANDS: tuple[Command, ...] = (
     Command("excite", "U", "Excite", "move it around its value for a while, to measure; any key ends it", "Parameters",
             _PARAMETERS, 12, writes=True, asks=True,
             typed=_read(("excite",), "", ":excite kp step amplitude 2 for 3s", "excite a parameter", 9)),
+    Command("bode", "", "Bode", "how one signal answers to another: Bode plot, step response", "Look", (),
+            typed=_read(("bode",), "names", ":bode IN OUT", "how one signal answers to another; FROM TO: seconds", 11)),
+    Command("response_mode", "tab,v", "View", "the Bode plot, or the answer to a step", "Response", _RESPONSE, 1),
+    Command("response_again", "r", "Refresh", "read what came since, and draw it", "Response", _RESPONSE, 2),
     Command("save_preset", "w", "Save", "all values to a preset on this machine", "Parameters", _PARAMETERS, 5),
     Command("load_preset", "L", "Load", "a preset, after a question that shows what it changes", "Parameters",
             _PARAMETERS, 6, writes=True, asks=True),
@@ -390,7 +395,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("write_settings", "w", "Write the file", "keep the settings for next time", "Settings", _SETTINGS, 3),
     # ------------------------------------------------------------------------------------------------------ app
     Command("command", "colon", "Command", "type a command, Tab completes it", "Go",
-            _TABLE + _MONITOR + _DETAIL + _ASIDE + _LOGGERS + _SETTINGS + _RUNS + FILE_SCOPES, 11),
+            _TABLE + _MONITOR + _DETAIL + _ASIDE + _LOGGERS + _SETTINGS + _RUNS + _RESPONSE + FILE_SCOPES, 11),
     Command("menus", "backslash", "Menus", "the five menus: go, edit, view, record, plots", "Go", ("any",)),
     Command("menu_go", "", "Go", "the menu of screens, names, files", "Menus", ("any",), 2),
     Command("menu_edit", "", "Edit", "the menu of what edits elements, or what the cursor is on", "Menus", ("any",), 2),
@@ -433,9 +438,9 @@ NOT_EDITED = "a saved file: nothing to edit"
 # what people call screens, where that isn't their scope
 PLACES = {
     "monitor": "plots", "scope": "scope", "detail": "large plot", "file_monitor": "plots of a file",
-    "file_detail": "large plot of a file", "loggers": "list of loggers",
+    "file_detail": "large plot of a file", "loggers": "list of loggers", "response": "Bode plot",
 }  # fmt: skip
-TYPED_ON_FILES = ("goto", "unmark", "theme", "picture")
+TYPED_ON_FILES = ("goto", "unmark", "theme", "picture", "bode")
 # what commands of lists were called while each list had its own, for keys that users gave them; till 0.5
 _ONCE = {
     "list_filter": "filter_events filter_loggers filter_recordings filter_conditions find_setting",

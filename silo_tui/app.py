@@ -395,6 +395,12 @@ class SiloApp(Guarded, App[None]):
         name = typed.first or (here.name if here is not None else "")
         self.context.run_flow(excite(self.context, name, " ".join(typed.arguments[1:])))
 
+    def command_bode(self, typed: Spelled = BY_KEY) -> None:
+        from silo_tui.screens.responses import show_response
+
+        session = getattr(self.context.upper_screen, "session", self.context.session)
+        self.context.run_flow(show_response(self.context, session, typed.arguments))
+
     def command_episode_bad(self) -> None:
         self._say_of_episode("bad")
 

@@ -53,7 +53,7 @@ _TABLE = (
     ("less_than_sign", "turn_plotted_down"),
     ("greater_than_sign", "turn_plotted_up"),
     ("tab,p a", "arrange_plots"),
-    ("tab,p v", "mode"),
+    ("tab,p v", "mode response_mode"),
     # ------------------------------------------------------------------------------- what changes something
     ("a", "apply"),
     ("u", "undo"),
@@ -63,7 +63,7 @@ _TABLE = (
     ("w", "save_data write_events save_loggers fetch_recording write_settings"),
     ("w,p w", "export_plots"),
     (DESTROYS, "delete_recording trigger_remove forget_derived"),
-    ("ctrl+l,v r", "refresh detail_refresh try_link list_read look_again"),
+    ("ctrl+l,v r", "refresh detail_refresh response_again try_link list_read look_again"),
     # -------------------------------------------------------------------------------------------- the program
     ("escape", "back"),
     ("full_stop", "again"),

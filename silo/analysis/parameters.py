@@ -1,6 +1,6 @@
 """What the parameters of a run were, and who changed them when: read from the events of its log."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +22,28 @@ class LoggedExcitation(NamedTuple):
     ended: str
 
 
+class ToldExcitation(NamedTuple):
+    """An excitation by its ticks, and why it ended: `until` is None where nothing tells of that."""
+
+    what: Excitation
+    tick: int
+    until: int | None = None
+    ended: str = ""
+
+
+def excitations_told(events: Iterable[LoggedEvent]) -> list[ToldExcitation]:
+    """Return what the events of one run tell of excitations, oldest first."""
+    found: list[ToldExcitation] = []
+    for event in events:
+        if event.change is None:
+            continue
+        if event.change.excitation is not None:
+            found.append(ToldExcitation(event.change.excitation, event.tick))
+        elif found and found[-1].until is None and event.change.where.startswith(ENDED):
+            found[-1] = found[-1]._replace(until=event.tick, ended=event.change.where.removeprefix(ENDED))
+    return found
+
+
 class LoggedParameters:
     """The parameters of a log: `log.parameters.at(12.5)` are their values then, `.changes` all that changed them."""
 
@@ -39,15 +61,13 @@ class LoggedParameters:
     @property
     def excitations(self) -> list[LoggedExcitation]:
         """What was excited, oldest first, from when to when: `.what` has all of its numbers."""
-        found: list[LoggedExcitation] = []
-        for event in self._events:
-            if event.change is not None and event.change.excitation is not None:
-                stop_s = (int(self._time_ns[-1]) - self._start_ns) * 1e-9 if len(self._time_ns) else 0.0
-                found.append(LoggedExcitation(event.change.excitation, self._seconds(event.tick), stop_s, ""))
-            elif found and not found[-1].ended and event.change is not None and event.change.where.startswith(ENDED):
-                ended = event.change.where.removeprefix(ENDED)
-                found[-1] = found[-1]._replace(stop_s=self._seconds(event.tick), ended=ended)
-        return found
+        stop_s = (int(self._time_ns[-1]) - self._start_ns) * 1e-9 if len(self._time_ns) else 0.0
+        return [
+            LoggedExcitation(
+                one.what, self._seconds(one.tick), stop_s if one.until is None else self._seconds(one.until), one.ended
+            )
+            for one in excitations_told(self._events)
+        ]
 
     def _seconds(self, tick: int) -> float:
         place = min(max(0, tick - self._offset + len(self._time_ns)), len(self._time_ns) - 1)

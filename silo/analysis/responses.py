@@ -1,27 +1,36 @@
 """Transfer functions and step responses of a log: which part of it, on which time axis."""
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
 from silo.analysis.compute.responses import SEGMENTS, Bode, StepResponse, bode_of, evenly, step_of
-from silo.analysis.parameters import LoggedExcitation, LoggedParameters
+from silo.analysis.parameters import LoggedExcitation
 from silo.analysis.signal import Signal
 from silo.core.arguments import real, text
 from silo.core.arrays.values import Floats
 from silo.core.tuning.excitation import period_s
-from silo.core.tuning.parameters import Wave
+from silo.core.tuning.parameters import Excitation, Wave
 from silo.errors import ElementError
 
 PRBS_SHARE = 0.8  # of its rate, at which it has no power
 BEFORE_STEP = 0.2  # of its time, from which its begin is known
 
 
+class Excited(Protocol):
+    """What tells of excitations, seen from here."""
+
+    @property
+    def excitations(self) -> Sequence[LoggedExcitation]:
+        """What was excited, oldest first."""
+
+
 class ResponseLog(Protocol):
     """A log, seen from here."""
 
     @property
-    def parameters(self) -> LoggedParameters:
+    def parameters(self) -> Excited:
         """What was tuned."""
 
     def __getitem__(self, name: str, /) -> Signal:
@@ -71,6 +80,11 @@ def _signals(log: ResponseLog, *names: str) -> list[Signal]:
     return found
 
 
+def excites(what: Excitation, name: str) -> bool:
+    """Whether an excitation moves the signal of a whole name."""
+    return name in (what.name, f"{what.name}_{what.index}")
+
+
 def _excitation(
     log: ResponseLog, given: Signal, start_s: float | None, stop_s: float | None, wave: Wave | None = None
 ) -> LoggedExcitation | None:
@@ -78,9 +92,7 @@ def _excitation(
     if start_s is not None or stop_s is not None:
         return None
     found = [
-        one
-        for one in log.parameters.excitations
-        if given.name in (one.what.name, f"{one.what.name}_{one.what.index}") and wave in (None, one.what.wave)
+        one for one in log.parameters.excitations if excites(one.what, given.name) and wave in (None, one.what.wave)
     ]
     return found[-1] if found else None
 

@@ -1,19 +1,22 @@
-"""`:excite`: a line that says how, a question that shows what it comes to, and a dialog that any key ends."""
+"""`:excite`: a line that says how, a question, a dialog that any key ends; then how a signal answered to it."""
 
 import threading
 from typing import TYPE_CHECKING
 
+from msgspec import structs
 from textual import events
 from textual.app import ComposeResult
 from textual.containers import Vertical
 from textual.widgets import Static
 
+from silo.analysis.parameters import ToldExcitation
 from silo.core.tuning.asked import EXAMPLE, read_excitation
 from silo.core.tuning.excitation import ends_of, number_at
 from silo.core.tuning.parameters import Excitation, ParameterInfo, range_text, value_text
 from silo.errors import ElementError
 from silo_tui.modal import Dialog
 from silo_tui.screens.dialogs import Prompt, confirmed
+from silo_tui.screens.responses import show_response
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -102,10 +105,11 @@ async def excite(context: "Context", name: str, line: str) -> None:
     finally:
         dialog.ended.set()
         dialog.dismiss()
-    context.say(
-        f"{name}: {ended.ended or 'it goes back'}, rows {ended.tick} to {ended.until}; save the data, then: silo bode "
-        f"FILE {name} SIGNAL"
-    )
+    full = f"{info.name}_{what.index}" if isinstance(info.value, tuple) else info.name
+    context.say(f"{name}: {ended.ended or 'it goes back'}, rows {ended.tick} to {ended.until}; :bode {name} SIGNAL")
+    if 0 <= ended.tick < ended.until:
+        told = ToldExcitation(structs.replace(what, name=info.name), ended.tick, ended.until, ended.ended)
+        await show_response(context, context.session, [full], told)
 
 
 def _usual(info: ParameterInfo) -> str:

@@ -323,6 +323,7 @@ def test_every_command_has_its_method():
     from silo_tui.screens.monitor import FileMonitorScreen, MonitorScreen
     from silo_tui.screens.parameters import ParametersScreen
     from silo_tui.screens.recordings import RecordingsScreen
+    from silo_tui.screens.responses import ResponseScreen
     from silo_tui.screens.runs import RunsScreen
     from silo_tui.screens.scope import ScopeScreen
     from silo_tui.screens.settings import SettingsScreen
@@ -347,6 +348,7 @@ def test_every_command_has_its_method():
         "alarms": AlarmsScreen,
         "parameters": ParametersScreen,
         "runs": RunsScreen,
+        "response": ResponseScreen,
     }
     for command in COMMANDS:
         for scope in command.scopes if "any" not in command.scopes else screens:

@@ -10,11 +10,11 @@ import silo_tui
 from silo_tui.actions import COMMANDS, commands_for, key_of, key_that_retries, use_keys, why_no_use
 
 # T table, P plots, D large plot, G triggers, A alarms, R recordings, E events, L loggers, H settings, K parameters,
-# U runs; each on a logger, and, where there is one, on a file
+# U runs, B Bode plot; each on a logger, and, where there is one, on a file
 SCREENS = {
     "T": ("table", "file"), "P": ("monitor", "file_monitor"), "D": ("detail", "file_detail"), "G": ("triggers",),
     "A": ("alarms",), "R": ("recordings",), "E": ("events", "file_events"), "L": ("loggers",), "H": ("settings",),
-    "K": ("parameters",), "U": ("runs",),
+    "K": ("parameters",), "U": ("runs",), "B": ("response",),
 }  # fmt: skip
 ALL = "TPDGARELHKU"
 # keys; what their commands are called, any of these words; where
@@ -32,8 +32,8 @@ LAW = (
     ("shift+left shift+right", "far", "PDK"),
     ("comma full_stop", "sample", "PD"),
     ("enter", "edit detail open plot go to capture worst change", "TPGARELHKU"),
-    ("escape", "back", ALL),
-    ("tab", "field view", "TPDRH"),
+    ("escape", "back", ALL + "B"),
+    ("tab", "field view", "TPDRHB"),
     ("slash", "filter search", "TGARELHKU"),
     ("o", "order", "TGARELKU"),
     ("C", "columns", "TGARELU"),
@@ -56,7 +56,7 @@ LAW = (
     ("a", "apply", "T"),
     ("i", "inspector", "T"),
     ("m", "monitor plot", "TGAK"),
-    ("r", "refresh again", "TGARELDKU"),
+    ("r", "refresh again", "TGARELDKUB"),
     ("S", "start", "TPL"),
     ("R", "restart", "TPL"),
     ("L", "load", "TLK"),
@@ -86,12 +86,12 @@ LAW = (
     ("E", "events", "TPDGARELK"),
     ("P", "parameters", "TPDGARELK"),
     ("ctrl+l", "loggers", "TPDGAREK"),
-    ("f2", "settings", "TPDGARELKU"),
-    ("colon", "command", ALL),
-    ("question_mark", "help", ALL),
-    ("ctrl+p", "palette", ALL),
-    ("q ctrl+q", "quit", ALL),
-    ("ctrl+z", "suspend", ALL),
+    ("f2", "settings", "TPDGARELKUB"),
+    ("colon", "command", ALL + "B"),
+    ("question_mark", "help", ALL + "B"),
+    ("ctrl+p", "palette", ALL + "B"),
+    ("q ctrl+q", "quit", ALL + "B"),
+    ("ctrl+z", "suspend", ALL + "B"),
 )
 EDITING = "e t x d s b p equals_sign u ctrl+r a S R L W r w N M"
 OF_LOGGERS = "T A F P ctrl+l"
@@ -119,6 +119,7 @@ LEFT_OUT = {
     ),
     "settings": (("tab", "one view"),),
     "runs": (),
+    "response": (),
 }  # fmt: skip
 LEFT_OUT["file_monitor"] = (
     *LEFT_OUT["monitor"], ("c Z", "of what comes"),

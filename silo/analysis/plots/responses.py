@@ -27,6 +27,17 @@ def step_chart(found: StepResponse, unit: str = "", title: str = "") -> Chart:
     return Chart(curves, title, "time since the step [s]", unit)
 
 
+def step_words(found: StepResponse, given_unit: str = "", unit: str = "") -> tuple[str, str]:
+    """From where to where it went, and how; the units are those of the input and of the output."""
+    by, unit = ("" if one in ("", "-") else f" {one}" for one in (given_unit, unit))
+    return (
+        f"step of {found.step:g}{by} at {found.at_s:.6g} s: from {found.start:.6g} to {found.final:.6g}{unit}, gain "
+        f"{found.gain:.4g}",
+        f"rise time {found.rise_s:.4g} s (10 to 90 %), overshoot {found.overshoot:.1%}, within 2 % after "
+        f"{found.settled_s:.4g} s",
+    )
+
+
 def _decades(low: float, high: float) -> dict[float, str]:
     """1, 2 and 5 of each decade between two frequencies, by their logarithms; the powers of ten alone of many."""
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)

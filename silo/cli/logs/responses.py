@@ -92,7 +92,7 @@ def step(
       silo step run.silo tau_offset joints/q_3
       silo step run.silo command speed --from 2 --to 5 --json
     """
-    from silo.analysis.plots.responses import step_chart
+    from silo.analysis.plots.responses import step_chart, step_words
 
     log, title = _opened(file, given, output)
     found = log.step(given, output, start, stop)
@@ -100,14 +100,10 @@ def step(
         facts = found._asdict().items()
         show_json({name: value.tolist() if hasattr(value, "tolist") else value for name, value in facts})
     else:
-        units = [unit if unit not in ("", "-") else "" for unit in (log[given].unit, log[output].unit)]
-        _draw([step_chart(found, units[1], title)], png, width, height)
-        size, final = f"{found.step:g} {units[0]}".rstrip(), f"{found.final:.6g} {units[1]}".rstrip()
-        click.echo(f"step of {size} at {found.at_s:.6g} s: from {found.start:.6g} to {final}, gain {found.gain:.4g}")
-        click.echo(
-            f"rise time {found.rise_s:.4g} s (10 to 90 %), overshoot {found.overshoot:.1%}, within 2 % after "
-            f"{found.settled_s:.4g} s"
-        )
+        unit = log[output].unit
+        _draw([step_chart(found, "" if unit == "-" else unit, title)], png, width, height)
+        for line in step_words(found, log[given].unit, unit):
+            click.echo(line)
     _warn(log.recording)
 
 
