@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from silo.analysis.reports import ElementReport
 
 SPAN_WIDE = 16
-NUMBER = 8  # cells of a statistic
+ENTRY = 5  # cells of an entry among others at least, with the blank before it
 WHY_NOT_LIVE: dict[NotLive | None, str] = {
     NotLive.ABSENT: "not begun", NotLive.FULL: "full", NotLive.LIMIT: "mem limit", NotLive.OTHER: "not live",
 }  # fmt: skip
@@ -179,13 +179,24 @@ def value(sight: Sight, row: int, width: int) -> Cell:
     if isinstance(reading, tuple):
         return reading
     element, chosen = sight.table.elements[row], sight.component(row)
-    width -= sight.digits_fewer
-    told = sight.table.facts.detail(sight.shown_name(row), "value")
+    name = sight.shown_name(row)
+    width, decimals = width - sight.digits_fewer, _decimals(sight, name)
+    told = sight.table.facts.detail(name, "value")
     if len(element.entries) == 1 or chosen >= 2:
         reading = reading.with_value(max(0, chosen - 2), told)
     if chosen:
-        return component_text(element, reading, chosen, width, told=told), _value_style(sight)
-    return value_text(element, reading, width), _value_style(sight)
+        words = component_text(element, reading, chosen, width, told=told, decimals=decimals)
+        return words, _value_style(sight)
+    if len(element.entries) > 1:
+        for entry in range(min(len(element.entries), width // ENTRY + 1)):
+            reading = reading.with_value(entry, sight.table.facts.detail(sight.entry_name(row, entry), "value"))
+    return value_text(element, reading, width, decimals), _value_style(sight)
+
+
+def _decimals(sight: Sight, name: str, ends: tuple[str, str] = ("min", "max")) -> int | None:
+    """Return with how many decimals value and statistics of a signal are told; None where no statistics are."""
+    facts = sight.table.facts
+    return text.decimals_between(facts.detail(name, ends[0]), facts.detail(name, ends[1]))
 
 
 def entry_value(sight: Sight, row: int, entry: int, width: int) -> Cell:
@@ -194,7 +205,8 @@ def entry_value(sight: Sight, row: int, entry: int, width: int) -> Cell:
     if isinstance(reading, tuple):
         return reading
     reading = reading.with_value(entry, sight.table.facts.detail(sight.entry_name(row, entry), "value"))
-    words = component_text(sight.table.elements[row], reading, entry + 2, width, named=False)
+    decimals = _decimals(sight, sight.entry_name(row, entry))
+    words = component_text(sight.table.elements[row], reading, entry + 2, width, named=False, decimals=decimals)
     return words, _value_style(sight)
 
 
@@ -224,7 +236,7 @@ def _style(letters: str) -> str:
     return "lost" if letters in BAD else "caution"
 
 
-def statistic(sight: Sight, row: int, title: str) -> Cell:
+def statistic(sight: Sight, row: int, width: int, title: str) -> Cell:
     """Return a statistic of one number, of a vector that of the norm or the entry that was asked for.
 
     Beside all its entries stand the smallest and the largest of any of them.
@@ -233,28 +245,38 @@ def statistic(sight: Sight, row: int, title: str) -> Cell:
     entries = table.elements[row].entries
     if len(entries) == 1 or chosen:
         told = entries[max(0, chosen - 2)] if len(entries) == 1 or chosen >= 2 else None
-        return _number(sight, sight.shown_name(row), title, told)
+        return _number(sight, sight.shown_name(row), title, told, width)
     quantity = {"min": "least", "max": "most"}.get(title)
     if quantity is None or table.mixed[row]:
         return "", "quiet"
-    return _number(sight, table.names[row], quantity, entries[0])
+    return _number(sight, table.names[row], quantity, entries[0], width)
 
 
-def entry_statistic(sight: Sight, row: int, entry: int, title: str) -> Cell:
+def entry_statistic(sight: Sight, row: int, entry: int, width: int, title: str) -> Cell:
     """Return a statistic of an entry that has a line of its own."""
-    return _number(sight, sight.entry_name(row, entry), title, sight.table.elements[row].entries[entry])
+    return _number(sight, sight.entry_name(row, entry), title, sight.table.elements[row].entries[entry], width)
 
 
-def _number(sight: Sight, name: str, quantity: str, entry: Entry | None) -> Cell:
+def statistic_head(sight: Sight, title: str, width: int) -> str:
+    """Return the title, and over how long statistics are: `mean 45s`; a file's are over all of it."""
+    facts = sight.table.facts
+    if sight.at_s is not None or not 0 < facts.since_ns < facts.time_ns:
+        return title
+    words = f"{title} {text.short_span((facts.time_ns - facts.since_ns) / 1e9)}"
+    return words if len(words) <= width else title
+
+
+def _number(sight: Sight, name: str, quantity: str, entry: Entry | None, width: int) -> Cell:
     found = sight.table.facts.detail(name, quantity)
     if math.isnan(found):
         return "", "quiet"
     if entry is not None and (entry.labels or entry.dtype[1:2] == "b"):
         if quantity in {"min", "max"} and found == int(found):
-            return entry_text(entry, found, None, NUMBER), "quiet"
+            return entry_text(entry, found, None, width), "quiet"
         if entry.labels:
             return "-", "quiet"  # between two labels is nothing
-    return text.number(found, NUMBER), "quiet"
+    ends = ("least", "most") if quantity in {"least", "most"} else ("min", "max")
+    return text.number(found, width, decimals=_decimals(sight, name, ends)), "quiet"
 
 
 def rate(sight: Sight, row: int, width: int) -> Cell:

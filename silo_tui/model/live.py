@@ -83,10 +83,10 @@ def _same(old: Reading, new: Reading) -> bool:
     )
 
 
-def entry_text(entry: Entry, value: float, word: str | None, width: int) -> str:
+def entry_text(entry: Entry, value: float, word: str | None, width: int, decimals: int | None = None) -> str:
     """Return one value as its type wants to be read: labels for enumerations, words for bool, text for strings.
 
-    `word` is its text where a float can't tell it.
+    `word` is its text where a float can't tell it, `decimals` are those of its signal where they are known.
     """
     kind = entry.dtype[1:2]
     if kind in "SU":
@@ -105,7 +105,7 @@ def entry_text(entry: Entry, value: float, word: str | None, width: int) -> str:
         return _fit(word, width)
     if kind in "iu" and abs(value) >= EXACT:  # its last digits are not known
         return text.number(float(int(word)) if word else value, width)
-    return text.number(value, width, integer=kind in "ium")
+    return text.number(value, width, integer=kind in "ium", decimals=decimals)
 
 
 def offset_text(entry: Entry, offset: float, base: int, width: int) -> str:
@@ -136,20 +136,22 @@ def _moment(date: str) -> str:
     return f"{hours} {day}"
 
 
-def value_text(element: ElementInfo, reading: Reading | None, width: int) -> str:
+def value_text(element: ElementInfo, reading: Reading | None, width: int, decimals: int | None = None) -> str:
     """Return the newest value of an element in one cell; several entries as a short list."""
     if reading is None:
         return "…"
     entries = element.entries
     if len(entries) == 1:
-        return entry_text(entries[0], float(reading.newest[0]), reading.texts.get(0), width)
+        return entry_text(entries[0], float(reading.newest[0]), reading.texts.get(0), width, decimals)
     pieces: list[str] = []
     room = width
+    sizes = np.abs(reading.newest[np.isfinite(reading.newest)])
+    largest = float(sizes.max(initial=0.0)) if has_norm(element) else 0.0
     for position, entry in enumerate(entries):
         value = float(reading.newest[position])
         is_number = entry.dtype[1:2] in "fiu" and not entry.labels
         word = reading.texts.get(position)
-        piece = text.brief(value) if is_number and word is None else entry_text(entry, value, word, 8)
+        piece = text.brief(value, largest) if is_number and word is None else entry_text(entry, value, word, 8)
         rest = len(entries) - position - 1
         if len(piece) + (2 if rest else 0) > room:
             pieces.append("…")
@@ -160,19 +162,25 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int) -> str
 
 
 def component_text(
-    element: ElementInfo, reading: Reading, chosen: int, width: int, *, named: bool = True, told: float = math.nan
-) -> str:
+    element: ElementInfo, reading: Reading, chosen: int, width: int, *, named: bool = True, told: float = math.nan,
+    decimals: int | None = None,
+) -> str:  # fmt: skip
     """Return the norm (1) or one entry (2, 3 ...) of a vector, with what it is before it.
 
-    `told` is the norm of the moment of what stands beside it, NaN where that isn't known.
+    `told` is the norm of the moment of what stands beside it, NaN where that isn't known; `decimals` as of its signal.
     """
     if chosen == 1:
         norm = float(np.sqrt(np.square(reading.newest).sum())) if math.isnan(told) else told
-        return f"|{len(element.entries)}| " + text.number(norm, max(6, width - 4))
+        return f"|{len(element.entries)}| " + text.number(norm, max(6, width - 4), decimals=decimals)
     entry = element.entries[chosen - 2]
     label = f"{entry.suffix} " if named and len(entry.suffix) + 7 <= width else ""
     word = reading.texts.get(chosen - 2)
-    return label + entry_text(entry, float(reading.newest[chosen - 2]), word, max(6, width - len(label)))
+    return label + entry_text(entry, float(reading.newest[chosen - 2]), word, max(6, width - len(label)), decimals)
+
+
+def cells_of_value(element: ElementInfo) -> int:
+    """Return in how many cells the entries of a vector stand side by side, a scalar as wide as ever."""
+    return 6 * len(element.entries) - 1
 
 
 def has_norm(element: ElementInfo) -> bool:

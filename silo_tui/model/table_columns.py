@@ -62,7 +62,7 @@ class TableColumn:
     stands for all below a branch. `measured` ones are drawn anew with each frame and always shown whole; of the others
     `leaves` says when one is left out of a narrow table (1 first, 0 never: a cut number would be a wrong one). `field`
     is what editing a cell changes. `sets` name when it is shown ("wide": beside settings, on a wide screen).
-    `quantities` are surveyed of what is on the screen. `head` says more than the title.
+    `quantities` are surveyed of what is on the screen. `head` says more than the title, in so many cells.
     """
 
     title: str
@@ -81,7 +81,7 @@ class TableColumn:
     quantities: tuple[str, ...] = ()
     entry: Callable[[Sight, int, int, int], Cell] | None = None
     branch: Callable[[Sight, Rows], Cell] | None = None
-    head: Callable[[Sight], str] | None = None
+    head: Callable[[Sight, int], str] | None = None
 
     @property
     def order(self) -> str:
@@ -119,10 +119,11 @@ def _sign_ranks(table: TableState) -> NDArray[Any]:
 def _statistic(title: str, letter: str, *, falling: bool = True, example: str = "60") -> TableColumn:
     """Of one number, of a vector of the norm or the entry that was asked for."""
     return TableColumn(
-        title, 8, lambda sight, row, width: cells.statistic(sight, row, title), ("statistics", "wide"), right=True,
-        measured=True, orders=(_measured(title, letter, title, falling=falling, of_norm=True),),
+        title, 8, lambda sight, row, width: cells.statistic(sight, row, width, title), ("statistics", "wide"),
+        right=True, wide=9, measured=True, orders=(_measured(title, letter, title, falling=falling, of_norm=True),),
         terms=(fact_term((title,), title, example=example),), quantities=(title,),
-        entry=lambda sight, row, entry, width: cells.entry_statistic(sight, row, entry, title),
+        entry=lambda sight, row, entry, width: cells.entry_statistic(sight, row, entry, width, title),
+        head=lambda sight, width: cells.statistic_head(sight, title, width) if title == "mean" else title,
     )  # fmt: skip
 
 
@@ -131,7 +132,7 @@ _SETTINGS, _IN_FILE = ("settings",), ("values",)
 
 COLUMNS: tuple[TableColumn, ...] = (
     TableColumn(
-        "unit", 5, cells.unit, _ALL_SETS, leaves=1,
+        "unit", 5, cells.unit, _ALL_SETS, leaves=1, wide=8,
         orders=(TableOrder("unit", "u", lambda table: np.array([each.unit.casefold() for each in table.elements])),),
         terms=(text_term("unit", lambda element, value: element.unit.casefold() == value),),
     ),
@@ -157,7 +158,7 @@ COLUMNS: tuple[TableColumn, ...] = (
         orders=_by("buf", "b", Field.BUFFER), terms=(choice_term(("buf", "buffer"), Field.BUFFER),),
     ),
     TableColumn(
-        "size", 7, cells.number(Field.SIZE), _SETTINGS, file=False, right=True, leaves=5,
+        "size", 6, cells.number(Field.SIZE), _SETTINGS, file=False, right=True, wide=7, leaves=5,
         field=Field.SIZE, orders=_by("size", "s", Field.SIZE),
         terms=(number_term(("size",), Field.SIZE),),
     ),
@@ -177,7 +178,7 @@ COLUMNS: tuple[TableColumn, ...] = (
             _measured("|value|", "a", "value", of_norm=True, of=np.abs),
         ),
         terms=(fact_term(("value",), "value"), fact_term(("|value|", "abs"), "value", of=np.abs)),
-        head=lambda sight: "value" if sight.at_s is None else f"at {sight.at_s:.6g} s",
+        head=lambda sight, width: "value" if sight.at_s is None else f"at {sight.at_s:.6g} s",
     ),
     _statistic("min", "i", falling=False), _statistic("max", "m"), _statistic("mean", "e"),
     _statistic("std", "t", example="1"),
@@ -198,7 +199,7 @@ COLUMNS: tuple[TableColumn, ...] = (
     ),
     TableColumn(
         "trend", 10, cells.trend, ("settings", "values", "wide"), measured=True,
-        head=lambda sight: "trend" if sight.at_s is None else "all",
+        head=lambda sight, width: "trend" if sight.at_s is None else "all",
     ),
 )  # fmt: skip
 LIVE_COLUMNS = tuple(column for column in COLUMNS if column.live)

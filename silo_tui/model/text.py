@@ -8,8 +8,11 @@ SUFFIXES = "kMGT"
 BARS = "▏▎▍▌▋▊▉█"
 
 
-def number(value: float, width: int = 11, *, integer: bool = False) -> str:
-    """Return a number in at most `width` cells (at least 6); its decimals are steady so that digits don't dance."""
+def number(value: float, width: int = 11, *, integer: bool = False, decimals: int | None = None) -> str:
+    """Return a number in at most `width` cells (at least 6); its decimals are steady so that digits don't dance.
+
+    `decimals` are those that its signal needs (`decimals_between`), where that is known.
+    """
     if math.isnan(value):
         return "nan"
     if math.isinf(value):
@@ -18,16 +21,25 @@ def number(value: float, width: int = 11, *, integer: bool = False) -> str:
         text = str(int(value))
         return text if len(text) <= width else _fitting(value, width, 9)
     size = abs(value)
-    if value != 0 and size < 1e-4:
-        return _fitting(value, width)
+    if decimals is None:
+        if value != 0 and size < 1e-4:
+            return _fitting(value, width)
+        decimals = 4 if size < 1000 else 2
     if size >= 1e6 and len(f"{value:.0f}") > width:
         return _fitting(value, width, 9)
-    decimals = 4 if size < 1000 else 2
-    text = f"{value:.{decimals}f}"
+    text = f"{round(value, decimals) + 0.0:.{decimals}f}"  # no minus before what rounds to 0
     while len(text) > width and decimals:
         decimals -= 1
         text = f"{value:.{decimals}f}"
     return text if len(text) <= width else _fitting(value, width)
+
+
+def decimals_between(smallest: float, largest: float) -> int | None:
+    """Return with how many decimals numbers between two differ in four digits; None where these don't tell it."""
+    extent = largest - smallest
+    if not (math.isfinite(extent) and extent > 0) or max(abs(smallest), abs(largest)) < 1e-4:
+        return None
+    return max(0, min(9, 3 - math.floor(math.log10(extent))))
 
 
 def _fitting(value: float, width: int, most: int = 4) -> str:
@@ -110,9 +122,14 @@ def compact(value: float) -> str:
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e4 else engineering(value)
 
 
-def brief(value: float) -> str:
-    """Return a number in four or five characters, for the entries of a vector side by side."""
+def brief(value: float, beside: float = 0.0) -> str:
+    """Return a number in four or five characters, for the entries of a vector side by side.
+
+    What is nothing `beside` the largest of them in size is a zero.
+    """
     size = abs(value)
+    if size < 1e-3 * beside and size < 0.005:
+        return "0.00"
     if math.isnan(value) or size >= 1e5:
         return compact(value)
     if 0 < size < 0.005:
@@ -126,6 +143,13 @@ def span(seconds: float) -> str:
         if abs(seconds) < limit:
             return f"{seconds * scale:.4g} {unit}"
     return f"{seconds / 3600:.4g} h"
+
+
+def short_span(seconds: float) -> str:
+    """Return a time span in whole units, at most four cells up to 99 days: `45s`, `12m`, `3h`, `2d`."""
+    scales = ((100, 1, "s"), (6000, 60, "m"), (360_000, 3600, "h"))
+    scale, unit = next(((scale, unit) for limit, scale, unit in scales if seconds < limit), (86_400, "d"))
+    return f"{int(seconds // scale)}{unit}"
 
 
 def clock(time_ns: int) -> str:

@@ -11,6 +11,7 @@ from silo.rpc.frames import Frame
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model import text
+from silo_tui.model.cells import statistic_head
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.model.fields import Field
@@ -58,6 +59,7 @@ class TableScreen(Editing):
         self._reset_wanted = False
         self._survey_s = 0.0
         self._no_survey = ""
+        self._window = ""  # over how long the statistics are, as the head says it
         super().__init__(
             session,
             ElementTable(session, LIVE_COLUMNS),
@@ -78,8 +80,9 @@ class TableScreen(Editing):
 
     def lay_out_table(self, width: int, rest: int) -> None:
         """Give values more room on a wide screen; a trend where names keep theirs."""
-        value_width = 11 if width < WIDE else 14 if width < 140 else 17 if width < 170 else 24
-        self.table.lay_out(value_width, wide=width >= WIDE_SET)
+        narrow = width < WIDE and self.table.column_set == "settings"
+        value_width = 17 if narrow else 11 if width < WIDE else 14 if width < 140 else 17 if width < 170 else 24
+        self.table.lay_out(value_width, wide=width >= WIDE_SET, fill=not narrow)
         rest -= self.table.measured_width + TABLE_WIDTH
         if width >= WIDE and rest - TREND - 1 >= NAME_ROOM:
             self.table.lay_out(value_width, trend=True, wide=width >= WIDE_SET)
@@ -136,6 +139,10 @@ class TableScreen(Editing):
     def _survey_came(self, now_s: float) -> None:
         """Draw what was measured; a live order moves rows only while nobody is at the keys."""
         rows = self.session.rows
+        window = statistic_head(self.table.sight, "", 9)
+        if window != self._window:
+            self._window = window
+            self.table_head.refresh()
         if self._top_wanted and rows.live and rows.wanted() <= set(self.session.table.facts.quantities):
             rows.refresh()
             rows.move_to(0)

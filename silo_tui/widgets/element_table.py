@@ -20,8 +20,9 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from silo_tui.model import text
-from silo_tui.model.cells import Sight
+from silo_tui.model.cells import ENTRY, Sight
 from silo_tui.model.fields import Field
+from silo_tui.model.live import cells_of_value
 from silo_tui.model.names import MIN_WIDTH, fitting_names, shared_space
 from silo_tui.model.rows import RowList
 from silo_tui.model.table_columns import (
@@ -42,6 +43,7 @@ from silo_tui.unforeseen import Guarded
 
 FLAGS = 2
 TREND = 10
+IN_TREE = 8  # cells that a tree draws beside a name at most, which has fewer levels there
 IN_SPACE = f"{NAME} in "  # what stands before the namespace in the head
 DERIVED = "="  # the sign of what is computed from others
 MAX_STRIPS = 4000
@@ -115,6 +117,7 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         self._ready: dict[int, Content] = {}  # found to differ, not painted yet
         self._names: dict[tuple[int, str], dict[str, str]] = {}  # as they fit, by width and what they are below
         self._names_of: tuple[object, ...] = ()
+        self._needs: tuple[object, int, int] = ((), 0, 0)
         self._trends: dict[int, str] = {}  # by row; all of them are drawn together, once a second
         self._trends_of: object = None
         self._trends_due_s = 0.0
@@ -127,9 +130,14 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
 
     # ---------------------------------------------------------------------------------------------- geometry
 
-    def lay_out(self, value_width: int = 11, *, trend: bool = False, wide: bool = False, bare: bool = False) -> None:
-        """Show the columns of the chosen set; `wide`: settings beside it, `bare`: of settings the first alone."""
-        self.sight.widths = {"value": value_width, "trend": TREND * trend}
+    def lay_out(
+        self, value_width: int = 11, *, trend: bool = False, wide: bool = False, bare: bool = False, fill: bool = True
+    ) -> None:
+        """Show the columns of the chosen set; `wide`: settings beside it, `bare`: of settings the first alone.
+
+        Without `fill` values have the room of how full buffers are: signs tell what is lost, values what is full.
+        """
+        self.sight.widths = {"value": value_width, "trend": TREND * trend} | ({} if fill else {"fill": 0})
         chosen = self.chosen_columns
         offered = [column for column in self._known if in_set(column, self.column_set, wide=wide)]
         offered = [column for column in offered if column.measured or not bare or column is self._known[0]]
@@ -148,12 +156,27 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         if self._laid is None or self._laid.width != self.size.width:
             self._forget()
             width, sight = self.size.width, self.sight
-            measured = [(each, cells) for each in self._offered if each.measured and (cells := each.width_in(sight, 0))]
+            of = [each for each in self._offered if each.measured]
+            measured = [(each, cells) for each in of if (cells := each.width_in(sight, width))]
             rest = width - 1 - sum(1 + cells for _, cells in measured)
             steady = shown_columns([each for each in self._offered if not each.measured], sight, rest - FLAGS, rest)
             names = max(8, rest - FLAGS - sum(1 + cells for _, cells in steady))
+            longest, widest = self._needed()
+            if (spare := names - longest) > 0:  # what names don't need is for the entries of vectors
+                given = {each.title: max(0, min(spare, widest - cells)) for each, cells in measured}.get("value", 0)
+                measured = [(each, cells + given * (each.title == "value")) for each, cells in measured]
+                names, rest = names - given, rest - given
             self._laid = Layout(width, names, self._space_of(names), steady, rest, measured)
         return self._laid
+
+    def _needed(self) -> tuple[int, int]:
+        """Return how many cells the longest name takes, and the widest value; of all rows, whatever is shown."""
+        table, short = self.session.table, self.session.short_name
+        made_for = (id(table.names), len(table), table.prefix)
+        if self._needs[0] != made_for:
+            longest = max((cell_len(short(name)) for name in table.names), default=0)
+            self._needs = made_for, longest, max(map(cells_of_value, table.elements), default=0)
+        return self._needs[1] + IN_TREE * (self.rows.sort == TREE), self._needs[2]
 
     @property
     def shows_trends(self) -> bool:
@@ -212,6 +235,12 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         """Return the names of what is told of now: elements, what is shown of vectors, entries with a line."""
         rows, names = self.rows_on_screen(), self.session.table.names
         found = [name for row in rows for name in (names[row], self.sight.shown_name(row))]
+        if "value" in self.quantities:  # entries that stand beside statistics are of the same moment
+            room = max((cells for column, cells in self.laid.measured if column.title == "value"), default=0)
+            for at in rows:
+                count = len(self.session.table.elements[at].entries)
+                beside = min(count, room // ENTRY + 1) if count > 1 and not self.sight.component(at) else 0
+                found += [self.sight.entry_name(at, entry) for entry in range(beside)]
         for line in self._lines_on_screen():
             row, entry = row_of(line), entry_of(line)
             if row is not None and entry is not None:
@@ -557,8 +586,8 @@ class TableHead(Guarded, ScrollView):
         steady = [Segment(" " * (FLAGS - 1) + mark.ljust(laid.names + 1), plain)]
         measured: list[Segment] = []
         for column, width in (*laid.steady, *laid.measured):
-            title = column.head(table.sight) if column.head is not None else column.title
-            word = (rows.arrow if any(order.name == sort for order in column.orders) else "") + title
+            arrow = rows.arrow if any(order.name == sort for order in column.orders) else ""
+            word = arrow + (column.head(table.sight, width - len(arrow)) if column.head is not None else column.title)
             style = chosen if column.field is table.field and table.session.at_s is None else plain
             segments = measured if column.measured else steady
             segments += [Segment(" ", plain), Segment(fitted(word, width, right=column.right), style)]

@@ -206,7 +206,7 @@ async def test_statistics_of_a_file_are_columns(path, on_file):
         await screen.until(lambda: "/log/c/spike" in screen.session.table.facts.details)
         await screen.shows("mean")
         line = next(line for line in screen.text.splitlines() if "spike" in line).split()
-        assert "90.0000" in line
+        assert "90.00" in line
         await screen.do("columns")
         await screen.shows("jitter")
         await screen.do("columns")

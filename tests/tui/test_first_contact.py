@@ -206,7 +206,7 @@ async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(f
     fake.run()
     fake.state = State.STOPPED
     fake.saved = True
-    async with opened(fake) as screen:
+    async with opened(fake, size=(120, 24)) as screen:
         await screen.shows("100%")
         await screen.do("edit_size", *"40k", "enter", "a", "enter")
         await screen.shows("applied to 1 element")

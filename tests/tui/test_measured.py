@@ -9,8 +9,9 @@ from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.rpc.quantities import FROZEN, NOT_FINITE, SLOW
 from silo_tui.model import text
+from silo_tui.model.live import Reading, value_text
 from silo_tui.terminal.thinness import STEPS
-from tests.stand_ins.fake_signals import scalar
+from tests.stand_ins.fake_signals import scalar, vector
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -22,7 +23,7 @@ async def test_signs_stand_in_their_column_with_statistics_beside(fake, opened):
     fake.facts = {"signs": {"/log/base/position": NOT_FINITE}, "most": {"/log/base/position": 86.25}}
     async with opened(fake) as screen:
         await screen.press("C")
-        await screen.shows("86.2500")
+        await screen.shows("86.25")
         line = next(line for line in screen.text.splitlines() if "/base/position" in line)
         assert " NN " in line
         assert "columns: statistics of every sample since" in screen.text
@@ -276,9 +277,9 @@ async def test_beside_the_entries_of_a_vector_stand_the_least_and_the_most_of_an
     fake.facts = {"least": {name: -7.5}, "most": {name: 8.25}, "max": {name: 99.0}, "mean": {name: 55.0}}
     async with opened(fake, size=size) as screen:
         await screen.press("C")
-        await screen.until(lambda: "8.2500" in row_with(screen, "/imu/acceleration"))
+        await screen.until(lambda: "8.25" in row_with(screen, "/imu/acceleration"))
         line = row_with(screen, "/imu/acceleration")
-        assert "-7.5000" in line
+        assert "-7.50" in line
         assert "|3|" not in line
         assert "99." not in line
         assert "55." not in line
@@ -331,6 +332,61 @@ async def test_samples_that_are_no_numbers_are_told_of_the_row_under_the_cursor(
         await screen.until(lambda: screen.session.table.facts.detail(TORQUE, "bad") == 12.0)
         screen.app.screen.say("")
         await screen.shows("12 samples nan or inf, left out of min to std")
+
+
+@pytest.mark.parametrize(
+    ("smallest", "largest", "width", "words"),
+    [
+        (999_999.5, 1_000_000.5, 9, ["999999.50", "1000000.5"]), (-0.25, 0.75, 8, ["-0.250", "0.750"]),
+        (-1e-15, 1.0, 8, ["0.000", "1.000"]), (0.0, 90.0, 8, ["0.00", "90.00"]),
+        (1e-9, 2e-9, 8, ["1.000e-9", "2.000e-9"]),
+    ],
+)  # fmt: skip
+def test_numbers_of_a_signal_have_the_decimals_in_which_they_differ(smallest, largest, width, words):
+    decimals = text.decimals_between(smallest, largest)
+    assert [text.number(value, width, decimals=decimals) for value in (smallest, largest)] == words
+
+
+async def test_value_and_statistics_of_a_row_have_decimals_alike(fake, opened):
+    fake.run()
+    fake.facts = {"value": {TORQUE: 11.125}, "max": {TORQUE: 31.5}, "min": {TORQUE: 1.78e-15}, "mean": {TORQUE: 2.5}}
+    async with opened(fake) as screen:
+        await screen.type("/LF/HAA/torque")
+        await screen.press("enter", "C")
+        await screen.until(lambda: re.search(r"11\.1[23] +0\.00 +31\.50 +2\.50", row_with(screen, "HAA/torque")))
+
+
+async def test_over_how_long_statistics_are_stands_in_the_head(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("C")
+        fake.since_ns = fake.now_ns - 720 * 10**9
+        await screen.until(lambda: "mean 12m" in screen.text.splitlines()[1])
+
+
+async def test_entries_beside_statistics_are_of_their_moment(fake, opened):
+    name = "/log/imu/acceleration"
+    fake.run()
+    fake.facts = {"value": {f"{name}_x": 7.25, f"{name}_y": 8.25, f"{name}_z": 9.25}, "most": {name: 9.25}}
+    async with opened(fake, size=(160, 50)) as screen:
+        await screen.until(lambda: "7.25 8.25 9.25" in row_with(screen, "/imu/acceleration"))
+
+
+@pytest.mark.parametrize(("size", "entries"), [((80, 24), 3), ((120, 24), 6)])
+async def test_what_names_don_t_need_shows_entries_of_vectors(size, entries, new_fake, opened):
+    fake = new_fake([vector("/log/base/twist", "m/s", "abcdef"[:entries]), scalar("/log/legs/LF/KFE/velocity")])
+    fake.run()
+    async with opened(fake, size=size) as screen:
+        await screen.until(lambda: len(re.findall(r"-?\d\.\d\d\b", row_with(screen, "/base/twist"))) == entries)
+        assert "…" not in row_with(screen, "/base/twist")
+
+
+@pytest.mark.parametrize(("kind", "words"), [("vector", "0.00 -0.93 3.50"), ("pose", "2e-8 -0.93 3.50")])
+def test_an_entry_that_is_nothing_beside_the_others_is_a_zero_where_their_unit_is_one(kind, words):
+    entries = tuple(Entry(suffix, "<f8") for suffix in ("_x", "_y", "_z"))
+    element = ElementInfo("/log/a", "m", kind, (3,), entries, ElementOptions())
+    reading = Reading(np.array([2e-8, -0.93, 3.5]), {}, 1, 0, 0)
+    assert value_text(element, reading, 17) == words
 
 
 def test_large_numbers_keep_the_digits_that_differ():

@@ -30,7 +30,7 @@ async def test_a_click_on_a_head_sorts_by_it(fake, opened, title):
 @pytest.mark.parametrize("title", ["!", "fill", "value"])
 async def test_a_click_on_a_live_head_orders_by_it_and_a_second_one_turns_the_order(fake, opened, title):
     fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake, size=(120, 24)) as screen:
         place = screen.text.split("\n")[1].index(title) - screen.app.screen.table_head.region.x
         await screen.pilot.click("TableHead", offset=(place, 0))
         await screen.until(lambda: screen.session.rows.sort == title)

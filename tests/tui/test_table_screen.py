@@ -322,7 +322,8 @@ async def test_letters_of_two_cells_don_t_move_the_columns(new_fake, robot, open
     odd = msgspec.structs.replace(robot[0], name="/log/関節/角度")
     async with opened(new_fake([odd, *robot[1:3]])) as screen:
         lines = [line for line in screen.text.splitlines() if "[x]" in line]
-        assert {cell_len(line[: line.index("[x]")]) for line in lines} == {33}
+        assert len(lines) == 3
+        assert len({cell_len(line[: line.index("[x]")]) for line in lines}) == 1
 
 
 async def test_keys_that_come_all_at_once_keep_their_order(fake, opened):
