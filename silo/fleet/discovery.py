@@ -9,7 +9,6 @@ from silo.errors import ConnectionLostError
 from silo.fleet.fleet import FleetNow, FleetQuestion, looked, who_is_there
 from silo.fleet.near import down_text, near_loggers
 from silo.net import keys
-from silo.net.access.rights import host_part
 from silo.net.addresses import logger_of
 from silo.net.folders import ForbiddenFolder
 from silo.net.found import LoggerAddress, is_glob, told_apart
@@ -97,7 +96,7 @@ def namesakes(found: LoggerAddress, timeout_s: float) -> list[LoggerAddress]:
         return list(near_loggers().loggers)
     _, host, name = str(keys.Root(found.host, found.name)).split("/")
     with borrowed("", found.config) as mine:  # of a hundred loggers, one token comes and not all
-        roots = who_is_there(mine, f"silo/{host_part(host)}/{name}/alive", timeout_s)
+        roots = who_is_there(mine, f"silo/{keys.host_part(host)}/{name}/alive", timeout_s)
     return [LoggerAddress.behind(found.config, root) for root in roots]
 
 

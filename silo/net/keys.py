@@ -60,6 +60,11 @@ class Root(NamedTuple):
         return f"{self}/topic/{escape(element.strip('/'))}"
 
 
+def host_part(host: str) -> str:
+    """Return the part of a key that fits the loggers of a host, whatever ids they drew; all hosts for `*`."""
+    return host if host == "*" else f"{host}~$*"
+
+
 def escape(name: str) -> str:
     """Return a name as part of a key; slashes stay, reserved characters become `%XX`, empty chunks `%`."""
     escaped = _RESERVED.sub(lambda found: f"%{ord(found[0]):02X}", name)

@@ -19,7 +19,6 @@ import zenoh
 
 from silo.core.runtime import is_at, write_private
 from silo.errors import ConnectionLostError
-from silo.net.access.admission import hold_directions, keep_changes_out, let_local_in, router_admission
 from silo.net.access.probing import Reached, explain
 from silo.net.configuration import (
     FORCED,
@@ -216,6 +215,8 @@ def _is_whole(path: Path, settings: zenoh.Config, root: Root | None, *, grouped:
 
 
 def _server_config(path: Path, config: str | None) -> zenoh.Config:
+    from silo.net.access.admission import hold_directions, let_local_in  # clients don't load it
+
     settings = zenoh.Config() if config is None else from_file(config)
     endpoints = [f"unixsock-stream/{path}"]
     if config is None:
@@ -256,6 +257,8 @@ def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
 
     Where it lets in whoever comes, it lets nobody change anything; `router_admission` has the words for that.
     """
+    from silo.net.access.admission import hold_directions, keep_changes_out, router_admission
+
     settings, given = from_file(config), written(config)
     endpoints = listened(settings)
     if not endpoints:

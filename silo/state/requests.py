@@ -10,7 +10,6 @@ from silo.errors import ElementError
 from silo.rpc.declaring import Ask, Caller, Reply, RobotRequest, ask, change, request_of
 from silo.rpc.published import Summary
 from silo.rpc.refusals import meant
-from silo.settings.typed import whole_edits
 
 
 class HelloReply(Reply, frozen=True):
@@ -200,6 +199,8 @@ class TableRequests(Caller):
         if isinstance(edits, str) or not isinstance(edits, Sequence):
             raise ElementError(f"edits must be a list of silo.Edit, got {shown(edits)}; nothing was changed")
         if any(isinstance(one, Edit) and not isinstance(one.options, ElementOptions) for one in edits):
+            from silo.settings.typed import whole_edits  # who only asks, as `silo ls`, doesn't load it
+
             table = self.table()
             revision = table.revision if revision == -1 else revision
             edits = whole_edits(

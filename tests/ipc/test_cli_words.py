@@ -23,6 +23,7 @@ from tests.waiting import DEADLINE_S
 
 NAMES = ["/log/base/pose", "/log/base/twist", "/log/legs/LF/torque", "/log/legs/RF/torque", "/log/legs/RF/contact"]
 HEAVY = ("numpy", "textual", "plotext", "silo.logger.logger", "silo.segment.reader")
+NOT_FOR_LS = ("silo.settings.typed", "silo.settings.options", "silo.net.access.admission", "silo.net.access.rights")
 
 
 def names_of(*patterns: str) -> list[str]:
@@ -262,8 +263,9 @@ def test_a_version_that_nobody_reads_is_quiet() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [["ls"], ["info", "demo"], ["set", "*", "on"], ["start"], ["--help"]])
 def test_light_commands_import_nothing_heavy(words: list[str]) -> None:
+    heavy = [*HEAVY, *NOT_FOR_LS] if words == ["ls"] else HEAVY
     code = (
-        f"import sys; from silo.cli.main import run; run({words!r}); print([m for m in {HEAVY!r} if m in sys.modules])"
+        f"import sys; from silo.cli.main import run; run({words!r}); print([m for m in {heavy!r} if m in sys.modules])"
     )
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -274,3 +276,15 @@ def test_light_commands_import_nothing_heavy(words: list[str]) -> None:
         env=dict(os.environ),
     )
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.slow
+def test_a_command_that_has_ended_is_not_searched_for_garbage() -> None:
+    program = (
+        "import atexit, gc, sys; atexit.register(lambda: print(gc.get_freeze_count() > len(gc.get_objects())))\n"
+        "from silo.cli import main; sys.argv[1:] = ['completion', 'bash']; main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=DEADLINE_S, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "True"

@@ -8,7 +8,7 @@ who is there. What no row allows is denied, whichever way it goes: so nobody but
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from silo.net.keys import LOCAL_SENDER, escape, user_part
+from silo.net.keys import LOCAL_SENDER, escape, host_part, user_part
 from silo.rpc.declaring import Ask, Do, Request
 
 VIEWER, OPERATOR, ROBOT = "viewer", "operator", "robot"
@@ -85,11 +85,6 @@ def rights(role: str, user: str = "*") -> list[Right]:
         if role in row.used:
             found += [Right("ingress", row.way.uses, key), Right("egress", row.way.offers, key)]
     return found
-
-
-def host_part(host: str) -> str:
-    """Return the part of a key that fits the loggers of a host, whatever ids they drew; all hosts for `*`."""
-    return host if host == "*" else f"{host}~$*"
 
 
 def host_of(robot: str) -> str:
