@@ -19,7 +19,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlsplit
@@ -36,7 +36,7 @@ from silo.files.tables.parquet import read_parquet
 from silo.run_index.index import Told
 from silo.run_index.listed import ListedRun
 from silo.run_index.runs import RunList
-from silo.run_index.tables import COLUMNS, FACTS, Folders, read_signals, typed
+from silo.run_index.tables import COLUMNS, FACTS, Folders, read_numbers, read_signals, typed
 
 EXTRA = "archive"
 MARK = "silo-archive.json"
@@ -103,6 +103,7 @@ class Archive:
         need("pyarrow", EXTRA, "Archives")
         self._check(anew=True)
         self._listed = None
+        vars(self).pop("_numbers", None)
         self._sweep()
         known, outcome = {one.run: one for one in self.manifest()}, Outcome()
         source = Folders(runs, runs.indexes)
@@ -159,6 +160,10 @@ class Archive:
     def read(self, run: str, signals: Sequence[str]) -> Any:
         """Return signals of a run, as `Drawer.read` does."""
         file = self._at(next(one.file for one in self._known() if one.run == run))
+        if self._is_local and self._numbers.get(run, frozenset()).issuperset(signals):
+            frame = read_numbers(file, signals)
+            if frame is not None:
+                return frame
         with _told(self.where), self._files.open(file) as source:
             return read_signals(read_parquet(Path(file), source), signals)
 
@@ -173,6 +178,12 @@ class Archive:
         for folder, _, names in os.walk(self._root) if self._is_local else ():
             if any(name.endswith(PART_ENDING) for name in names):
                 sweep_parts(folder)
+
+    @cached_property
+    def _numbers(self) -> dict[str, frozenset[str]]:
+        """The signals of each run that are numbers, neither texts nor enumerations."""
+        signals = self.frame("signals")
+        return {run: frozenset(some["signal"]) for (run,), some in signals.filter(kind="number").group_by("run")}
 
     def _known(self) -> list[Archived]:
         if self._listed is None:

@@ -14,7 +14,7 @@ from silo.core.quantities.writing import size_text
 from silo.errors import ElementError, SiloError
 from silo.files.extras import need
 from silo.files.texts import unique_names
-from silo.run_index.tables import COLUMNS, EXTRA, Drawer, typed
+from silo.run_index.tables import COLUMNS, EXTRA, TIME, Drawer, T, typed
 
 SHARE = 0.5  # of the memory that is free
 _SAMPLE_BYTES, _CELL_BYTES = 64, 10
@@ -107,6 +107,7 @@ class _Tables:
 
     def _samples(self, predicate: Any, columns: list[str] | None) -> Iterator[Any]:
         polars, column = self._polars, self._polars.col
+        stamps = column(T).alias("t"), column(TIME).alias("time")
         every = self._known("signals")
         if len(every) and not len(self._kept_by(predicate, every, ("signal",))):
             raise ElementError(f"no run has such a signal{_near(str(predicate), every['signal'].unique().to_list())}")
@@ -120,13 +121,14 @@ class _Tables:
             for name, numeric in numbers.items():
                 value = polars.lit(None, polars.Float64) if name in words and numeric == name else column(numeric)
                 text = column(name) if name in words else polars.lit(None, polars.String)
-                made = frame.select("t", "time", value.alias("value"), text.alias("text"), column(numeric).alias("_"))
+                made = frame.select(*stamps, value.alias("value"), text.alias("text"), column(numeric).alias("_"))
                 yield made.filter(column("_").is_not_null()).with_columns(
                     polars.lit(run).alias("run"), polars.lit(name).alias("signal")
                 )
 
     def _wide(self, predicate: Any, columns: list[str] | None) -> Iterator[Any]:
         polars, schema = self._polars, {**typed(COLUMNS["wide"]), **self._columns()}
+        stamps = polars.col(T).alias("t"), polars.col(TIME).alias("time")
         judged = predicate.meta.root_names() if predicate is not None else []
         asked = list(schema) if columns is None else [*columns, *judged]
         asked = [one for one in dict.fromkeys(asked) if one in self._meant]
@@ -141,7 +143,7 @@ class _Tables:
             missing = [polars.lit(None, schema[own]).alias(own) for own in asked if own not in mine]
             rest = [polars.lit(None, schema[own]).alias(own) for own in self._meant if own not in asked]
             parts = [polars.col(name).cast(schema[own]).alias(own) for own, name in mine.items()]
-            yield frame.select("t", "time", polars.lit(run).alias("run"), *parts, *missing, *rest)
+            yield frame.select(*stamps, polars.lit(run).alias("run"), *parts, *missing, *rest)
 
     def _kept_by(self, predicate: Any, frame: Any, columns: Sequence[str]) -> Any:
         """The rows of a frame that a condition leaves, so far as it speaks of these columns."""

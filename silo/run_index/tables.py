@@ -64,6 +64,8 @@ COLUMNS: dict[str, dict[str, str]] = {
     },
     "wide": {"run": "text", "t": "number", "time": "time"},
 }  # fmt: skip
+T, TIME = "##t", "##time"  # columns that no signal is called like
+_OWN = ("time_ns", "time", "events")  # columns of an archived log that are no signals
 FACTS = tuple(name for name in COLUMNS if name not in ("samples", "wide"))  # those that no log is read for
 
 
@@ -74,7 +76,7 @@ class Drawer(Protocol):
         """Return one of `FACTS` as a polars frame."""
 
     def read(self, run: str, signals: Sequence[str]) -> Any:
-        """Return signals of a run as a polars frame: `t`, `time`, a column for each; null where there is no sample.
+        """Return signals of a run as a polars frame: `T`, `TIME`, a column for each; null where there is no sample.
 
         Of an enumeration `#NAME` are its numbers, NAME its words.
         """
@@ -190,13 +192,33 @@ def read_signals(recording: Recording, signals: Sequence[str]) -> Any:
         own = has_own_stamps(log.recording)
         axis = common_axis([one.time_ns for one in found.values()]) if own else log.time_ns
         frames = [
-            log_to_polars({name: replace(one, name=name, labels={} if name.startswith("#") else one.labels)}, axis)
+            log_to_polars({"_": replace(one, name="_", labels={} if name.startswith("#") else one.labels)}, axis)
             for name, one in found.items()
         ]
         begin_ns = int(axis[0]) if len(axis) else 0
         time = polars.Series(axis).cast(typed(COLUMNS["wide"])["time"])
-        made = polars.DataFrame({"t": (axis - begin_ns) * 1e-9, "time": time})
-    return made.hstack([_plain(polars, name, frame) for name, frame in zip(found, frames, strict=True)])
+        made = polars.DataFrame({T: (axis - begin_ns) * 1e-9, TIME: time})
+    return made.hstack([_plain(polars, "_", frame).alias(name) for name, frame in zip(found, frames, strict=True)])
+
+
+def read_numbers(file: str, signals: Sequence[str]) -> Any:
+    """Return signals of an archived log that are numbers, from its columns as they lie there, as `read_signals` does.
+
+    None where that can't be done: `read_signals` says what is wrong.
+    """
+    polars = need("polars", EXTRA, "Tables of runs")
+    if any(name in _OWN or name.rpartition("_")[0] in _OWN for name in signals):
+        return None  # the column of the name may be another one
+    try:
+        frame = polars.read_parquet(file, columns=["time_ns", *signals], hive_partitioning=False, glob=False)
+    except (polars.exceptions.PolarsError, OSError):
+        return None
+    if not all(frame[name].dtype.is_numeric() or frame[name].dtype == polars.Boolean for name in signals):
+        return None
+    axis = frame["time_ns"]
+    t = (axis - (axis[0] if len(axis) else 0)) * 1e-9
+    made = polars.DataFrame({T: t, TIME: axis.cast(typed(COLUMNS["wide"])["time"])})
+    return made.hstack([_plain(polars, name, frame) for name in signals])
 
 
 def _whole(log: Log, name: str) -> str:

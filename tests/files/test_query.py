@@ -96,6 +96,46 @@ def test_every_value_of_the_tables_is_that_of_the_log(drawer, runs):
             np.testing.assert_array_equal(column.drop_nulls().to_numpy(), one.values[finite].astype(float))
 
 
+@pytest.mark.parametrize("name", ["joints/tau_x", "joints/tau_y", "slow", "gain", "Gain", "time", "time_2", "success"])
+def test_an_archive_reads_columns_as_the_log_has_them(tmp_path, name):
+    clock = itertools.count(1_700_000_000_000_000_000, 10_000_000).__next__
+    log = silo.Logger("dog", frequency=100, folder=tmp_path, clock=clock, script=tmp_path / "none.yaml")
+    tau, slow = log.array("tau", 2, group="joints", unit="Nm"), log.array("slow", dtype=np.int64, divider=4)
+    yes, here = log.array("success", dtype=bool), log.array("time")
+    log.array("time_2", dtype=np.float32)[...], log.array("gain")[...], log.array("Gain")[...] = 0.1, 2, 3
+    log.start()
+    for tick in range(21):
+        tau[:], slow[...], yes[...], here[...] = (
+            [tick, np.nan if tick == 7 else -tick],
+            2**60 + tick,
+            tick % 3,
+            tick + 9,
+        )
+        log.collect()
+    log.save(("silo",), name="run")
+    log.close()
+    name = {"joints/tau_x": "joints/tau_0", "joints/tau_y": "joints/tau_1"}.get(name, name)
+    made = Archive(str(tmp_path / "there"))
+    assert not made.add(silo.runs(tmp_path)).problems
+    wanted = tables.Folders(runs := silo.runs(tmp_path), runs.indexes).read("run.silo", [name])
+    assert made.read("run.silo", [name]).equals(wanted)
+    for drawer in (runs, made):
+        column = {"time": "time_2", "time_2": "time_2_2", "Gain": "Gain", "gain": "gain_2"}.get(name, name)
+        assert drawer.sql(f'select "{column}" from wide order by t').to_series().to_list() == wanted[name].to_list()
+        there = drawer.sql(f"select value from samples where signal = '{name}' order by t")["value"].to_list()
+        assert there == wanted[name].drop_nulls().to_list()
+    assert (tables.read_numbers(made._at(made.manifest()[0].file), [name]) is None) == name.startswith("time")
+
+
+def test_what_is_no_column_of_numbers_is_read_as_a_log(archive):
+    file = archive._at(archive.manifest()[0].file)
+    assert tables.read_numbers(file, ["word"]) is None
+    assert tables.read_numbers(file, ["none"]) is None
+    assert tables.read_numbers(file + "x", ["slow"]) is None
+    assert tables.read_numbers(file, []).columns == [tables.T, tables.TIME]
+    assert archive.read("run0.silo", ["slow", "word"])["word"].to_list()[:11] == ["w0"] * 10 + ["w1"]
+
+
 def test_facts_statistics_events_and_parameters_stand_in_tables(drawer):
     facts = drawer.sql("select run, robot, task, ticks, problem from runs order by run")
     assert facts.rows() == [(f"run{one}.silo", f"dog{one % 2}", "walk", TICKS, "") for one in range(RUNS)]
