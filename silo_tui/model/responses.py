@@ -16,6 +16,7 @@ from silo.errors import ElementError
 from silo_tui.model import text
 
 AROUND = 4  # a part of an excitation that is read before and after it: windows reach over its ends
+GONE = "the buffers hold nothing of the excitation any more: it was overwritten"
 GOOD = 0.8  # coherence, below which the curve isn't to be trusted
 
 
@@ -56,6 +57,13 @@ class Response:
     told: ToldExcitation | None
     began_ns: int
     window: tuple[float | None, float | None] = (None, None)
+
+    @property
+    def words(self) -> str:
+        """Of what it is: the window, else the excitation; empty where it is of all that is held."""
+        if None not in self.window:
+            return "{:g} to {:g} s".format(*self.window)
+        return self.told.what.text if self.told is not None else ""
 
     @property
     def ticks(self) -> tuple[int, int]:
@@ -102,6 +110,8 @@ class HeldResponse:
         """Take the samples of both. Raises ElementError where the buffers hold none, or none of the excitation."""
         names = asked.given, asked.answer
         for name, held in zip(names, (given, answer), strict=True):
+            if not len(held.ticks) and asked.told is not None and not held.why:
+                raise ElementError(GONE)
             if not len(held.ticks):
                 raise ElementError(f"no sample of {name.name} is held{': ' if held.why else ''}{held.why}")
         start_ns = min(int(given.time_ns[0]), int(answer.time_ns[0]))
@@ -118,7 +128,7 @@ class HeldResponse:
             begin, end = asked.told.tick, int(given.ticks[-1]) if asked.told.until is None else asked.told.until
             first = max(int(given.ticks[0]), int(answer.ticks[0]))
             if end <= first:
-                raise ElementError("the buffers hold nothing of the excitation any more: they were too small for it")
+                raise ElementError(GONE)
             if first >= begin + max(given.divider, answer.divider):
                 self.missing = f"the first {(first - begin) / (end - begin):.0%} of it is overwritten"
             seconds = (given.time_ns - start_ns) * 1e-9

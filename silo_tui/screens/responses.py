@@ -80,7 +80,7 @@ class ResponseScreen(SiloScreen):
     async def _draw(self, *, again: bool = False) -> None:
         asked = self._asked
         names = f"{self.session.short_name(asked.given.name)} to {self.session.short_name(asked.answer.name)}"
-        of = f"   {asked.told.what.text}" if asked.told is not None else ""
+        of = f"   {asked.words}" if asked.words else ""
         self.query_one("#detail-title", Static).update(f"{'STEP' if self.step else 'BODE'}  {names}{of}")
         size = self.size.width, self.size.height - NOTES - 3
         try:

@@ -56,6 +56,8 @@ def test_what_is_overwritten_or_logged_slowly_is_told():
     assert log.excitations[0].stop_s - log.excitations[0].start_s == pytest.approx(24.0)
     with pytest.raises(ElementError, match="hold nothing of the excitation"):
         HeldResponse(asked(told), *held(recording, 40 * HZ))
+    with pytest.raises(ElementError, match="hold nothing of the excitation"):
+        HeldResponse(asked(told), *held(recording, len(recording.time_ns)))
     none = HeldSamples(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), 1, "it is not logged")
     with pytest.raises(ElementError, match="no sample of /log/q is held: it is not logged"):
         HeldResponse(asked(told), held(recording)[0], none)
@@ -153,6 +155,8 @@ async def test_of_a_file_it_is_what_the_file_tells(tmp_path, on_file):
         await screen.type_or_paste("bode tau q 20 20.01")
         await screen.press("enter")
         await screen.shows("FROM TO looks at a part of it alone")
+        assert "20 to 20.01 s" in screen.text  # not the excitation
+        assert "chirp" not in screen.text
         await screen.press("escape", "escape")
         await screen.until(lambda: screen.app.context.upper_screen.scope == "file")
 
