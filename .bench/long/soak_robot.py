@@ -57,7 +57,7 @@ def main() -> None:
             due_ns = max(due_ns + period_ns, time.monotonic_ns() - 20 * period_ns)
             time.sleep(max(0.0, (due_ns - time.monotonic_ns()) * 1e-9))
         log.stop()
-        print(log.ticks, log.lost, flush=True)
+        print(log.ticks, sum(log[name].lost for name in log), flush=True)
         log.save()
 
 

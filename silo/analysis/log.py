@@ -29,7 +29,7 @@ from silo.analysis.signal import Signal
 from silo.analysis.stretches import clipped, resampled
 from silo.core.arguments import INT64, real, shown, switch, text
 from silo.core.arguments import path as file_path
-from silo.core.calls import former_member, no_attribute, told_class
+from silo.core.calls import no_attribute, told_class
 from silo.core.elements import NO_EXTRAS
 from silo.core.episodes.words import Episode
 from silo.core.kinds import SCALAR
@@ -43,6 +43,7 @@ from silo.files.formats import writer_for
 
 # what others call it
 _OTHER_NAMES = {
+    "element": "it is log['q']",
     "signals": "list(log) has the names, log['/log/x'] is one of them, log.glob('*') are all",
     "columns": "list(log) has the names",
     "head": "it is log.to_pandas().head()",
@@ -172,8 +173,6 @@ class Log(Mapping[str, Signal]):
     if not TYPE_CHECKING:  # type checkers know which names there are
 
         def __getattr__(self, name: str) -> object:
-            if name == "element":
-                return former_member(self, "log", name, {"element": ("__getitem__", "log['q']")})
             known = not name.startswith("_") and name not in _OTHER_NAMES and name in self
             others = {name: f"the signal is log['{name}']"} if known else _OTHER_NAMES
             return no_attribute("a log", name, type(self), others)

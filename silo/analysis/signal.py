@@ -23,7 +23,7 @@ from silo.analysis.compute.samples import Samples, new_times
 from silo.core import units
 from silo.core.arguments import INT64, shown, text
 from silo.core.arrays.values import with_nan
-from silo.core.calls import former_member, no_attribute, told_class
+from silo.core.calls import no_attribute, told_class
 from silo.core.printing import html_table
 from silo.core.recording import within
 from silo.errors import ElementError
@@ -47,15 +47,16 @@ _OTHER_NAMES = {
     "reshape": "it is .values.reshape(...)",
     "tolist": "it is .values.tolist()",
     "fft": "it is .spectrum()",
-}
-# members of before, which work for one release: where they are, and what to write instead
-FORMER = {
-    "average": ("mean", "signal.mean()"),
-    "in_unit": ("to", "signal.to('deg')"),
-    **{name: (f"_{name}", "") for name in (
-        "as_if_started", "bounds", "check_overlap", "columns", "falls", "held", "holding", "in_order",
-        "nothing_in_common", "numbers", "places", "seconds", "seconds_of", "span", "stamps", "step_ns",
-    )},
+    # members of 0.1
+    "average": "it is .mean()",
+    "in_unit": "it is .to('deg')",
+    **dict.fromkeys(
+        (
+            "as_if_started", "bounds", "check_overlap", "columns", "falls", "held", "holding", "in_order",
+            "nothing_in_common", "numbers", "places", "seconds", "seconds_of", "span", "stamps", "step_ns",
+        ),
+        "it is silo's own",
+    ),
 }  # fmt: skip
 
 Operand: TypeAlias = Union["Signal", float, int, NDArray[Any]]
@@ -383,8 +384,6 @@ class Signal(Samples, _Operators):
     if not TYPE_CHECKING:  # type checkers know which names there are
 
         def __getattr__(self, name: str) -> object:
-            if name in FORMER:
-                return former_member(self, "signal", name, FORMER)
             others = {one: f"it is signal['{one}']" for one in self.components} | _OTHER_NAMES
             return no_attribute("a signal", name, type(self), others)
 

@@ -18,7 +18,7 @@ from silo.client.saves import Saves
 from silo.conditions.requests import ConditionRequests
 from silo.control.requests import LONGEST_LEASE_S, ControlRequests, TakeControl
 from silo.core.arguments import path, real, shown, switch, text, texts, whole
-from silo.core.calls import former_member, no_attribute, told_class
+from silo.core.calls import no_attribute, told_class
 from silo.core.elements import FileType, SavedFile
 from silo.core.printing import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SiloError
@@ -52,15 +52,17 @@ if TYPE_CHECKING:
     from silo.live.view import View
 
 # members of before, which work for one release: first silo's own, of its terminal and its bridges
-FORMER = {
-    name: (f"_{name}", "")
-    for name in ("act_for", "hello", "identity", "keep_view", "kept_view", "kept_views", "measure", "survey", "try_now")
-} | {
-    "set_limits": ("_set_limits", "client.limit('x', (red_low, yellow_low, yellow_high, red_high))"),
-    "remove_limits": ("_remove_limits", "client.limit('x', None)"),
-    "set_trigger": ("_set_trigger", "client.trigger('fall', 'x > 1')"),
-    "remove_trigger": ("_remove_trigger", "client.trigger('fall', None)"),
-    "remove_derived": ("_remove_derived", "client.derive('x', None)"),
+_OTHER_NAMES = {
+    # members of 0.1
+    **dict.fromkeys(
+        ("act_for", "hello", "identity", "keep_view", "kept_view", "kept_views", "measure", "survey", "try_now"),
+        "it is silo's own",
+    ),
+    "set_limits": "it is client.limit('x', (red_low, yellow_low, yellow_high, red_high))",
+    "remove_limits": "it is client.limit('x', None)",
+    "set_trigger": "it is client.trigger('fall', 'x > 1')",
+    "remove_trigger": "it is client.trigger('fall', None)",
+    "remove_derived": "it is client.derive('x', None)",
 }
 LEASE_S = 15.0  # of control that is renewed: seven renewals, or 15 s of a link that is away
 LONGEST_S = 1e6  # that anybody waits
@@ -243,9 +245,7 @@ class Client(
     if not TYPE_CHECKING:  # which know what there is
 
         def __getattr__(self, name: str) -> object:
-            if name in FORMER:
-                return former_member(self, "client", name, FORMER)
-            return no_attribute("a client", name, type(self), {})
+            return no_attribute("a client", name, type(self), _OTHER_NAMES)
 
     def __repr__(self) -> str:
         found = self.found

@@ -9,7 +9,6 @@ import logging
 from collections.abc import Callable, Container, Iterable, Mapping
 from difflib import get_close_matches
 from functools import wraps
-from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Concatenate, NoReturn, ParamSpec, TypeVar, cast
 
 import msgspec
@@ -71,22 +70,6 @@ def tell_former(word: str, way: str) -> None:
     if word not in _told_words:
         _told_words.add(word)
         log.warning("%s %s; the next release will refuse %s", word, way, word)
-
-
-def former_member(thing: object, shown: str, name: str, members: Mapping[str, tuple[str, str]]) -> object:
-    """Return what an object's member of before is now, and say so once; `AttributeError` where it never had it.
-
-    Args:
-        thing: the object.
-        shown: what programs call it: `log`.
-        name: what was asked for.
-        members: by their former names, where they are now (a dotted path) and what to write instead.
-    """
-    if name not in members:
-        raise AttributeError(name)
-    path, way = members[name]
-    tell_former(f"{shown}.{name}", f"is {way} now" if way else "is silo's own")
-    return attrgetter(path)(thing)
 
 
 def present_words(options: Mapping[str, Any], known: Container[str]) -> dict[str, Any]:

@@ -15,7 +15,6 @@ from silo.journal.holdings import segment_holdings
 from silo.logger.unclosed import save_run
 from silo.loop.run import Run
 from silo.segment.held_runs import bytes_of, trim
-from silo.segment.rows import lost_samples
 
 log = logging.getLogger("silo")
 
@@ -36,7 +35,7 @@ class CurrentRun:
         self._begun = 0  # runs before the present one
         self._held: list[Path] = []  # runs before this one that somebody still has to read
         self.saved_before = ""  # where the run before this one was saved, if that was done at the start of this one
-        self._lost_at_end = 0
+        self._lost_at_end: dict[str, int] = {}
         self._gone = self._gone_first = 0  # of those, since each start does so, and at the first of these
 
     def replace(
@@ -181,11 +180,14 @@ class CurrentRun:
         return self.run.segment.ticks if self.run else 0
 
     @property
-    def lost(self) -> int:
-        """Samples that could not be kept since the last start, also of a run that was dropped."""
+    def lost(self) -> dict[str, int]:
+        """How many samples of each element could not be kept since the last start, also of a run that was dropped."""
         if self.run is None or not self.run.segment.lost_rows:
-            return 0
-        return lost_samples(self.run.reader) if self.run.segment.size_bytes else self._lost_at_end
+            return {}
+        if not self.run.segment.size_bytes:
+            return self._lost_at_end
+        reader = self.run.reader
+        return {element.info.name: reader.ring_lost(element.ring) for element in reader.schema.elements}
 
     @property
     def failures(self) -> dict[str, int]:

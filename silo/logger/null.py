@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterator
 from functools import wraps
 from pathlib import Path
-from types import SimpleNamespace, TracebackType
+from types import TracebackType
 from typing import Any, Concatenate, NoReturn, ParamSpec, TypeVar, cast
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from silo.core.arguments import path as file_path
 from silo.core.calls import call_problem
-from silo.core.elements import DEFAULT_OPTIONS, NO_EXTRAS, ElementInfo, Entry, LoggerOptions, State, join_name
+from silo.core.elements import DEFAULT_OPTIONS, NO_EXTRAS, ElementInfo, Entry, LoggerOptions, join_name
 from silo.core.episodes.block import EpisodeBlock
 from silo.core.kinds import index_suffixes, kind_by_shape
 from silo.core.recording import Recording
@@ -80,13 +80,6 @@ class _NoFiles(SavedFiles):
     size_bytes = 0
 
 
-class _Nothing:
-    """A part of a logger that does nothing, whatever it is called for."""
-
-    def __getattr__(self, name: str) -> Callable[..., None]:
-        return lambda *_, **__: None
-
-
 class NullServing:
     """What `NullLogger.serve` returns: nothing listens."""
 
@@ -114,12 +107,6 @@ class NullLogger(metaclass=HidesOtherNames):
     ticks = 0
     stop_reason = ""
     _extras = NO_EXTRAS
-    # what `FORMER` leads to
-    _scripted = _conditions = _Nothing()
-    _life = _table = _present = SimpleNamespace(
-        state=State.STOPPED, revision=0, failures={}, path="", saved_before="", lost=0
-    )
-    _is_closed, _ignored = False, 0
 
     @_like(Logger.__init__)
     def __init__(self, name: str, frequency: float, max_time: float, prefix: str, **_: object) -> None:

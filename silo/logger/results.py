@@ -153,10 +153,8 @@ def newest_text(element: LoggedElement) -> str:
     return np.array2string(np.asarray(element.newest), precision=6, threshold=8, separator=", ").replace("\n", "")
 
 
-def look_at(info: ElementInfo, reader: SegmentReader | None, failures: int = 0) -> LoggedElement:
-    """Return what a run holds of an element; `reader` is None before the first."""
-    if reader is None:
-        return LoggedElement(info)
+def look_at(info: ElementInfo, reader: SegmentReader, failures: int = 0) -> LoggedElement:
+    """Return what a run holds of an element."""
     schema = next((one for one in reader.schema.elements if one.info.name == info.name), None)
     if schema is None:
         return LoggedElement(info)

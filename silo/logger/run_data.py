@@ -80,7 +80,9 @@ class RunData:
         with self._life.lock:
             info = self._table.elements[self._table.place(name)].info
             run = None if self._life.closed else self._present.run
-            return look_at(info, run.reader if run is not None else None, self._present.failures.get(info.name, 0))
+            if run is None:
+                return LoggedElement(info, lost=self._present.lost.get(info.name, 0))
+            return look_at(info, run.reader, self._present.failures.get(info.name, 0))
 
     def read_new_values(self, name: str) -> NewValues:
         """Return all samples of an element since the last such call, oldest first.

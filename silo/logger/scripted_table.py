@@ -399,34 +399,6 @@ class ScriptedTable:
             self._life.tell()
             return gone
 
-    def enable(self, name: str = "/") -> int:
-        """Log an element or a namespace.
-
-        Args:
-            name: an element or a namespace; all elements if it is left out.
-
-        Returns:
-            How many elements changed.
-
-        Raises:
-            StateError: the logger runs.
-        """
-        return self.set(name, enabled=True)
-
-    def disable(self, name: str = "/") -> int:
-        """Don't log an element or a namespace.
-
-        Args:
-            name: an element or a namespace; all elements if it is left out.
-
-        Returns:
-            How many elements changed.
-
-        Raises:
-            StateError: the logger runs.
-        """
-        return self.set(name, enabled=False)
-
     def apply(self, edits: Sequence[Edit], extras: Conditions | None = None) -> int:
         """Apply edits as one transaction, all or none.
 

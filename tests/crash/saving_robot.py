@@ -60,7 +60,7 @@ def main() -> None:
             if tick >= int(ticks):
                 time.sleep(0.002)
         log.stop()
-        print(log.ticks, log.lost, tick, flush=True)
+        print(log.ticks, sum(log[name].lost for name in log), tick, flush=True)
 
 
 main()

@@ -128,7 +128,7 @@ def test_a_script_that_a_client_saves_has_what_is_derived_limited_and_triggered(
     bench.logger.trigger("high", "twice > 50", pre="50ms")
     wait_until(lambda: "twice > 50" in client.read_script().text)
     client.save_script("new.yaml")
-    assert read_script(tmp_path / "scripts" / "new.yaml").extras == bench.logger.extras
+    assert read_script(tmp_path / "scripts" / "new.yaml").extras == bench.logger._extras
 
 
 def test_a_script_that_a_client_loads_sets_triggers(bench, client, events, tmp_path):
@@ -137,7 +137,7 @@ def test_a_script_that_a_client_loads_sets_triggers(bench, client, events, tmp_p
     client.load_script("with.yaml")
     told = wait_until(lambda: next((event for event in events if event.kind is EventKind.SCRIPT_LOADED), None))
     assert told.text.endswith("; 1 trigger")
-    assert [one.when for one in bench.logger.extras.triggers] == ["x > 300"]
+    assert [one.when for one in bench.logger._extras.triggers] == ["x > 300"]
 
 
 def test_a_script_with_a_trigger_that_fits_not_changes_nothing(bench, client, tmp_path):
@@ -145,7 +145,7 @@ def test_a_script_with_a_trigger_that_fits_not_changes_nothing(bench, client, tm
     (tmp_path / "scripts" / "with.yaml").write_text(text)
     with pytest.raises(silo.RefusedError, match="nobody"):
         client.load_script("with.yaml")
-    assert bench.logger.extras.triggers == ()
+    assert bench.logger._extras.triggers == ()
     assert bench.logger["x"].options.divider == 1
 
 
@@ -192,12 +192,12 @@ def test_a_script_leaves_alone_what_it_does_not_speak_of(bench, client, tmp_path
     script.write_text("log_elements: []\ntriggers:\n  - {name: low, when: x < 0}\n")
     wait_until(lambda: "high" in client.read_script().text)
     client.load_script("more.yaml")
-    extras = bench.logger.extras
+    extras = bench.logger._extras
     assert [one.name for one in extras.triggers] == ["low"]
     assert (len(extras.derived), len(extras.limits)) == (1, 1)
     script.write_text("log_elements: []\nsignal_limits: []\n")
     bench.logger.load_script(script)
-    extras = bench.logger.extras
+    extras = bench.logger._extras
     assert (len(extras.derived), len(extras.limits), len(extras.triggers)) == (1, 0, 1)
 
 
@@ -209,7 +209,7 @@ def test_a_script_whose_trigger_wants_more_past_than_its_buffers_hold_is_refused
         bench.logger.load_script(script)
     with pytest.raises(silo.RefusedError, match="set size="):
         client.load_script("more.yaml")
-    assert bench.logger.extras.triggers == ()
+    assert bench.logger._extras.triggers == ()
 
 
 def test_a_script_may_bring_the_buffers_that_its_trigger_needs(bench, client, tmp_path):
@@ -219,7 +219,7 @@ def test_a_script_may_bring_the_buffers_that_its_trigger_needs(bench, client, tm
     script.write_text(script.read_text() + "triggers:\n  - {name: low, when: x < 0, pre_s: 60}\n")
     bench.logger.set(buffer="looping", size="10s")
     client.load_script("more.yaml")
-    assert bench.logger.extras.triggers[0].name == "low"
+    assert bench.logger._extras.triggers[0].name == "low"
 
 
 # ------------------------------------------------------------------------------------------- what can't be told

@@ -75,7 +75,7 @@ def test_of_changes_for_a_stopped_robot_program_those_that_are_said_to_go_on_are
     def set_trigger(name: str) -> None:
         with Client.connect("bot") as one:
             ready.wait()
-            answers[name] = told(lambda: one.set_trigger(TriggerOptions(name, "/log/x > 1e9")))
+            answers[name] = told(lambda: one._set_trigger(TriggerOptions(name, "/log/x > 1e9")))
 
     names = ["a", "b", "c", "d"]
     ready = threading.Barrier(len(names))

@@ -111,7 +111,7 @@ def test_a_post_that_no_memory_holds_is_refused_with_its_size(robot):
     robot.logger.array("many", 500, size=3000)
     with pytest.raises(silo.ElementError, match=r"pre and post of 43200 s are 16[0-9],[0-9]{3} MB.* at most 256 MB"):
         robot.logger.trigger("spike", "fast/x_0 > 50", post="12h")
-    assert robot.logger.extras.triggers == ()
+    assert robot.logger._extras.triggers == ()
 
 
 def test_each_fire_is_told_also_one_that_makes_a_capture_longer(robot):
@@ -221,7 +221,7 @@ def test_spikes_of_one_sample_at_random_places_are_all_captured_and_nothing_else
 def test_a_pre_longer_than_a_buffer_is_refused_with_the_size_that_would_do(robot):
     with pytest.raises(silo.ElementError, match=r"'/log/fast/x' holds 3000 samples, 6002 are needed: set size=6002"):
         robot.logger.trigger("spike", "fast/x_0 > 50", pre="5s")
-    assert robot.logger.extras.triggers == ()
+    assert robot.logger._extras.triggers == ()
 
 
 @pytest.mark.parametrize(
@@ -235,7 +235,7 @@ def test_a_pre_longer_than_a_buffer_is_refused_with_the_size_that_would_do(robot
 def test_mistakes_in_a_trigger_are_refused(robot, options, says):
     with pytest.raises(silo.ElementError, match=says):
         robot.logger.trigger(**{"name": "spike", "when": "fast/x_0 > 50", **options})
-    assert robot.logger.extras.triggers == ()
+    assert robot.logger._extras.triggers == ()
 
 
 def test_a_start_without_a_helper_says_that_nobody_judges(robot, caplog):

@@ -196,7 +196,7 @@ def test_a_closed_logger_still_tells_what_it_did(counting):
     logger = counting()
     collect(logger, 3)
     logger.close()
-    assert (logger.ticks, logger.lost, logger.is_running, len(logger.elements)) == (3, 0, False, 1)
+    assert (logger.ticks, logger["x"].lost, logger.is_running, len(logger.elements)) == (3, 0, False, 1)
 
 
 @pytest.mark.parametrize(

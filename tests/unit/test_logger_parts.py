@@ -8,7 +8,7 @@ import pytest
 from silo.core.calls import of
 from silo.core.elements import LoggerOptions
 from silo.errors import ArgumentError, StateError
-from silo.logger.arguments.other_names import FORMER
+from silo.logger.arguments.other_names import OTHER_NAMES
 from silo.logger.conditions import LoggerConditions
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.logger import Logger
@@ -70,7 +70,7 @@ def test_a_logger_has_what_it_hands_calls_on_to(attribute, new_logger):
     logger, kind = new_logger(), PARTS[attribute]
     assert type(getattr(logger, attribute)) is kind
     handed = {name for name, found in vars(kind).items() if inspect.isfunction(found) and not name.startswith("_")}
-    mine = handed & vars(Logger).keys() - FORMER.keys()
+    mine = handed & vars(Logger).keys() - OTHER_NAMES.keys()
     assert mine
     assert all(inspect.unwrap(getattr(Logger, name)) is inspect.unwrap(getattr(kind, name)) for name in mine)
 

@@ -78,7 +78,7 @@ def test_an_element_is_looked_at_while_the_logger_runs(log):
     log.start()
     log.q[:] = 5
     log.collect()
-    assert log.element("joints/q").newest.tolist() == [5, 5, 5]
+    assert log["joints/q"].newest.tolist() == [5, 5, 5]
 
 
 def test_an_unknown_name_is_told_with_the_nearest(log):

@@ -152,10 +152,6 @@ CALLS = {
     "save by type": (lambda log: log.save(type="csv"), "log.save() has no argument 'type', did you mean 'types'?"),
     "save to a path": (lambda log: log.save("csv", path="x"), "did you mean 'folder'?"),
     "read nothing": (lambda log: log.read_new_values(), "needs name: write log.read_new_values(name)"),
-    "enable with a switch": (
-        lambda log: log.enable("z", False),
-        "log.enable() takes 1 argument by place (name), got 2",
-    ),
     "close with an argument": (lambda log: log.close(True), "log.close() takes no arguments by place, got 1"),
     "remove nothing": (lambda log: log.remove("/"), "name an element or a namespace"),
     "remove what isn't there": (lambda log: log.remove("nope"), "no element or namespace 'nope'"),
@@ -195,8 +191,6 @@ TABLE = {
     "set a number": (lambda log: log.set(5, divider=5), "name must be a text, got 5"),
     "set None": (lambda log: log.set(None, divider=5), "name must be a text"),
     "set a list": (lambda log: log.set(["x", "z"], divider=2), "one call for each"),
-    "enable a number": (lambda log: log.enable(5), "name must be a text"),
-    "disable None": (lambda log: log.disable(None), "name must be a text"),
     "apply a number": (lambda log: log._scripted.apply(5), "edits must be a list"),
     "apply numbers": (lambda log: log._scripted.apply([5]), "an edit must be silo.Edit"),
     "apply texts": (lambda log: log._scripted.apply("x"), "edits must be a list"),
@@ -489,7 +483,7 @@ def test_what_a_log_and_its_signals_are_asked_is_told_of(mistake, signals):
     told(lambda: call(*signals), words)
 
 
-@pytest.mark.parametrize("call", ["update", "set", "enable", "save_script", "start", "snapshot", "save"])
+@pytest.mark.parametrize("call", ["update", "set", "save_script", "start", "snapshot", "save"])
 def test_a_closed_logger_says_so(call, logged):
     logged.close()
     told(getattr(logged, call), "is closed; make a new one")

@@ -1,12 +1,11 @@
-"""How much there is to remember: public names, members of classes; those of before work for one release."""
+"""How much there is to remember: public names, members of classes; those of before are told of."""
 
 import numpy as np
 import pytest
 
 import silo
-from silo.analysis.signal import FORMER as FORMER_OF_SIGNALS
 from silo.core import calls
-from silo.logger.arguments.other_names import FORMER
+from silo.errors import UnknownNameError
 
 MOST = {silo.Logger: 32, silo.Client: 50, silo.Signal: 45}
 
@@ -37,37 +36,25 @@ def test_a_public_name_of_before_works_and_says_once_where_it_is(name, caplog):
     assert name not in dir(silo)
 
 
-@pytest.mark.parametrize("name", FORMER)
-def test_a_member_of_before_works_and_says_once_what_to_write(name, new_logger, caplog):
-    for log in (new_logger(), silo.NullLogger()):
-        calls._told_words.clear()
-        caplog.clear()
-        assert name not in dir(log)
-        getattr(log, name)
-        getattr(log, name)
-        assert [words for words in caplog.messages if f"log.{name} is " in words] == caplog.messages
-        assert len(caplog.messages) == 1
+OF_0_1 = {
+    silo.Logger: "cleanup element enable disable apply set_limits set_trigger remove_derived remove_limits "
+    "remove_trigger source_failures lost state is_closed extras ignored revision segment_path problems abandon",
+    silo.Client: "set_limits remove_limits set_trigger remove_trigger remove_derived hello identity measure try_now",
+    silo.Signal: "average in_unit bounds numbers places span stamps step_ns",
+}
 
 
-@pytest.mark.parametrize("name", FORMER_OF_SIGNALS)
-def test_a_signals_member_of_before_works_and_says_once_what_to_write(name, caplog):
-    q = silo.Signal("q", np.arange(3.0), np.arange(3))
-    getattr(q, name)
-    getattr(q, name)
-    assert len(caplog.messages) == 1
-    assert f"signal.{name} is " in caplog.text
-
-
-def test_members_of_before_do_what_they_did(new_logger):
-    log = new_logger()
-    log.add(np.zeros(2), "x")
-    log.update()
-    assert (log.disable("x"), log.enable("x"), log.element("x").options.enabled) == (1, 1, True)
-    log.limit("x", (0, 1, 2, 3))
-    log.trigger("high", "x_0 > 1", armed=False)
-    log.remove_limits("x")
-    log.remove_trigger("high")
-    assert (log._extras.limits, log._extras.triggers, log.state.value, log.is_closed) == ((), (), "stopped", False)
+@pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in OF_0_1 for name in OF_0_1[kind].split()])
+def test_a_member_of_before_is_refused_with_what_to_write(kind, name, new_logger):
+    things = {
+        silo.Logger: lambda: [new_logger(), silo.NullLogger()],
+        silo.Client: lambda: [object.__new__(silo.Client)],
+        silo.Signal: lambda: [silo.Signal("q", np.arange(3.0), np.arange(3))],
+    }
+    assert name not in dir(kind)
+    for thing in things[kind]():
+        with pytest.raises(UnknownNameError, match=f"has no '{name}': (it is|they are) "):
+            getattr(thing, name)
 
 
 def test_none_in_place_of_what_was_set_forgets_it(new_logger):

@@ -158,7 +158,7 @@ def test_of_what_was_saved_only_the_ticks_after_that_are_told_of(closing, capsys
     log.save()
     collect(log, 2)
     log.stop()
-    log.cleanup()
+    log.close()
     assert "2 ticks that were not saved are dropped" in capsys.readouterr().err
 
 
@@ -248,7 +248,7 @@ def test_another_case_is_asked_back(new_logger):
     logger.update()
     for name in ("Q", "joints/Q", "/log/JOINTS/q"):
         with pytest.raises(ElementError, match="did you mean '/log/joints/q'"):
-            logger.element(name)
+            logger[name]
 
 
 # ----------------------------------------------------------------------------------------- NullLogger

@@ -4,9 +4,8 @@ Misspelt names are Python's own matter: it says which one was meant.
 """
 
 from collections.abc import Iterable
-from typing import Any, NoReturn, TypeVar
+from typing import NoReturn, TypeVar
 
-from silo.core.calls import former_member
 from silo.errors import ArgumentError, StateError, UnknownNameError
 
 C = TypeVar("C", bound=type)
@@ -93,34 +92,26 @@ OTHER_NAMES = {
     "stream": "it is log.serve(), then silo.connect('robot').stream(['x'])",
     "connect": "it is silo.connect('robot') in another program, once this one has called log.serve()",
     "view": "it is log.serve(), then silo-tui in a terminal",
+    # members of 0.1
+    "cleanup": "it is log.close()",
+    "element": "it is log['x']",
+    "enable": "it is log.set('x', enabled=True)",
+    "disable": "it is log.set('x', enabled=False)",
+    "apply": "it is log.set('x', divider=2)",
+    "set_limits": "it is log.limit('x', (red_low, yellow_low, yellow_high, red_high))",
+    "set_trigger": "it is log.trigger('fall', 'x > 1')",
+    "remove_derived": "it is log.derive('x', None)",
+    "remove_limits": "it is log.limit('x', None)",
+    "remove_trigger": "it is log.trigger('fall', None)",
+    "source_failures": "it is log['x'].failures",
+    "lost": "it is sum(log[name].lost for name in log)",
+    "state": "it is log.is_running",
+    **dict.fromkeys(
+        ("is_closed", "extras", "ignored", "revision", "segment_path", "saved_before_start", "problems", "abandon"),
+        "it is silo's own",
+    ),
 }
 SETTLED = ("freq", "frequency", "frequency_hz", "rate", "hz", "max_time")
-
-
-# members of before, which work for one release: where they are, and what to write instead
-FORMER = {
-    "cleanup": ("close", "log.close()"),
-    "element": ("__getitem__", "log['x']"),
-    "enable": ("_scripted.enable", "log.set('x', enabled=True)"),
-    "disable": ("_scripted.disable", "log.set('x', enabled=False)"),
-    "apply": ("_scripted.apply", "log.set('x', divider=2)"),
-    "set_limits": ("_conditions.set_limits", "log.limit('x', (red_low, yellow_low, yellow_high, red_high))"),
-    "set_trigger": ("_conditions.set_trigger", "log.trigger('fall', 'x > 1')"),
-    "remove_derived": ("_conditions.remove_derived", "log.derive('x', None)"),
-    "remove_limits": ("_conditions.remove_limits", "log.limit('x', None)"),
-    "remove_trigger": ("_conditions.remove_trigger", "log.trigger('fall', None)"),
-    "source_failures": ("_present.failures", "log['x'].failures"),
-    "lost": ("_present.lost", "sum(log[name].lost for name in log)"),
-    "state": ("_life.state", "log.is_running"),
-    "is_closed": ("_is_closed", ""),
-    "extras": ("_extras", ""),
-    "ignored": ("_ignored", ""),
-    "revision": ("_table.revision", ""),
-    "segment_path": ("_present.path", ""),
-    "saved_before_start": ("_present.saved_before", ""),
-    "problems": ("_scripted.problems", ""),
-    "abandon": ("_abandon", ""),
-}
 
 
 class Elsewhere:
@@ -141,13 +132,6 @@ class Settled(Elsewhere):
 
     def __set__(self, thing: object, value: object) -> NoReturn:
         raise StateError(f"{self._name} can't be set later: {self._way_out}; nothing was changed")
-
-
-class Former(Elsewhere):
-    """A member of before: it works for one release, and says once what to write instead."""
-
-    def __get__(self, thing: object, owner: type) -> Any:
-        return self if thing is None else former_member(thing, "log", self._name, FORMER)
 
 
 class ElementsName(Elsewhere):
@@ -185,8 +169,6 @@ def with_other_names(cls: C) -> C:
     """Have a class of loggers tell what to write instead of each of `OTHER_NAMES`."""
     for name, way_out in OTHER_NAMES.items():
         setattr(cls, name, (Settled if name in SETTLED else Elsewhere)(name, way_out))
-    for name in FORMER:
-        setattr(cls, name, Former(name, ""))
     return cls
 
 
