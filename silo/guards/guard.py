@@ -161,13 +161,14 @@ def _signals(rule: Rule, pair: _Pair) -> list[Finding]:
     run, good = Log(pair.run), Log(pair.baseline)
     event = (lambda log: log.eval(rule.event)) if rule.event else None
     found = compare(good, run, rule.text, event=event, tolerance=rule.tolerance)
-    if not (len(found) or found.alike or found.not_compared):
-        raise ElementError(f"both runs have no signals '{rule.text}'")
+    unseen = {**dict.fromkeys(found.only_a, "the run does not have it"), **found.not_compared}
+    if not (len(found) or found.alike or unseen):
+        raise ElementError(f"the baseline has no signals '{rule.text}'")
     bad = [
         Finding(f"{row.name} as the baseline", BAD, 1, row.count, row.first_s, row.most, row.at_s, row.unit)
         for row in found.rows
     ]
-    blind = [Finding(f"{name} as the baseline", BLIND, why=why) for name, why in found.not_compared.items()]
+    blind = [Finding(f"{name} as the baseline", BLIND, why=why) for name, why in unseen.items()]
     return bad + blind or [Finding(f"{rule.text} as the baseline", GOOD)]
 
 

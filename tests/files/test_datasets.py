@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 import silo
 from silo.analysis.signal import Signal
 from silo.datasets.check import check_lerobot
-from silo.datasets.frames import Wanted, frames
+from silo.datasets.frames import Wanted, frames, wanted_of
 from silo.datasets.lerobot import write_lerobot
 from silo.datasets.moments import Moments, merged
 
@@ -82,6 +82,11 @@ def test_a_frame_holds_what_was_known_at_its_time(signal, fps):
         assert newest == known[-1]
         assert average == pytest.approx(since.mean() if len(since) and before >= 0 else known[-1])
         before = at
+
+
+def test_a_pattern_means_all_its_signals_and_one_that_two_mean_is_there_once(runs):
+    wanted = wanted_of(silo.open_log(runs[0]), ["[js]*", "joints/q"], ["cmd"], (), "last", ())
+    assert [[signal.name for signal in one.signals] for one in wanted] == [["/log/joints/q", "/log/speed"], ["/log/cmd"]]
 
 
 def test_a_window_holds_all_samples_since_the_frame_before():

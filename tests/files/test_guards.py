@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,13 +13,13 @@ import silo
 from silo.cli.group import cli
 from silo.core.elements import SignalLimits
 from silo.errors import ScriptError
-from silo.guards.guard import guard
-from silo.guards.rules import read_rules
+from silo.guards.guard import guard, words
+from silo.guards.rules import Rule, read_rules
 
 TICKS = 50
 
 
-def write(folder, name, scale=1.0, offset=0.0, slow=True, limits=(), lost=0):
+def write(folder, name, scale=1.0, offset=0.0, slow=True, limits=()):
     clock = itertools.count(1_700_000_000_000_000_000, 10_000_000).__next__
     log = silo.Logger("dog", frequency=100, folder=folder, clock=clock, script=folder / "none.yaml")
     tau = log.array("tau", group="joints", unit="Nm")
@@ -56,7 +57,7 @@ def found(folder, run, rules="", against=None):
 
 
 @pytest.mark.parametrize(
-    ("run", "rule", "verdict", "words"),
+    ("run", "rule", "verdict", "says"),
     [
         ("good", "- never: joints/tau > 0.9Nm", "VIOLATED", ""),
         ("good", "- always: joints/tau < 1.1", "GREEN", ""),
@@ -73,6 +74,14 @@ def found(folder, run, rules="", against=None):
         ("worse", "- {value: rms(joints/tau), at_most: 199%}", "VIOLATED", ""),
         ("worse", "- {value: rms(joints/tau), at_least: 201%}", "VIOLATED", ""),
         ("worse", "- {value: mean(slow), within: 1}", "UNOBSERVABLE", "the run lacks"),
+        ("worse", "- holds: mean(slow) < 1", "UNOBSERVABLE", "the run lacks"),
+        ("worse", "- signals: slow", "UNOBSERVABLE", "the run does not have it"),
+        ("worse", "- {signals: '*', tolerance: 9}", "UNOBSERVABLE", "the run does not have it"),
+        ("good", "- {value: max(mode), at_least: 1}", "GREEN", ""),
+        ("good", "- {value: max(mode), at_most: 1}", "GREEN", ""),
+        ("good", "- {value: max(mode), within: 0}", "GREEN", ""),
+        ("shifted", "- {value: min(joints/tau), within: 6%}", "GREEN", ""),
+        ("shifted", "- {value: min(joints/tau), within: 4%}", "VIOLATED", "the baseline has -0.99"),
         ("same", "- signals: joints/*", "GREEN", ""),
         ("shifted", "- {signals: joints/*, tolerance: 0.051}", "GREEN", ""),
         ("shifted", "- {signals: joints/*, tolerance: 0.049}", "VIOLATED", ""),
@@ -80,10 +89,10 @@ def found(folder, run, rules="", against=None):
         ("shifted", "- {name: same torque, signals: joints/*}", "VIOLATED", ""),
     ],
 )  # fmt: skip
-def test_a_rule_finds_what_it_says(folder, run, rule, verdict, words):
+def test_a_rule_finds_what_it_says(folder, run, rule, verdict, says):
     first = found(folder, run, rule, "good")[0]
     assert first.worst == verdict
-    assert words in first.why
+    assert says in first.why
     assert first.violated == (verdict == "VIOLATED")
     assert first.what == "same torque" or "same torque" not in rule
 
@@ -106,7 +115,7 @@ def test_beside_a_good_run_nothing_may_be_newly_missing_or_broken(folder, run, r
 
 
 @pytest.mark.parametrize(
-    ("rules", "words"),
+    ("rules", "says"),
     [
         ("- nevr: x", "rules.yaml:1: a rule is one of"), ("x: 1", "a list"), ("", "a list"),
         ("- never: x\n- {never: a, always: b}", "rules.yaml:2: a rule is one of"),
@@ -115,20 +124,46 @@ def test_beside_a_good_run_nothing_may_be_newly_missing_or_broken(folder, run, r
         ("- {value: max(x), at_most: much}", "at_most is a number"), ("- {signals: x, tolerance: 1%}", "got a share"),
         ("- new: [all]", "list of missing"), ("- never: [a]", "never is a text"), ("- holds:", "holds is empty"),
         ("- a: [", "not valid YAML"), ("- {value: max(nope), at_most: 3}", r"rules.yaml:1: no run has 'nope'"),
-        ("- never: nope > 1", r"rules.yaml:1:"), ("- signals: nope*", "rules.yaml:1: both runs have no"),
+        ("- never: nope > 1", r"rules.yaml:1:"), ("- signals: nope*", "rules.yaml:1: the baseline has no"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_rules_is_said_with_file_and_line(folder, rules, words):
+def test_what_is_wrong_with_rules_is_said_with_file_and_line(folder, rules, says):
     path = folder / "rules.yaml"
     path.write_text(rules)
     good = silo.open_log(folder / "good.silo").recording
-    with pytest.raises(ScriptError, match=words):
+    with pytest.raises(ScriptError, match=says):
         guard(good, read_rules(path), good)
 
 
-def test_a_rule_that_needs_a_good_run_says_so(folder):
+@pytest.mark.parametrize("rule", ["within: 1%", "within: 1", "at_most: 110%"])
+def test_a_rule_that_needs_a_good_run_says_so(folder, rule):
     with pytest.raises(ScriptError, match=r"rules.yaml:1.*--against"):
-        found(folder, "good", "- {value: max(joints/tau), within: 1%}")
+        found(folder, "good", f"- {{value: max(joints/tau), {rule}}}")
+
+
+def test_more_that_is_lost_than_of_the_good_run_is_new_and_no_less(folder):
+    good = silo.open_log(folder / "good.silo").recording
+    lossy = replace(good, elements=[replace(one, lost=3) for one in good.elements[:2]])
+    rules = [Rule("new", parts=("lost",))]
+    lost = guard(lossy, rules, good)[0]
+    assert (lost.worst, lost.violations, lost.why) == ("VIOLATED", 1, "6 samples lost, 0 of the baseline")
+    assert words(lost) == lost.why
+    assert [guard(run, rules, lossy)[0].worst for run in (good, lossy)] == ["GREEN", "GREEN"]
+
+
+def test_what_the_good_run_lacks_is_not_what_the_run_lacks(folder):
+    blind = found(folder, "good", "- {value: mean(slow), within: 1}", "worse")[0]
+    assert (blind.worst, blind.why) == ("UNOBSERVABLE", "the baseline lacks something that it speaks of")
+    assert not [one for one in found(folder, "good", "- new: [missing]", "worse") if one.violated]
+
+
+def test_a_violation_without_words_is_told_by_how_often_when_first_and_its_peak(folder):
+    never = found(folder, "good", "- never: joints/tau > 0.9Nm")[0]
+    assert words(never) == "violated 2 times, first at 0.06 s"
+    assert words(replace(never, violations=1, first_s=None, peak=None)) == "violated 1 time"
+    assert words(replace(never, violations=2, first_s=0.5, peak=1.25, unit="-")) == (
+        "violated 2 times, first at 0.5 s, peak 1.25"
+    )
 
 
 def test_the_shell_judges_and_writes_a_report(folder, tmp_path):

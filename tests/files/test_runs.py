@@ -359,3 +359,9 @@ def test_runs_as_a_table(root):
     table = silo.runs(root).to_pandas()
     assert table["robot"].tolist() == ["anymal"] * RUNS
     assert table["span_s"].tolist() == pytest.approx([0.19] * RUNS)
+
+
+def test_a_run_that_went_before_it_was_read_says_so_and_began_at_no_time(tmp_path):
+    gone = read_facts(tmp_path, "gone.silo", 7).run
+    assert (gone.path, gone.begun_ns, gone.size_bytes) == ("gone.silo", 0, 7)
+    assert "gone.silo" in gone.problem

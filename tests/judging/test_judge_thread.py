@@ -55,7 +55,11 @@ def test_a_run_that_it_found_before_it_was_handed_over_is_let_go_of_at_its_end(t
         logger.close()
 
 
-def test_a_run_that_cannot_be_opened_is_told_of_once(tmp_path, runtime_folder, monkeypatch) -> None:
+@pytest.mark.parametrize(
+    ("error", "says"),
+    [(SegmentError("its header is damaged"), "its header is damaged"), (KeyError("x"), "KeyError: 'x'")],
+)
+def test_a_run_that_cannot_be_opened_is_told_of_once(tmp_path, runtime_folder, monkeypatch, error, says) -> None:
     logger = silo.Logger("bot", max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
     replica, events = Replica(robot_state(logger, "", -1)), Events(str(tmp_path))
     held = HeldRuns(replica, lambda: None)
@@ -64,7 +68,7 @@ def test_a_run_that_cannot_be_opened_is_told_of_once(tmp_path, runtime_folder, m
 
     def damaged(run: str) -> None:
         looks.append(run)
-        raise SegmentError("its header is damaged")
+        raise error
 
     monkeypatch.setattr(replica, "run", "1f")
     monkeypatch.setattr(held, "open", damaged)
@@ -75,7 +79,7 @@ def test_a_run_that_cannot_be_opened_is_told_of_once(tmp_path, runtime_folder, m
         judge.stop("the test is over")
         logger.close()
     told = [event.text for event in events.log.since(0, 1000)[0] if event.kind == EventKind.BLIND.value]
-    assert told == ["triggers and limits of this run are judged no more: its header is damaged"]
+    assert told == [f"triggers and limits of this run are judged no more: {says}"]
 
 
 @pytest.mark.parametrize("is_over", [False, True])

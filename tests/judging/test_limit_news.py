@@ -106,6 +106,14 @@ def test_of_many_at_once_those_that_are_not_told_now_are_told_next_each_with_its
     assert robot.told() == []
 
 
+def test_a_limit_stands_with_its_newest_value_where_it_is_finite(robot):
+    robot.start()
+    for value, shown in ((0, 0), (7, 7), (float("inf"), None)):
+        robot.collect(value)
+        robot.judge.step()
+        assert [one.value for one in robot.judge.limits.statuses()] == [shown]
+
+
 def test_all_that_wait_are_told_at_the_end(robot):
     robot.logger.limit("tau", (None, None, 5, 10))
     robot.start()
