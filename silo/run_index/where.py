@@ -60,6 +60,11 @@ def _names(node: Node, of_tag: bool = False) -> Iterator[tuple[Name, bool]]:
             yield from _names(part, isinstance(node, Call) and node.function == "tagged")
 
 
+def _true(number: float) -> bool:
+    """Whether something holds: what can't be computed doesn't."""
+    return bool(number) and not math.isnan(number)
+
+
 class MissingError(Exception):
     """A run lacks what is asked for."""
 
@@ -100,10 +105,7 @@ class Query:
 
     def holds(self, run: RunFacts, tags: Sequence[str], signals: Sequence[SignalFacts]) -> bool:
         """Whether it holds for a run; False where the run lacks something. Raises ExpressionError."""
-        try:
-            return bool(self._value(self.expression.root, run, tags, {one.name: one for one in signals}).number)
-        except MissingError:
-            return False
+        return _true(self.number(run, tags, signals))
 
     def number(self, run: RunFacts, tags: Sequence[str], signals: Sequence[SignalFacts]) -> float:
         """Return what it is for a run, NaN where the run lacks something. Raises ExpressionError."""
@@ -138,7 +140,7 @@ class Query:
 
     def _operation(self, node: Operation, value: Callable[[Node], Value]) -> Value:
         if node.operator == "and":
-            return Value(float(all(value(part).number for part in node.operands)))
+            return Value(float(all(_true(value(part).number) for part in node.operands)))
         if node.operator == "or":
             return Value(float(any(self._or_missing(part, value) for part in node.operands)))
         if node.operator == "not":
@@ -156,7 +158,7 @@ class Query:
     @staticmethod
     def _or_missing(part: Node, value: Callable[[Node], Value]) -> bool:
         try:
-            return bool(value(part).number)
+            return _true(value(part).number)
         except MissingError:
             return False
 

@@ -86,7 +86,8 @@ def test_a_frame_holds_what_was_known_at_its_time(signal, fps):
 
 def test_a_pattern_means_all_its_signals_and_one_that_two_mean_is_there_once(runs):
     wanted = wanted_of(silo.open_log(runs[0]), ["[js]*", "joints/q"], ["cmd"], (), "last", ())
-    assert [[signal.name for signal in one.signals] for one in wanted] == [["/log/joints/q", "/log/speed"], ["/log/cmd"]]
+    names = [[signal.name for signal in one.signals] for one in wanted]
+    assert names == [["/log/joints/q", "/log/speed"], ["/log/cmd"]]
 
 
 def test_a_window_holds_all_samples_since_the_frame_before():

@@ -15,10 +15,11 @@ from click.testing import CliRunner
 
 import silo
 from silo.cli.group import cli
+from silo.core.episodes.words import Episode
 from silo.errors import ExpressionError
 from silo.run_index import index, labels
-from silo.run_index.facts import read_facts
-from silo.run_index.where import FACTS
+from silo.run_index.facts import RunFacts, SignalFacts, read_facts
+from silo.run_index.where import FACTS, Query
 
 RUNS = 5
 
@@ -107,6 +108,51 @@ def test_a_condition_is_judged_by_the_index_alone(root, condition, wanted, monke
         ]
     monkeypatch.setattr(index, "read_facts", None)
     assert names(silo.runs(root, where=condition)) == [f"run{number}" for number in wanted]
+
+
+FACTS_OF_ONE = RunFacts(
+    "a.silo", span_s=2.5, ticks=7, elements=3, rate_hz=400.0, lost=1, failed=2, marks=4, limits=5, triggers=6,
+    warnings=8, episodes=(Episode("walk", 0, 6),), parameters={"kp": 20.0, "gait": "trot"},
+)  # fmt: skip
+SIGNALS_OF_ONE = [
+    SignalFacts("/log/x", "/log/x", "m", 5, -2.0, 4.0, 1.0, 2.0, 3.0, 0.5),
+    SignalFacts("/log/v_0", "/log/v", "s", 10, 1.0, 2.0, 1.5, 0.1, 0.2, 1.25),
+    SignalFacts("/log/v_1", "/log/v", "s", 20, 0.0, 3.0, 1.5, 0.3, 0.4, 1.75),
+    SignalFacts("/log/off", "/log/off", "-", 0, None, None, None, None, None, None),
+]
+
+
+def query(text):
+    return Query(
+        text, {"/log/x": ["/log/x"], "/log/v": ["/log/v_0", "/log/v_1"], "/log/off": ["/log/off"]}, {"wet", "kp"}
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        *zip(FACTS, (2.5, 7, 3, 400, 1, 2, 4, 5, 6, 1, 8), strict=True),
+        ("min(x)", -2), ("max(x)", 4), ("mean(x)", 1), ("std(x)", 2), ("rms(x)", 3), ("last(x)", 0.5), ("x", 0.5),
+        ("count(x)", 5), ("count(v)", 30), ("min(v)", 0), ("max(v)", 3), ("v_1", 1.75), ("max(v_0)", 2),
+        ("abs(min(x))", 2), ("-min(x)", 2), ("max(x) - min(x)", 6), ("max(x) + 100cm", 5), ("100cm + max(x)", 500),
+        ("max(x) % 3", 1), ("max(x) ** 2", 16), ("max(x) * 3", 12), ("max(x) / 8", 0.5), ("1 / (lost - 1)", math.nan),
+        ("1 / (lost - 1) and lost", 0), ("1 / (lost - 1) or lost == 2", 0), ("lost == 2 and off", 0),
+        ("count(x) == 5m", 1), ("max(v) > 2000ms", 1), ("abs(max(v)) > 4000ms", 0), ("max(x) * 3 == 12s", 1),
+        ("tagged(wet)", 1), ("tagged(dry)", 0), ("wet", 1), ("kp", 20), ("off", math.nan), ("max(off)", math.nan),
+        ("off > 1 or lost == 1", 1), ("lost == 2 or off", 0), ("off > 1 and lost == 1", math.nan),
+        ("lost and marks", 1), ("lost and marks == 5", 0), ("lost == 2 or marks == 5", 0), ("not lost", 0),
+        ("not (lost - 1)", 1), ("1 < marks < 5", 1), ("1 < marks < 4", 0), ("4 < marks < 9", 0), ("marks <= 4", 1),
+        ("marks >= 4", 1), ("marks > 4", 0), ("marks != 4", 0), ("marks == 4", 1),
+    ],
+)  # fmt: skip
+def test_what_a_word_of_a_condition_is(text, wanted):
+    number = query(text).number(FACTS_OF_ONE, ("wet",), SIGNALS_OF_ONE)
+    assert number == pytest.approx(wanted, nan_ok=True)
+    assert query(text).holds(FACTS_OF_ONE, ("wet",), SIGNALS_OF_ONE) is (bool(wanted) and not math.isnan(wanted))
+
+
+def test_the_signals_of_a_condition_are_all_that_its_names_mean_each_once():
+    assert query("max(v) > x and lost and v_0 < x").signals == ["/log/v_0", "/log/v_1", "/log/x"]
 
 
 def test_texts_and_signals_without_a_number_have_no_statistics(tmp_path, new_logger):
