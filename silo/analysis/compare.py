@@ -554,7 +554,8 @@ def _moment(log: Log, event: Event, which: str) -> float:
 def _by_course(one: Signal, other: Signal) -> float:
     """The shift at which two courses are most alike: the peak of their cross-correlation."""
     if one.values.ndim > 1 or other.values.ndim > 1:
-        raise ElementError(f"'{one.name}' has components: name one of them, such as '{one.name}_{one.components[0]}'")
+        part = (one.components or other.components)[0]
+        raise ElementError(f"'{one.name}' has components: name one of them, such as '{one.name}_{part}'")
     if len(one) < 2 or len(other) < 2:
         raise ElementError(f"'{one.name}' has too few samples to lay runs on each other by it")
     step_s = min(one._step_ns, other._step_ns) * 1e-9

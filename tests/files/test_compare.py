@@ -72,6 +72,54 @@ def test_the_same_bytes_at_other_times_are_compared_at_the_times_that_both_have(
     assert row.largest == 3
 
 
+def of_course(values, begin_s=0.0):
+    stamps = 10**18 + round(begin_s * 1e9) + np.arange(len(values)) * 10**7
+    q = element("/log/q", np.asarray(values, float))
+    return silo.Log(Recording("run", stamps, len(values), [q]), start_ns=10**18)
+
+
+@pytest.mark.parametrize("steps", [-7, -1, 0, 1, 7])
+def test_runs_are_laid_on_each_other_by_the_course_of_a_signal(steps):
+    bump = np.exp(-(((np.arange(60) - 30) / 4) ** 2))
+    found = silo.compare(of_course(bump), of_course(np.roll(bump, -steps)), signal="q")
+    assert found.shift_s == pytest.approx(0.01 * steps)
+    assert max((row.rms for row in found.rows), default=0) < 1e-6
+
+
+def test_a_course_needs_two_samples_in_both():
+    short, long = of_course([0.0, 1.0]), of_course([0.0, 1.0, 1.0, 0.0])
+    assert silo.compare(short, long, signal="q").shift_s == pytest.approx(0, abs=0.03)
+    for pair in [(of_course([1.0]), long), (long, of_course([1.0]))]:
+        with pytest.raises(ElementError, match="'/log/q' has too few samples"):
+            silo.compare(*pair, signal="q")
+    for pair in [(of_course([1.0, 1.0]), long), (long, of_course([1.0, 1.0]))]:
+        with pytest.raises(ElementError, match="'/log/q' stands still in a run"):
+            silo.compare(*pair, signal="q")
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_course_of_a_vector_is_refused_with_the_names_of_its_components(tmp_path, turned):
+    logs = []
+    for shape in ((), 2):
+        log = silo.Logger("arm", frequency=100, folder=tmp_path, script=tmp_path / "none.yaml")
+        q = log.array("q", shape)
+        log.start()
+        for tick in range(9):
+            q[...] = tick
+            log.collect()
+        logs.append(silo.open_log(log.save("silo", name=f"run{len(logs)}")[0].path))
+        log.close()
+    with pytest.raises(ElementError, match="'/log/q' has components: name one of them, such as '/log/q_0'"):
+        silo.compare(*(logs[::-1] if turned else logs), signal="q")
+
+
+def test_how_far_a_signal_moves_is_that_of_its_finite_samples():
+    rows = [np.array([1.0, np.nan, 3.0]), np.array([np.nan] * 3), np.array([1.0, 1.0, 4.0])]
+    assert comparing._spread(rows) == pytest.approx([1.0, 0.0, np.sqrt(2)])
+    assert comparing._spread(rows[2:]) == pytest.approx([np.sqrt(2)])
+    assert comparing._spread([np.empty(0), np.empty(0)]).tolist() == [0.0, 0.0]
+
+
 def test_diff_and_compare_find_the_same_signals_different():
     ramp, bad = np.arange(float(COUNT)), np.arange(float(COUNT))
     bad[7] = np.nan

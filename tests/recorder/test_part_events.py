@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from silo import open_log
+from silo import open_log, runs
 from silo.cli.main import run
 from silo.core.elements import LoggedEvent
 from silo.errors import FileFormatError
@@ -130,6 +130,33 @@ def test_a_mark_after_the_last_row_of_a_part_has_one_of_its_own_if_no_row_follow
     assert kept(path) == [("marker", "stands still", robot.tick - 1)]
     truth.by_others(path)
     write_bag(read_bag(path), tmp_path / "again.mcap")
+
+
+def test_an_episode_over_two_parts_lacks_its_end_in_the_first_and_its_beginning_in_the_second(
+    robot, tmp_path, truth, happens
+) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path, split_bytes=40_000))
+    robot.ticks(100)
+    happens('episode "pick" begin {"object":"cup"}', 49)
+    while not parts(tmp_path):
+        robot.ticks(100)
+        direct.step()
+    seam = len(open_log(parts(tmp_path)[0]).time_ns)
+    robot.ticks(100)
+    happens('episode "pick" end good', robot.tick - 11)
+    direct.step()
+    direct.finish()
+    first, *_, last = [open_log(path) for path in parts(tmp_path)]
+    (one,), (other,) = first.episodes, last.episodes
+    assert (one.first, one.last, one.success, one.whole, one.about) == (50, seam - 1, None, False, {"object": "cup"})
+    assert (other.last, other.success, other.whole) == (robot.tick - 11, True, False)
+    assert other.start_s == 0
+    found = runs(tmp_path / "rec").episodes()
+    assert [(run.episode.success, run.episode.whole) for run in found] == [(None, False), (True, False)]
+    assert [int(signal.most) for run in found for signal in run.signals if signal.name == "/log/x"] == [
+        int(run.open()["x"].values.max()) for run in found
+    ]
 
 
 def test_news_of_recorders_alone_begin_no_part(robot, tmp_path, truth, happens) -> None:
