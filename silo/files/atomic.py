@@ -37,21 +37,10 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """
     final = Path(path)
     part = _temporary_name(final)
-    try:
-        with _open_part(part) as file:
-            yield file
-            os.fsync(file.fileno())
-            part.replace(final)  # while it is locked still
-    except SaveError:
-        _remove(part)
-        raise
-    except OSError as error:
-        _remove(part)
-        raise _refused(final, error) from error
-    except BaseException:
-        _remove(part)
-        raise
-    _sync_name(final)
+    with _becoming(part, final), _open_part(part) as file:
+        yield file
+        os.fsync(file.fileno())
+        part.replace(final)  # while it is locked still
 
 
 @contextmanager
@@ -64,21 +53,23 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     if final.exists():
         raise SaveError(f"can't save '{final}': it exists already; remove it or choose another name")
     part = _temporary_name(final)
+    with _becoming(part, final), _made_part(part):
+        yield part
+        for file in sorted(part.rglob("*")):
+            sync(file)
+        sync(part)
+        part.rename(final)
+
+
+@contextmanager
+def _becoming(part: Path, final: Path) -> Iterator[None]:
+    """Sync the name that the block gave; where it fails remove `part`, and raise its OSError as SaveError."""
     try:
-        with _made_part(part):
-            yield part
-            for file in sorted(part.rglob("*")):
-                sync(file)
-            sync(part)
-            part.rename(final)
-    except SaveError:
+        yield
+    except BaseException as error:
         _remove(part)
-        raise
-    except OSError as error:
-        _remove(part)
-        raise _refused(final, error) from error
-    except BaseException:
-        _remove(part)
+        if isinstance(error, OSError) and not isinstance(error, SaveError):
+            raise _refused(final, error) from error
         raise
     _sync_name(final)
 

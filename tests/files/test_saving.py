@@ -344,3 +344,11 @@ def test_a_name_that_may_not_outlast_a_power_cut_is_said_to_stand_there(tmp_path
         with pytest.raises(SaveError, match="the new one stands under that name, but may be gone"), kind(path):
             pass
         assert path.exists()
+
+
+@pytest.mark.parametrize("made", [atomic_file, atomic_folder])
+def test_who_refuses_while_a_file_is_made_is_heard_in_their_own_words(tmp_path, made):
+    with pytest.raises(SaveError) as told, made(tmp_path / "x"):
+        raise SaveError("the log has no rows")
+    assert str(told.value) == "the log has no rows"
+    assert list(tmp_path.iterdir()) == []
