@@ -1,10 +1,14 @@
 """Takes the pictures of README and guide, and the cast of a terminal, from the program as it is now.
 
     python .docs/pictures/take.py [FOLDER]
+    python .docs/pictures/take.py --look FOLDER [WORD]...
 
 `table.svg` and `monitor.svg` are drawn by silo-tui itself, on a simulated robot. `silo-tui.cast` is what a terminal of
 100x30 was sent while somebody typed the keys below: `asciinema play .docs/pictures/silo-tui.cast`. Nothing is
 downloaded, no font is embedded.
+
+`--look` draws each screen in each theme and size into a folder, to be looked at and compared before and after a change:
+as SVG, and as PNG where chromium is installed. Words pick some: `table 80x24`, `16`.
 """
 
 import asyncio
@@ -15,7 +19,9 @@ import os
 import pty
 import re
 import select
+import shutil
 import struct
+import subprocess
 import sys
 import tempfile
 import termios
@@ -24,6 +30,17 @@ from pathlib import Path
 
 COLUMNS, LINES = 100, 30
 STILL = (120, 36)
+LOOKED_AT = ((80, 24), (120, 35), (160, 50))
+COLOURS = ("dark", "light", "contrast", "16")
+# keys that lead from the table to each screen; the next one begins at the table again
+SCREENS = {
+    "table": ("j", "space", "e", "t"), "tree": ("o", "n"), "columns": ("v", "c"), "filter": ("slash", *"torque"),
+    "plots": ("j", "j", "m"), "x-y": ("j", "m", "enter", "p", "v"),
+    "spectrum": ("j", "m", "enter", "p", "v", "p", "v"), "alarms": ("g", "a"), "triggers": ("g", "t"),
+    "parameters": ("g", "p"), "recordings": ("g", "r"), "events": ("g", "e"), "settings": ("f2",),
+    "help": ("question_mark",), "apply": ("j", "e", "t", "a"),
+}  # fmt: skip
+CELL = (10, 21)  # about, in pixels
 ASKED, ANSWERED = "\x1b[5n", b"\x1b[0n"
 SHOWN = "RUNNING"  # what the table begins with
 DEADLINE_S = 90.0
@@ -63,6 +80,51 @@ async def stills(folder: Path) -> None:
     finally:
         app.release()
         demo.stop()
+
+
+async def looks(folder: Path, picked: list[str]) -> None:
+    """Draw the screens that all of the words pick, in each theme and size."""
+    from silo_tui.app import SiloApp
+    from silo_tui.screens.exporting import picture
+    from silo_tui.sessions.demo import Demo
+    from silo_tui.sessions.finder import ClientFinder
+    from silo_tui.settings.options import Settings
+
+    for size in LOOKED_AT:
+        for colours in COLOURS:
+            for name, keys in SCREENS.items():
+                words = [name, f"{size[0]}x{size[1]}", colours]
+                if not set(picked) <= set(words):
+                    continue
+                os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(
+                    dir=Path.cwd()
+                )  # nothing is taken up from the one before
+                demo = Demo()
+                app = SiloApp(ClientFinder(), demo=demo, settings=Settings(theme=colours))
+                try:
+                    async with app.run_test(size=size) as pilot:
+                        while not (app.context.has_session and app.context.session.live.readings):
+                            await pilot.pause(0.1)
+                        for key in keys:
+                            await pilot.press(key)
+                            await pilot.pause(0.3)
+                        await pilot.pause(3)
+                        drawn = folder / f"{'-'.join(words)}.svg"
+                        drawn.write_text(picture(app))
+                finally:
+                    app.release()
+                    demo.stop()
+                as_png(drawn, size)
+
+
+def as_png(drawn: Path, size: tuple[int, int]) -> None:
+    """Write what a browser makes of a picture beside it, where there is one."""
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        return
+    window = f"--window-size={CELL[0] * size[0] * 5 // 4},{CELL[1] * size[1] * 5 // 4}"
+    made = [f"--screenshot={drawn.with_suffix('.png')}", "--headless", "--no-sandbox", "--hide-scrollbars", window]
+    subprocess.run([browser, *made, drawn.as_uri()], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def cast(path: Path, command: list[str]) -> None:
@@ -106,13 +168,17 @@ def cast(path: Path, command: list[str]) -> None:
     path.write_text("\n".join(json.dumps(line, ensure_ascii=False) for line in (head, *pieces)) + "\n")
 
 
-def main(folder: Path) -> None:
-    """Take all of them, with settings and loggers of nobody else."""
+def main(folder: Path, picked: list[str] | None = None) -> None:
+    """Take all of them, or those to look at, with settings and loggers of nobody else."""
     with tempfile.TemporaryDirectory(dir="/dev/shm") as runtime, tempfile.TemporaryDirectory() as work:
         os.environ |= {"SILO_RUNTIME_DIR": runtime, "XDG_CONFIG_HOME": work, "XDG_STATE_HOME": work}
         os.environ.pop("NO_COLOR", None)
         folder = folder.resolve()
+        folder.mkdir(parents=True, exist_ok=True)
         os.chdir(work)
+        if picked is not None:
+            asyncio.run(looks(folder, picked))
+            return
         tui = [sys.executable, "-c", "from silo_tui.cli import main; main()"]
         asyncio.run(stills(folder))
         cast(folder / "silo-tui.cast", [*tui, "--demo"])
@@ -121,4 +187,7 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
+    if sys.argv[1:2] == ["--look"] and len(sys.argv) > 2:
+        main(Path(sys.argv[2]), sys.argv[3:])
+    else:
+        main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)

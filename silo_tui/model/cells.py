@@ -233,7 +233,9 @@ def branch_sign(sight: Sight, rows: Rows) -> Cell:
 
 
 def _style(letters: str) -> str:
-    return "lost" if letters in BAD else "caution"
+    return (
+        "lost" if letters in BAD else "caution" if letters else ""
+    )  # where rows are reversed a blank shows its colour
 
 
 def statistic(sight: Sight, row: int, width: int, title: str) -> Cell:
@@ -275,8 +277,9 @@ def _number(sight: Sight, name: str, quantity: str, entry: Entry | None, width: 
             return entry_text(entry, found, None, width), "quiet"
         if entry.labels:
             return "-", "quiet"  # between two labels is nothing
+    whole = entry is not None and entry.dtype[1:2] in "iu" and quantity not in {"mean", "std"}
     ends = ("least", "most") if quantity in {"least", "most"} else ("min", "max")
-    return text.number(found, width, decimals=_decimals(sight, name, ends)), "quiet"
+    return text.number(found, width, integer=whole, decimals=_decimals(sight, name, ends)), "quiet"
 
 
 def rate(sight: Sight, row: int, width: int) -> Cell:

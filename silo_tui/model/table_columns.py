@@ -168,7 +168,7 @@ COLUMNS: tuple[TableColumn, ...] = (
         orders=(TableOrder("!", "!", _sign_ranks, "signs, worst first", "signs"),), branch=cells.branch_sign,
     ),
     TableColumn(
-        "fill", 4, cells.fill, ("settings", "timing", "wide"), measured=True, file=False,
+        "fill", 4, cells.fill, ("settings", "timing", "wide"), right=True, measured=True, file=False,
         orders=(_measured("fill", "f", "fill"),), terms=(fact_term(("fill",), "fill", read_share, "50%"),),
     ),
     TableColumn(

@@ -473,7 +473,7 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
             base.append("table--range")
         if is_cursor:
             base.append("table--cursor")
-        flag, flag_style = (" ", "table--row")
+        flag, flag_style = " ", ""
         if row >= self.session.table.own:
             flag, flag_style = DERIVED, "table--quiet"
         elif conflicts.any():

@@ -356,6 +356,15 @@ async def test_value_and_statistics_of_a_row_have_decimals_alike(fake, opened):
         await screen.until(lambda: re.search(r"11\.1[23] +0\.00 +31\.50 +2\.50", row_with(screen, "HAA/torque")))
 
 
+async def test_least_and_most_of_whole_numbers_are_whole(new_fake, opened):
+    fake = new_fake([scalar("/log/solver/iterations", dtype="<i4")])
+    fake.facts = {"min": {"/log/solver/iterations": 5.0}, "max": {"/log/solver/iterations": 28.0}}
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("C")
+        await screen.until(lambda: re.search(r" 5 +28 +-?\d+\.\d\d ", row_with(screen, "/solver/iterations")))
+
+
 async def test_over_how_long_statistics_are_stands_in_the_head(fake, opened):
     fake.run()
     async with opened(fake) as screen:

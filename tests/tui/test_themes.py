@@ -112,6 +112,20 @@ async def test_sixteen_colours_send_nothing_but_these(fake, opened):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("word", ("dark", "light", "contrast", "16"))
+async def test_the_line_under_the_cursor_is_of_one_colour(fake, opened, word):
+    fake.run()
+    async with opened(fake, settings=Settings(theme=word)) as screen:
+        await screen.press("j")
+        await screen.until(lambda: "…" not in screen.text.splitlines()[3][-8:], "values")
+        table = screen.app.screen.table
+        line = list(table.render_line(table.rows.position))[:-1]  # without the rail
+        found = [segment for segment in line if segment.text.isspace()]
+        grounds = {segment.style.color if segment.style.reverse else segment.style.bgcolor for segment in found}
+        assert len(found) > 3
+        assert len(grounds) == 1, found
+
+
 async def test_the_colon_line_takes_the_words_of_the_command_line(fake, opened):
     async with opened(fake) as screen:
         for word, name in (("light", "silo-light"), ("16", "silo-16"), ("nord", "nord")):
