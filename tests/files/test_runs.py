@@ -19,7 +19,7 @@ from silo.core.episodes.words import Episode
 from silo.errors import ExpressionError
 from silo.run_index import index, labels
 from silo.run_index.facts import RunFacts, SignalFacts, read_facts
-from silo.run_index.where import FACTS, Query
+from silo.run_index.where import FACTS, FUNCTIONS, Query
 
 RUNS = 5
 
@@ -70,6 +70,7 @@ def test_the_index_says_what_the_logs_say(root):
         assert (facts.robot, facts.task, facts.ticks, facts.lost) == (
             "anymal", "walk" if number % 2 else "stand", 20, 0)  # fmt: skip
         assert facts.span_s == pytest.approx(log.duration_s)
+        assert facts.rate_hz == pytest.approx(19 / log.duration_s)
         assert facts.marks == (number == 1)
         assert facts.parameters == {"/log/kp": 10.0 * number}
         assert facts.elements == len(log)
@@ -149,6 +150,14 @@ def test_what_a_word_of_a_condition_is(text, wanted):
     number = query(text).number(FACTS_OF_ONE, ("wet",), SIGNALS_OF_ONE)
     assert number == pytest.approx(wanted, nan_ok=True)
     assert query(text).holds(FACTS_OF_ONE, ("wet",), SIGNALS_OF_ONE) is (bool(wanted) and not math.isnan(wanted))
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_a_word_of_a_condition_takes_one_name(function):
+    query(f"{function}(x)")
+    for arguments in ("", "x, x"):
+        with pytest.raises(ExpressionError, match=function):
+            query(f"{function}({arguments})")
 
 
 def test_the_signals_of_a_condition_are_all_that_its_names_mean_each_once():
