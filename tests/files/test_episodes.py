@@ -2,6 +2,8 @@
 
 import itertools
 import json
+import warnings
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -12,6 +14,9 @@ import silo
 from silo.cli.group import cli
 from silo.datasets.check import check_lerobot
 from silo.datasets.lerobot import write_lerobot
+from silo.run_index.apart import what_tells
+from silo.run_index.facts import RunFacts, SignalFacts
+from silo.run_index.listed import ListedRun
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +41,10 @@ def root(tmp_path_factory):
         ticks(50)
         for verdict in (True, False, None):
             with log.episode("pick", verdict, speed=0.1 * (number + 1), object="cup" if verdict else "ball"):
-                ticks(100)
+                ticks(1)
+                if verdict is False:
+                    log.mark("slips")
+                ticks(99)
                 if verdict is False:
                     log.mark("slipped")
             ticks(10)
@@ -96,8 +104,8 @@ def test_conditions_on_signals_limits_and_marks_are_judged_by_the_episode(root):
     assert found.values("max(q)") == most
     assert len(set(most)) == 4
     assert [one.episode.number for one in found.where("150rad < max(q_0) < 300")] == [1, 1]
-    assert [one.facts.marks for one in found] == [0, 1, 0, 0] * 2
-    assert [one.facts.marks for one in runs] == [1, 1]
+    assert [one.facts.marks for one in found] == [0, 2, 0, 0] * 2
+    assert [one.facts.marks for one in runs] == [2, 2]
     assert [one.signals for one in found[:2]] == found[:2].signals()
     mixed = silo.runs(root)
     assert mixed.values("max(q_0)") != found.values("max(q_0)")[:2]
@@ -134,6 +142,29 @@ def test_what_tells_bad_episodes_from_good_ones_is_the_correlation_with_the_grou
         rest.apart(rest)
 
 
+def known(prefix, span_s=1.0, **most):
+    """A run of a logger, and of each signal its largest value."""
+    signals = [
+        SignalFacts(f"{prefix}/{name}", f"{prefix}/{name}", "m", 1, None, value, None, None, None, None, kind)
+        for name, value in most.items()
+        for kind in ["enum" if name == "mode" else "number"]
+    ]
+    return ListedRun(RunFacts(f"{prefix}.silo", prefix=prefix, span_s=span_s), Path()), signals
+
+
+def test_groups_are_told_apart_by_what_both_have_whatever_its_size():
+    these = [known("/a", 2.0, x=3e300, one=1.0, same=0.1 + 0.2, mode=5.0), known("/b", 2.0, x=1e300, same=0.3)]
+    others = [known("/a", 1.0, x=1e300, other=4.0, same=0.3, mode=1.0), known("/a", 1.5, x=None, same=0.3)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = what_tells(these, others)
+    assert [one.what for one in found] == ["span", "x"]
+    assert (found[0].how, found[0].unit, found[0].these, found[0].others) == ("", "s", 2.0, 1.25)
+    assert found[0].apart == pytest.approx(np.corrcoef([2, 2, 1, 1.5], [1, 1, 0, 0])[0, 1])
+    assert (found[1].how, found[1].unit, found[1].these, found[1].others) == ("max", "m", 2e300, 1e300)
+    assert found[1].apart == pytest.approx(np.corrcoef([3, 1, 1], [1, 1, 0])[0, 1])
+
+
 def test_the_command_says_what_tells_episodes_apart_and_what_is_not_kept(root, tmp_path):
     ran = CliRunner().invoke(cli, ["runs", str(root), "--episodes", "--where", "bad", "--against", "good"])
     assert ran.exit_code == 0, ran.output
@@ -146,7 +177,7 @@ def test_the_command_says_what_tells_episodes_apart_and_what_is_not_kept(root, t
     listed = CliRunner().invoke(cli, ["runs", str(root), "--episodes"]).output.splitlines()
     assert ["(1 signal overwritten)" in line for line in listed[1:-1]] == [True, True, True, False] * 2
     told = json.loads(CliRunner().invoke(cli, [*words[:3], "--where", "bad", "--against", "good", "--json"]).output)
-    assert {"what": "marks", "how": "", "unit": "", "these": 1.0, "others": 0.0, "apart": 1.0} in told
+    assert {"what": "marks", "how": "", "unit": "", "these": 2.0, "others": 0.0, "apart": 1.0} in told
 
 
 def test_the_command_has_a_line_for_each(root):
