@@ -1,6 +1,8 @@
 """The parameters of an open logger: what they are, and what was set from here, which can be undone."""
 
-from collections.abc import Mapping
+import asyncio
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -28,7 +30,10 @@ class Set:
 
 @dataclass
 class Knobs:
-    """What a screen knows of parameters, and where arrows have come to that nobody answered yet."""
+    """What a screen knows of parameters, and where arrows have come to that nobody answered yet.
+
+    One change waits for the answer of the one before: what is undone is what was set last, on a slow link too.
+    """
 
     known: dict[str, ParameterInfo] = field(default_factory=dict)
     locked: bool = False
@@ -38,6 +43,20 @@ class Knobs:
     undone: list[Set] = field(default_factory=list)
     asked: Values = field(default_factory=dict)
     _sending: bool = False
+    _waiting: int = 0
+    _one: asyncio.Lock = field(default_factory=asyncio.Lock)
+
+    @asynccontextmanager
+    async def _in_turn(self) -> AsyncIterator[None]:
+        self._waiting += 1
+        try:
+            await self._one.acquire()
+        finally:
+            self._waiting -= 1
+        try:
+            yield
+        finally:
+            self._one.release()
 
     async def refresh(self, link: Link) -> None:
         """Ask for all of them; an older silo has none."""
@@ -58,8 +77,12 @@ class Knobs:
             raise ElementError(why)
         return info
 
-    async def set(self, link: Link, values: Mapping[str, ParameterValue], *, turned: bool = False) -> str:
+    async def set(self, link: Link, values: Mapping[str, ParameterValue]) -> str:
         """Set some as one change; return what became of it, in words. It can be undone."""
+        async with self._in_turn():
+            return await self._change(link, values)
+
+    async def _change(self, link: Link, values: Mapping[str, ParameterValue], *, turned: bool = False) -> str:
         before = {name: self.check(name).value for name in values}
         words = await self._set(link, values)
         self.undone.clear()
@@ -72,6 +95,10 @@ class Knobs:
 
     async def undo(self, link: Link, *, again: bool = False) -> str:
         """Take back what was set last from here, or set it again. Raises ElementError where somebody set it since."""
+        async with self._in_turn():
+            return await self._undo(link, again=again)
+
+    async def _undo(self, link: Link, *, again: bool) -> str:
         of, to = (self.undone, self.done) if again else (self.done, self.undone)
         if not of:
             raise ElementError("nothing to redo" if again else "nothing was set from here")
@@ -92,18 +119,27 @@ class Knobs:
 
     async def turn(self, link: Link, name: str, steps: int) -> str:
         """Move a number on, from where the last of these went: a slow link brings several steps as one change."""
+        if self._sending and not self._waiting:
+            self._ask(name, steps)
+            return ""
+        async with self._in_turn():
+            return await self._turn(link, name, steps)
+
+    def _ask(self, name: str, steps: int) -> None:
         info = self.check(name)
         self.asked[name] = stepped(info, self.asked.get(name, info.value), steps)
-        if self._sending:
-            return ""
+
+    async def _turn(self, link: Link, name: str, steps: int) -> str:
         words, self._sending = "", True
         try:
+            self._ask(name, steps)
             while self.asked:
                 one, value = next(iter(self.asked.items()))
-                if value == self.known[one].value:
+                info = self.known[one]
+                if value == info.value:
                     words = f"{one.rpartition('/')[2]} is {value_text(value, info.unit)}: it goes no further"
                 else:
-                    words = await self.set(link, {one: value}, turned=True)
+                    words = await self._change(link, {one: value}, turned=True)
                 if self.asked[one] == value:
                     del self.asked[one]
         finally:

@@ -1,5 +1,6 @@
 """Parameters of a made-up logger: what is set holds at once."""
 
+import threading
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,7 +19,7 @@ PARAMETERS = [
 
 
 class FakeParameters:
-    """`parameters_locked` is what the program says; `put` sets as somebody else does."""
+    """`parameters_locked` is what the program says; `put` sets as somebody else does; `answers` holds answers up."""
 
     calls: list[tuple[Any, ...]]
 
@@ -26,12 +27,15 @@ class FakeParameters:
         self.parameter_infos = list(PARAMETERS)
         self.parameters_locked = False
         self.parameters = self
+        self.answers = threading.Event()
+        self.answers.set()
 
     def put(self, values: Mapping[str, ParameterValue]) -> None:
         self.parameter_infos = [replace(one, value=values.get(one.name, one.value)) for one in self.parameter_infos]
 
     def set(self, values: Mapping[str, ParameterValue]) -> ParametersSet:
         self.calls.append(("set_parameters", dict(values)))
+        assert self.answers.wait(60)
         self.put(values)
         return ParametersSet("a", 17)
 

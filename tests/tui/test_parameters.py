@@ -95,6 +95,23 @@ async def test_one_is_turned_typed_undone_and_set_again(fake, opened):
         await screen.until(lambda: values(fake)["height"] == 0.435)
 
 
+async def test_what_is_undone_before_its_answer_came_is_what_was_set_last(fake, opened):
+    async with opened(fake) as screen:
+        await screen.do("parameters")
+        await screen.shows("above ground")
+        await screen.press("right")
+        await screen.shows("it holds")
+        fake.answers.clear()
+        await screen.press("down", "right")
+        await screen.until(lambda: fake.calls[-1] == ("set_parameters", {"/log/gait/name": "pace"}))
+        await screen.press("u", "up", "right", "right")
+        fake.answers.set()
+        await screen.until(lambda: values(fake)["height"] == 0.495)
+        assert values(fake)["name"] == "trot"
+        set_ = [one[1] for one in fake.calls if one[0] == "set_parameters"]
+        assert set_[1:3] == [{"/log/gait/name": "pace"}, {"/log/gait/name": "trot"}]
+
+
 def test_the_menu_of_edits_keeps_a_preset_here_and_not_the_table():
     assert in_menu("menu_edit", "parameters")["w"][0].id == "save_preset"
 
