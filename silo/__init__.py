@@ -132,6 +132,22 @@ _OF_A_LOGGER = {
 }
 
 
+_OTHERS = dict.fromkeys(("open", "load", "read", "read_log", "load_log"), "open_log") | {
+    "log": "get_logger",
+    "Null": "NullLogger",
+    "FakeLogger": "NullLogger",
+    "gym": "gymnasium",
+    "diff": "compare",
+}
+_ELSEWHERE = dict.fromkeys(("list", "ls", "loggers", "discover", "find"), "`silo ls` in a shell") | {
+    "Trigger": "log.trigger('fall', 'x > 1')",
+    "Limit": "log.limit('x', (red_low, yellow_low, yellow_high, red_high))",
+    "ros2": "`silo ros2 LOGGER` in a shell",
+    "plot": "silo.open_log('logs').plot('x')",
+    "watch": "silo.topic('silo:///robot/log/x') in Python, `silo watch LOGGER` in a shell",
+}
+
+
 def _no_such_name(name: str) -> AttributeError:
     if name.startswith("_") or any(os.path.exists(f"{__path__[0]}/{name}{end}") for end in ("", ".py")):  # noqa: PTH110
         # a module of silo that is imported now: nobody reads this
@@ -142,8 +158,9 @@ def _no_such_name(name: str) -> AttributeError:
 
     if name in _OF_A_LOGGER:
         return UnknownNameError(f"module 'silo' has no attribute '{name}'; write silo.get_logger().{name}", name=name)
-    others = {"open": "open_log", "load": "open_log", "read": "open_log", "log": "get_logger", "Null": "NullLogger"}
-    near = [others[name]] if name in others else get_close_matches(name, __all__, 1, 0.7)
+    if name in _ELSEWHERE:
+        raise UnknownNameError(f"module 'silo' has no attribute '{name}'; it is {_ELSEWHERE[name]}", name=name)
+    near = [_OTHERS[name]] if name in _OTHERS else get_close_matches(name, __all__, 1, 0.7)
     hint = f", did you mean 'silo.{near[0]}'?" if near else "; help(silo) lists what there is"
     return UnknownNameError(f"module 'silo' has no attribute '{name}'{hint}", name=name)
 

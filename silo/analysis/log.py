@@ -65,6 +65,16 @@ _OTHER_NAMES = {
     "to_mat": "it is log.save('x.mat')",
     "to_numpy": "it is log['/log/x'].values, or log.to_pandas()",
     "df": "it is log.to_pandas()",
+    "dataframe": "it is log.to_pandas()",
+    "t": "it is .times (seconds since start) or .time_ns",
+    "start_time": "it is log.recording.started_ns",
+    "rate": "it is log.recording.frequency_hz",
+    "metadata": "it is log.recording, and log.recording.about",
+    "info": "it is log.recording, or `silo info FILE`",
+    "about": "it is log.recording.about",
+    "marks": "it is log.events",
+    "export": "it is log.save('x.csv')",
+    "query": "it is log.eval('x > 1'); SQL is of silo.runs('logs').sql(...)",
 }
 
 

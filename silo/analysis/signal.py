@@ -47,6 +47,18 @@ _OTHER_NAMES = {
     "reshape": "it is .values.reshape(...)",
     "tolist": "it is .values.tolist()",
     "fft": "it is .spectrum()",
+    "avg": "it is .mean()",
+    "index": "it is .times (seconds since start) or .time_ns",
+    "abs": "it is np.abs(signal)",
+    "argmax": "it is signal.values.argmax(); signal.times[...] of that is when",
+    "idxmax": "it is signal.times[signal.values.argmax()]",
+    "first": "it is [0]",
+    "last": "it is [-1]",
+    "head": "it is [:5]",
+    **dict.fromkeys(
+        ("filter", "lowpass", "smooth"), "it is of SciPy: scipy.signal.sosfiltfilt(sos, signal.values, axis=0)"
+    ),
+    "rolling": "it is signal.to_pandas().rolling(10)",
     # members of 0.1
     "average": "it is .mean()",
     "in_unit": "it is .to('deg')",

@@ -57,6 +57,22 @@ def test_a_member_of_before_is_refused_with_what_to_write(kind, name, new_logger
             getattr(thing, name)
 
 
+@pytest.mark.parametrize(
+    ("kind", "name", "words"),
+    [
+        (silo, "read_log", "did you mean 'silo.open_log'?"),
+        (silo, "discover", "it is `silo ls` in a shell"),
+        (silo.Signal("q", np.arange(3.0), np.arange(3)), "lowpass", "scipy.signal.sosfiltfilt"),
+        (silo.Signal("q", np.arange(3.0), np.arange(3)), "last", r"it is \[-1\]"),
+        (silo.NullLogger(), "set_divider", r"log.set\('x', divider=2\)"),
+        (silo.NullLogger(), "param", "log.parameter"),
+    ],
+)
+def test_what_newcomers_guess_is_told_of_in_the_right_word(kind, name, words):
+    with pytest.raises(UnknownNameError, match=words):
+        getattr(kind, name)
+
+
 def test_none_in_place_of_what_was_set_forgets_it(new_logger):
     log = new_logger()
     log.add(np.zeros(2), "x")

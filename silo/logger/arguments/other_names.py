@@ -91,6 +91,11 @@ OTHER_NAMES = {
     "alarm": "it is log.limit('x', (red_low, yellow_low, yellow_high, red_high))",
     "stream": "it is log.serve(), then silo.connect('robot').stream(['x'])",
     "connect": "it is silo.connect('robot') in another program, once this one has called log.serve()",
+    "set_divider": "it is log.set('x', divider=2)",
+    "scalar": "it is log.value('cost', 1.0)",
+    "param": "it is log.parameter('kp', 50.0)",
+    "count": "len(log) counts elements, log['x'].held samples, log.ticks ticks",
+    "size": "it is log['x'].options.size",
     "view": "it is log.serve(), then silo-tui in a terminal",
     # members of 0.1
     "cleanup": "it is log.close()",
