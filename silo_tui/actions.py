@@ -195,7 +195,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE, asks=True,
             retries=True, typed=Typed(("refresh",))),
     # ------------------------------------------------------------------------------------------------- looking
-    Command("monitor", "m", "Monitor", "plot what is marked, or the element under the cursor", "Look", _TABLE, 7,
+    Command("monitor", "m", "Plot", "plot what is marked, or the element under the cursor", "Look", _TABLE, 7,
             typed=Typed(("monitor",))),
     Command("inspector", "i", "Inspector", "show or hide all about the element, beside or below", "Look", _TABLES),
     Command("plot_down", "j,down", "Next", "next plot", "Plots", _MONITORS),
@@ -420,6 +420,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("derive", "", "Derive", "make or change a signal that is computed from others",
             "Look", (), writes=True, asks=True,
             typed=_read(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),
+    Command("home", "", "Home", "back to the table", "Go", ("any",), typed=Typed(("home",))),
     Command("goto", "", "Go to", "put the cursor on an element", "Move", (),
             typed=_read(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
     Command("unmark", "", "Unmark", "unmark everything", "Find and mark", (), typed=Typed(("unmark",))),

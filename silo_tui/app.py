@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from silo_tui.sessions.recorded import FileSession
 
 
+HOMES = ("table", "file", "loggers")  # where `home` ends
 # what is said elsewhere: by progress, by the head and the alarms
 QUIET_KINDS = {EventKind.SAVING, EventKind.LIMIT, EventKind.LIMIT_ENDED, EventKind.CRASHED}  # a crash has its banner
 
@@ -334,6 +335,12 @@ class SiloApp(Guarded, App[None]):
         if screen.aside:
             self.pop_screen()
         self.push_screen(kind(self.context.session))
+
+    def command_home(self) -> None:
+        if self.context.upper_screen is not None and self.context.upper_screen.scope == "loggers":
+            self.context.back_to_table()
+        while (screen := self.context.upper_screen) is not None and screen.scope not in HOMES:
+            self.context.leave_screen()
 
     def command_settings(self) -> None:
         from silo_tui.screens.settings import SettingsScreen

@@ -383,6 +383,14 @@ class SiloScreen(Leaving[None]):
         """Return commands, and what they are called now, that come first because of the mode the screen is in."""
         return ()
 
+    def label_now(self, command: Command) -> str:
+        """Return what a key of the bar is called now; empty where it has no use now."""
+        if command.id == "again":
+            return f"again: {BY_ID[self.repeated].label}" if self.repeated else ""
+        if command.id == "start_stop" and self.context.has_session:
+            return "Stop" if self.context.session.running else "Start"
+        return command.label
+
     def update_keys(self) -> None:
         """Let the key bar show what counts now."""
         for bar in self.query(KeyBar):

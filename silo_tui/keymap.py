@@ -5,10 +5,13 @@ command without a place, no key twice on a screen, no menu that is a command too
 """
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from types import MappingProxyType
 
 from silo_tui import actions
-from silo_tui.actions import BY_ID, COMMANDS, FILE_SCOPES, PLACES, Command, commands_for, key_text, typed_on, with_keys
+from silo_tui.actions import (
+    BY_ID, COMMANDS, FILE_SCOPES, PLACES, Command, commands_for, footer_for, key_text, typed_on, with_keys,
+)  # fmt: skip
 
 OPENERS = {"g": "menu_go", "e": "menu_edit", "v": "menu_view", "r": "menu_record", "p": "menu_plots"}
 MENUS = frozenset(OPENERS.values()) | {"menus"}
@@ -77,6 +80,7 @@ _TABLE = (
     ("ctrl+q", "quit_now"),
     ("ctrl+z", "suspend"),
     # -------------------------------------------------------------------------------------------------- go to
+    ("g h", "home"),
     ("g l", "loggers"),
     ("g r", "recordings"),
     ("f3,g f", "runs"),
@@ -148,6 +152,9 @@ _TABLE = (
     ("r o", "overlay_recording overlay_runs"),
 )
 TWO_LAYERS = {command: keys for keys, commands in _TABLE for command in commands.split()}
+# the key bar, one order on every screen; and who gives way first where it has no room for all
+_BAR = "space enter m plus minus h,left slash p e g v r o a u S w D full_stop".split()
+_GIVES_WAY = "full_stop u o minus plus h,left space w S D pause v r p m e slash g enter a".split()
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
 DEFAULT = "two-layer"
 
@@ -189,6 +196,30 @@ def in_menu(opener: str, scope: str) -> dict[str, list[Command]]:
 def counts(command: Command, scope: str) -> bool:
     """Return whether an entry of a menu has a use on a screen: by its key, or by its word."""
     return scope in command.scopes or "any" in command.scopes or typed_on(scope, command)
+
+
+@lru_cache(maxsize=64)
+def _menus_of(scope: str) -> frozenset[str]:
+    """Return the menus that hold something of a screen itself."""
+    own = {id for id in TWO_LAYERS if scope in BY_ID[id].scopes}
+    letters = {path.split()[0] for id in own for path in TWO_LAYERS[id].split(",") if " " in path}
+    return frozenset(OPENERS[each] for each in letters) | {"menu_go"}
+
+
+def in_bar(scope: str, *, read_only: bool) -> list[tuple[Command, int]]:
+    """Return what the key bar shows from left to right, and its rank: the lowest gives way first."""
+    if not with_keys(BY_ID["menu_go"]).keys:  # classic
+        shown = footer_for(scope, read_only=read_only)
+        return [(command, len(shown) - place) for place, command in enumerate(shown)]
+    found: list[tuple[int, int, Command]] = []
+    for command in (*footer_for(scope, read_only=read_only), with_keys(BY_ID["again"])):
+        keys = command.keys.split(",")
+        place = next((at for at, key in enumerate(_BAR) if key.split(",")[0] in keys[:2]), len(_BAR))
+        if command.id in OPENERS.values() and command.id not in _menus_of(scope):
+            continue
+        name = command.id if command.id in _GIVES_WAY else _BAR[place] if place < len(_BAR) else ""
+        found.append((place, _GIVES_WAY.index(name) + 2 if name else 1, command))
+    return [(command, rank) for _, rank, command in sorted(found, key=lambda each: each[0])]
 
 
 def where(command: Command, scope: str) -> str:

@@ -38,15 +38,19 @@ async def start_stop(context: Context) -> None:
             return
         await session.start(unsaved)
         context.say("started")
-    elif await confirmed(
-        context.app,
-        "Stop logging?",
-        f"What was logged stays in memory; {key_of('save_data')} saves it.",
-        "Stop",
-        loses=False,
-    ):
-        await session.stop()
-        context.say(f"stopped; {key_of('save_data')} saves the data")
+    else:
+        body = f"What was logged stays in memory; {key_of('save_data')} saves it."
+        choices = [Choice("no", "No"), Choice("stop", "Stop", "y"), Choice("save", "Stop and save", "s")]
+        choices.append(Choice("restart", "Stop and start again: asks what becomes of the data", "r"))
+        answer = await context.app.push_screen_wait(Question("Stop logging?", body, choices))
+        if answer == "stop":
+            await session.stop()
+            context.say(f"stopped; {key_of('save_data')} saves the data")
+        elif answer == "save":
+            await _stop_and_save(context)
+        elif answer == "restart":
+            await restart(context)
+            return
     context.status_changed()
 
 
@@ -96,7 +100,7 @@ async def _start_over(context: Context) -> Unsaved | None:
     body = f"The last recording ({held}) is not saved, and starting drops it."
     choices = [
         Choice("no", "Don't start"), Choice("save", "Save it, then start", "s"),
-        Choice("drop", f"Drop {held} and start", "d", loses=True),
+        Choice("drop", f"Drop {held} and start", "D", loses=True),
     ]  # fmt: skip
     answer = await context.app.push_screen_wait(Question("Start without saving?", body, choices))
     if answer == "save":
@@ -116,7 +120,7 @@ async def _ask_around(
     if _is_unsaved(context):
         held = _held(context)
         body = Text(f"{held} are not saved, and starting again drops them.\n", style="bold").append_text(body)
-        choices += [Choice("save", f"Save, {steps}", "s"), Choice("drop", f"Drop {held}: {steps}", "d", loses=True)]
+        choices += [Choice("save", f"Save, {steps}", "s"), Choice("drop", f"Drop {held}: {steps}", "D", loses=True)]
     else:
         choices.append(Choice("go", steps[:1].upper() + steps[1:], key))
     answer = await context.app.push_screen_wait(Question(title, body, [*choices, *others]))
@@ -174,7 +178,7 @@ async def apply(context: Context) -> None:
 async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> str | None:
     elements = len({change.name for change in changes})
     title = f"Apply {many(len(changes), 'edit')} to {many(elements, 'element')}?"
-    keep, discard = Choice("keep", "Keep them pending"), Choice("discard", "Discard all edits", loses=True)
+    keep, discard = Choice("keep", "Keep them pending"), Choice("discard", "Discard all edits", "D", loses=True)
     body = Text()
     if context.session.running:
         body.append_text(_what_changes(context, changes))
@@ -403,7 +407,7 @@ async def take_up_edits(context: Context) -> None:
             changes.append(PendingChange(edit.name, field.label, old, new, None))
     body.append_text(diff_text(changes, session.table.prefix))
     choices = [Choice("take", "Take them up again, pending", "t"), Choice("later", "Ask again next time"),
-               Choice("drop", "Drop them", "d", loses=True)]  # fmt: skip
+               Choice("drop", "Drop them", "D", loses=True)]  # fmt: skip
     question = Question(f"Not applied: {many(len(edits), 'edit')} of {session.name}", body, choices)
     answer = await context.app.push_screen_wait(question)
     if answer not in {"take", "drop"}:

@@ -79,7 +79,7 @@ class Many:
             key = "y" if not running else "t"
             if unsaved:
                 choices += [Choice("save", f"Save what isn't, and start {count}", "v" if running else "s"),
-                            Choice("discard", f"Drop what isn't saved: start {count}", "d", loses=True)]  # fmt: skip
+                            Choice("discard", f"Drop what isn't saved: start {count}", "D", loses=True)]  # fmt: skip
             else:
                 choices.append(Choice("refuse", f"Start {count}", key))
         verb = "Stop" if not stopped else "Start" if not running else "Start or stop"
@@ -95,7 +95,7 @@ class Many:
 
         count = many(len(able), "logger")
         choices = [Choice("save", f"Save, and restart {count}", "s"),
-                   Choice("discard", f"Drop what isn't saved: restart {count}", "d", loses=True)]  # fmt: skip
+                   Choice("discard", f"Drop what isn't saved: restart {count}", "D", loses=True)]  # fmt: skip
         if not any(map(fleet.is_unsaved, able)):
             choices = [Choice("refuse", f"Restart {count}", "y")]
         answer = await self._put(f"Restart {count}?", body, choices)

@@ -10,7 +10,7 @@ from silo.core.elements import TriggerOptions
 from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.settings.typed import ElementSettings, examples, read_settings
-from silo_tui.actions import BY_ID, key_of
+from silo_tui.actions import BY_ID, Command, key_of
 from silo_tui.model import derived
 from silo_tui.model.command_line import Spelled
 from silo_tui.model.fields import Field, next_value, parse_change, phrase_for
@@ -49,6 +49,13 @@ class Editing(ElementsScreen):
         """Return what applies edits too, where a mode would leave it out."""
         keys = super().mode_keys()
         return (*keys, ("apply", "Apply")) if keys and self.session.table.pending_count[0] else keys
+
+    def label_now(self, command: Command) -> str:
+        """Return it; there is something to apply where edits are pending, and it says how many."""
+        fields = self.session.table.pending_count[0]
+        if command.id == "apply":
+            return f"{command.label} {fields}" if fields else ""
+        return "" if command.id == "undo" and not fields else super().label_now(command)
 
     def _choose_field(self, field: Field) -> None:
         self.table.field = field

@@ -13,7 +13,8 @@ from textual.widget import Widget
 from silo.core.elements import State
 from silo.core.quantities.writing import clock_text, many
 from silo.core.stalls import idle_words, is_stalled
-from silo_tui.actions import BY_ID, Command, commands_for, footer_for, key_of, key_that_retries, with_keys
+from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_that_retries, with_keys
+from silo_tui.keymap import in_bar
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words
 from silo_tui.model.people import head_words as people_head
@@ -24,6 +25,7 @@ from silo_tui.terminal import thin_head
 from silo_tui.unforeseen import Guarded
 
 STATISTICS = ("max", "min", "mean", "std")
+OF_MODE = 99  # rank in the key bar of what a mode asks for: all else gives way first
 LONG = 10  # digits from which on a column may not have room for a whole number
 # how what a dead program left is opened: Enter has a meaning of its own on most screens
 OPENS = {"table": "edit", "monitor": "detail"}
@@ -375,7 +377,7 @@ class KeyBar(Guarded, Widget):
         self.auto_links = False
         self._scope, self._read_only = scope, read_only
         self._instead = ""
-        self._drawn: list[Command] = []
+        self._drawn: list[tuple[Command, int]] = []
 
     def show_instead(self, words: str) -> None:
         """Show other keys for a while, of a line to type in or a dialog; empty: those of the screen again."""
@@ -387,35 +389,37 @@ class KeyBar(Guarded, Widget):
         if self._commands() != self._drawn:
             self.refresh()
 
-    def _commands(self) -> list[Command]:
-        """Return what is shown, most wanted first: what the screen's mode asks for, then the rest."""
+    def _commands(self) -> list[tuple[Command, int]]:
+        """Return what is shown from left to right, with its rank: what the screen's mode asks for, then the rest."""
         screen = cast(Any, self.screen)
         in_mode = [replace(with_keys(BY_ID[each]), label=label) for each, label in screen.mode_keys()]
         if getattr(screen, "session", None) is not None and screen.session.lost_s is not None:
             tries = [command for command in commands_for(self._scope) if command.retries]
             in_mode = [*(replace(command, label="Try now") for command in tries), *in_mode]
         known = {command.id for command in in_mode}
-        shown = footer_for(self._scope, read_only=self._read_only)
-        return [*in_mode, *(command for command in shown if command.id not in known)]
+        shown = in_bar(self._scope, read_only=self._read_only)
+        now = [(replace(command, label=screen.label_now(command)), rank) for command, rank in shown]
+        mode = [(command, OF_MODE - place) for place, command in enumerate(in_mode)]
+        return [*mode, *((command, rank) for command, rank in now if command.id not in known and command.label)]
 
     def render(self) -> RenderResult:
-        """Return as many keys as fit, those wanted most first."""
+        """Return as many keys as fit, close together before one gives way."""
         if self._instead:
             style = f"bold {color(self.app.theme_variables, 'foreground')}"
             return Text(f" {self._instead}", style, no_wrap=True, overflow="ellipsis")
         self._drawn = self._commands()
-        last = [command for each in self.LAST for command in self._drawn if command.id == each]
-        end = Text("  ", no_wrap=True).join(self._word(command) for command in last)
-        room = self.size.width - 2 - len(end)
-        line = Text(" ", no_wrap=True, overflow="ellipsis")
-        for command in self._drawn:
-            if command in last:
-                continue
-            word = self._word(command)
-            if len(line) + len(word) + 1 > room:
+        words = {word.plain: (word, rank, command.id) for command, rank in self._drawn if (word := self._word(command))}
+        parts = [LinePart(rank, plain) for plain, (_, rank, each) in words.items() if each not in self.LAST]
+        last = [plain for id in self.LAST for plain, (_, _, each) in words.items() if each == id]
+        for between in ("  ", " "):
+            end = Text(between, no_wrap=True).join(words[plain][0] for plain in last)
+            room = self.size.width - 1 - len(end) - len(between)
+            kept = fitting(parts, room, between)
+            if len(kept) == len(parts) or not with_keys(BY_ID["menu_go"]).keys:
                 break
-            line.append_text(word).append("  ")
-        line.append(" " * (room + 1 - len(line)))
+        line = Text(" ", no_wrap=True, overflow="ellipsis")
+        line.append_text(Text(between).join(words[part.words][0] for part in kept))
+        line.append(" " * (self.size.width - len(end) - line.cell_len))
         return line.append_text(end)
 
     def _word(self, command: Command) -> Text:

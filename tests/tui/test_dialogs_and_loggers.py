@@ -181,7 +181,7 @@ async def test_a_running_logger_takes_a_script_only_around_a_stop(fake, opened):
         await screen.shows("40 → 4")
         await screen.press("l")
         await screen.shows("Stop, load, start again?")
-        await screen.press("d")
+        await screen.press("D")
         await screen.until(lambda: [call[0] for call in fake.calls] == ["stop", "load_script", "start"])
 
 

@@ -46,7 +46,7 @@ async def test_a_real_logger_is_found_watched_stopped_edited_and_started(logger,
         await screen.until(lambda: "/log/joints/q" in app.context.session.live.readings, "live values")
         await screen.press("d", "4", "enter", "a")
         await screen.shows("stop, apply, start again")
-        await screen.press("d")
+        await screen.press("D")
         await screen.shows("logging again")
         assert logger.elements[0].options.divider == 4
         assert logger._life.state.value == "running"

@@ -177,7 +177,7 @@ async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen
         assert screen.session.table.pending_count == (1, 1)
         await screen.press("a")
         await screen.shows("stop, apply, start again")
-        await screen.press("d")
+        await screen.press("D")
         await screen.shows("logging again")
         assert [call[0] for call in fake.calls] == ["stop", "apply", "start"]
 

@@ -172,3 +172,69 @@ async def test_menus_have_room_on_every_screen(fake, opened, size):
             assert len(lines) <= 8
             assert max(map(len, lines)) <= size[0] - 2
             await screen.press("escape")
+
+
+# ------------------------------------------------------------------------------------------------------ the key bar
+
+
+def bar(screen):
+    return screen.text.splitlines()[-1]
+
+
+async def test_the_bar_has_room_for_what_commands_the_logger_and_says_what_waits(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        assert bar(screen) == " space Mark m Plot / Filter e Edit g Go v View r Rec S Stop w Save ? Help q Quit"
+        await screen.do("toggle")
+        assert "r Rec a Apply 1 S Stop w Save" in bar(screen)
+        await screen.do("down", "edit_divider", "5", "enter")
+        assert "a Apply 2 S Stop" in bar(screen)
+        await screen.do("undo", "undo")
+        assert "Apply" not in bar(screen)
+
+
+async def test_the_bar_says_what_is_done_again_where_there_is_room(fake, opened):
+    async with opened(fake, size=(160, 50)) as screen:
+        assert "again" not in bar(screen) and "S Start" in bar(screen)
+        await screen.do("toggle")
+        assert ". again: On/Off" in bar(screen)
+
+
+async def test_the_bar_has_one_order_on_every_screen_and_no_menu_without_an_entry_there():
+    use_keys("two-layer", {})
+    places = {}
+    for scope in SCOPES:
+        keys = [command.footer_key for command, _ in keymap.in_bar(scope, read_only=False)]
+        menus = {menu: key for key, menu in OPENERS.items()}
+        for before, after in zip(keys, keys[1:], strict=False):
+            assert before != after, scope
+        for menu, key in menus.items():
+            entries = [each for found in in_menu(menu, scope).values() for each in found]
+            if key in keys and menu != "menu_go":
+                assert any(scope in each.scopes for each in entries), (scope, key)
+        places[scope] = [key for key in keys if key in (*OPENERS, "/", "S", "w", "a")]
+    order = places["table"]
+    assert all([key for key in order if key in keys] == [key for key in keys if key in order] for keys in places.values())
+
+
+async def test_home_is_the_table_from_wherever_one_is(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        for steps in (("monitor", "detail"), ("events",), ("triggers",), ("monitor", "alarms"), ("loggers",)):
+            await screen.do(*steps)
+            await screen.until(lambda: screen.app.screen.scope not in ("table", ""))
+            await screen.do("home")
+            await screen.until(lambda: screen.app.screen.scope == "table")
+
+
+async def test_stopping_offers_a_restart_and_what_drops_is_answered_by_its_own_letter(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.do("start_stop")
+        await screen.shows("Stop and save  (s)")
+        await screen.press("r")
+        await screen.shows("Restart logging?")
+        await screen.press("d")
+        assert fake.calls == []
+        await screen.press("D")
+        await screen.until(lambda: fake.calls, "the restart")

@@ -52,13 +52,13 @@ async def test_an_answer_typed_before_its_dialog_is_made_is_for_the_dialog(slow_
 async def test_a_question_that_loses_something_takes_no_answer_from_before(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
-        burst(screen, "t a d")
+        burst(screen, "t a D")
         await screen.until(lambda: isinstance(screen.app.screen, Question), "the question")
         await screen.shows("were dropped")
         await screen.until(lambda: screen.app.gate.free)
         assert isinstance(screen.app.screen, Question)
         assert not any(call[0] == "apply" for call in fake.calls)
-        await screen.press("d")
+        await screen.press("D")
         await screen.until(lambda: any(call[0] == "apply" for call in fake.calls))
 
 
