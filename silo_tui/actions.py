@@ -125,7 +125,8 @@ _HAPPENED = _EVENTS + _FILE_EVENTS
 _ASIDE = _CONDITIONS + _PARAMETERS + _RECORDINGS + _EVENTS
 _MARKED = _CONDITIONS + _PARAMETERS + _RECORDINGS + _LOGGERS + _RUNS
 _ORDERED = _MARKED + _HAPPENED
-_LISTS = _ORDERED + _SETTINGS
+_MESSAGES = ("messages",)
+_LISTS = _ORDERED + _SETTINGS + _MESSAGES
 FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL + _FILE_EVENTS
 
 
@@ -421,6 +422,8 @@ COMMANDS: tuple[Command, ...] = (
             "Look", (), writes=True, asks=True,
             typed=_read(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),
     Command("home", "", "Home", "back to the table", "Go", ("any",), typed=Typed(("home",))),
+    Command("messages", "", "Messages", "all that was said here: answers to keys, news of the robot", "Go", ("any",),
+            typed=Typed(("messages",))),
     Command("goto", "", "Go to", "put the cursor on an element", "Move", (),
             typed=_read(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
     Command("unmark", "", "Unmark", "unmark everything", "Find and mark", (), typed=Typed(("unmark",))),

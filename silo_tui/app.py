@@ -190,7 +190,6 @@ class SiloApp(Guarded, App[None]):
         if terminal.backed_up(self):
             return
         self.context.tell_upper(lambda screen: screen.second_passed())
-        self.context.tell_news()
         self._opener.keep_view()
         session = self._live_session
         if session is not None and session.conditions_due and session.fresh:
@@ -384,6 +383,12 @@ class SiloApp(Guarded, App[None]):
         if isinstance(self.screen, RunsScreen):
             self.pop_screen()
         self.push_screen(RunsScreen(typed.rest or (folder if os.path.isdir(folder) else ".")))  # noqa: PTH112
+
+    def command_messages(self) -> None:
+        from silo_tui.screens.messages import MessagesScreen
+
+        if not isinstance(self.screen, MessagesScreen):
+            self.push_screen(MessagesScreen())
 
     def command_set_marker(self) -> None:
         from silo_tui.screens.marking import ask_mark

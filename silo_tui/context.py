@@ -6,7 +6,9 @@ Screens, dialogs and commands import this and never `silo_tui.app`; it imports w
 """
 
 import time
+from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, cast
 
 from textual import events
@@ -25,8 +27,24 @@ from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import SettingsProblem
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
+from silo_tui.widgets.messages import MessageLine
 
-ANSWER_S = 4.0  # so long an answer to a key stands: news of the robot wait
+READ_S = 4.0  # so long news of the robot stand at least; then the next key takes them away
+MOST_TOLD = 500
+
+
+@dataclass(frozen=True)
+class Told:
+    """What was said once: when, and whether it is news of the robot or the answer to a key."""
+
+    at_s: float
+    words: str
+    is_news: bool
+
+    @property
+    def clock(self) -> str:
+        """When, as people write it."""
+        return time.strftime("%H:%M:%S", time.localtime(self.at_s))
 
 
 class Held(Dialog[None]):
@@ -62,8 +80,8 @@ class Context:
         self.left: Callable[[], None] = lambda: None  # is called when the app is ended on purpose
         self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file
         self._flow_running = False
-        self._answered_s = -ANSWER_S  # monotonic, of the last answer to a key
-        self._news: list[str] = []  # of the robot, which wait until that was read
+        self.told: deque[Told] = deque(maxlen=MOST_TOLD)  # all that was said, the newest last
+        self._unread: list[Told] = []  # news of the robot since a key was pressed
 
     # ---------------------------------------------------------------------------------------------- what is open
 
@@ -90,7 +108,7 @@ class Context:
     def take_session(self, session: Session | None) -> None:
         """Make another logger the open one, or none; what waits to be told was of the last."""
         self._session = session
-        self._news.clear()
+        self._unread.clear()
 
     @property
     def file_over_logger(self) -> bool:
@@ -203,33 +221,36 @@ class Context:
 
     def say(self, words: str) -> None:
         """Show the result of something on the screen below any dialog."""
-        self.answered()
-        self._show(words)
+        if (screen := self.upper_screen) is not None:
+            screen.say(words)
 
-    def answered(self) -> None:
-        """Let news of the robot wait from now on: somebody reads what a key of theirs did."""
-        self._answered_s = time.monotonic()
+    def note(self, words: str, *, is_news: bool = False) -> Told:
+        """Keep what is said among all that was."""
+        told = Told(time.time(), words, is_news)
+        if words:
+            self.told.append(told)
+        return told
 
     def hear(self, words: str) -> None:
-        """Tell news of the robot; they wait until an answer to a key was read."""
+        """Tell news of the robot, on a line of their own."""
         if words:
-            self._news.append(words)
-            self.tell_news()
+            self._unread.append(self.note(words, is_news=True))
+            self.tell_upper(lambda screen: screen.show_news(self.news))
 
-    def tell_news(self) -> None:
-        """Show the newest that was heard, when no answer stands any more."""
-        if not self._news or time.monotonic() - self._answered_s < ANSWER_S:
-            return
-        *before, newest = self._news
-        self._news.clear()
-        self._show(f"{newest} ({len(before)} more: {key_of('events')})" if before else newest)
+    @property
+    def news(self) -> str:
+        """The newest that was heard and may not have been read."""
+        if not self._unread:
+            return ""
+        before = len(self._unread) - 1
+        more = f" ({before} more: {key_of('messages') or ':messages'})" if before else ""
+        return f"{self._unread[-1].clock} {self._unread[-1].words}{more}"
 
-    def _show(self, words: str) -> None:
-        screen = self.upper_screen
-        if screen is not None and screen.is_there:
-            screen.show_said(words)
-        elif screen is not None:
-            screen.call_later(screen.show_said, words)  # as soon as it was made; one that goes takes nothing any more
+    def read_news(self) -> None:
+        """Take news away that stood long enough: somebody goes on."""
+        if self._unread and time.time() - self._unread[-1].at_s >= READ_S:
+            self._unread.clear()
+            self.tell_upper(lambda screen: screen.show_news(""))
 
     def say_settings_problems(self) -> None:
         """Say once what of the settings file was left out."""
@@ -243,12 +264,10 @@ class Context:
         words = self.session.table.shown(words) if self.has_session else words
         if self.has_session and self.session.dead and self.session.status.reason:  # which the banner says
             words = words.replace(self.session.status.reason, "the robot program is gone")
-        screen = self.upper_screen
-        if not self.app.screen_stack or (screen is not None and screen.is_there and screen.say_whole(words)):
-            return
-        if self.app.screen.is_modal:
-            self.say(words.partition("\n")[0])
-        self.app.notify(words, severity="error", timeout=6, markup=False)
+        if (screen := self.upper_screen) is not None:
+            screen.say(words.partition("\n")[0] if self.app.screen.is_modal else words, failed=True)
+        if self.app.screen_stack and self.app.screen.is_modal:
+            self.app.notify(words, severity="error", timeout=6, markup=False)
 
     # ------------------------------------------------------------------------------------------------------ flows
 
@@ -341,6 +360,7 @@ class SiloScreen(Leaving[None]):
         if typed is BY_KEY and self.scope not in command.scopes and "any" not in command.scopes:
             self._as_typed(command)
             return
+        self.context.read_news()
         if not self.context.allows(command):
             return
         places = (self, *self.parts, self.context.runner, self.app)
@@ -407,7 +427,8 @@ class SiloScreen(Leaving[None]):
                 bar.show_instead(getattr(self.app.screen, "KEYS_HERE", "Enter Does it  Esc Closes"))
 
     def on_screen_resume(self) -> None:
-        """Show the keys of the screen again, but not above a line that is typed in."""
+        """Show the keys of the screen again, but not above a line that is typed in; and news that came meanwhile."""
+        self.show_news(self.context.news)
         if not isinstance(self.focused, Fleeting):
             for bar in self.query(KeyBar):
                 bar.show_instead("")
@@ -432,14 +453,20 @@ class SiloScreen(Leaving[None]):
     def settings_changed(self) -> None:
         """Follow a change of the user's settings."""
 
-    def say(self, words: str) -> None:
-        """Show the result of something that was done; news of the robot wait until it was read."""
-        self.context.answered()
-        self.show_said(words)
+    def say(self, words: str, *, failed: bool = False) -> None:
+        """Show the result of something that was done, or that it was refused; as soon as the screen was made."""
+        self.context.note(words)
+        if self.is_there:
+            self.show_said(words, failed=failed)
+        else:
+            self.call_later(self.show_said, words, failed=failed)  # one that goes takes nothing any more
 
-    def show_said(self, words: str) -> None:
-        """Show what is said where this screen has its place for it."""
+    def show_said(self, words: str, *, failed: bool = False) -> None:
+        """Show what is said in the line of messages."""
+        for line in self.query(MessageLine):
+            line.say(words, failed=failed)
 
-    def say_whole(self, words: str) -> bool:
-        """Show all of a long message where it covers nothing; False where there is no such place."""
-        return False
+    def show_news(self, news: str) -> None:
+        """Show news of the robot there."""
+        for line in self.query(MessageLine):
+            line.tell(news)

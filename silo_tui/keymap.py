@@ -10,8 +10,17 @@ from types import MappingProxyType
 
 from silo_tui import actions
 from silo_tui.actions import (
-    BY_ID, COMMANDS, FILE_SCOPES, PLACES, Command, commands_for, footer_for, key_text, typed_on, with_keys,
-)  # fmt: skip
+    BY_ID,
+    COMMANDS,
+    FILE_SCOPES,
+    PLACES,
+    Command,
+    commands_for,
+    footer_for,
+    key_text,
+    typed_on,
+    with_keys,
+)
 
 OPENERS = {"g": "menu_go", "e": "menu_edit", "v": "menu_view", "r": "menu_record", "p": "menu_plots"}
 MENUS = frozenset(OPENERS.values()) | {"menus"}
@@ -81,6 +90,7 @@ _TABLE = (
     ("ctrl+z", "suspend"),
     # -------------------------------------------------------------------------------------------------- go to
     ("g h", "home"),
+    ("g m", "messages"),
     ("g l", "loggers"),
     ("g r", "recordings"),
     ("f3,g f", "runs"),
@@ -153,8 +163,8 @@ _TABLE = (
 )
 TWO_LAYERS = {command: keys for keys, commands in _TABLE for command in commands.split()}
 # the key bar, one order on every screen; and who gives way first where it has no room for all
-_BAR = "space enter m plus minus h,left slash p e g v r o a u S w D full_stop".split()
-_GIVES_WAY = "full_stop u o minus plus h,left space w S D pause v r p m e slash g enter a".split()
+_BAR = "space enter m plus minus h,left slash p e g v r o a u S w D full_stop"
+_GIVES_WAY = "full_stop u o minus plus h,left space w S D pause v r p m e slash g enter a"
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
 DEFAULT = "two-layer"
 
@@ -201,8 +211,8 @@ def counts(command: Command, scope: str) -> bool:
 @lru_cache(maxsize=64)
 def _menus_of(scope: str) -> frozenset[str]:
     """Return the menus that hold something of a screen itself."""
-    own = {id for id in TWO_LAYERS if scope in BY_ID[id].scopes}
-    letters = {path.split()[0] for id in own for path in TWO_LAYERS[id].split(",") if " " in path}
+    own = {each for each in TWO_LAYERS if scope in BY_ID[each].scopes}
+    letters = {path.split()[0] for each in own for path in TWO_LAYERS[each].split(",") if " " in path}
     return frozenset(OPENERS[each] for each in letters) | {"menu_go"}
 
 
@@ -211,14 +221,15 @@ def in_bar(scope: str, *, read_only: bool) -> list[tuple[Command, int]]:
     if not with_keys(BY_ID["menu_go"]).keys:  # classic
         shown = footer_for(scope, read_only=read_only)
         return [(command, len(shown) - place) for place, command in enumerate(shown)]
+    bar, gives_way = _BAR.split(), _GIVES_WAY.split()
     found: list[tuple[int, int, Command]] = []
     for command in (*footer_for(scope, read_only=read_only), with_keys(BY_ID["again"])):
         keys = command.keys.split(",")
-        place = next((at for at, key in enumerate(_BAR) if key.split(",")[0] in keys[:2]), len(_BAR))
+        place = next((at for at, key in enumerate(bar) if key.split(",")[0] in keys[:2]), len(bar))
         if command.id in OPENERS.values() and command.id not in _menus_of(scope):
             continue
-        name = command.id if command.id in _GIVES_WAY else _BAR[place] if place < len(_BAR) else ""
-        found.append((place, _GIVES_WAY.index(name) + 2 if name else 1, command))
+        name = command.id if command.id in gives_way else bar[place] if place < len(bar) else ""
+        found.append((place, gives_way.index(name) + 2 if name else 1, command))
     return [(command, rank) for _, rank, command in sorted(found, key=lambda each: each[0])]
 
 

@@ -269,7 +269,8 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
 
     def _show_as(self, mode: str) -> None:
         self.mode = mode
-        self._said = self._kind = ""
+        self.line.say("")
+        self._kind = ""
         self._peak = self.plot.cursor = None
         self._peaks = ()
         over_time = self.mode == MODES[0]
@@ -281,7 +282,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
     def command_level(self) -> None:
         if self.mode == "spectrum":
             self.level = LEVELS[(LEVELS.index(self.level) + 1) % len(LEVELS)]
-            self._said = ""
+            self.line.say("")
             self.request_view()
         elif self.mode == MODES[0]:
             self.arranger.command_log_axis()
@@ -384,7 +385,8 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         self._turned = (self._turned + step) % len(self.plots)
         step %= len(self.plots)
         self.plots = self.plots[step:] + self.plots[:step]
-        self.count, self._said, self._peak = 1, "", None
+        self.line.say("")
+        self.count, self._peak = 1, None
         self.stack.show_panels([tuple(self.plots[:1])])
         self.request_view()
 

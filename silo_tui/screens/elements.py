@@ -15,10 +15,11 @@ from silo_tui.context import SiloScreen
 from silo_tui.model import filter as filters
 from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.sessions.live import Session
-from silo_tui.widgets.bars import Banner, InfoLine, KeyBar, StatusBar
+from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.element_table import ElementTable, TableHead
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
+from silo_tui.widgets.messages import InfoLine
 
 WIDE = 110
 INSPECTOR_FROM = 170  # cells from which the inspector opens by itself
@@ -136,15 +137,6 @@ class ElementsScreen(SiloScreen):
         """Paint the times again."""
         self.status_bar.update()
         self.banner.update()
-
-    def show_said(self, words: str) -> None:
-        self.info.say(words)
-
-    def say_whole(self, words: str) -> bool:
-        """Show a long message over the keys, in as many lines as it takes: it covers no value."""
-        self.context.answered()
-        self.info.say(words, whole=True)
-        return True
 
     def why_empty(self) -> str:
         """Return why no element is shown, and what to do about it; empty where one need not be told."""

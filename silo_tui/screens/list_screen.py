@@ -17,6 +17,7 @@ from silo_tui.screens.order import OrderDialog
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.lines import Lines
+from silo_tui.widgets.messages import ListLine
 
 FILTER_KEYS = "Enter keeps the filter  Esc clears it"
 
@@ -39,7 +40,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
         self.shown: list[LineT] = []  # what passes the filter, in order
         self.shown_keys: list[str] = []
         self.asked = ""  # the filter
-        self._said = ""
+        self.message = ListLine()
         self._order, self._turned = self.orders[0], False
 
     def compose(self) -> ComposeResult:
@@ -48,7 +49,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
         yield Static("", id="list-head", markup=False)
         yield Lines("list-lines")
         yield Static("", id="list-advice", markup=False)
-        yield Static("", id="list-said", markup=False)
+        yield self.message
         yield Line(lambda typed: [], self.filter_hint, "list-filter")
         yield from self.typed_lines()
         yield KeyBar(self.scope, read_only=self.context.read_only)
@@ -173,9 +174,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
         parts += [f"/{self.asked}: {len(self.shown)} of {len(self.all)}"] if self.asked else []
         parts += [f"by {self._order.name}"] if self._order is not self.orders[0] or self._turned else []
         going_on = self.going_on()
-        parts = [self._said, *parts, *(going_on if going_on or self._said else [self.words()])]
-        for line in self.query("#list-said").results(Static):  # none of a screen that is gone
-            line.update(Text(f" {' │ '.join(filter(None, parts))}"))
+        self.message.told = [*parts, *(going_on if going_on or self.message.said else [self.words()])]
+        self.message.changed()
 
     @property
     def lines(self) -> Lines:
@@ -213,14 +213,14 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     # ---------------------------------------------------------------------------------------- what the app tells it
 
-    def show_said(self, words: str) -> None:
+    def show_said(self, words: str, *, failed: bool = False) -> None:
         """Show what is said until the next key."""
-        self._said = words
+        super().show_said(words, failed=failed)
         self.show_words()
 
     def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Let what was said go, and do what a key asks for."""
-        self._said = ""
+        self.message.say("")
         super().action_command(command_id, typed)
         self.show_words()
 
@@ -315,7 +315,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     def filter_by(self, words: str) -> None:
         """Show what has these words."""
-        self.asked, self._said = words.strip(), ""
+        self.asked = words.strip()
+        self.message.say("")
         self.show()
         self.marks.settle()
 

@@ -61,7 +61,7 @@ class MonitorScreen(PlotScreen):
         elif done := self.window.zoom_still(self.held_ns, self.stack.columns, closer=closer):
             self.moved(elsewhere=False)
         if done:
-            self._said = ""
+            self.line.say("")
             self.request_view()
         else:
             whole = "longest span" if self.file is None else "whole file"
@@ -85,7 +85,7 @@ class MonitorScreen(PlotScreen):
             self.stack.redraw()
             self.line.refresh()
             return
-        self._said = ""
+        self.line.say("")
         at_ns = self.window.at_ns
         if self.window.cursor is None or at_ns is None:  # it is elsewhere: take it here
             self._go_to(self.end_ns - self.window.span_ns // 2)

@@ -33,8 +33,9 @@ from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
 from silo_tui.sessions.recorded import FileSession, clock
-from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar
+from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.between import BetweenTable
+from silo_tui.widgets.messages import MonitorLine
 from silo_tui.widgets.plot_stack import PlotStack
 from silo_tui.widgets.recorded import RecordedStack
 
@@ -59,7 +60,6 @@ class PlotScreen(SiloScreen):
         self.stack.ended = session.dead
         places = [place for place, plotted in enumerate(self.stack.plots) if plotted.element.name == chosen]
         self.stack.chosen = places[0] if places else 0
-        self._said = ""
         self._asked = self.stack.store  # where the live columns should go
         self._mending = False
         self._happened = session.happened
@@ -256,11 +256,6 @@ class PlotScreen(SiloScreen):
         self.status_bar.update()
         self.banner.update()
 
-    def show_said(self, words: str) -> None:
-        """Show it in the line of the plots."""
-        self._said = words
-        self.line.refresh()
-
     def _words(self) -> Sequence[str]:
         """Return what the line tells, the newest last: that is read whole."""
         words = [self.pause.text] if self.pause.text else []
@@ -280,10 +275,8 @@ class PlotScreen(SiloScreen):
         ended = self.session.dead and not self.window.paused  # the line says DEAD: nothing comes any more
         if missing := "" if ended or self.file is not None else self.stack.missing():
             words.append(missing)
-        if self._waiting and not self._said:
+        if self._waiting and not self.line.said:
             words.append(f"{many(len(self._waiting), 'element')} off")
-        if self._said:
-            words.append(self._said)
         return words
 
     def _ghost_words(self) -> str:

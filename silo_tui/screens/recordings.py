@@ -188,11 +188,6 @@ class RecordingsScreen(ListScreen[SavedRecording]):
         self.banner.update()
         self._look()
 
-    def say_whole(self, words: str) -> bool:
-        """Show a long message in as many lines as it takes."""
-        self.say(words)
-        return True
-
     # -------------------------------------------------------------------------------------------------- moving
 
     def _more(self) -> None:

@@ -38,7 +38,8 @@ from silo_tui.model.source import PlotSource, Samples, entry_samples
 from silo_tui.model.window import PlotWindow
 from silo_tui.screens.dialogs import Prompt
 from silo_tui.sessions.live import Session
-from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar
+from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
+from silo_tui.widgets.messages import MonitorLine
 from silo_tui.widgets.plot_stack import PlotStack
 
 LOOK_S = 0.2
@@ -112,7 +113,6 @@ class ScopeScreen(SiloScreen):
         self._held = False
         self._forced = True  # what is there is shown until something is caught
         self._why = ""  # why it is blind
-        self._said = ""
         self._looking = asyncio.Lock()
         self.status_bar = StatusBar(session, read_only=False)
         self.banner = Banner(session)
@@ -194,7 +194,7 @@ class ScopeScreen(SiloScreen):
         self._samples, self._forced = samples, False
         if crossing:
             self.caught, self._between, self.caught_ns = self.caught + 1 + between, between, at_ns
-            self._said = ""
+            self.line.say("")
             self._waits_since_s = time.monotonic()
         self._draw(at_ns)
 
@@ -230,17 +230,11 @@ class ScopeScreen(SiloScreen):
         words = [self.settings.words, f"{self.caught} caught"]
         if self._between:
             words.append(f"{self._between} more came between")
-        if self._said:
-            words.append(self._said)
         return words if self.waits else [*words, "space goes on" if self._held else "space arms it again"]
 
     def _tell(self) -> None:
         self.status_bar.mode = f"SCOPE {self.settings.mode.value}  {self.state_word}"
         self.status_bar.update()
-        self.line.refresh()
-
-    def show_said(self, words: str) -> None:
-        self._said = words
         self.line.refresh()
 
     def live_changed(self, frame: Frame) -> None:
@@ -264,7 +258,8 @@ class ScopeScreen(SiloScreen):
     # -------------------------------------------------------------------------------------------------- commands
 
     def _set(self, settings: Scope, words: str) -> None:
-        self.settings, self._said = settings, words
+        self.settings = settings
+        self.say(words)
         self._waits_since_s = time.monotonic()
         self._draw()
         self._tell()

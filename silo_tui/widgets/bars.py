@@ -11,15 +11,13 @@ from textual.app import RenderResult
 from textual.widget import Widget
 
 from silo.core.elements import State
-from silo.core.quantities.writing import clock_text, many
+from silo.core.quantities.writing import clock_text
 from silo.core.stalls import idle_words, is_stalled
 from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_that_retries, with_keys
 from silo_tui.keymap import in_bar
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words
 from silo_tui.model.people import head_words as people_head
-from silo_tui.model.table_columns import STEADY
-from silo_tui.model.window import PlotWindow
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import thin_head
 from silo_tui.unforeseen import Guarded
@@ -259,113 +257,6 @@ class Banner(Guarded, Widget):
         return f"{key_of(OPENS[scope], last=True)} opens it." if scope in OPENS else f"{key_of('recordings')} lists it."
 
 
-def _cursor_words(session: Session) -> str:
-    """Return what columns can't tell of the row under the cursor: all digits, and how many samples are no numbers."""
-    rows, parts = session.rows, []
-    if rows.row is None:
-        return ""
-    element = session.table.elements[rows.row]
-    reading, position = session.live.readings.get(element.name), rows.entry or 0
-    if reading is not None and (rows.entry is not None or len(element.entries) == 1):
-        word = reading.texts.get(position, "")
-        parts += [word] if element.entries[position].dtype[1:2] in "iu" and len(word) > LONG else []
-    name = element.name + (element.entries[position].suffix if rows.entry is not None else "")
-    bad = session.table.facts.detail(name, "bad")
-    if bad > 0:
-        parts.append(f"{text.plural_count(int(bad), 'sample')} nan or inf, left out of min to std")
-    return " │ ".join(parts)
-
-
-class InfoLine(FittingLine):
-    """Marks, pending edits, filter, and what was done last."""
-
-    DEFAULT_CSS = "InfoLine { height: auto; min-height: 1; max-height: 6; padding: 0 1; }"
-
-    def __init__(self, session: Session) -> None:
-        super().__init__()
-        self.session = session
-        self._said = ""
-        self._prompt = ""
-        self._whole = False
-
-    def say(self, words: str, *, whole: bool = False) -> None:
-        """Show a result until the next one; `whole`: in as many lines as it takes, marked as a failure."""
-        had, self._whole = self._whole, whole
-        self._said = words
-        self.refresh(layout=had or whole)
-
-    def ask(self, words: str) -> None:
-        """Show what is to be typed, alone, whatever happens meanwhile; empty: no more."""
-        refused = words.startswith("?") or self._prompt.startswith("?")
-        self._prompt = words
-        self.refresh(layout=refused)
-
-    def render(self) -> RenderResult:
-        """Return the line; a refusal in as many as it takes."""
-        if self._prompt.startswith("?"):
-            return Text(self._prompt)
-        if self._prompt:
-            return Text(self._prompt, no_wrap=True, overflow="ellipsis")
-        if self._whole:
-            return Text(self._said, style=f"bold {color(self.app.theme_variables, 'error')}")
-        return super().render()
-
-    def parts(self) -> list[LinePart]:
-        """Return what was said last, whole; of the rest what is pending and how many passed the filter stay longest."""
-        session, rows, said = self.session, self.session.rows, self._said
-        parts: list[LinePart] = []
-        if rows.anchor is not None:
-            parts.append(LinePart(3, f"range of {len(rows.range_rows())} ({key_of('range')} marks it)"))
-        if rows.marked_count:
-            hidden = f", {rows.hidden_marked} not shown" if rows.hidden_marked else ""
-            parts.append(LinePart(4, f"{rows.marked_count} marked{hidden}"))
-        fields, elements = session.table.pending_count
-        if fields:
-            way = " (stop to apply)" if session.running else f" ({key_of('apply')} to apply)"
-            parts.append(LinePart(8, f"{fields} pending in {many(elements, 'row')}{way}", "", (f"{fields} pending",)))
-        if conflicts := int(session.table.conflicts.sum()):
-            parts.append(LinePart(0, f"! {many(conflicts, 'conflict')}"))
-        if rows.filter.text:
-            parts.append(LinePart(6, f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}"))
-            parts += [LinePart(5, f"? {problem}") for problem in rows.filter.problems[:1]]
-        if rows.sort not in STEADY or rows.turned:
-            since_ns = session.table.facts.since_ns  # 0 of a file: its statistics are of all
-            since = f" since {text.clock(since_ns)}" if rows.sort in STATISTICS and since_ns else ""
-            parts.append(LinePart(2, f"by {rows.sort} {rows.arrow}{since}"))
-        if not parts and not said and len(rows.tree.lines):
-            branches = len(rows.tree.branches)
-            in_spaces = f"{len(rows.shown)} in {many(branches, 'name space')}"
-            parts.append(LinePart(2, in_spaces if branches else f"{rows.place} of {len(rows.shown)}"))
-        return [*parts, LinePart(0, said) if said else LinePart(1, _cursor_words(session))]
-
-
-class MonitorLine(FittingLine):
-    """Span, pause, cursor and scale of plots; what was said last is read whole."""
-
-    DEFAULT_CSS = "MonitorLine { height: 1; padding: 0 1; }"
-
-    def __init__(
-        self, window: PlotWindow, words: Callable[[], Sequence[str]], state: Callable[[], str] | None = None
-    ) -> None:
-        """`state` returns whether plots stand still; None of a file, which always does."""
-        super().__init__()
-        self._window = window
-        self._words = words
-        self._state = state
-
-    def parts(self) -> list[LinePart]:
-        """Return what is shown of what, then what was said."""
-        window = self._window
-        whole = self._state is None and window.span_s == window.spans[-1]
-        words = ["whole file" if whole else f"{text.span(window.span_s)} shown"]
-        if self._state is not None:
-            words += [self._state(), "y held" if window.fixed_scale else "y follows"]
-        elif window.fixed_scale:
-            words.append("y held")
-        words += self._words()
-        return [LinePart((place + 1) * (place < len(words) - 1), each) for place, each in enumerate(words)]
-
-
 class KeyBar(Guarded, Widget):
     """The keys that matter now, as many as fit; help and quit always at its end. A click does what the key does."""
 
@@ -410,7 +301,7 @@ class KeyBar(Guarded, Widget):
         self._drawn = self._commands()
         words = {word.plain: (word, rank, command.id) for command, rank in self._drawn if (word := self._word(command))}
         parts = [LinePart(rank, plain) for plain, (_, rank, each) in words.items() if each not in self.LAST]
-        last = [plain for id in self.LAST for plain, (_, _, each) in words.items() if each == id]
+        last = [plain for end in self.LAST for plain, (_, _, each) in words.items() if each == end]
         for between in ("  ", " "):
             end = Text(between, no_wrap=True).join(words[plain][0] for plain in last)
             room = self.size.width - 1 - len(end) - len(between)

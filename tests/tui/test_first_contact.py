@@ -283,8 +283,8 @@ async def test_a_logger_without_elements_and_no_logger_at_all_say_what_to_write_
 
 
 @pytest.mark.parametrize("keys", [(), ("m",), ("T",), ("m", "enter", "c")])
-async def test_news_of_the_robot_wait_until_the_answer_to_a_key_was_read(fake, opened, monkeypatch, keys):
-    monkeypatch.setattr(context, "ANSWER_S", 3600.0)
+async def test_news_of_the_robot_and_the_answer_to_a_key_have_a_line_each(fake, opened, monkeypatch, keys):
+    monkeypatch.setattr(context, "READ_S", 3600.0)
     fake.run()
     async with opened(fake, size=(120, 30)) as screen:
         await screen.press(*keys)
@@ -292,7 +292,32 @@ async def test_news_of_the_robot_wait_until_the_answer_to_a_key_was_read(fake, o
         fake.publish(EventKind.BLIND, "gripper is blind", by="bob@lab")
         fake.somebody_edits(FIRST, divider=7)
         await screen.until(lambda: 7 in screen.session.table.server[Field.DIVIDER], "the edit of somebody else")
-        await screen.shows("an answer to a key")
-        assert "bob@lab" not in screen.text
-        monkeypatch.setattr(context, "ANSWER_S", 0.0)
-        await screen.shows("edited (bob@lab) (1 more: E)")
+        await screen.shows("edited (bob@lab) (1 more: :messages)")
+        assert "an answer to a key" in screen.text
+        await screen.press("backslash", "escape")
+        assert "bob@lab" in screen.text  # it may not have been read yet
+        monkeypatch.setattr(context, "READ_S", 0.0)
+        await screen.press("backslash", "escape")
+        await screen.until(lambda: "bob@lab" not in screen.text)
+
+
+LONG = " ".join(f"word{number}" for number in range(30))
+
+
+@pytest.mark.parametrize("keys", [(), ("m",), ("T",)])
+async def test_a_long_answer_wraps_and_stays_among_all_that_was_said(fake, opened, keys):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press(*keys)
+        screen.app.context.say(LONG)
+        await screen.shows("word29")
+        screen.app.context.hear("the gripper is blind")
+        await screen.shows("‣ ")
+        screen.app.context.say("short")
+        await screen.until(lambda: "word29" not in screen.text)
+        screen.app.command_messages()
+        await screen.shows("robot  the gripper is blind")
+        await screen.press("j", "j")
+        await screen.shows("word29")
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen.scope != "messages")

@@ -194,7 +194,7 @@ async def test_the_command_line_of_the_screen_speaks_as_the_program_does(fake, o
         for word, field, reason in REFUSED:
             app.screen.say("")
             runner.run(" ".join([":set", *beside(field), word]))
-            said = app.screen.info._said
+            said = app.screen.info.said
             assert said.replace(table.shown(f"element '{name}': "), "") == f"{reason}; nothing was changed"
             assert options_of(table.values[:, row]) == START, word
 

@@ -1,0 +1,175 @@
+"""The lines of words above the keys: news of the robot, and below the facts of a screen and the answer to a key."""
+
+from collections.abc import Callable, Sequence
+
+from rich.text import Text
+from textual.app import RenderResult
+
+from silo.core.quantities.writing import many
+from silo_tui.actions import key_of
+from silo_tui.model import text
+from silo_tui.model.table_columns import STEADY
+from silo_tui.model.window import PlotWindow
+from silo_tui.sessions.live import Session
+from silo_tui.widgets.bars import LONG, STATISTICS, FittingLine, LinePart, color
+
+
+class MessageLine(FittingLine):
+    """Two messages that never take the place of one another: the answer stands behind the facts of the screen, of which
+    as many as have room beside it are shown; one that is longer than the line wraps.
+    """
+
+    DEFAULT_CSS = "MessageLine { height: auto; min-height: 1; max-height: 8; padding: 0 1; }"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.said = ""  # the answer to a key
+        self._failed = False
+        self._news = ""
+        self._rows = 1
+
+    def say(self, words: str, *, failed: bool = False) -> None:
+        """Show an answer until the next one."""
+        self.said, self._failed = words, failed
+        self.changed()
+
+    def tell(self, news: str) -> None:
+        """Show news of the robot above; empty: none any more."""
+        self._news = news
+        self.changed()
+
+    def changed(self) -> None:
+        """Draw anew, in as many lines as it takes now."""
+        rows = len(self.words().wrap(self.app.console, self._room))
+        self.refresh(layout=rows != self._rows)
+        self._rows = rows
+
+    @property
+    def _room(self) -> int:
+        return max(1, self.app.size.width - 2)
+
+    def render(self) -> RenderResult:
+        """Return the lines."""
+        return self.words()
+
+    def words(self) -> Text:
+        """Return news, then facts and the answer."""
+        below = self.below(self._room)
+        return Text("\n").join([Text(f"‣ {self._news}"), below]) if self._news else below
+
+    def below(self, room: int) -> Text:
+        """Return facts and the answer, or the answer alone where the line has no room for more."""
+        if self._failed:
+            return Text(self.said, style=f"bold {color(self.app.theme_variables, 'error')}")
+        return Text(self.said) if len(self.said) > room else self.line(room)
+
+    def parts(self) -> list[LinePart]:
+        """Return facts, and the answer whole."""
+        return [*self.facts(), LinePart(0, self.said)]
+
+    def facts(self) -> list[LinePart]:
+        """Return what the screen always tells here."""
+        return []
+
+
+class InfoLine(MessageLine):
+    """Of a table: marks, pending edits, filter; or what is to be typed."""
+
+    def __init__(self, session: Session) -> None:
+        super().__init__()
+        self.session = session
+        self._prompt = ""
+
+    def ask(self, words: str) -> None:
+        """Show what is to be typed, alone, whatever happens meanwhile; empty: no more."""
+        self._prompt = words
+        self.changed()
+
+    def below(self, room: int) -> Text:
+        """Return what is to be typed, where something is."""
+        return Text(self._prompt) if self._prompt else super().below(room)
+
+    def facts(self) -> list[LinePart]:
+        """Return them; what is pending and how many passed the filter stay longest."""
+        session, rows = self.session, self.session.rows
+        parts: list[LinePart] = []
+        if rows.anchor is not None:
+            parts.append(LinePart(3, f"range of {len(rows.range_rows())} ({key_of('range')} marks it)"))
+        if rows.marked_count:
+            hidden = f", {rows.hidden_marked} not shown" if rows.hidden_marked else ""
+            parts.append(LinePart(4, f"{rows.marked_count} marked{hidden}"))
+        fields, elements = session.table.pending_count
+        if fields:
+            way = " (stop to apply)" if session.running else f" ({key_of('apply')} to apply)"
+            parts.append(LinePart(8, f"{fields} pending in {many(elements, 'row')}{way}", "", (f"{fields} pending",)))
+        if conflicts := int(session.table.conflicts.sum()):
+            parts.append(LinePart(0, f"! {many(conflicts, 'conflict')}"))
+        if rows.filter.text:
+            parts.append(LinePart(6, f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}"))
+            parts += [LinePart(5, f"? {problem}") for problem in rows.filter.problems[:1]]
+        if rows.sort not in STEADY or rows.turned:
+            since_ns = session.table.facts.since_ns  # 0 of a file: its statistics are of all
+            since = f" since {text.clock(since_ns)}" if rows.sort in STATISTICS and since_ns else ""
+            parts.append(LinePart(2, f"by {rows.sort} {rows.arrow}{since}"))
+        if not parts and not self.said and len(rows.tree.lines):
+            branches = len(rows.tree.branches)
+            in_spaces = f"{len(rows.shown)} in {many(branches, 'name space')}"
+            parts.append(LinePart(2, in_spaces if branches else f"{rows.place} of {len(rows.shown)}"))
+        return parts if self.said else [*parts, LinePart(1, _cursor_words(session))]
+
+
+class MonitorLine(MessageLine):
+    """Of plots: span, pause, cursor and scale."""
+
+    def __init__(
+        self, window: PlotWindow, told: Callable[[], Sequence[str]], state: Callable[[], str] | None = None
+    ) -> None:
+        """`state` returns whether plots stand still; None of a file, which always does."""
+        super().__init__()
+        self._window = window
+        self._told = told
+        self._state = state
+
+    def facts(self) -> list[LinePart]:
+        """Return what is shown of what; the last of it is read whole."""
+        window = self._window
+        whole = self._state is None and window.span_s == window.spans[-1]
+        words = ["whole file" if whole else f"{text.span(window.span_s)} shown"]
+        if self._state is not None:
+            words += [self._state(), "y held" if window.fixed_scale else "y follows"]
+        elif window.fixed_scale:
+            words.append("y held")
+        words += self._told()
+        last = len(words) - 1 if not self.said else -1
+        return [LinePart((place + 1) * (place != last), each) for place, each in enumerate(words)]
+
+
+class ListLine(MessageLine):
+    """Of a list: marks, filter, order, what is to be said of the line under the cursor; wraps."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.told: Sequence[str] = ()
+
+    def below(self, room: int) -> Text:
+        """Return all of it."""
+        if self._failed:
+            return super().below(room)
+        return Text(self.BETWEEN.join(filter(None, [self.said, *self.told])))
+
+
+def _cursor_words(session: Session) -> str:
+    """Return what columns can't tell of the row under the cursor: all digits, and how many samples are no numbers."""
+    rows, parts = session.rows, []
+    if rows.row is None:
+        return ""
+    element = session.table.elements[rows.row]
+    reading, position = session.live.readings.get(element.name), rows.entry or 0
+    if reading is not None and (rows.entry is not None or len(element.entries) == 1):
+        word = reading.texts.get(position, "")
+        parts += [word] if element.entries[position].dtype[1:2] in "iu" and len(word) > LONG else []
+    name = element.name + (element.entries[position].suffix if rows.entry is not None else "")
+    bad = session.table.facts.detail(name, "bad")
+    if bad > 0:
+        parts.append(f"{text.plural_count(int(bad), 'sample')} nan or inf, left out of min to std")
+    return " │ ".join(parts)
