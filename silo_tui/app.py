@@ -32,6 +32,7 @@ from silo_tui.sessions.link import LinkChanged, LoggerEvent, ViewFailed
 from silo_tui.sessions.live import Session
 from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import SettingsProblem
+from silo_tui.tour import Tour
 from silo_tui.unforeseen import Guarded, Unforeseen
 
 if TYPE_CHECKING:
@@ -383,6 +384,14 @@ class SiloApp(Guarded, App[None]):
         if isinstance(self.screen, RunsScreen):
             self.pop_screen()
         self.push_screen(RunsScreen(typed.rest or (folder if os.path.isdir(folder) else ".")))  # noqa: PTH112
+
+    def command_tour(self) -> None:
+        context = self.context
+        if context.tour is None and not context.has_session:
+            context.say(f"the tour needs a logger: {key_of('demo')} starts the demo")
+            return
+        context.tour = Tour() if context.tour is None else None
+        context.tell_upper(lambda screen: screen.show_news(context.news))
 
     def command_messages(self) -> None:
         from silo_tui.screens.messages import MessagesScreen

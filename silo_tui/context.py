@@ -25,6 +25,7 @@ from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
 from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import SettingsProblem
+from silo_tui.tour import Tour
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
 from silo_tui.widgets.messages import MessageLine
@@ -81,6 +82,7 @@ class Context:
         self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file
         self._flow_running = False
         self.told: deque[Told] = deque(maxlen=MOST_TOLD)  # all that was said, the newest last
+        self.tour: Tour | None = None
         self._unread: list[Told] = []  # news of the robot since a key was pressed
 
     # ---------------------------------------------------------------------------------------------- what is open
@@ -240,17 +242,19 @@ class Context:
     @property
     def news(self) -> str:
         """The newest that was heard and may not have been read."""
+        tour = f"‣ tour {self.tour.words}" if self.tour is not None else ""
         if not self._unread:
-            return ""
+            return tour
         before = len(self._unread) - 1
         more = f" ({before} more: {key_of('messages') or ':messages'})" if before else ""
-        return f"{self._unread[-1].clock} {self._unread[-1].words}{more}"
+        newest = f"‣ {self._unread[-1].clock} {self._unread[-1].words}{more}"
+        return "\n".join(filter(None, [tour, newest]))
 
     def read_news(self) -> None:
         """Take news away that stood long enough: somebody goes on."""
         if self._unread and time.time() - self._unread[-1].at_s >= READ_S:
             self._unread.clear()
-            self.tell_upper(lambda screen: screen.show_news(""))
+            self.tell_upper(lambda screen: screen.show_news(self.news))
 
     def say_settings_problems(self) -> None:
         """Say once what of the settings file was left out."""
@@ -349,10 +353,14 @@ class SiloScreen(Leaving[None]):
         """What this screen may ask of the app."""
         return cast(Context, cast(Any, self.app).context)
 
+    @property
+    def is_typing(self) -> bool:
+        """Whether somebody types in a line."""
+        return isinstance(self.focused, Fleeting) and self.focused.display
+
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Refuse commands while somebody types in a line: keys are letters then."""
-        typing = isinstance(self.focused, Fleeting) and self.focused.display
-        return not typing or parameters == ("quit_now",)
+        return not self.is_typing or parameters == ("quit_now",)
 
     def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Do what a key, a click, the palette or the command line asks for."""
@@ -412,7 +420,10 @@ class SiloScreen(Leaving[None]):
         return command.label
 
     def update_keys(self) -> None:
-        """Let the key bar show what counts now."""
+        """Let the key bar show what counts now; and the tour what is next."""
+        if (tour := self.context.tour) is not None and self.context.has_session and self.context.upper_screen is self:
+            tour.follow(self)
+            self.show_news(self.context.news)
         for bar in self.query(KeyBar):
             bar.update()
 
@@ -428,6 +439,7 @@ class SiloScreen(Leaving[None]):
 
     def on_screen_resume(self) -> None:
         """Show the keys of the screen again, but not above a line that is typed in; and news that came meanwhile."""
+        self.update_keys()
         self.show_news(self.context.news)
         if not isinstance(self.focused, Fleeting):
             for bar in self.query(KeyBar):

@@ -17,13 +17,14 @@ from silo_tui.commands import flows
 from silo_tui.context import Context, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout, read, write
+from silo_tui.layouts.presets import BY_NAME, NEAR, PRESETS, near_limit
 from silo_tui.modal import run_alone
 from silo_tui.model import command_line
 from silo_tui.model.command_line import BY_KEY, Spelled
 from silo_tui.model.paths import typed_file
 from silo_tui.model.people import people_words
 from silo_tui.screens import recorder
-from silo_tui.screens.dialogs import confirmed
+from silo_tui.screens.dialogs import Choice, Question, confirmed
 from silo_tui.screens.exporting import picture
 from silo_tui.screens.opened import open_path
 from silo_tui.sessions.live import why
@@ -61,7 +62,7 @@ class CommandRunner:
             "names": lambda: context.session.table.names,
             "derived": lambda: [one.name for one in context.session.table.elements[context.session.table.own :]],
             "types": lambda: SAVED_NAMES,
-            "views": lambda: ["save", *files.names()],
+            "views": lambda: ["save", *BY_NAME, *files.names()],
             "logs": lambda: command_line.logs(begun),
             "control": lambda: ("take", "force", "release", "give"),
             "themes": lambda: (*THEMES, *sorted(context.app.available_themes)),
@@ -171,8 +172,21 @@ class CommandRunner:
             self._save_view(" ".join(typed.arguments[1:]))
         elif typed.arguments:
             self._context.run_flow(open_view(self._context, typed.rest))
+        elif typed is BY_KEY:
+            self._context.run_flow(self._choose_view())
         else:
             self._context.run_flow(tell_views(self._context))
+
+    async def _choose_view(self) -> None:
+        """Ask what to look at: what one looks for first, or a view that was kept."""
+        kept = [Choice(name, f"View {name}", str(at) if at < 10 else "") for at, name in enumerate(files.names(), 1)]
+        choices = [Choice(each.name, each.words, each.letter) for each in PRESETS]
+        choices += [*kept, Choice(KEEP, "Keep what is on the screen, by a name", "k")]
+        name = await self._context.app.push_screen_wait(Question("Look at what?", "", choices))
+        if name == KEEP and (screen := self._context.upper_screen) is not None:
+            screen.begin_command("view save")
+        elif name:
+            await open_view(self._context, name)
 
     def _save_view(self, name: str) -> None:
         layout = views.capture(self._context)
@@ -204,6 +218,7 @@ class CommandRunner:
         self._context.say(f"picture of the screen: {path.absolute()}{note}")
 
 
+KEEP = ":keep"
 CONTROL_WORDS = "take, force (from whoever has it), release, give NAME; alone, who is connected"
 
 
@@ -244,6 +259,13 @@ async def view_shown(context: Context, name: str) -> str:
             layout, problems = files.load_file(left[-1])
             for path in left:
                 path.unlink(missing_ok=True)
+        elif name == NEAR and NEAR not in files.names():
+            await context.session.refresh_conditions()
+            layout, words = near_limit(context.session.limits)
+            missing = await views.show(context, layout)
+            return "; ".join(filter(None, [words, missing]))
+        elif name in BY_NAME and name not in files.names():
+            layout, problems = BY_NAME[name].layout, []
         elif name.startswith(ROBOT):
             plain = name.removeprefix(ROBOT)
             layout, problems = read((await context.link.read(lambda client: client._kept_view(plain))).text)
@@ -257,11 +279,11 @@ async def view_shown(context: Context, name: str) -> str:
 
 async def tell_views(context: Context) -> None:
     """Say which views there are, here and on the robot."""
-    known = files.names()
+    known = [*BY_NAME, *files.names()]
     with suppress(SiloError):  # an older silo, or no link: those of this machine are there all the same
         known += [ROBOT + name for name in (await context.link.read(lambda client: client._kept_views())).names]
-    none = "no views yet; `:view save NAME` makes one, `:view save robot:NAME` one for all who look at this robot"
-    context.say(f"views: {', '.join(known)}" if known else none)
+    more = "; `:view save NAME` keeps one, `:view save robot:NAME` one for all who look at this robot"
+    context.say(f"views: {', '.join(known)}{more}")
 
 
 async def keep_on_robot(context: Context, name: str, layout: KeptLayout) -> None:

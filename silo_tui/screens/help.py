@@ -164,6 +164,7 @@ class HelpScreen(Dialog[None]):
         Binding("slash", "search", show=False),
         Binding("tab", "everywhere", show=False, priority=True),
         Binding("enter", "do", show=False),
+        Binding("t", "tour", show=False),
         Binding("j,down", "move(1)", show=False),
         Binding("k,up", "move(-1)", show=False),
         Binding("pagedown,ctrl+d,space", "scroll(1)", show=False),
@@ -215,7 +216,7 @@ class HelpScreen(Dialog[None]):
         typing = self.query_one(Line).display
         keys = "Enter does it  ↑↓ Choose" if typing or words else "/ Search"
         tab = "Tab This screen" if self._everywhere else "Tab All screens"
-        self.query_one("#help-keys", Static).update(f" {keys}  {tab}  j k Scroll  Esc Closes")
+        self.query_one("#help-keys", Static).update(f" {keys}  {tab}  t Tour  j k Scroll  Esc Closes")
 
     # --------------------------------------------------------------------------------------------------- keys
 
@@ -246,6 +247,11 @@ class HelpScreen(Dialog[None]):
             if command:
                 self.dismiss()
                 self._do(command)
+
+    def action_tour(self) -> None:
+        """Begin the tour, or end it."""
+        self.dismiss()
+        self._do("tour")
 
     def action_back(self) -> None:
         """Show all again, then leave."""

@@ -35,8 +35,9 @@ class MessageLine(FittingLine):
 
     def tell(self, news: str) -> None:
         """Show news of the robot above; empty: none any more."""
-        self._news = news
-        self.changed()
+        if news != self._news:
+            self._news = news
+            self.changed()
 
     def changed(self) -> None:
         """Draw anew, in as many lines as it takes now."""
@@ -55,7 +56,7 @@ class MessageLine(FittingLine):
     def words(self) -> Text:
         """Return news, then facts and the answer."""
         below = self.below(self._room)
-        return Text("\n").join([Text(f"‣ {self._news}"), below]) if self._news else below
+        return Text("\n").join([Text(self._news), below]) if self._news else below
 
     def below(self, room: int) -> Text:
         """Return facts and the answer, or the answer alone where the line has no room for more."""

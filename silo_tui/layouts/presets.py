@@ -1,0 +1,49 @@
+"""Views that are there without being kept: what one looks for first on a robot that one doesn't know."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from silo.conditions.standing import LimitStatus
+from silo_tui.layouts.layout import KeptLayout
+
+NEAR = "near-limit"
+NEAR_SHARE = 0.1  # of the range between two bounds, or of the only one
+
+
+@dataclass(frozen=True)
+class Preset:
+    """One of them: its name, the letter that chooses it, what it shows."""
+
+    name: str
+    letter: str
+    words: str
+    layout: KeptLayout
+
+
+PRESETS = (
+    Preset("hottest", "h", "Hottest: temperatures, the highest on top", KeptLayout(sort="value", filter="unit:degC")),
+    Preset("noisiest", "n", "Noisiest: the largest deviation on top", KeptLayout(sort="std", set="statistics")),
+    Preset("stuck", "s", "Stuck: values that change no more", KeptLayout(filter="frozen")),
+    Preset(NEAR, "l", "Near a limit: within a tenth of one, or beyond", KeptLayout()),  # as they are now: `near_limit`
+)
+BY_NAME = {preset.name: preset for preset in PRESETS}
+
+
+def is_near(one: LimitStatus) -> bool:
+    """Return whether a scalar is beyond one of its bounds, or nearly."""
+    known = [bound for bound in one.bounds if bound is not None]
+    if one.value is None or not known:
+        return False
+    red_low, low, high, red_high = one.bounds
+    low, high = red_low if low is None else low, red_high if high is None else high
+    reach = NEAR_SHARE * (high - low if low is not None and high is not None else abs(known[0]))
+    return (low is not None and one.value <= low + reach) or (high is not None and one.value >= high - reach)
+
+
+def near_limit(limits: Sequence[LimitStatus]) -> tuple[KeptLayout, str]:
+    """Return the view of what is near a limit now, and what to say of it."""
+    found = [one.name for one in limits if is_near(one)]
+    words = f"{len(found)} of {len(limits)} signals with limits are within a tenth of one, or beyond"
+    pattern = "|".join(f"{re.escape(name)}$" for name in found) or "$^"
+    return KeptLayout(filter=f"~{pattern}"), words

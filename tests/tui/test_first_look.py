@@ -1,0 +1,65 @@
+"""What helps somebody who has never seen it: the tour, and what one looks for first."""
+
+import pytest
+
+from silo.conditions.standing import LimitStatus, LimitWord
+from silo_tui.layouts.presets import BY_NAME, is_near, near_limit
+
+
+@pytest.mark.parametrize(
+    ("bounds", "near", "far"),
+    [
+        ((None, None, None, 80.0), (73.0, 81.0, 72.0), (71.0, -100.0)),
+        ((44.0, 45.0, None, None), (49.3, 40.0), (49.5,)),
+        ((None, -10.0, 10.0, 20.0), (-8.5, 8.0, 25.0), (0.0, 7.9)),
+        ((None, None, None, None), (), (1.0, None)),
+    ],
+)
+def test_near_a_limit_is_within_a_tenth_of_it(bounds, near, far):
+    for values, found in ((near, True), (far, False)):
+        for value in values:
+            assert is_near(LimitStatus("a", "a", LimitWord.OK, value=value, bounds=bounds)) is found, value
+
+
+def test_what_is_near_a_limit_is_a_filter_for_just_that():
+    hot = LimitStatus("/log/a.b", "/log/a.b", LimitWord.OK, value=79.0, bounds=(None, None, None, 80.0))
+    cold = LimitStatus("/log/a.bc", "/log/a.bc", LimitWord.OK, value=9.0, bounds=(None, None, None, 80.0))
+    layout, words = near_limit([hot, cold])
+    assert layout.filter == r"~/log/a\.b$"
+    assert words.startswith("1 of 2 signals with limits")
+
+
+@pytest.mark.parametrize("letter", ["h", "n", "s"])
+async def test_a_view_that_is_there_without_being_kept(fake, opened, letter):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.do("view")
+        await screen.shows("Look at what?")
+        await screen.press(letter)
+        preset = next(each for each in BY_NAME.values() if each.letter == letter)
+        await screen.until(lambda: screen.session.rows.sort == preset.layout.sort)
+        await screen.until(lambda: screen.session.rows.filter.text == preset.layout.filter)
+        await screen.shows(f"view {preset.name}")
+
+
+async def test_the_tour_goes_on_as_its_steps_are_done(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("question_mark")
+        await screen.shows("t Tour")
+        await screen.press("t")
+        await screen.shows("tour 1 of 6: /, then type torque")
+        await screen.press("slash", *"torque", "enter")
+        await screen.shows("tour 2 of 6")
+        await screen.do("mark", "mark")
+        await screen.shows("tour 3 of 6: m plots")
+        await screen.do("monitor")
+        await screen.shows("tour 4 of 6")
+        await screen.do("pause")
+        await screen.shows("tour 5 of 6: g h goes back")
+        await screen.do("home")
+        await screen.shows("tour 6 of 6: e d")
+        await screen.do("edit_divider", "5", "enter")
+        await screen.shows("that was the tour")
+        await screen.press("question_mark", "t")
+        await screen.until(lambda: "tour" not in screen.text)
