@@ -279,11 +279,12 @@ async def view_shown(context: Context, name: str) -> str:
 
 async def tell_views(context: Context) -> None:
     """Say which views there are, here and on the robot."""
-    known = [*BY_NAME, *files.names()]
+    known = files.names()
     with suppress(SiloError):  # an older silo, or no link: those of this machine are there all the same
         known += [ROBOT + name for name in (await context.link.read(lambda client: client._kept_views())).names]
-    more = "; `:view save NAME` keeps one, `:view save robot:NAME` one for all who look at this robot"
-    context.say(f"views: {', '.join(known)}{more}")
+    none = "no views yet; `:view save NAME` makes one, `:view save robot:NAME` one for all who look at this robot"
+    own = f"views: {', '.join(known)}" if known else none
+    context.say(f"{own}; always there: {', '.join(BY_NAME)}")
 
 
 async def keep_on_robot(context: Context, name: str, layout: KeptLayout) -> None:
