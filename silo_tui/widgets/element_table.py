@@ -396,7 +396,7 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
             if row is None:
                 if column.branch is not None:
                     words, style = column.branch(self.sight, self.rows.tree.branches[-1 - line].rows)
-                    return [*pieces, (f" {words}", f"table--{style}")]
+                    return [*pieces, (f" {words}", f"table--{style}" if style else "")]
             elif entry is None:
                 words, style = column.draw(self.sight, row, width)
             elif column.entry is not None:
