@@ -320,6 +320,7 @@ def test_every_command_has_its_method():
     from silo_tui.screens.events import EventsScreen, FileEventsScreen
     from silo_tui.screens.file_table import FileTableScreen
     from silo_tui.screens.loggers import LoggersScreen
+    from silo_tui.screens.messages import MessagesScreen
     from silo_tui.screens.monitor import FileMonitorScreen, MonitorScreen
     from silo_tui.screens.parameters import ParametersScreen
     from silo_tui.screens.recordings import RecordingsScreen
@@ -348,6 +349,7 @@ def test_every_command_has_its_method():
         "alarms": AlarmsScreen,
         "parameters": ParametersScreen,
         "runs": RunsScreen,
+        "messages": MessagesScreen,
         "response": ResponseScreen,
     }
     for command in COMMANDS:
