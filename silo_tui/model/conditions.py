@@ -182,13 +182,13 @@ def options_of_fields(fields: dict[str, str], before: TriggerOptions) -> Trigger
     )  # fmt: skip
 
 
-def tried_lines(tried: TriggerTried, width: int, keep: int) -> list[str]:
+def tried_lines(tried: TriggerTried, width: int, keep: int, verb: str = "fired") -> list[str]:
     """Return what a test found: how often, where in what is held, and how large a capture is."""
     if tried.why:
         return [f"blind: {tried.why}"]
     held_s = (tried.end_ns - tried.begin_ns) / 1e9
     blind = f"; blind at {100 * tried.blind / tried.judged:.0f} % of it" if tried.blind else ""
-    first = f"would have fired {tried.fires} × in the last {held_s:.3g} s (all that is held){blind}"
+    first = f"would have {verb} {tried.fires} × in the last {held_s:.3g} s (all that is held){blind}"
     left, right = f"-{held_s:.3g} s ", " now"
     room = max(8, width - len(left) - len(right))
     cells = ["·"] * room

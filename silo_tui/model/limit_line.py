@@ -1,29 +1,34 @@
-"""Limits of a signal as one line to type. Pure functions."""
+"""Limits of a signal as lines to type. Pure functions."""
 
 import re
+from collections.abc import Mapping
 
 from silo.core.elements import SignalLimits
 from silo.errors import ElementError
 from silo.judging.definitions import MOST_STALE_S, seconds
+from silo_tui.model.limits import WORDS
 
 HOW = "red low, yellow low, yellow high, red high"
+
+WORD_OF = {"persist": "persistence", "hyst": "hysteresis", "stale": "stale", "when": "when"}  # by label
 
 _WHEN = re.compile(r"(?:^|[\s,])when\s*=")
 _WORD = re.compile(r"[\s,]*\b(\w+)\s*=\s*([^\s,]+)\s*$")
 
 
-def limits_line(limits: SignalLimits) -> str:
-    """Return what `read_limits` takes: four bounds, and what differs from limits that say no more."""
-    words = [", ".join("-" if bound is None else f"{bound:.12g}" for bound in limits.bounds)]
-    if limits.persistence != 1:
-        words.append(f"persistence={limits.persistence}")
-    if limits.hysteresis:
-        words.append(f"hysteresis={limits.hysteresis:.12g}")
-    if limits.stale_s:
-        words.append(f"stale={limits.stale_s:.12g}s")
-    if limits.when:
-        words.append(f"when={limits.when}")
-    return " ".join(words)
+def fields_of(limits: SignalLimits) -> dict[str, str]:
+    """Return limits as lines to edit, by label: their bounds, and what differs from limits that say no more."""
+    fields = {word: f"{bound:.12g}" for word, bound in zip(WORDS, limits.bounds, strict=True) if bound is not None}
+    fields["persist"] = str(limits.persistence) if limits.persistence != 1 else ""
+    fields["hyst"] = f"{limits.hysteresis:.12g}" if limits.hysteresis else ""
+    fields["stale"] = f"{limits.stale_s:.12g}s" if limits.stale_s else ""
+    return {**fields, "when": limits.when}
+
+
+def line_of(fields: Mapping[str, str]) -> str:
+    """Return what is typed in these lines as `read_limits` takes it."""
+    words = [f"{word}={fields[label]}" for label, word in WORD_OF.items() if fields.get(label)]
+    return " ".join([", ".join(fields.get(word) or "-" for word in WORDS), *words])
 
 
 def read_limits(line: str, before: SignalLimits) -> SignalLimits:

@@ -1,21 +1,20 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The limits of a logger's signals: what is beyond them, what was and nobody has seen."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from typing import TYPE_CHECKING
 
 from rich.text import Text
 
 from silo.conditions.standing import LimitStatus, LimitWord
-from silo.core.elements import SignalLimits
-from silo.errors import ElementError, RefusedError
+from silo.errors import RefusedError
 from silo_tui.actions import key_of
 from silo_tui.model.conditions import IN_SPACE, alarms_words, limit_head, limit_row, signal_width
-from silo_tui.model.limit_line import HOW, limits_line, read_limits
 from silo_tui.model.lists import Order
 from silo_tui.model.names import fitting_names_below
 from silo_tui.screens.conditions import ConditionsScreen
-from silo_tui.screens.dialogs import Prompt
+from silo_tui.screens.form import taken
+from silo_tui.screens.limits import LimitsDialog, LimitsWish
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.sessions.live_source import LiveSource
 from silo_tui.widgets.bars import color
@@ -132,49 +131,20 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
 
     def ask_limits(self, shown: str, name: str) -> None:
         """Ask for limits of a signal, shown by its short name, with those that it has."""
-        present = self._present(name)
-        body = (
-            f"signal = {HOW}\n- for none; nothing behind = takes them away\n"
-            "then as needed: persistence=3 hysteresis=1 stale=0.5s when=EXPRESSION"
-        )
-        line = f"{shown} = {limits_line(present) if present else ''}" if shown else ""
-        prompt = Prompt("Limits", body, line, "joints/torque = -40, -30, 30, 40")
-        self.app.push_screen(prompt, lambda line: self._take_limits(line, name, shown, whole=present is not None))
+        given = next((one.options for one in self.session.limits if name == one.limits), None)
 
-    def _present(self, name: str) -> SignalLimits | None:
-        """Return the limits that a signal has, by its name or its short one."""
-        return next(
-            (
-                one.options
-                for one in self.session.limits
-                if name in (one.limits, self.session.short_name(one.limits).lstrip("/"))
-            ),
-            None,
-        )
+        def form(wish: LimitsWish | None, problem: str) -> LimitsDialog:
+            if wish is None:
+                return LimitsDialog(self.session, shown, name, given)
+            return LimitsDialog(self.session, wish.shown, wish.name, wish.limits, problem)
 
-    def _take_limits(self, line: str | None, name: str, shown: str, *, whole: bool) -> None:
-        """Take a line; a `whole` one began as what there is, so that nothing else stays of it."""
-        if not line:
-            return
-        typed, sign, bounds = line.partition("=")
-        if not sign or "," in typed:  # bounds alone
-            typed, bounds = "", line
-        typed = typed.strip()
-        same = bool(name) and typed in (shown, "")
-        wanted = name if same else typed  # the line may have been typed over
-        if wanted and not bounds.strip():
-            self.context.run_flow(self._told(lambda client: client._remove_limits(wanted)))
-            return
-        if not wanted:
-            self.say(f"'{line}' are no limits: write signal = {HOW}")
-            return
-        present = None if whole and same else self._present(wanted)
-        try:
-            made = read_limits(bounds, present or SignalLimits(wanted))
-        except ElementError as error:
-            self.say(str(error))
-            return
-        self.context.run_flow(self._told(lambda client: client._set_limits(made)))
+        def send(wish: LimitsWish) -> Awaitable[None]:
+            made = wish.limits
+            if made is None:
+                return self.carry_out(lambda client: client._remove_limits(wish.name))
+            return self.carry_out(lambda client: client._set_limits(made))
+
+        self.context.run_flow(taken(self.context, form, send))
 
     async def _told(self, job: "Callable[[Client], str]") -> None:
         try:

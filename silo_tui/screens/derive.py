@@ -26,18 +26,15 @@ class DeriveDialog(Form[Derived]):
     KEYS_HERE = "Enter Derives it  Tab Next field  Esc Back"
 
     def __init__(self, session: Session, one: Derived, *, is_new: bool, problem: str = "") -> None:
-        """`problem` is why it was refused a moment ago."""
         name = session.short_name(one.name).lstrip("/")
         title = f"Derive a signal on {session.name}" if is_new else f"Derived signal {name} on {session.name}"
-        super().__init__(title, LINES, {"name": name, "unit": one.unit, "is": one.expression}, HINTS)
+        super().__init__(title, LINES, {"name": name, "unit": one.unit, "is": one.expression}, HINTS, problem)
         self._session = session
         self._start = "is" if name else "name"
-        self._problem = problem
 
     def on_mount(self) -> None:
         """Begin with the name where there is none yet."""
         self.begin_at(self._start)
-        self.tell(self._problem)
 
     def made(self) -> Derived:
         """Return what is typed, which can be derived."""
@@ -52,9 +49,8 @@ class DeriveDialog(Form[Derived]):
         return Derived(fields["name"], fields["is"], fields["unit"])
 
     async def look(self) -> str:
-        """Return what it would be; why it was refused stands until a key is pressed."""
-        problem, self._problem = self._problem, ""
-        return problem or "\n".join(derived.words_of(self._typed, self._session.table))
+        """Return what it would be."""
+        return "\n".join(derived.words_of(self._typed, self._session.table))
 
     def wrong(self, error: Exception) -> str:
         """Return what is wrong, under the line that is typed in, which begins at the same cell."""

@@ -1,8 +1,8 @@
 """A dialog of labelled lines, with what it says of them below: Tab goes to the next, Enter answers, Esc leaves."""
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
-from typing import ClassVar, Generic, TypeVar
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar
 
 from rich.text import Text
 from textual.app import ComposeResult
@@ -11,8 +11,11 @@ from textual.containers import Horizontal, Vertical
 from textual.timer import Timer
 from textual.widgets import Input, Static
 
-from silo.errors import SiloError
+from silo.errors import RefusedError, SiloError
 from silo_tui.modal import Dialog, run_alone
+
+if TYPE_CHECKING:
+    from silo_tui.context import Context
 
 ResultT = TypeVar("ResultT")
 
@@ -26,10 +29,16 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
     ]
 
     def __init__(
-        self, title: str, lines: Sequence[Sequence[str]], values: Mapping[str, str], hints: Mapping[str, str]
+        self,
+        title: str,
+        lines: Sequence[Sequence[str]],
+        values: Mapping[str, str],
+        hints: Mapping[str, str],
+        problem: str = "",
     ) -> None:
-        """`lines` have the labels of their fields from left to right."""
+        """`lines` have the labels of their fields from left to right; `problem` is why it was refused a moment ago."""
         super().__init__()
+        self._problem = problem
         self._title, self._lines, self._values, self._hints = title, lines, values, hints
         self._timer: Timer | None = None
 
@@ -49,6 +58,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
     def begin_at(self, name: str) -> None:
         """Give the keys to a field, and look at what is there."""
         self.field(name).focus()
+        self.tell(self._problem)
         self._look_soon()
 
     def field(self, name: str) -> Input:
@@ -81,8 +91,9 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     async def _look_now(self) -> None:
         if self.fields:
+            problem, self._problem = self._problem, ""  # it stands until a key is pressed
             try:
-                self.tell(await self.look())
+                self.tell(problem or await self.look())
             except (SiloError, ValueError) as error:
                 self.tell(self.wrong(error))
 
@@ -110,3 +121,27 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
     def action_leave(self) -> None:
         """Leave; nothing is set."""
         self.dismiss(None)
+
+
+async def taken(
+    context: "Context", form: Callable[[ResultT | None, str], Form[ResultT]], send: Callable[[ResultT], Awaitable[None]]
+) -> None:
+    """Send what a form makes; where it is refused, show the form again, with what was typed and why.
+
+    `form` makes it of what was typed last, None at first, and of why that was refused.
+    """
+    answer: ResultT | None = None
+    problem = ""
+    while (answer := await context.app.push_screen_wait(form(answer, problem))) is not None:
+        problem = await _refused(send(answer))
+        if not problem:
+            return
+
+
+async def _refused(sent: Awaitable[None]) -> str:
+    """Return why something was refused; empty where it was done."""
+    try:
+        await sent
+    except RefusedError as error:
+        return str(error)
+    return ""

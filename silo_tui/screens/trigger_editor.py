@@ -1,10 +1,16 @@
 """Edit one trigger: lines for what it says, and below them what it would have done in all that is held."""
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 from silo.core.elements import TriggerOptions
 from silo_tui.context import Context
 from silo_tui.model.conditions import fields_of, options_of_fields, tried_lines
-from silo_tui.screens.form import Form
+from silo_tui.screens.form import Form, taken
 from silo_tui.sessions.live import Session
+
+if TYPE_CHECKING:
+    from silo.client.client import Client
 
 UNNAMED = "name it before Enter: the name stands in names of files"
 LINES = (("name", "mode"), ("when",), ("rearm",), ("pre", "post"), ("persist", "holdoff"), ("save", "keep"))
@@ -17,10 +23,13 @@ HINTS = {
 
 async def ask_trigger(context: Context, made: TriggerOptions) -> None:
     """Let a new trigger be edited, and set it."""
-    answer = await context.app.push_screen_wait(TriggerEditor(context.session, made, is_new=True))
-    if answer is None:
-        return
-    said = await context.link.call(lambda client: client._set_trigger(answer))
+    await taken(context, lambda one, problem: TriggerEditor(context.session, one or made, is_new=True, problem=problem),
+                lambda answer: told(context, lambda client: client._set_trigger(answer)))  # fmt: skip
+
+
+async def told(context: Context, job: "Callable[[Client], str]") -> None:
+    """Ask for something of conditions, and say what came of it."""
+    said = await context.link.call(job)
     try:
         await context.session.refresh_conditions()
     finally:
@@ -33,10 +42,10 @@ class TriggerEditor(Form[TriggerOptions]):
     KEYS_HERE = "Enter Sets it  Tab Next field  Esc Back"
     AFTER_S = 0.5
 
-    def __init__(self, session: Session, options: TriggerOptions, *, is_new: bool) -> None:
+    def __init__(self, session: Session, options: TriggerOptions, *, is_new: bool, problem: str = "") -> None:
         where = f"on {session.name}"
         title = f"New trigger {where}" if is_new else f"Trigger {options.name} {where}"
-        super().__init__(title, LINES, fields_of(options), HINTS)
+        super().__init__(title, LINES, fields_of(options), HINTS, problem)
         self._session = session
         self._options = options
         self._is_new = is_new

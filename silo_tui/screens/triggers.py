@@ -1,7 +1,7 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The triggers of a logger: how each stands, armed and off, set and tried."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from silo_tui.model.lists import Order
 from silo_tui.model.names import fitting_names
 from silo_tui.screens.conditions import MOST_PLOTS, ConditionsScreen
 from silo_tui.screens.dialogs import confirmed
+from silo_tui.screens.form import taken
 from silo_tui.screens.opened import open_saved
 from silo_tui.screens.trigger_editor import TriggerEditor
 from silo_tui.widgets.bars import color
@@ -135,11 +136,14 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def edit(self, options: TriggerOptions, *, is_new: bool) -> None:
         """Open the editor on a trigger."""
-        self.app.push_screen(TriggerEditor(self.session, options, is_new=is_new), self._edited)
 
-    def _edited(self, made: TriggerOptions | None) -> None:
-        if made is not None:
-            self.context.run_flow(self.carry_out(lambda client: client._set_trigger(made)))
+        def form(made: TriggerOptions | None, problem: str) -> TriggerEditor:
+            return TriggerEditor(self.session, made or options, is_new=is_new, problem=problem)
+
+        def send(made: TriggerOptions) -> Awaitable[None]:
+            return self.carry_out(lambda client: client._set_trigger(made))
+
+        self.context.run_flow(taken(self.context, form, send))
 
     def command_trigger_capture(self) -> None:
         one = self.chosen

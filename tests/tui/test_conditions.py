@@ -2,11 +2,10 @@
 
 import pytest
 from msgspec.structs import replace
-from textual.widgets import Input
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.elements import SignalLimits, TriggerOptions, TriggerWord
-from silo.errors import ElementError
+from silo.errors import ElementError, RefusedError
 from silo_tui.model.conditions import (
     fields_of,
     head_words,
@@ -16,7 +15,8 @@ from silo_tui.model.conditions import (
     tried_lines,
     trigger_row,
 )
-from silo_tui.model.limit_line import limits_line, read_limits
+from silo_tui.model.limit_line import fields_of as fields_of_limits
+from silo_tui.model.limit_line import line_of, read_limits
 
 NOW_NS = 1_790_000_100_000_000_000
 FALL = TriggerStatus(
@@ -63,7 +63,7 @@ class TestWords:
         ],
     )
     def test_a_line_of_limits_gives_back_the_limits_that_it_shows(self, limits):
-        assert read_limits(limits_line(limits), SignalLimits("x")) == limits
+        assert read_limits(line_of(fields_of_limits(limits)), SignalLimits("x")) == limits
 
     def test_what_a_line_of_limits_does_not_name_stays(self):
         before = SignalLimits("x", (None, None, 1.0, 2.0), 3, 0.5, 0.5, "y > 1")
@@ -181,9 +181,12 @@ class TestScreens:
             await screen.press("A")
             await screen.shows("86.31")
             await screen.press("e")
-            await screen.shows("signal = red low")
-            line = screen.app.screen.query_one(Input).value
-            assert line == "LF/HAA/torque = -, -, 60, 80 persistence=3 hysteresis=1 stale=0.5s when=x > 1"
+            await screen.shows("Limits of LF/HAA/torque")
+            assert screen.app.screen.fields == {
+                "signal": "LF/HAA/torque", "LL": "", "L": "", "H": "60", "HH": "80", "persist": "3",
+                "hyst": "1", "stale": "0.5s", "when": "x > 1",
+            }  # fmt: skip
+            await screen.shows("would have been violated")
             await screen.press("enter")
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
         assert next(call for call in fake.calls if call[0] == "set_limits")[1] == given
@@ -195,13 +198,40 @@ class TestScreens:
             await screen.press("A")
             await screen.shows("86.31")
             await screen.press("N")
-            await screen.shows("signal = red low")
-            await screen.type("LF/HAA/torque = -, -, 50, 70")
-            await screen.press("enter")
+            await screen.shows("Limits of a signal")
+            await screen.type("LF/HAA/torque")
+            for word in ("tab", "tab", "tab", *"50", "tab", *"7o", "enter"):
+                await screen.press(word)
+            await screen.shows("are no limits")
+            await screen.press("backspace", "0", "enter")
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
         assert next(call for call in fake.calls if call[0] == "set_limits")[1] == SignalLimits(
             "/log/LF/HAA/torque", (None, None, 50.0, 70.0), 3, 1.0, 0.5, "x > 1"
         )
+
+    @pytest.mark.parametrize("kind", ["limits", "trigger"])
+    async def test_what_is_refused_stays_as_it_was_typed(self, fake, opened, monkeypatch, kind):
+        refusals = ["that is too much"]
+
+        def refuse(made):
+            if refusals:
+                raise RefusedError(refusals.pop())
+            return "done"
+
+        monkeypatch.setattr(fake, "_set_limits" if kind == "limits" else "_set_trigger", refuse)
+        async with opened(fake) as screen:
+            await screen.press("A" if kind == "limits" else "T")
+            await screen.press("N")
+            label = "signal" if kind == "limits" else "when"
+            await screen.until(lambda: screen.app.screen.query(f"#form-{label}"))
+            typed = {"signal": "LF/HAA/torque", "H": "50"} if kind == "limits" else {"name": "a", "when": "x > 1"}
+            for name, words in typed.items():
+                screen.app.screen.field(name).value = words
+            await screen.press("enter")
+            await screen.shows("that is too much")
+            assert {name: screen.app.screen.fields[name] for name in typed} == typed
+            await screen.press("enter")
+            await screen.until(lambda: not screen.app.screen.is_modal)
 
     async def test_without_an_alarm_it_says_so(self, fake, opened):
         fake.limit_statuses = [LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0)]
@@ -362,10 +392,10 @@ class TestLists:
             await screen.press("escape", "escape")
             await screen.until(lambda: screen.app.screen.scope == "table")
             await screen.press("N", "l")
-            await screen.shows("signal = red low")
-            await screen.type("-4, -3, 3, 4")
-            await screen.press("enter")
+            await screen.shows("Limits of base/orientation_x")
+            await screen.press("3", "tab", "4", "enter")
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
+            assert fake.calls[-1][1].bounds == (None, None, 3.0, 4.0)
 
 
 def test_signals_are_found_in_a_condition_by_name_entry_and_glob(robot):
