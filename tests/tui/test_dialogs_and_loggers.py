@@ -1,11 +1,15 @@
 """Choosing a logger, scripts, saving data, the command line, help, and the palette."""
 
+import importlib
+import pkgutil
+
 import numpy as np
 import pytest
 
 from silo.core.elements import BufferType, Entry, FileType
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
+from silo_tui import screens as every_screen
 from silo_tui.actions import COMMANDS, footer_for
 from silo_tui.model.fields import Field
 from silo_tui.screens.table import TableScreen
@@ -315,43 +319,11 @@ def test_a_read_only_key_bar_shows_nothing_that_writes():
 def test_every_command_has_its_method():
     from silo_tui.app import SiloApp
     from silo_tui.commands.runner import CommandRunner
-    from silo_tui.screens.alarms import AlarmsScreen
-    from silo_tui.screens.detail import DetailScreen, FileDetailScreen
-    from silo_tui.screens.events import EventsScreen, FileEventsScreen
-    from silo_tui.screens.file_table import FileTableScreen
-    from silo_tui.screens.loggers import LoggersScreen
-    from silo_tui.screens.messages import MessagesScreen
-    from silo_tui.screens.monitor import FileMonitorScreen, MonitorScreen
-    from silo_tui.screens.parameters import ParametersScreen
-    from silo_tui.screens.recordings import RecordingsScreen
-    from silo_tui.screens.responses import ResponseScreen
-    from silo_tui.screens.runs import RunsScreen
-    from silo_tui.screens.scope import ScopeScreen
-    from silo_tui.screens.settings import SettingsScreen
-    from silo_tui.screens.triggers import TriggersScreen
 
-    screens = {
-        "scope": ScopeScreen,
-        "table": TableScreen,
-        "monitor": MonitorScreen,
-        "detail": DetailScreen,
-        "loggers": LoggersScreen,
-    }
-    screens |= {
-        "file": FileTableScreen,
-        "file_monitor": FileMonitorScreen,
-        "file_detail": FileDetailScreen,
-        "settings": SettingsScreen,
-        "recordings": RecordingsScreen,
-        "events": EventsScreen,
-        "file_events": FileEventsScreen,
-        "triggers": TriggersScreen,
-        "alarms": AlarmsScreen,
-        "parameters": ParametersScreen,
-        "runs": RunsScreen,
-        "messages": MessagesScreen,
-        "response": ResponseScreen,
-    }
+    names = [one.name for one in pkgutil.iter_modules(every_screen.__path__, f"{every_screen.__name__}.")]
+    found = [one for name in names for one in vars(importlib.import_module(name)).values()]
+    classes = {one for one in found if isinstance(one, type) and "scope" in vars(one)}
+    screens = {one.scope: one for one in classes if one.scope}
     for command in COMMANDS:
         for scope in command.scopes if "any" not in command.scopes else screens:
             owners = (screens[scope], *screens[scope].PARTS, CommandRunner, SiloApp)
