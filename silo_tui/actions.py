@@ -396,7 +396,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("write_settings", "w", "Write the file", "keep the settings for next time", "Settings", _SETTINGS, 3),
     # ------------------------------------------------------------------------------------------------------ app
     Command("command", "colon", "Command", "type a command, Tab completes it", "Go",
-            _TABLE + _MONITOR + _DETAIL + _ASIDE + _LOGGERS + _SETTINGS + _RUNS + _RESPONSE + FILE_SCOPES, 11),
+            _TABLE + _MONITOR + _DETAIL + _ASIDE + _LOGGERS + _SETTINGS + _RUNS + _RESPONSE + _MESSAGES + FILE_SCOPES,
+            11),
     Command("menus", "backslash", "Menus", "the five menus: go, edit, view, record, plots", "Go", ("any",)),
     Command("menu_go", "", "Go", "the menu of screens, names, files", "Menus", ("any",), 2),
     Command("menu_edit", "", "Edit", "the menu of what edits elements, or what the cursor is on", "Menus", ("any",), 2),
@@ -421,7 +422,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("derive", "", "Derive", "make or change a signal that is computed from others",
             "Look", (), writes=True, asks=True,
             typed=_read(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),
-    Command("home", "", "Home", "back to the table", "Go", ("any",), typed=Typed(("home",))),
+    Command("go_home", "", "Home", "back to the table", "Go", ("any",), typed=Typed(("home",))),
     Command("tour", "", "Tour", "six steps to try on the logger that is open; again: ends it", "Go", ("any",),
             typed=Typed(("tour",))),
     Command("messages", "", "Messages", "all that was said here: answers to keys, news of the robot", "Go", ("any",),

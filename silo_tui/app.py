@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from silo_tui.sessions.recorded import FileSession
 
 
-HOMES = ("table", "file", "loggers")  # where `home` ends
+HOMES = ("table", "file", "loggers")  # where `go_home` ends
 # what is said elsewhere: by progress, by the head and the alarms
 QUIET_KINDS = {EventKind.SAVING, EventKind.LIMIT, EventKind.LIMIT_ENDED, EventKind.CRASHED}  # a crash has its banner
 
@@ -336,7 +336,7 @@ class SiloApp(Guarded, App[None]):
             self.pop_screen()
         self.push_screen(kind(self.context.session))
 
-    def command_home(self) -> None:
+    def command_go_home(self) -> None:
         if self.context.upper_screen is not None and self.context.upper_screen.scope == "loggers":
             self.context.back_to_table()
         while (screen := self.context.upper_screen) is not None and screen.scope not in HOMES:

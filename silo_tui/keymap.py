@@ -89,7 +89,7 @@ _TABLE = (
     ("ctrl+q", "quit_now"),
     ("ctrl+z", "suspend"),
     # -------------------------------------------------------------------------------------------------- go to
-    ("g h", "home"),
+    ("g h", "go_home"),
     ("g m", "messages"),
     ("g l", "loggers"),
     ("g r", "recordings"),

@@ -12,7 +12,8 @@ STEPS: tuple[Step, ...] = (
     ("{mark} marks the row and moves on: mark two", lambda screen: screen.session.rows.marked_count > 1),
     ("{monitor} plots what is marked", lambda screen: screen.scope == "monitor"),
     ("{pause} holds the picture, ← → look into it", lambda screen: screen.scope == "monitor" and screen.window.paused),
-    ("{home} goes back to the table from anywhere; {back} goes one step back", lambda screen: screen.scope == "table"),
+    ("{go_home} goes back to the table from anywhere; {back} goes one step back",
+     lambda screen: screen.scope == "table"),
     ("{edit_divider}, then 5, then Enter: an edit that waits; {apply} would apply it, {undo} takes it back",
      lambda screen: screen.scope == "table" and screen.session.table.pending_count[0] > 0),
 )  # fmt: skip

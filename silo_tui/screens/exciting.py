@@ -106,10 +106,14 @@ async def excite(context: "Context", name: str, line: str) -> None:
         dialog.ended.set()
         dialog.dismiss()
     full = f"{info.name}_{what.index}" if isinstance(info.value, tuple) else info.name
-    context.say(f"{name}: {ended.ended or 'it goes back'}, rows {ended.tick} to {ended.until}; :bode {name} SIGNAL")
+    said = f"{name}: {ended.ended or 'it goes back'}, rows {ended.tick} to {ended.until}"
+    context.say(f"{said}; :bode {name} SIGNAL")
     if 0 <= ended.tick < ended.until:
         told = ToldExcitation(structs.replace(what, name=info.name), ended.tick, ended.until, ended.ended)
-        await show_response(context, context.session, [full], told)
+        try:
+            await show_response(context, context.session, [full], told)
+        except ElementError as error:
+            context.say(f"{said}; {error}")
 
 
 def _usual(info: ParameterInfo) -> str:

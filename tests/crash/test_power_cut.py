@@ -385,7 +385,7 @@ def test_what_was_logged_before_serving_ended_is_all_durable_until_it_is_saved_o
 
 def test_a_program_that_saves_at_its_end_by_itself_leaves_no_journal(durable, tmp_path):
     durable._life.serving.close()
-    durable.abandon()
+    durable._abandon()
     assert journals(tmp_path) == []
     (path,) = tmp_path.glob("*.silo")
     assert silo.open_log(path)["/log/x"].values.tolist() == list(range(50))

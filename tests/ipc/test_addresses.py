@@ -227,11 +227,11 @@ def test_edits_of_one_address_change_one_robot(fleet) -> None:
     found = fleet.found()[0]
     mine = fleet.logger_of(found)
     (other,) = [logger for logger in fleet.loggers if logger is not mine]
-    before = other.revision
-    changed = mine.revision
+    before = other._table.revision
+    changed = mine._table.revision
     assert run(["--config", fleet.desk, "set", found.root.address, "x", "divider=7"]) == 0
-    assert mine.revision > changed
-    assert other.revision == before
+    assert mine._table.revision > changed
+    assert other._table.revision == before
 
 
 @pytest.mark.slow

@@ -234,7 +234,7 @@ def shared(runtime, tmp_path):
 def test_a_group_whose_role_is_viewer_looks_and_changes_nothing(shared) -> None:
     serving = shared.serve(group=GROUP, group_role="viewer")
     with Client.connect("lab") as owner:
-        assert owner.hello().may_edit
+        assert owner._hello().may_edit
         owner.start()
     Beside.OWN.of(Path(serving.socket_path)).unlink()
     with Client.connect("lab") as member:

@@ -6,6 +6,7 @@ import pytest
 from silo.core.elements import Table
 from silo.settings.typed import examples
 from silo_tui.actions import BY_WORD, COMMANDS
+from silo_tui.app import SiloApp
 from silo_tui.commands.runner import CommandRunner
 from silo_tui.model.cells import Sight
 from silo_tui.model.fields import Field
@@ -104,7 +105,9 @@ def test_a_command_without_keys_can_be_typed_and_is_carried_out():
     for command in COMMANDS:
         if not command.scopes:
             assert command.typed is not None, command.id
-            assert any(hasattr(kind, f"command_{command.id}") for kind in (CommandRunner, TableScreen)), command.id
+            assert any(hasattr(kind, f"command_{command.id}") for kind in (CommandRunner, TableScreen, SiloApp)), (
+                command.id
+            )
 
 
 async def test_every_argument_that_can_be_completed_has_its_choices(fake, opened):

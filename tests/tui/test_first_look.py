@@ -57,7 +57,7 @@ async def test_the_tour_goes_on_as_its_steps_are_done(fake, opened):
         await screen.shows("tour 4 of 6")
         await screen.do("pause")
         await screen.shows("tour 5 of 6: g h goes back")
-        await screen.do("home")
+        await screen.do("go_home")
         await screen.shows("tour 6 of 6: e d")
         await screen.do("edit_divider", "5", "enter")
         await screen.shows("that was the tour")

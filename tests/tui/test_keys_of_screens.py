@@ -14,9 +14,9 @@ from silo_tui.actions import COMMANDS, commands_for, key_of, key_that_retries, u
 SCREENS = {
     "T": ("table", "file"), "P": ("monitor", "file_monitor"), "D": ("detail", "file_detail"), "G": ("triggers",),
     "A": ("alarms",), "R": ("recordings",), "E": ("events", "file_events"), "L": ("loggers",), "H": ("settings",),
-    "K": ("parameters",), "U": ("runs",), "B": ("response",),
+    "K": ("parameters",), "U": ("runs",), "B": ("response",), "M": ("messages",),
 }  # fmt: skip
-ALL = "TPDGARELHKU"
+ALL = "TPDGARELHKUM"
 # keys; what their commands are called, any of these words; where
 LAW = (
     ("j down", "next down older", ALL),
@@ -34,7 +34,7 @@ LAW = (
     ("enter", "edit detail open plot go to capture worst change", "TPGARELHKU"),
     ("escape", "back", ALL + "B"),
     ("tab", "field view", "TPDRHB"),
-    ("slash", "filter search", "TGARELHKU"),
+    ("slash", "filter search", "TGARELHKUM"),
     ("o", "order", "TGARELKU"),
     ("C", "columns", "TGARELU"),
     ("z", "fold", "TPL"),
@@ -86,7 +86,7 @@ LAW = (
     ("E", "events", "TPDGARELK"),
     ("P", "parameters", "TPDGARELK"),
     ("ctrl+l", "loggers", "TPDGAREK"),
-    ("f2", "settings", "TPDGARELKUB"),
+    ("f2", "settings", "TPDGARELKUBM"),
     ("colon", "command", ALL + "B"),
     ("question_mark", "help", ALL + "B"),
     ("ctrl+p", "palette", ALL + "B"),
@@ -120,6 +120,7 @@ LEFT_OUT = {
     "settings": (("tab", "one view"),),
     "runs": (),
     "response": (),
+    "messages": (),
 }  # fmt: skip
 LEFT_OUT["file_monitor"] = (
     *LEFT_OUT["monitor"], ("c Z", "of what comes"),

@@ -36,7 +36,7 @@ def test_escape_sequences_in_a_logged_string_don_t_reach_the_terminal():
 def test_a_vector_reads_as_a_list_cut_where_it_must():
     element = ElementInfo("/v", "m", "vector", (3,), tuple(Entry(f"_{c}", "<f8") for c in "xyz"), ElementOptions())
     reading = Reading(np.array([1.0, -2.5, 0.001]), {}, 1, 0, 0)
-    assert (value_text(element, reading, 20), value_text(element, reading, 8)) == ("1.00 -2.50 1e-3", "1.00 …")
+    assert (value_text(element, reading, 20), value_text(element, reading, 8)) == ("1.00 -2.50 0.00", "1.00 …")
 
 
 @pytest.mark.parametrize("width", [8, 11, 16])

@@ -224,7 +224,7 @@ async def test_home_is_the_table_from_wherever_one_is(fake, opened):
         for steps in (("monitor", "detail"), ("events",), ("triggers",), ("monitor", "alarms"), ("loggers",)):
             await screen.do(*steps)
             await screen.until(lambda: screen.app.screen.scope not in ("table", ""))
-            await screen.do("home")
+            await screen.do("go_home")
             await screen.until(lambda: screen.app.screen.scope == "table")
 
 
