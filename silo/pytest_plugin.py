@@ -27,7 +27,7 @@ def silo_log(request: pytest.FixtureRequest, tmp_path: Path) -> "Iterator[Logger
         yield log
 
 
-class Runs:
+class JudgedRuns:
     """What the fixture `silo_runs` gives: logs of folders, and their judgement."""
 
     def __call__(self, *folders: "str | os.PathLike[str]", where: str = "") -> "RunList":
@@ -67,6 +67,6 @@ class Runs:
 
 
 @pytest.fixture
-def silo_runs() -> Runs:
+def silo_runs() -> JudgedRuns:
     """Runs for tests: `silo_runs("logs")` lists them, `silo_runs.check(run, rules, against)` judges one."""
-    return Runs()
+    return JudgedRuns()

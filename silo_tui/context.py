@@ -35,7 +35,7 @@ MOST_TOLD = 500
 
 
 @dataclass(frozen=True)
-class Told:
+class Message:
     """What was said once: when, and whether it is news of the robot or the answer to a key."""
 
     at_s: float
@@ -81,9 +81,9 @@ class Context:
         self.left: Callable[[], None] = lambda: None  # is called when the app is ended on purpose
         self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file
         self._flow_running = False
-        self.told: deque[Told] = deque(maxlen=MOST_TOLD)  # all that was said, the newest last
+        self.told: deque[Message] = deque(maxlen=MOST_TOLD)  # all that was said, the newest last
         self.tour: Tour | None = None
-        self._unread: list[Told] = []  # news of the robot since a key was pressed
+        self._unread: list[Message] = []  # news of the robot since a key was pressed
 
     # ---------------------------------------------------------------------------------------------- what is open
 
@@ -226,9 +226,9 @@ class Context:
         if (screen := self.upper_screen) is not None:
             screen.say(words)
 
-    def note(self, words: str, *, is_news: bool = False) -> Told:
+    def note(self, words: str, *, is_news: bool = False) -> Message:
         """Keep what is said among all that was."""
-        told = Told(time.time(), words, is_news)
+        told = Message(time.time(), words, is_news)
         if words:
             self.told.append(told)
         return told

@@ -18,7 +18,7 @@ PRBS_SHARE = 0.8  # of its rate, at which it has no power
 BEFORE_STEP = 0.2  # of its time, from which its begin is known
 
 
-class Excited(Protocol):
+class HasExcitations(Protocol):
     """What tells of excitations, seen from here."""
 
     @property
@@ -30,7 +30,7 @@ class ResponseLog(Protocol):
     """A log, seen from here."""
 
     @property
-    def parameters(self) -> Excited:
+    def parameters(self) -> HasExcitations:
         """What was tuned."""
 
     def __getitem__(self, name: str, /) -> Signal:

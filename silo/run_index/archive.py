@@ -57,7 +57,7 @@ class Archived(msgspec.Struct, frozen=True):
 
 
 @dataclass
-class Outcome:
+class Archiving:
     """What became of runs: `problems` are those that are not in the archive, with the reason."""
 
     added: list[str] = field(default_factory=list)
@@ -85,7 +85,7 @@ class Archive:
         with _told(self.where):
             return bool(self._files.exists(self._at(MARK)))
 
-    def add(self, runs: RunList, told: Told = lambda done, total: None, name: str = "") -> Outcome:
+    def add(self, runs: RunList, told: Told = lambda done, total: None, name: str = "") -> Archiving:
         """Put runs into it; those that are in it as they are now stay.
 
         Args:
@@ -105,7 +105,7 @@ class Archive:
         self._listed = None
         vars(self).pop("_numbers", None)
         self._sweep()
-        known, outcome = {one.run: one for one in self.manifest()}, Outcome()
+        known, outcome = {one.run: one for one in self.manifest()}, Archiving()
         source = Folders(runs, runs.indexes)
         for place, (key, run) in enumerate(source.runs.items()):
             told(place, len(runs))
@@ -190,7 +190,7 @@ class Archive:
             self._listed = self.manifest()
         return self._listed
 
-    def _add(self, name: str, run: ListedRun, before: Archived | None, outcome: Outcome) -> None:
+    def _add(self, name: str, run: ListedRun, before: Archived | None, outcome: Archiving) -> None:
         if run.facts.problem:
             raise FileFormatError(run.facts.problem)
         source, about = f"{socket.gethostname()}:{run.folder.absolute()}", run.path.stat()

@@ -4,25 +4,25 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
-from silo_tui.context import Told
+from silo_tui.context import Message
 from silo_tui.model.lists import Order
 from silo_tui.screens.list_screen import ListScreen
 
 WHO = {False: "you", True: "robot"}
 
 
-class MessagesScreen(ListScreen[Told]):
+class MessagesScreen(ListScreen[Message]):
     """A line each; the one under the cursor is told whole below."""
 
     scope = "messages"
-    orders: Sequence[Order[Told]] = (Order("time", "t", "time, the newest first", lambda told: told.at_s, True),)
+    orders: Sequence[Order[Message]] = (Order("time", "t", "time, the newest first", lambda told: told.at_s, True),)
 
     @property
-    def all(self) -> Sequence[Told]:
+    def all(self) -> Sequence[Message]:
         """What was said."""
         return list(self.context.told)
 
-    def key_of(self, one: Told) -> str:
+    def key_of(self, one: Message) -> str:
         """Return its time: no two are said at once."""
         return f"{one.at_s} {one.words}"
 
@@ -30,13 +30,13 @@ class MessagesScreen(ListScreen[Told]):
         """Return the titles."""
         return "  time      from   what was said"
 
-    def row_of(self, one: Told, width: int) -> Text:
+    def row_of(self, one: Message, width: int) -> Text:
         """Return a line, as much as there is room for."""
         row = Text(f"  {one.clock}  {WHO[one.is_news]:<5}  {' '.join(one.words.split())}", no_wrap=True)
         row.truncate(width, overflow="ellipsis")
         return row
 
-    def told(self, one: Told) -> str:
+    def told(self, one: Message) -> str:
         """Return what a filter looks in."""
         return f"{WHO[one.is_news]} {one.words}"
 

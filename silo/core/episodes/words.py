@@ -31,7 +31,7 @@ _MARK = re.compile(r'episode ("(?:[^"\\]|\\.)*") (begin|about|end|good|bad|redo)
 _ENCODE = msgspec.json.Encoder().encode
 
 
-class Told(Protocol):
+class ToldEvent(Protocol):
     """A line of what happened: `silo.core.elements.LoggedEvent`, or one of those that an index keeps."""
 
     @property
@@ -185,7 +185,7 @@ def next_marks(
     return [f"{_mark(one.name, END)} {word}" if one.last is None and by_person else _mark(one.name, word)]
 
 
-def found_episodes(events: Iterable[Told], ticks: int) -> list[Episode]:
+def found_episodes(events: Iterable[ToldEvent], ticks: int) -> list[Episode]:
     """Return the episodes that marks tell of, in the order in which they begin; the run has so many ticks.
 
     What a person says of an episode holds against what its program says.
@@ -214,7 +214,7 @@ def within_ticks(events: Iterable[LoggedEvent], first: int, last: int) -> list[L
     return [*(event for some in going.values() for event in some), *kept]
 
 
-def _stretches(events: Iterable[Told]) -> list[_Stretch]:
+def _stretches(events: Iterable[ToldEvent]) -> list[_Stretch]:
     found: list[_Stretch] = []
     newest: dict[str, _Stretch] = {}
 

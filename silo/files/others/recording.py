@@ -366,7 +366,7 @@ class TopicReader:
         if self._kind is None:
             return plain
         keys = self.keyed if len(self.log_ns) <= _MOST_LOOKED_AT else self._some_keys()
-        readers = [KeyReader(self, key, found.specs(self._kind)) for key, found in keys.items()]
+        readers = [KeyedListReader(self, key, found.specs(self._kind)) for key, found in keys.items()]
         return plain + [element for one in readers for element in one.elements()]
 
     @cached_property
@@ -528,7 +528,7 @@ class TopicReader:
         return found
 
 
-class KeyReader(TopicReader):
+class KeyedListReader(TopicReader):
     """What came under one key of a list of messages."""
 
     def __init__(self, topic: TopicReader, key: str, specs: Sequence[FieldSpec]) -> None:
