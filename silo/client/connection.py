@@ -96,7 +96,7 @@ class Connection:
     # -------------------------------------------------------------------------------------------- one session
 
     def _open(self, found: LoggerAddress, timeout_s: float) -> None:
-        borrowed = borrow(found.socket, found.config, REACH_S)
+        borrowed = borrow(found.socket, found.config, max(REACH_S, timeout_s), timeout_s)
         session = borrowed.session
         declared: list[Any] = []
         attached: list[Attachable] = []

@@ -38,6 +38,7 @@ SOCKET_SUFFIX = ".sock"
 MAX_SOCKET_PATH = 107  # bytes; the kernel's limit is 108 with the closing NUL
 MAX_MESSAGE_BYTES = 8 * 2**20  # about 60,000 edits; a larger message is dropped before it is put together
 OPEN_TRIES = 5
+AGAIN_S = 0.05  # between two tries of a client
 
 
 # µs, in a client: as long as the lease. A request of 8 MB takes more than the queue holds, and where the robot's
@@ -281,11 +282,13 @@ def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
     return session, endpoints
 
 
-def open_client(path: Path | None, config: str | None = None, reached: Reached | None = None) -> zenoh.Session:
+def open_client(
+    path: Path | None, config: str | None = None, reached: Reached | None = None, *, open_s: float = 0.0
+) -> zenoh.Session:
     """Return a session that is connected to one logger by its socket, or to what the file `config` names.
 
-    `reached` is what is known of the way there. Raises ConnectionLostError where nobody listens, with PermissionError's
-    words.
+    `reached` is what is known of the way there, `open_s` how long a starved helper process of this computer is waited
+    for, at least. Raises ConnectionLostError where nobody listens, with PermissionError's words.
     """
     settings = zenoh.Config() if config is None else from_file(config)
     given = written(config) if config is not None else {}
@@ -301,9 +304,19 @@ def open_client(path: Path | None, config: str | None = None, reached: Reached |
         if not os.access(path, os.W_OK):
             raise ConnectionLostError(f"{path}: user {os.getuid()} may not write to this socket")
         insert(settings, leading_to(path))
+        if open_s * 1000 > LINK["transport"]["unicast"]["open_timeout"]:
+            settings.insert_json5("transport/unicast/open_timeout", str(round(open_s * 1000)))
     settings.insert_json5("listen/endpoints", "[]")
+    until_s = time.monotonic() + open_s
     try:
-        session = zenoh.open(settings)
+        while True:
+            try:
+                session = zenoh.open(settings)
+                break
+            except zenoh.ZError:  # one that is starved may close the link itself, too
+                if path is None or not path.exists() or time.monotonic() >= until_s:
+                    raise
+                time.sleep(AGAIN_S)
     except zenoh.ZError as error:
         if path is not None and config is None:
             # Zenoh's words here are only "unable to connect"

@@ -64,13 +64,15 @@ _shared: dict[str, _Shared] = {}
 _guard = threading.Lock()
 
 
-def borrow(socket_path: str, config: str, reach_s: float = REACH_S) -> SessionLease:
+def borrow(socket_path: str, config: str, reach_s: float = REACH_S, open_s: float = 0.0) -> SessionLease:
     """Return a session to a local socket, or one to what a configuration names: that which is open, or a new one.
 
+    `reach_s` is how long an address may stay silent, `open_s` how long a helper process that is there is waited for.
     Raises ConnectionLostError, with the layer that fails where it is a network.
     """
     if socket_path:
-        session, (proof, identity) = open_client(Path(socket_path)), _shown(Path(socket_path))
+        local = Path(socket_path)
+        session, (proof, identity) = open_client(local, open_s=open_s), _shown(local)
         return SessionLease(session, "", proof=proof, identity=identity)
     path = find_file(config)
     with _guard:

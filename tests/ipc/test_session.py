@@ -1,8 +1,12 @@
+import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
@@ -84,6 +88,73 @@ def test_socket_path_that_is_too_long_is_told_with_its_length() -> None:
 def test_client_of_a_socket_without_listener_says_so(runtime: Path) -> None:
     with pytest.raises(ConnectionLostError, match="nobody listens"):
         open_client(runtime / "bot.1.sock")
+
+
+class Starved:
+    """Stands before a server: what comes first is met by `greet`, and what comes then is let through."""
+
+    def __init__(self, path: Path, behind: Path, greet: Callable[[socket.socket], bool]) -> None:
+        """`greet` returns whether that connection is let through, too."""
+        self.path, self.count = path, 0
+        self._behind, self._greet = behind, greet
+        self._listener = socket.socket(socket.AF_UNIX)
+        self._listener.bind(str(path))
+        self._listener.listen()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        while True:
+            client, _ = self._listener.accept()
+            self.count += 1
+            threading.Thread(target=self._meet, args=(client, self.count == 1), daemon=True).start()
+
+    def _meet(self, client: socket.socket, first: bool) -> None:
+        with client, socket.socket(socket.AF_UNIX) as server:
+            if first and not self._greet(client):
+                return
+            server.connect(str(self._behind))
+            back = threading.Thread(target=self._copy, args=(server, client), daemon=True)
+            back.start()
+            self._copy(client, server)
+            back.join()
+
+    @staticmethod
+    def _copy(source: socket.socket, to: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            while data := source.recv(65536):
+                to.sendall(data)
+            to.shutdown(socket.SHUT_WR)
+
+
+def test_client_that_was_closed_out_by_a_starved_server_comes_again(
+    server: tuple[zenoh.Session, Path], runtime: Path
+) -> None:
+    starved = Starved(runtime / "starved.sock", server[1], lambda client: False)
+    close(open_client(starved.path, open_s=60.0))
+    assert starved.count == 2
+
+
+def test_client_waits_for_a_starved_server_as_long_as_it_was_told_to(
+    server: tuple[zenoh.Session, Path], runtime: Path
+) -> None:
+    met, gave_up = threading.Event(), threading.Event()
+
+    def greet(client: socket.socket) -> bool:
+        met.set()
+        return gave_up.wait(60)
+
+    starved = Starved(runtime / "starved.sock", server[1], greet)
+    silent = socket.socket(socket.AF_UNIX)
+    silent.bind(str(runtime / "silent.sock"))
+    silent.listen()
+    with silent, ThreadPoolExecutor(1) as beside:
+        patient = beside.submit(open_client, starved.path, open_s=60.0)
+        assert met.wait(60)
+        with pytest.raises(ConnectionLostError, match="its helper process doesn't answer"):
+            open_client(runtime / "silent.sock")
+        gave_up.set()
+        close(patient.result(60))
+    assert starved.count == 1  # who came later gave up sooner
 
 
 def test_configuration_file_with_a_mistake_is_named(runtime: Path, tmp_path: Path) -> None:
