@@ -23,9 +23,9 @@ from silo_tui.gate import Gate
 from silo_tui.keymap import use_keys
 from silo_tui.menus import MenuReader
 from silo_tui.modal import run_alone, run_aside
-from silo_tui.model import dots
-from silo_tui.model.command_line import BY_KEY, Spelled
-from silo_tui.screens.holding import Holding
+from silo_tui.model.drawing import dots
+from silo_tui.model.words.command_line import BY_KEY, Spelled
+from silo_tui.screens.plots.holding import Holding
 from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder
 from silo_tui.sessions.link import LinkChanged, LoggerEvent, ViewFailed
@@ -37,7 +37,7 @@ from silo_tui.unforeseen import Guarded, Unforeseen
 
 if TYPE_CHECKING:
     from silo_tui.context import SiloScreen
-    from silo_tui.screens.monitor import MonitorScreen
+    from silo_tui.screens.plots.monitor import MonitorScreen
     from silo_tui.sessions.recorded import FileSession
 
 
@@ -127,7 +127,7 @@ class SiloApp(Guarded, App[None]):
 
     async def _show_file(self, file: "FileSession") -> None:
         """Show a log that was opened; nothing of it changes by itself."""
-        from silo_tui.screens.file_table import FileTableScreen
+        from silo_tui.screens.files.file_table import FileTableScreen
 
         self.context.take_session(file)
         await self.push_screen(FileTableScreen(file))
@@ -306,24 +306,24 @@ class SiloApp(Guarded, App[None]):
         self.context.run_flow(self.context.session.reload())
 
     def command_detail(self) -> None:
-        from silo_tui.screens.detail import open_large
-        from silo_tui.screens.monitor import MonitorScreen
+        from silo_tui.screens.plots.detail import open_large
+        from silo_tui.screens.plots.monitor import MonitorScreen
 
         if isinstance(self.screen, MonitorScreen):
             open_large(self.screen)
 
     def command_triggers(self) -> None:
-        from silo_tui.screens.triggers import TriggersScreen
+        from silo_tui.screens.lists.triggers import TriggersScreen
 
         self._go_aside("triggers", TriggersScreen)
 
     def command_alarms(self) -> None:
-        from silo_tui.screens.alarms import AlarmsScreen
+        from silo_tui.screens.lists.alarms import AlarmsScreen
 
         self._go_aside("alarms", AlarmsScreen)
 
     def command_parameters(self) -> None:
-        from silo_tui.screens.parameters import ParametersScreen
+        from silo_tui.screens.lists.parameters import ParametersScreen
 
         self._go_aside("parameters", ParametersScreen)
 
@@ -343,7 +343,7 @@ class SiloApp(Guarded, App[None]):
             self.context.leave_screen()
 
     def command_settings(self) -> None:
-        from silo_tui.screens.settings import SettingsScreen
+        from silo_tui.screens.lists.settings import SettingsScreen
 
         if isinstance(self.screen, SettingsScreen):
             self.screen.command_back()
@@ -370,12 +370,12 @@ class SiloApp(Guarded, App[None]):
         self.context.tell(lambda screen: screen.update_keys())
 
     def command_recordings(self) -> None:
-        from silo_tui.screens.recordings import RecordingsScreen
+        from silo_tui.screens.lists.recordings import RecordingsScreen
 
         self._go_aside("recordings", RecordingsScreen)
 
     def command_runs(self, typed: Spelled = BY_KEY) -> None:
-        from silo_tui.screens.runs import RunsScreen
+        from silo_tui.screens.lists.runs import RunsScreen
 
         if self.context.file_over_logger:
             self.context.say(f"{key_of('back')} leaves the file first")
@@ -394,13 +394,13 @@ class SiloApp(Guarded, App[None]):
         context.tell_upper(lambda screen: screen.show_news(context.news))
 
     def command_messages(self) -> None:
-        from silo_tui.screens.messages import MessagesScreen
+        from silo_tui.screens.lists.messages import MessagesScreen
 
         if not isinstance(self.screen, MessagesScreen):
             self.push_screen(MessagesScreen())
 
     def command_set_marker(self) -> None:
-        from silo_tui.screens.marking import ask_mark
+        from silo_tui.screens.dialogs.marking import ask_mark
 
         session = self.context.session
         ask_mark(self.context, session.frame_time_ns or session.status.last_tick_ns)
@@ -409,15 +409,15 @@ class SiloApp(Guarded, App[None]):
         self._say_of_episode("good")
 
     def command_excite(self, typed: Spelled = BY_KEY) -> None:
-        from silo_tui.screens.exciting import excite
-        from silo_tui.screens.parameters import ParametersScreen
+        from silo_tui.screens.lists.parameters import ParametersScreen
+        from silo_tui.screens.plots.exciting import excite
 
         here = self.screen.chosen if isinstance(self.screen, ParametersScreen) else None
         name = typed.first or (here.name if here is not None else "")
         self.context.run_flow(excite(self.context, name, " ".join(typed.arguments[1:])))
 
     def command_bode(self, typed: Spelled = BY_KEY) -> None:
-        from silo_tui.screens.responses import show_response
+        from silo_tui.screens.plots.responses import show_response
 
         session = getattr(self.context.upper_screen, "session", self.context.session)
         self.context.run_flow(show_response(self.context, session, typed.arguments))
@@ -429,7 +429,7 @@ class SiloApp(Guarded, App[None]):
         self._say_of_episode("redo")
 
     def command_episode(self, typed: Spelled = BY_KEY) -> None:
-        from silo_tui.screens.marking import ask_episode
+        from silo_tui.screens.dialogs.marking import ask_episode
 
         if typed.arguments:
             self._say_of_episode(typed.first, " ".join(typed.arguments[1:]))
@@ -437,13 +437,13 @@ class SiloApp(Guarded, App[None]):
             ask_episode(self.context)
 
     def _say_of_episode(self, word: str, name: str = "") -> None:
-        from silo_tui.screens.marking import say_of_episode
+        from silo_tui.screens.dialogs.marking import say_of_episode
 
         run_aside(self, "mark", say_of_episode, self.context, word, name)
 
     def on_monitor_screen_open_left(self, asked: "MonitorScreen.OpenLeft") -> None:
         """Open what a dead robot left, with the plots that were there."""
-        from silo_tui.screens.opened import open_saved
+        from silo_tui.screens.files.opened import open_saved
 
         session = self.context.session
 
@@ -453,7 +453,7 @@ class SiloApp(Guarded, App[None]):
         run_alone(self, "opening", open_saved, self.context, session, session.left_files, plotted)
 
     def command_events(self) -> None:
-        from silo_tui.screens.events import EventsScreen, FileEventsScreen
+        from silo_tui.screens.lists.events import EventsScreen, FileEventsScreen
 
         screen = self.context.upper_screen
         if screen is not None and screen.scope in FILE_SCOPES:
@@ -468,7 +468,7 @@ class SiloApp(Guarded, App[None]):
         self.context.run_flow(flows.leave(self.context))
 
     def _leave_file(self) -> None:
-        from silo_tui.screens.file_table import FileTableScreen
+        from silo_tui.screens.files.file_table import FileTableScreen
 
         while not isinstance(self.screen_stack[-1], FileTableScreen):
             self.pop_screen()
@@ -483,7 +483,7 @@ class SiloApp(Guarded, App[None]):
         self.command_quit_now()
 
     def command_help(self) -> None:
-        from silo_tui.screens.help import HelpScreen
+        from silo_tui.screens.lists.help import HelpScreen
 
         screen = self.context.upper_screen
         if screen is not None and not isinstance(self.screen, HelpScreen):
@@ -494,7 +494,7 @@ class SiloApp(Guarded, App[None]):
 
     def begin_command(self, word: str) -> None:
         """Open the command line over any screen, with a word typed already."""
-        from silo_tui.screens.command_line import CommandLine
+        from silo_tui.screens.dialogs.command_line import CommandLine
 
         def run(line: str | None) -> None:
             if line and line.strip(": "):

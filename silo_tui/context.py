@@ -19,7 +19,7 @@ from silo.net.access.senders import read_only_words
 from silo.rpc.frames import Frame
 from silo_tui.actions import BY_ID, Command, key_of, key_that_retries, typed_on, why_no_use
 from silo_tui.modal import Dialog, Leaving, run_alone
-from silo_tui.model.command_line import BY_KEY, Spelled
+from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session

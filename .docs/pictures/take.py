@@ -55,7 +55,7 @@ PLAY = (
 async def stills(folder: Path) -> None:
     """Draw the table and the monitor."""
     from silo_tui.app import SiloApp
-    from silo_tui.screens.exporting import picture
+    from silo_tui.screens.dialogs.exporting import picture
     from silo_tui.sessions.demo import Demo
     from silo_tui.sessions.finder import ClientFinder
 
@@ -85,7 +85,7 @@ async def stills(folder: Path) -> None:
 async def looks(folder: Path, picked: list[str]) -> None:
     """Draw the screens that all of the words pick, in each theme and size."""
     from silo_tui.app import SiloApp
-    from silo_tui.screens.exporting import picture
+    from silo_tui.screens.dialogs.exporting import picture
     from silo_tui.sessions.demo import Demo
     from silo_tui.sessions.finder import ClientFinder
     from silo_tui.settings.options import Settings

@@ -15,11 +15,11 @@ from silo.rpc.refusals import RefusedWhy
 from silo.state.requests import EditsApplied, Unsaved
 from silo_tui.actions import key_of
 from silo_tui.context import Context
-from silo_tui.model import text
-from silo_tui.model.changes import cost_of
-from silo_tui.model.fields import Field, phrase_for
-from silo_tui.model.table import PendingChange
-from silo_tui.screens.dialogs import Choice, Prompt, Question, confirmed, cost_text, diff_text
+from silo_tui.model.table.changes import cost_of
+from silo_tui.model.table.fields import Field, phrase_for
+from silo_tui.model.table.state import PendingChange
+from silo_tui.model.words import text
+from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, confirmed, cost_text, diff_text
 from silo_tui.sessions.live import why
 
 GONE = "the robot program is gone: start it again, silo-tui follows"
@@ -139,7 +139,7 @@ async def _stop_and_save(context: Context) -> bool:
 
 
 async def _save_all(context: Context) -> bool:
-    from silo_tui.screens.save_data import SaveDialog
+    from silo_tui.screens.files.save_data import SaveDialog
 
     files = await context.app.push_screen_wait(SaveDialog(context, at_once=True, go_on=True))
     return bool(files)
@@ -259,7 +259,7 @@ async def _settle_conflicts(context: Context) -> bool:
 
 async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldChange]]:
     """Return the script to load once its difference was seen, with what it changes beside elements; "" for none."""
-    from silo_tui.screens.scripts import script_diff_text, scripts_question
+    from silo_tui.screens.dialogs.scripts import script_diff_text, scripts_question
 
     link, name, seen = context.link, _script_name(path), False
     if not path:

@@ -15,9 +15,9 @@ from silo.core.quantities.writing import many
 from silo_tui.actions import key_of
 from silo_tui.context import Context
 from silo_tui.modal import run_aside
-from silo_tui.model import fleet
-from silo_tui.screens.dialogs import Choice, Prompt, Question
-from silo_tui.screens.loggers import LoggersScreen
+from silo_tui.model.lists import fleet
+from silo_tui.screens.dialogs.questions import Choice, Prompt, Question
+from silo_tui.screens.lists.loggers import LoggersScreen
 from silo_tui.sessions.finder import ClientFinder, FoundLogger
 
 if TYPE_CHECKING:

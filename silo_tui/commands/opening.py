@@ -13,7 +13,7 @@ from silo_tui.context import Context
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
 from silo_tui.modal import run_alone
-from silo_tui.screens.loggers import LoggersScreen
+from silo_tui.screens.lists.loggers import LoggersScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder, Found, FoundLogger

@@ -19,14 +19,14 @@ from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout, read, write
 from silo_tui.layouts.presets import BY_NAME, NEAR, PRESETS, near_limit
 from silo_tui.modal import run_alone
-from silo_tui.model import command_line
-from silo_tui.model.command_line import BY_KEY, Spelled
-from silo_tui.model.paths import typed_file
-from silo_tui.model.people import people_words
-from silo_tui.screens import recorder
-from silo_tui.screens.dialogs import Choice, Question, confirmed
-from silo_tui.screens.exporting import picture
-from silo_tui.screens.opened import open_path
+from silo_tui.model.words import command_line
+from silo_tui.model.words.command_line import BY_KEY, Spelled
+from silo_tui.model.words.paths import typed_file
+from silo_tui.model.words.people import people_words
+from silo_tui.screens.dialogs import recorder
+from silo_tui.screens.dialogs.exporting import picture
+from silo_tui.screens.dialogs.questions import Choice, Question, confirmed
+from silo_tui.screens.files.opened import open_path
 from silo_tui.sessions.live import why
 from silo_tui.settings.themes import THEMES
 from silo_tui.theme import theme_name
@@ -129,7 +129,7 @@ class CommandRunner:
         self._context.run_flow(flows.save_script(self._context, None if typed is BY_KEY else typed.first))
 
     def command_save_data(self, typed: Spelled) -> None:
-        from silo_tui.screens.save_data import SaveDialog
+        from silo_tui.screens.files.save_data import SaveDialog
 
         types, name = command_line.read_save(typed.arguments)
         self._context.app.push_screen(SaveDialog(self._context, types, name, at_once=bool(typed.arguments)))

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 from silo_tui.context import Context
 from silo_tui.layouts.layout import KeptLayout
-from silo_tui.model.table_columns import TREE
-from silo_tui.model.window import SPANS_S
-from silo_tui.screens.monitor import MonitorScreen
+from silo_tui.model.drawing.window import SPANS_S
+from silo_tui.model.table.columns import TREE
+from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.live import Session
 

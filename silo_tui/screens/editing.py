@@ -11,12 +11,12 @@ from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.settings.typed import ElementSettings, examples, read_settings
 from silo_tui.actions import BY_ID, Command, key_of
-from silo_tui.model import derived
-from silo_tui.model.command_line import Spelled
-from silo_tui.model.fields import Field, next_value, parse_change, phrase_for
-from silo_tui.model.table_columns import STEADY
-from silo_tui.screens.derive import ask_derived, forget
-from silo_tui.screens.dialogs import Choice, Question
+from silo_tui.model.table import derived
+from silo_tui.model.table.columns import STEADY
+from silo_tui.model.table.fields import Field, next_value, parse_change, phrase_for
+from silo_tui.model.words.command_line import Spelled
+from silo_tui.screens.dialogs.derive import ask_derived, forget
+from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.elements import ElementsScreen
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.element_table import ElementTable
@@ -109,8 +109,8 @@ class Editing(ElementsScreen):
 
     def _make(self, answer: str | None, made: TriggerOptions, name: str) -> None:
         """Go to the editor of a trigger, or of limits."""
-        from silo_tui.screens.alarms import AlarmsScreen
-        from silo_tui.screens.triggers import TriggersScreen
+        from silo_tui.screens.lists.alarms import AlarmsScreen
+        from silo_tui.screens.lists.triggers import TriggersScreen
 
         if answer == "trigger":
             triggers = TriggersScreen(self.session)

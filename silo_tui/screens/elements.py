@@ -12,8 +12,8 @@ from textual.widgets import Input, Static
 
 from silo.rpc.frames import Frame
 from silo_tui.context import SiloScreen
-from silo_tui.model import filter as filters
-from silo_tui.model.command_line import BY_KEY, Spelled
+from silo_tui.model.table import filter as filters
+from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.element_table import ElementTable, TableHead
@@ -257,7 +257,7 @@ class ElementsScreen(SiloScreen):
         self.context.table_changed()
 
     def command_sort(self, typed: Spelled = BY_KEY) -> None:
-        from silo_tui.screens.order import OrderDialog
+        from silo_tui.screens.dialogs.order import OrderDialog
 
         rows = self.session.rows
         if typed is not BY_KEY:

@@ -10,12 +10,12 @@ from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
-from silo_tui.model import text
-from silo_tui.model.cells import statistic_head
-from silo_tui.model.columns import ColumnStore
-from silo_tui.model.command_line import BY_KEY, Spelled
-from silo_tui.model.fields import Field
-from silo_tui.model.table_columns import LIVE_COLUMNS
+from silo_tui.model.drawing.columns import ColumnStore
+from silo_tui.model.table.cells import statistic_head
+from silo_tui.model.table.columns import LIVE_COLUMNS
+from silo_tui.model.table.fields import Field
+from silo_tui.model.words import text
+from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.editing import Editing
 from silo_tui.screens.elements import WIDE
 from silo_tui.sessions.link import ViewRequest
@@ -264,12 +264,12 @@ class TableScreen(Editing):
         self.inspector.refresh()
 
     def _open_left(self) -> None:
-        from silo_tui.screens.opened import open_saved
+        from silo_tui.screens.files.opened import open_saved
 
         run_alone(self, "opening", open_saved, self.context, self.session, self.session.left_files)
 
     def command_monitor(self) -> None:
-        from silo_tui.screens.monitor import MonitorScreen
+        from silo_tui.screens.plots.monitor import MonitorScreen
 
         rows = self.session.rows
         chosen = rows.targets()

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from silo_tui.model.table import KeptEdit
+from silo_tui.model.table.state import KeptEdit
 
 
 class KeptEdits(msgspec.Struct, frozen=True):

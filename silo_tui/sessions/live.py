@@ -22,18 +22,18 @@ from silo.rpc.quantities import SLOW, SLOW_SHARE
 from silo.rpc.refusals import RefusedWhy
 from silo.settings.typed import ElementSettings, apply_settings
 from silo.state.requests import EditsApplied, Unsaved
-from silo_tui.model.columns import ColumnStore
-from silo_tui.model.facts import Facts
-from silo_tui.model.fields import options_of, rows_of
-from silo_tui.model.happened import newest
-from silo_tui.model.limits import Bounds4
-from silo_tui.model.live import LiveValues
-from silo_tui.model.overlay import Overlay
-from silo_tui.model.recorders import WritingPace
-from silo_tui.model.rows import RowList
-from silo_tui.model.sparklines import trends
-from silo_tui.model.table import TableState
-from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn
+from silo_tui.model.drawing.columns import ColumnStore
+from silo_tui.model.drawing.sparklines import trends
+from silo_tui.model.lists.happened import newest
+from silo_tui.model.lists.recorders import WritingPace
+from silo_tui.model.plots.limits import Bounds4
+from silo_tui.model.plots.overlay import Overlay
+from silo_tui.model.samples.live import LiveValues
+from silo_tui.model.table.columns import LIVE_COLUMNS, TableColumn
+from silo_tui.model.table.facts import Facts
+from silo_tui.model.table.fields import options_of, rows_of
+from silo_tui.model.table.rows import RowList
+from silo_tui.model.table.state import TableState
 from silo_tui.sessions.link import Link, ViewRequest
 from silo_tui.sessions.parameters import Knobs
 from silo_tui.sessions.recordings import Fetching

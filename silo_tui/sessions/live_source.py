@@ -10,9 +10,9 @@ import numpy as np
 from silo.core.arrays.columns import MAX_COLUMNS, HistoryColumns
 from silo.core.elements import ElementInfo, LoggedEvent
 from silo.errors import RefusedError
-from silo_tui.model.columns import ColumnStore
-from silo_tui.model.happened import of_last_run
-from silo_tui.model.source import Samples, entry_samples
+from silo_tui.model.drawing.columns import ColumnStore
+from silo_tui.model.lists.happened import of_last_run
+from silo_tui.model.samples.source import Samples, entry_samples
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from silo.core.tuning.parameters import ParameterInfo, ParameterValue, value_text
 from silo.errors import ElementError, RefusedError
-from silo_tui.model.parameters import stepped, why_fixed
+from silo_tui.model.lists.parameters import stepped, why_fixed
 from silo_tui.sessions.link import Link
 
 if TYPE_CHECKING:

@@ -13,11 +13,11 @@ from silo.core.elements import BufferType
 from silo.errors import RefusedError, SiloError
 from silo.expressions.search import FoundMoments, Looking
 from silo.expressions.span import Between
-from silo_tui.model import text
-from silo_tui.model.buffers import PinHandle
-from silo_tui.model.held import HeldSource
-from silo_tui.model.plots import Plotted
-from silo_tui.model.source import HeldRows, PlotSource, Samples, entry_samples
+from silo_tui.model.drawing.plots import Plotted
+from silo_tui.model.samples.buffers import PinHandle
+from silo_tui.model.samples.held import HeldSource
+from silo_tui.model.samples.source import HeldRows, PlotSource, Samples, entry_samples
+from silo_tui.model.words import text
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.live_source import in_pieces

@@ -22,15 +22,15 @@ from silo.core.quantities.writing import many, size_text
 from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, FileFormatError, LogWarning
 from silo.judging.definitions import bind_limits, scalar_names, table_catalogue
-from silo_tui.model import text
-from silo_tui.model.columns import ColumnPiece
-from silo_tui.model.facts import Facts
-from silo_tui.model.file_facts import FileFacts
-from silo_tui.model.limits import Bounds4
-from silo_tui.model.plots import trend
-from silo_tui.model.recorded import WHOLE, RecordingSource
-from silo_tui.model.table_columns import FILE_COLUMNS
-from silo_tui.model.window import SECOND_NS, PlotWindow
+from silo_tui.model.drawing.columns import ColumnPiece
+from silo_tui.model.drawing.plots import trend
+from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
+from silo_tui.model.plots.limits import Bounds4
+from silo_tui.model.samples.recorded import WHOLE, RecordingSource
+from silo_tui.model.table.columns import FILE_COLUMNS
+from silo_tui.model.table.facts import Facts
+from silo_tui.model.table.file_facts import FileFacts
+from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock

@@ -15,9 +15,9 @@ from silo.core.quantities.writing import clock_text
 from silo.core.stalls import idle_words, is_stalled
 from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_that_retries, with_keys
 from silo_tui.keymap import in_bar
-from silo_tui.model import text
-from silo_tui.model.conditions import head_words
-from silo_tui.model.people import head_words as people_head
+from silo_tui.model.lists.conditions import head_words
+from silo_tui.model.words import text
+from silo_tui.model.words.people import head_words as people_head
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import thin_head
 from silo_tui.unforeseen import Guarded

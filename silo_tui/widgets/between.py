@@ -8,8 +8,8 @@ from textual.widgets import Static
 
 from silo.expressions.span import Between
 from silo_tui.actions import key_of
-from silo_tui.model import text
-from silo_tui.model.names import fitted_among
+from silo_tui.model.words import text
+from silo_tui.model.words.names import fitted_among
 from silo_tui.unforeseen import Guarded
 
 MOST_LINES = 8

@@ -13,9 +13,9 @@ from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
-from silo_tui.model.big_plot import BigPlot
-from silo_tui.model.dots import BLANK
-from silo_tui.model.panel_picture import AXIS
+from silo_tui.model.drawing.big_plot import BigPlot
+from silo_tui.model.drawing.dots import BLANK
+from silo_tui.model.plots.picture import AXIS
 from silo_tui.unforeseen import Guarded
 from silo_tui.widgets.plot_stack import CURSOR_A
 from silo_tui.widgets.series import series_style

@@ -19,13 +19,9 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
-from silo_tui.model import text
-from silo_tui.model.cells import ENTRY, Sight
-from silo_tui.model.fields import Field
-from silo_tui.model.live import cells_of_value
-from silo_tui.model.names import MIN_WIDTH, fitting_names, shared_space
-from silo_tui.model.rows import RowList
-from silo_tui.model.table_columns import (
+from silo_tui.model.samples.live import cells_of_value
+from silo_tui.model.table.cells import ENTRY, Sight
+from silo_tui.model.table.columns import (
     ADDED,
     FILE_SETS,
     LIVE_SETS,
@@ -36,7 +32,11 @@ from silo_tui.model.table_columns import (
     in_set,
     shown_columns,
 )  # fmt: skip
-from silo_tui.model.tree import entry_of, row_of
+from silo_tui.model.table.fields import Field
+from silo_tui.model.table.rows import RowList
+from silo_tui.model.table.tree import entry_of, row_of
+from silo_tui.model.words import text
+from silo_tui.model.words.names import MIN_WIDTH, fitting_names, shared_space
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
 from silo_tui.unforeseen import Guarded

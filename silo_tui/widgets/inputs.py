@@ -12,7 +12,7 @@ from textual.suggester import Suggester
 from textual.widget import Widget
 from textual.widgets import Input
 
-from silo_tui.model.fields import Field
+from silo_tui.model.table.fields import Field
 from silo_tui.unforeseen import Guarded
 
 # what Input binds keys to: backspace, arrows and the like

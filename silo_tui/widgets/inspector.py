@@ -17,12 +17,13 @@ from silo.core.elements import ElementInfo
 from silo.core.quantities.writing import many
 from silo.rpc.published import NOT_LIVE_TEXTS
 from silo_tui.actions import key_of
-from silo_tui.model import braille, text
-from silo_tui.model.cells import span_words, type_word
-from silo_tui.model.columns import ColumnStore, hold_piece
-from silo_tui.model.fields import Field, phrase_for
-from silo_tui.model.live import Reading, entry_text, fill_share
-from silo_tui.model.plots import signs_of, small_plot
+from silo_tui.model.drawing import braille
+from silo_tui.model.drawing.columns import ColumnStore, hold_piece
+from silo_tui.model.drawing.plots import signs_of, small_plot
+from silo_tui.model.samples.live import Reading, entry_text, fill_share
+from silo_tui.model.table.cells import span_words, type_word
+from silo_tui.model.table.fields import Field, phrase_for
+from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
 from silo_tui.unforeseen import Guarded

@@ -7,9 +7,9 @@ from textual.app import RenderResult
 
 from silo.core.quantities.writing import many
 from silo_tui.actions import key_of
-from silo_tui.model import text
-from silo_tui.model.table_columns import STEADY
-from silo_tui.model.window import PlotWindow
+from silo_tui.model.drawing.window import PlotWindow
+from silo_tui.model.table.columns import STEADY
+from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import LONG, STATISTICS, FittingLine, LinePart, color
 

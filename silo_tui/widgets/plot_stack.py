@@ -18,16 +18,16 @@ from textual.widget import Widget
 
 from silo.core.arrays.columns import Gap
 from silo_tui.actions import key_of
-from silo_tui.model import braille, lanes, text
-from silo_tui.model.columns import ColumnPiece, ColumnStore
-from silo_tui.model.dots import BLANK
-from silo_tui.model.happened import EVENT_LINE, columns_of, in_plots
-from silo_tui.model.limits import Bounds4
-from silo_tui.model.live import Reading, offset_text
-from silo_tui.model.names import fitted_among
-from silo_tui.model.overlay import ghost_piece
-from silo_tui.model.panel_picture import AXIS, LIMIT, RED, YELLOW, Drawn, PanelSource, drawn
-from silo_tui.model.panels import (
+from silo_tui.model.drawing import braille, lanes
+from silo_tui.model.drawing.columns import ColumnPiece, ColumnStore
+from silo_tui.model.drawing.dots import BLANK
+from silo_tui.model.drawing.plots import HOLE, NOBODY, Plotted, pieces_of
+from silo_tui.model.drawing.window import PlotWindow
+from silo_tui.model.lists.happened import EVENT_LINE, columns_of, in_plots
+from silo_tui.model.plots.facts import PlotFacts, missing
+from silo_tui.model.plots.limits import Bounds4
+from silo_tui.model.plots.overlay import ghost_piece
+from silo_tui.model.plots.panels import (
     LETTERS,
     MAX_SERIES,
     CurveKind,
@@ -41,11 +41,12 @@ from silo_tui.model.panels import (
     stacked,
     title_lines,
 )
-from silo_tui.model.plot_facts import PlotFacts, missing
-from silo_tui.model.plots import HOLE, NOBODY, Plotted, pieces_of
-from silo_tui.model.source import PlotSource
-from silo_tui.model.time_axis import axis_line, axis_word
-from silo_tui.model.window import PlotWindow
+from silo_tui.model.plots.picture import AXIS, LIMIT, RED, YELLOW, Drawn, PanelSource, drawn
+from silo_tui.model.plots.time_axis import axis_line, axis_word
+from silo_tui.model.samples.live import Reading, offset_text
+from silo_tui.model.samples.source import PlotSource
+from silo_tui.model.words import text
+from silo_tui.model.words.names import fitted_among
 from silo_tui.unforeseen import Guarded
 from silo_tui.widgets.series import most_series, series_style
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from silo_tui.model import text
-from silo_tui.model.live import offset_text
-from silo_tui.model.plots import Plotted
-from silo_tui.model.window import PlotWindow
+from silo_tui.model.drawing.plots import Plotted
+from silo_tui.model.drawing.window import PlotWindow
+from silo_tui.model.samples.live import offset_text
+from silo_tui.model.words import text
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.plot_stack import PlotStack
 

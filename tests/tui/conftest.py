@@ -22,8 +22,8 @@ from silo.core.elements import Action, ElementInfo
 from silo_tui.actions import BY_ID, with_keys
 from silo_tui.app import SiloApp
 from silo_tui.keymap import DEFAULT, use_keys
-from silo_tui.model.fields import Field, phrase_for
-from silo_tui.screens.file_table import FileTableScreen
+from silo_tui.model.table.fields import Field, phrase_for
+from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.sessions.recorded import open_file
 from silo_tui.settings.options import Settings
 from tests.stand_ins.fake_logger import FakeClient, FakeFinder

@@ -4,8 +4,8 @@ import pytest
 from textual import events
 from textual.geometry import Size
 
-from silo_tui.model.fields import Field
-from silo_tui.screens.monitor import MonitorScreen
+from silo_tui.model.table.fields import Field
+from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
 from tests.tui.conftest import character_of
 

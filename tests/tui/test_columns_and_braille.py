@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo_tui.model import braille, dots
-from silo_tui.model.columns import ColumnStore, hold
-from silo_tui.model.window import PlotWindow
+from silo_tui.model.drawing import braille, dots
+from silo_tui.model.drawing.columns import ColumnStore, hold
+from silo_tui.model.drawing.window import PlotWindow
 
 values = st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=60).map(np.array)
 

@@ -6,7 +6,7 @@ from msgspec.structs import replace
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.elements import SignalLimits, TriggerOptions, TriggerWord
 from silo.errors import ElementError, RefusedError
-from silo_tui.model.conditions import (
+from silo_tui.model.lists.conditions import (
     fields_of,
     head_words,
     limit_row,
@@ -15,8 +15,8 @@ from silo_tui.model.conditions import (
     tried_lines,
     trigger_row,
 )
-from silo_tui.model.limit_line import fields_of as fields_of_limits
-from silo_tui.model.limit_line import line_of, read_limits
+from silo_tui.model.plots.limit_line import fields_of as fields_of_limits
+from silo_tui.model.plots.limit_line import line_of, read_limits
 
 NOW_NS = 1_790_000_100_000_000_000
 FALL = TriggerStatus(
@@ -449,7 +449,7 @@ async def test_twelve_motors_look_different_in_the_alarms(fake, opened):
 
 @pytest.mark.slow
 async def test_more_alarms_than_are_listed_are_told(fake, opened, monkeypatch):
-    monkeypatch.setattr("silo_tui.screens.alarms.MOST_LINES", 1)
+    monkeypatch.setattr("silo_tui.screens.lists.alarms.MOST_LINES", 1)
     fake.limit_statuses = [HOT, COLD]
     async with opened(fake) as screen:
         await screen.press("A")

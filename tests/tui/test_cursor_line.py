@@ -2,7 +2,7 @@
 
 import pytest
 
-from silo_tui.model.fields import Field
+from silo_tui.model.table.fields import Field
 
 
 @pytest.mark.parametrize("field", list(Field))

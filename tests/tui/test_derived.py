@@ -8,10 +8,10 @@ import pytest
 from silo.core.elements import Derived, Table
 from silo.errors import ElementError
 from silo.expressions.derived_signals import derived_infos
-from silo_tui.model import derived
-from silo_tui.model import filter as filters
-from silo_tui.model.fields import Field
-from silo_tui.model.table import TableState
+from silo_tui.model.table import derived
+from silo_tui.model.table import filter as filters
+from silo_tui.model.table.fields import Field
+from silo_tui.model.table.state import TableState
 
 POWER = Derived("/log/power", "2 * imu/acceleration", "W")
 

@@ -11,7 +11,7 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
 from silo_tui import screens as every_screen
 from silo_tui.actions import COMMANDS, footer_for
-from silo_tui.model.fields import Field
+from silo_tui.model.table.fields import Field
 from silo_tui.screens.table import TableScreen
 
 pytestmark = pytest.mark.slow  # each walks through the whole app

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, Entry, Table
-from silo_tui.model.fields import Field, values_of
-from silo_tui.model.table import TableState
+from silo_tui.model.table.fields import Field, values_of
+from silo_tui.model.table.state import TableState
 from silo_tui.sessions.kept import lives
 
 COUNT = 4

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from silo.core.elements import Table
-from silo_tui.model.changes import cost_of, groups_of
-from silo_tui.model.fields import Field
-from silo_tui.model.table import TableState
-from silo_tui.screens.dialogs import Question
+from silo_tui.model.table.changes import cost_of, groups_of
+from silo_tui.model.table.fields import Field
+from silo_tui.model.table.state import TableState
+from silo_tui.screens.dialogs.questions import Question
 from silo_tui.sessions import kept
 
 pytestmark = pytest.mark.slow  # each walks through the whole app

@@ -8,13 +8,9 @@ from silo.settings.typed import examples
 from silo_tui.actions import BY_WORD, COMMANDS
 from silo_tui.app import SiloApp
 from silo_tui.commands.runner import CommandRunner
-from silo_tui.model.cells import Sight
-from silo_tui.model.fields import Field
-from silo_tui.model.filter import parse
-from silo_tui.model.live import LiveValues
-from silo_tui.model.rows import RowList
-from silo_tui.model.table import TableState
-from silo_tui.model.table_columns import (
+from silo_tui.model.samples.live import LiveValues
+from silo_tui.model.table.cells import Sight
+from silo_tui.model.table.columns import (
     FILE_COLUMNS,
     FILE_SETS,
     LIVE_COLUMNS,
@@ -24,6 +20,10 @@ from silo_tui.model.table_columns import (
     orders_of,
     shown_columns,
 )  # fmt: skip
+from silo_tui.model.table.fields import Field
+from silo_tui.model.table.filter import parse
+from silo_tui.model.table.rows import RowList
+from silo_tui.model.table.state import TableState
 from silo_tui.screens.table import TableScreen
 from tests.stand_ins.fake_logger import FakeClient
 

@@ -7,7 +7,17 @@ from silo.core.elements import BufferType, Entry, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo.files.silo.writer import write_silo
 from silo_tui.app import SiloApp
-from silo_tui.model.happened import MOST, columns_of, gone_words, in_plots, line, matches, newest, of_last_run, words
+from silo_tui.model.lists.happened import (
+    MOST,
+    columns_of,
+    gone_words,
+    in_plots,
+    line,
+    matches,
+    newest,
+    of_last_run,
+    words,
+)
 from silo_tui.sessions.recorded import open_file
 
 SECOND = 10**9

@@ -8,9 +8,9 @@ import pytest
 
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.errors import SiloError
-from silo_tui.model.panels import stacked
-from silo_tui.model.plots import Plotted
-from silo_tui.screens.exporting import csv_text, export, free_name
+from silo_tui.model.drawing.plots import Plotted
+from silo_tui.model.plots.panels import stacked
+from silo_tui.screens.dialogs.exporting import csv_text, export, free_name
 
 
 def plotted(name, unit="Nm", dtype="<f8"):

@@ -7,8 +7,8 @@ from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.silo.writer import write_silo
 from silo.rpc.quantities import FROZEN, LOST, NOT_FINITE, SLOW
-from silo_tui.model import file_facts
-from silo_tui.model.file_facts import FileFacts
+from silo_tui.model.table import file_facts
+from silo_tui.model.table.file_facts import FileFacts
 
 STEP_NS = 10_000_000
 TICKS = 1000

@@ -11,7 +11,7 @@ from silo.core.arrays.columns import Gap, NonFinite, holes_of
 from silo.core.arrays.values import newest_values
 from silo.core.elements import BufferType, CaptureFacts, Conditions, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
-from silo_tui.model.recorded import RecordingSource
+from silo_tui.model.samples.recorded import RecordingSource
 from tests.examples import examples
 
 START_NS = 1_790_000_000_123_456_789

@@ -11,9 +11,9 @@ from silo.core.recording import Failures, RecordedElement, RecordedEntry, Record
 from silo.files.silo.writer import write_silo
 from silo_tui.actions import BY_ID, FILE_SCOPES, commands_for
 from silo_tui.app import SiloApp
-from silo_tui.model.fields import Field
-from silo_tui.screens.detail import FileDetailScreen
-from silo_tui.screens.file_table import FileTableScreen
+from silo_tui.model.table.fields import Field
+from silo_tui.screens.files.file_table import FileTableScreen
+from silo_tui.screens.plots.detail import FileDetailScreen
 from silo_tui.sessions.recorded import FileSession
 
 pytestmark = pytest.mark.slow  # each walks through the whole app

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from silo.core.elements import Action, BufferType, ElementOptions, Table
 from silo.settings.typed import apply_settings
-from silo_tui.model import filter as filters
-from silo_tui.model.fields import Field, parse_change, values_of
-from silo_tui.model.rows import RowList
-from silo_tui.model.table import TableState
+from silo_tui.model.table import filter as filters
+from silo_tui.model.table.fields import Field, parse_change, values_of
+from silo_tui.model.table.rows import RowList
+from silo_tui.model.table.state import TableState
 
 
 @pytest.fixture
@@ -93,7 +93,7 @@ def test_a_term_being_typed_hides_nothing(rows, text):
 
 
 def test_names_sort_as_people_count():
-    from silo_tui.model.rows import natural_key
+    from silo_tui.model.table.rows import natural_key
 
     assert sorted(["/j10", "/j2", "/J1"], key=natural_key) == ["/J1", "/j2", "/j10"]
 

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from silo.core.elements import Table
 from silo.rpc.quantities import FROZEN, NOT_FINITE, SLOW
-from silo_tui.model import filter as filters
-from silo_tui.model.facts import Facts
-from silo_tui.model.fields import Field
-from silo_tui.model.table import TableState
+from silo_tui.model.table import filter as filters
+from silo_tui.model.table.facts import Facts
+from silo_tui.model.table.fields import Field
+from silo_tui.model.table.state import TableState
 
 
 @pytest.fixture

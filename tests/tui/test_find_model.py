@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.expressions.span import Measuring, between
-from silo_tui.model.find import Search, What, neighbour, parse_crossing, places_of
+from silo_tui.model.samples.find import Search, What, neighbour, parse_crossing, places_of
 
 PERIOD = 10
 values = st.lists(st.sampled_from([0.0, 1.0, 2.5, -3.0, 7.0, math.nan, math.inf, -math.inf]), max_size=30)

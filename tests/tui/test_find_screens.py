@@ -9,7 +9,7 @@ from silo.analysis.log import Log
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.app import SiloApp
-from silo_tui.screens.monitor import FileMonitorScreen
+from silo_tui.screens.plots.monitor import FileMonitorScreen
 from silo_tui.sessions.recorded import FileSession
 
 pytestmark = pytest.mark.slow  # each walks through the whole app

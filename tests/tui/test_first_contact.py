@@ -9,7 +9,7 @@ from textual import events
 from silo.core.elements import FileType, State
 from silo.rpc.published import EventKind
 from silo_tui import context
-from silo_tui.model.fields import Field
+from silo_tui.model.table.fields import Field
 from tests.stand_ins.fake_logger import FakeClient
 from tests.stand_ins.fake_signals import scalar
 from tests.waiting import DEADLINE_S

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo_tui.model.fields import Field
+from silo_tui.model.table.fields import Field
 from silo_tui.widgets.bars import LinePart, fitting
 
 PART = st.builds(LinePart, st.integers(0, 9), st.text("abc", max_size=9))

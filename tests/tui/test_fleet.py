@@ -8,8 +8,8 @@ from silo.errors import RefusedError
 from silo.fleet.member import Member, Stands
 from silo.net.found import LoggerAddress
 from silo.rpc.published import Summary
-from silo_tui.model import fleet
-from silo_tui.model.lists import arranged
+from silo_tui.model.lists import fleet
+from silo_tui.model.lists.ordering import arranged
 
 NOW_S, NOW_NS = 1000.0, 1_790_000_400 * 10**9
 FINE = Summary(
@@ -108,7 +108,7 @@ def test_a_question_names_each_with_what_it_has_not_saved() -> None:
 @pytest.fixture
 def robots(new_fake, new_finder, monkeypatch):
     """Three loggers, with how they stand."""
-    monkeypatch.setattr("silo_tui.screens.loggers.time.time_ns", lambda: NOW_NS)
+    monkeypatch.setattr("silo_tui.screens.lists.loggers.time.time_ns", lambda: NOW_NS)
     fakes = [new_fake(name=name) for name in ("arm", "base", "legs")]
     monkeypatch.setattr(new_finder, "find", _with_members(new_finder.find))
     return fakes

@@ -5,10 +5,10 @@ from rich.cells import cell_len
 
 from silo.settings.typed import OPTIONS
 from silo_tui.actions import BY_ID, COMMANDS, commands_for
-from silo_tui.model.facts import OLD, SIGNS
-from silo_tui.model.fields import Field
-from silo_tui.model.filter import TERMS
-from silo_tui.screens.help import column_count, entries, page
+from silo_tui.model.table.facts import OLD, SIGNS
+from silo_tui.model.table.fields import Field
+from silo_tui.model.table.filter import TERMS
+from silo_tui.screens.lists.help import column_count, entries, page
 
 SCOPES = sorted({scope for command in COMMANDS for scope in command.scopes} - {"any"})
 

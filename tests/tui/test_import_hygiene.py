@@ -22,7 +22,7 @@ def modules_after(code):
 def test_the_model_knows_neither_textual_nor_zenoh():
     code = (
         "import pkgutil, importlib, silo_tui.model as model\n"
-        "for each in pkgutil.iter_modules(model.__path__):\n    importlib.import_module('silo_tui.model.' + each.name)"
+        "for each in pkgutil.walk_packages(model.__path__, 'silo_tui.model.'):\n    importlib.import_module(each.name)"
     )
     assert not modules_after(code) & {"textual", "zenoh", "rich"}
 

@@ -10,10 +10,10 @@ from textual import events
 
 from silo.conditions.standing import TriggerStatus
 from silo.core.elements import TriggerOptions, TriggerWord
-from silo_tui.screens.recordings import RecordingsScreen
-from silo_tui.screens.settings import SettingsScreen
+from silo_tui.screens.lists.recordings import RecordingsScreen
+from silo_tui.screens.lists.settings import SettingsScreen
+from silo_tui.screens.lists.triggers import TriggersScreen
 from silo_tui.screens.table import TableScreen
-from silo_tui.screens.triggers import TriggersScreen
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 

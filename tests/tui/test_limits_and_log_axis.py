@@ -8,10 +8,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from silo.conditions.standing import LimitStatus, LimitWord
-from silo_tui.model import braille
-from silo_tui.model.limits import inner, lines_of
-from silo_tui.model.log_axis import axis_of, scale_of, words_of
-from silo_tui.model.plots import Axis
+from silo_tui.model.drawing import braille
+from silo_tui.model.drawing.log_axis import axis_of, scale_of, words_of
+from silo_tui.model.drawing.plots import Axis
+from silo_tui.model.plots.limits import inner, lines_of
 
 HEIGHT = 12
 TORQUE = "/log/legs/LF/HAA/torque"

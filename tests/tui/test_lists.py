@@ -2,7 +2,7 @@
 
 import pytest
 
-from silo_tui.model.lists import Marks, Order, arranged, passes
+from silo_tui.model.lists.ordering import Marks, Order, arranged, passes
 
 SHOWN = ["a", "b", "c", "d"]
 

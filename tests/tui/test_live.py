@@ -5,8 +5,8 @@ import pytest
 
 from silo.core.elements import ElementInfo, ElementOptions, Entry
 from silo.core.quantities.writing import clock_text
-from silo_tui.model import text
-from silo_tui.model.live import Reading, entry_text, value_text
+from silo_tui.model.samples.live import Reading, entry_text, value_text
+from silo_tui.model.words import text
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,8 @@
 import pytest
 
 from silo_tui import terminal
-from silo_tui.model.panel_picture import AXIS
-from silo_tui.screens.monitor import MonitorScreen
+from silo_tui.model.plots.picture import AXIS
+from silo_tui.screens.plots.monitor import MonitorScreen
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.core.quantities.writing import size_text
-from silo_tui.model import text
-from silo_tui.model.names import cells, first_levels, fitting_names, fitting_names_below, without_prefix
+from silo_tui.model.words import text
+from silo_tui.model.words.names import cells, first_levels, fitting_names, fitting_names_below, without_prefix
 
 # cells for names in a table of 80, 120 and 160 columns with the columns of settings or of statistics
 WIDTHS = [20, 29, 52]

@@ -3,7 +3,7 @@
 import pytest
 
 from silo_tui.commands.runner import CommandRunner
-from silo_tui.model.fields import Field
+from silo_tui.model.table.fields import Field
 
 pytestmark = pytest.mark.slow
 

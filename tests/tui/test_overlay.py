@@ -7,13 +7,13 @@ from silo.core.arrays.columns import HistoryColumns
 from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
-from silo_tui.model.columns import ColumnPiece, ColumnStore
-from silo_tui.model.overlay import ghost_piece, overlay_of
-from silo_tui.model.plots import Plotted, draw_panel, together
-from silo_tui.model.recorded import RecordingSource
-from silo_tui.model.window import PlotWindow
-from silo_tui.screens.monitor import MonitorScreen
-from silo_tui.screens.recordings import RecordingsScreen
+from silo_tui.model.drawing.columns import ColumnPiece, ColumnStore
+from silo_tui.model.drawing.plots import Plotted, draw_panel, together
+from silo_tui.model.drawing.window import PlotWindow
+from silo_tui.model.plots.overlay import ghost_piece, overlay_of
+from silo_tui.model.samples.recorded import RecordingSource
+from silo_tui.screens.lists.recordings import RecordingsScreen
+from silo_tui.screens.plots.monitor import MonitorScreen
 from tests.stand_ins.fake_signals import START_NS
 
 SECOND = 10**9

@@ -11,11 +11,11 @@ from rich.color import ColorSystem
 
 from silo.core.arrays.columns import ColumnStore
 from silo.core.elements import ElementInfo, ElementOptions, Entry
-from silo_tui.model import axes, braille, dots, lanes
-from silo_tui.model.columns import ColumnPiece
-from silo_tui.model.panels import first_to_show, gathered, heights, isolate, join, least_height, sides, stacked
-from silo_tui.model.plots import Plotted, draw_panel, together
-from silo_tui.model.window import PlotWindow
+from silo_tui.model.drawing import axes, braille, dots, lanes
+from silo_tui.model.drawing.columns import ColumnPiece
+from silo_tui.model.drawing.plots import Plotted, draw_panel, together
+from silo_tui.model.drawing.window import PlotWindow
+from silo_tui.model.plots.panels import first_to_show, gathered, heights, isolate, join, least_height, sides, stacked
 from silo_tui.widgets.series import _style
 
 

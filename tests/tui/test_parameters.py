@@ -9,7 +9,7 @@ from silo.core.tuning.asked import read_excitation
 from silo.core.tuning.parameters import ParameterChange, ParameterInfo, ParameterKind
 from silo.errors import ElementError
 from silo_tui.keymap import in_menu
-from silo_tui.model.parameters import BAR, history, range_bar, stepped, why_fixed
+from silo_tui.model.lists.parameters import BAR, history, range_bar, stepped, why_fixed
 from tests.stand_ins.fake_parameters import PARAMETERS
 
 HEIGHT, NAME, KP, FIXED = PARAMETERS

@@ -3,7 +3,7 @@
 import pytest
 
 from silo.core.elements import Present
-from silo_tui.model.people import head_words, people_words
+from silo_tui.model.words.people import head_words, people_words
 
 
 async def test_the_head_says_who_else_has_control_and_how_many_are_there(fake, opened):

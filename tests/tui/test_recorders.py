@@ -4,7 +4,7 @@ import pytest
 
 from silo.core.elements import RecorderState
 from silo.recorder.requests import RecorderInfo
-from silo_tui.model.recorders import WritingPace, head, row
+from silo_tui.model.lists.recorders import WritingPace, head, row
 
 SECOND = 10**9
 NOW_NS = 1_790_000_100 * SECOND

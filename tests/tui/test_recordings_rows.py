@@ -2,8 +2,8 @@
 
 from silo.core.elements import FileType
 from silo.recordings.requests import RecordingFile, SavedRecording
-from silo_tui.model import recordings as rows
-from silo_tui.model.lists import arranged, passes
+from silo_tui.model.lists import recordings as rows
+from silo_tui.model.lists.ordering import arranged, passes
 
 BEGIN = 1_790_000_000 * 10**9
 

@@ -16,9 +16,9 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamp
 from silo.errors import ConnectionLostError
 from silo.files import write
 from silo.rpc.published import EventKind
-from silo_tui.screens.file_table import FileTableScreen
-from silo_tui.screens.monitor import FileMonitorScreen, MonitorScreen
-from silo_tui.screens.recordings import FIRST, RecordingsScreen
+from silo_tui.screens.files.file_table import FileTableScreen
+from silo_tui.screens.lists.recordings import FIRST, RecordingsScreen
+from silo_tui.screens.plots.monitor import FileMonitorScreen, MonitorScreen
 from silo_tui.screens.table import TableScreen
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -544,7 +544,7 @@ async def test_without_a_link_the_list_stays_and_says_so(opened, fake, logs):
 
 @pytest.mark.parametrize("keys", [("G",), ("/", "b", "o", "b", "enter")])
 async def test_the_older_ones_come_when_one_goes_there_or_filters(opened, fake, logs, monkeypatch, keys):
-    monkeypatch.setattr("silo_tui.screens.recordings.FIRST", 2)
+    monkeypatch.setattr("silo_tui.screens.lists.recordings.FIRST", 2)
     async with opened(fake) as screen:
         await at_recordings(screen)
         await screen.shows("the newest 2 of 3 saved")

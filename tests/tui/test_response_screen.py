@@ -13,7 +13,7 @@ from silo.errors import ElementError
 from silo.files.silo.writer import write_silo
 from silo.history.arrays import SampleArrays
 from silo.parameters.requests import ExcitationState
-from silo_tui.model.responses import HeldResponse, HeldSamples, Response, last_told, named_signal, rate_words
+from silo_tui.model.lists.responses import HeldResponse, HeldSamples, Response, last_told, named_signal, rate_words
 from tests.files.test_responses import CHIRP, HZ, WAVES, FirstOrder, logged
 from tests.stand_ins.fake_signals import scalar, vector
 

@@ -9,9 +9,9 @@ from silo.core.elements import BufferType, Entry, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ElementError
 from silo.files import write
-from silo_tui.model.runs import together
-from silo_tui.screens.file_table import FileTableScreen
-from silo_tui.screens.runs import RunsScreen
+from silo_tui.model.lists.runs import together
+from silo_tui.screens.files.file_table import FileTableScreen
+from silo_tui.screens.lists.runs import RunsScreen
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from silo_tui.model.scope import (
+from silo_tui.model.plots.scope import (
     Mode,
     Scope,
     axis_word,

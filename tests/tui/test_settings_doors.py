@@ -13,7 +13,7 @@ from silo.core.elements import Action, BufferType, Edit, ElementOptions
 from silo.errors import ElementError, RefusedError, ScriptError
 from silo.settings.typed import find_option
 from silo_tui.commands.runner import CommandRunner
-from silo_tui.model.fields import Field, options_of, rows_of
+from silo_tui.model.table.fields import Field, options_of, rows_of
 from silo_tui.widgets.inputs import CellEditor
 
 START = ElementOptions(True, 8, Action.SAVE, BufferType.GROWING, 1000)

@@ -94,7 +94,7 @@ def still(monkeypatch):
     now_ns = START_NS + 3600 * 10**9
     clock = SimpleNamespace(time=lambda: now_ns / 1e9, time_ns=lambda: now_ns, monotonic=time.monotonic)
     for module in ("recordings", "recorders", "conditions"):
-        monkeypatch.setattr(f"silo_tui.model.{module}.time", clock)
+        monkeypatch.setattr(f"silo_tui.model.lists.{module}.time", clock)
     monkeypatch.setenv("TZ", "UTC")
     time.tzset()
     yield now_ns
@@ -138,7 +138,7 @@ def test_recordings(fake, new_finder, snap_compare, still, monkeypatch):
         RecorderInfo("imu", "/home/ann/logs/recordings", RecorderState.FAILED, ["imu"], parts=12, lost=3,
                      since_ns=still - 10**9, text="1.9 GB disk left"),
     ]  # fmt: skip
-    monkeypatch.setattr("silo_tui.model.recorders.RATE_S", 1e9)
+    monkeypatch.setattr("silo_tui.model.lists.recorders.RATE_S", 1e9)
     steps = by_keys("1.9 GB disk left", "F")
     assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
 
@@ -172,7 +172,7 @@ def test_alarms(fake, new_finder, snap_compare, still):
 
 def test_the_fleet(new_fake, new_finder, snap_compare, still, monkeypatch):
     clock = SimpleNamespace(time=lambda: still / 1e9, time_ns=lambda: still, monotonic=lambda: 1000.0)
-    for module in ("model.fleet", "screens.loggers"):
+    for module in ("model.lists.fleet", "screens.lists.loggers"):
         monkeypatch.setattr(f"silo_tui.{module}.time", clock)
     fine = Summary(
         state=State.RUNNING, frequency_hz=400.0, measured_hz=400.0, ticks=118_024, started_ns=still - 330 * 10**9,
@@ -259,7 +259,7 @@ async def to_plots(pilot, *keys):
 )
 def test_what_opens_over_plots(fake, new_finder, snap_compare, still, monkeypatch, keys, ready):
     fake.run(20)
-    for module in ("sessions.pause", "screens.scope"):  # how long it stands still, or waits
+    for module in ("sessions.pause", "screens.plots.scope"):  # how long it stands still, or waits
         monkeypatch.setattr(f"silo_tui.{module}.time", SimpleNamespace(monotonic=lambda: 0.0))
 
     async def steps(pilot):

@@ -14,8 +14,8 @@ from silo.analysis.signal import Signal
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import LogWarning
-from silo_tui.model import big_plot
-from silo_tui.model.pairs import histogram_of, pair_of
+from silo_tui.model.drawing import big_plot
+from silo_tui.model.drawing.pairs import histogram_of, pair_of
 
 HZ = 400
 PERIOD_NS = 2_500_000

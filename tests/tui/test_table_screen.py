@@ -8,7 +8,7 @@ from textual import events
 
 from silo.core.elements import State
 from silo.rpc.published import EventKind
-from silo_tui.model.fields import Field
+from silo_tui.model.table.fields import Field
 from tests.stand_ins.fake_signals import scalar, signal
 
 FIRST = "/log/base/orientation"

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from silo.core.elements import Table
 from silo.rpc.quantities import FROZEN, NOT_FINITE
-from silo_tui.model.facts import Facts
-from silo_tui.model.rows import RowList
-from silo_tui.model.table import TableState
-from silo_tui.model.tree import entry_of, row_of, tree_of
+from silo_tui.model.table.facts import Facts
+from silo_tui.model.table.rows import RowList
+from silo_tui.model.table.state import TableState
+from silo_tui.model.table.tree import entry_of, row_of, tree_of
 
 
 @pytest.fixture

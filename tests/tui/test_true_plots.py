@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from silo.core.arrays.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Gap, NonFinite, bins_of, hole_mark
 from silo.core.elements import ElementInfo, ElementOptions, Entry
-from silo_tui.model import braille, dots, text
-from silo_tui.model.live import entry_text, offset_text
-from silo_tui.model.plots import Plotted, draw, trend
-from silo_tui.model.window import PlotWindow
+from silo_tui.model.drawing import braille, dots
+from silo_tui.model.drawing.plots import Plotted, draw, trend
+from silo_tui.model.drawing.window import PlotWindow
+from silo_tui.model.samples.live import entry_text, offset_text
+from silo_tui.model.words import text
 
 WIDTH, HEIGHT = 12, 4
 COLUMNS = 2 * WIDTH

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from silo.core.arrays.columns import ColumnStore
-from silo_tui.model.held import HeldSource
-from silo_tui.model.pinned import SLICES, PinnedSource
+from silo_tui.model.samples.held import HeldSource
+from silo_tui.model.samples.pinned import SLICES, PinnedSource
 
 SECOND = 10**9
 PLOTS = [SimpleNamespace(name="/log/x", element=SimpleNamespace(name="/log/x"))]

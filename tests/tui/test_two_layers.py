@@ -7,7 +7,7 @@ from silo_tui import keymap
 from silo_tui.actions import BY_ID, COMMANDS, commands_for, key_of, why_no_use
 from silo_tui.keymap import BASES, OPENERS, TWO_LAYERS, clashes, in_menu, use_keys
 from silo_tui.menus import MenuLines
-from silo_tui.model.fields import Field
+from silo_tui.model.table.fields import Field
 from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import read
 from tests.tui.test_typed_early import burst

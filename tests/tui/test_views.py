@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import FIELDS, KeptLayout, read, write
 from silo_tui.layouts.views import capture
-from silo_tui.screens.monitor import MonitorScreen
+from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.settings.options import Settings
 

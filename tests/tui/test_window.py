@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo_tui.model.window import SECOND_NS, SPANS_S, PlotWindow
+from silo_tui.model.drawing.window import SECOND_NS, SPANS_S, PlotWindow
 
 COLUMNS = 130
 MOMENTS = st.integers(0, 4000 * SECOND_NS)

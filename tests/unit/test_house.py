@@ -89,9 +89,9 @@ IMPORTS = {
         "silo.files.saving -> zenoh",
     ),
     "zenoh at second hand": (
-        "silo_tui/model/text.py",
+        "silo_tui/model/words/text.py",
         "import silo.net.session",
-        "silo_tui.model.text -> silo.net.session",
+        "silo_tui.model.words.text -> silo.net.session",
     ),
     "a logger for type checkers": ("silo/files/saving.py", TYPES_ALONE, "silo.files.saving -> silo.logger.logger"),
     "the public names": ("silo/loop/plan.py", "from silo import Logger", "silo.loop.plan -> silo ("),

@@ -50,9 +50,9 @@ NOT_LOADED = {
     "silo.analysis.log": ["zenoh", "silo.logger.logger", "silo.segment", "silo.journal", "silo.loop"],
     "silo.core.recording": ["zenoh", "silo.segment", "silo.journal", "silo.loop", "silo.files"],
     "silo_tui.cli": ["textual", "zenoh", "numpy"],
-    "silo_tui.model.table": ["textual", "zenoh"],
-    "silo_tui.model.live": ["textual", "zenoh"],
-    "silo_tui.model.plots": ["textual", "zenoh"],
+    "silo_tui.model.table.state": ["textual", "zenoh"],
+    "silo_tui.model.samples.live": ["textual", "zenoh"],
+    "silo_tui.model.drawing.plots": ["textual", "zenoh"],
 }
 
 

@@ -15,9 +15,9 @@ from silo.errors import ElementError, LogWarning, UnknownNameError
 from silo.expressions.binding import bind
 from silo.judging.definitions import table_catalogue
 from silo.rpc.words import full_name
-from silo_tui.model import filter as filters
-from silo_tui.model.conditions import named_in
-from silo_tui.model.table import TableState
+from silo_tui.model.lists.conditions import named_in
+from silo_tui.model.table import filter as filters
+from silo_tui.model.table.state import TableState
 
 NAMES = ("joints/q", "joints/tau", "imu/acc", "mode")
 SPELLINGS = ("/log/joints/q", "joints/q", "/joints/q", "log/joints/q", "q", "*q")

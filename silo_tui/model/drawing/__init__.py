@@ -1,0 +1,1 @@
+"""What is drawn: dots, curves, axes, the window that plots share. Plain Python and NumPy."""

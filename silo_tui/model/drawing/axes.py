@@ -1,0 +1,119 @@
+"""The numbers on the axes: ranges whose ticks are round and lie evenly on the lines of a plot."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from silo_tui.model.drawing import braille
+from silo_tui.model.words import text
+
+Scale = tuple[float, float]
+_FACTORS = (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8)
+_MOST_TICKS = 8
+WASTE = 1.4
+_EXTREME = 1e290  # beyond, and below its inverse, there is no room for powers of ten
+
+
+def round_scale(smallest: float, largest: float, lines: int) -> Scale:
+    """Return a range that holds both values, with ticks that are round and an even number of lines apart."""
+    extent = largest / 2 - smallest / 2
+    if braille.is_constant(smallest, largest):
+        smallest, largest = braille.room_around(largest)
+        extent = largest / 2 - smallest / 2
+    # of numbers that differ in their last digits only, and of the largest and smallest there are, no step is round
+    if not 1 / _EXTREME < extent < _EXTREME or extent < 1e-9 * max(abs(smallest), abs(largest)):
+        return braille.nice_range(smallest, largest)
+    plain = braille.nice_range(smallest, largest)
+    found = [ends for apart in _distances(lines) if (ends := _range_of(smallest, largest, lines, apart))]
+    best = min(found, key=lambda ends: ends[1] - ends[0], default=plain)
+    # a curve in the lower half of its plot costs more than the numbers in between are worth
+    return best if best[1] - best[0] <= WASTE * (plain[1] - plain[0]) else plain
+
+
+def _distances(lines: int) -> range:
+    """How many lines can lie between two ticks: at least three ticks fit, and no more than can be read."""
+    least = 1 if lines <= 6 else 2
+    return range(max(least, -(-(lines - 1) // _MOST_TICKS)), max(1, (lines - 1) // 2) + 1)
+
+
+def _range_of(smallest: float, largest: float, lines: int, apart: int) -> Scale | None:
+    """Return the smallest range with a round step every `apart` lines, from the bottom on, that holds both values.
+
+    None where only much larger ones do.
+    """
+    steps = (lines - 1) / apart
+    raw = (largest - smallest) / steps
+    power = 10.0 ** math.floor(math.log10(raw))
+    for step in (factor * size for size in (power, 10 * power) for factor in _FACTORS):
+        first = math.floor(smallest / step + 1e-9)
+        if step >= raw * 0.999 and (first + steps) * step >= largest - 1e-9 * step:
+            return first * step, (first + steps) * step
+    return None
+
+
+def ticks_of(scale: Scale, lines: int) -> list[tuple[int, float]]:
+    """Return the lines (0 on top) of a plot that have a number, and which: round ones, else top and bottom."""
+    bottom, top = scale
+    if not (math.isfinite(bottom) and math.isfinite(top)) or lines < 2:
+        return []
+    per_line = top / (lines - 1) - bottom / (lines - 1)
+    for apart in _distances(lines):
+        values = [bottom + place * per_line for place in range(0, lines, apart)]
+        if _is_round(apart * per_line, values):
+            return [(lines - 1 - place * apart, value) for place, value in enumerate(values)][::-1]
+    return [(0, top), (lines - 1, bottom)]
+
+
+def _is_round(step: float, values: list[float]) -> bool:
+    if not step > 0 or not math.isfinite(step):
+        return False
+    digits = step / 10.0 ** math.floor(math.log10(step)) if 1 / _EXTREME < step < _EXTREME else math.pi
+    even = all(abs(value / step - round(value / step)) < 1e-6 for value in values)
+    return even and abs(digits * 10 - round(digits * 10)) < 1e-6
+
+
+def tick_words(ticks: list[tuple[int, float]], base: int, width: int) -> tuple[dict[int, str], str]:
+    """Return what stands on which line of an axis, and from what it counts if that takes many digits."""
+    if not ticks:
+        return {}, ""
+    (first, top), (last, bottom) = ticks[0], ticks[-1]
+    if not base and len(ticks) > 1:
+        words = _same_decimals([value for _, value in ticks], width)
+        if words:
+            return {line: word for (line, _), word in zip(ticks, words, strict=True)}, ""
+    low, high, origin = text.axis_ends(bottom, top, base, width)
+    return {first: high, last: low}, origin
+
+
+def _same_decimals(values: list[float], width: int) -> list[str]:
+    """Return numbers with as many decimals as their step needs; none where they don't fit or can't be told apart."""
+    step = min((abs(b - a) for a, b in pairwise(values)), default=0.0)
+    size = max(map(abs, values))
+    if not (step > 0 and math.isfinite(size)):
+        return []
+    if 1e-3 <= size < 1e5:
+        decimals = next((some for some in range(7) if abs(step - round(step, some)) <= 1e-6 * step), 7)
+        words = [f"{value + 0.0 if abs(value) > 1e-9 * step else 0.0:.{decimals}f}" for value in values]
+    else:
+        words = [text.engineering(value if abs(value) > 1e-9 * step else 0.0, 3) for value in values]
+    exact = all(abs(_number(word) - value) <= 2e-3 * step for word, value in zip(words, values, strict=True))
+    return words if exact and len(set(words)) == len(words) and max(map(len, words)) <= width else []
+
+
+def _number(word: str) -> float:
+    """Read what `text.engineering` writes."""
+    power = text.SUFFIXES.find(word[-1]) + 1
+    return float(word[:-1]) * 10.0 ** (3 * power) if power else float(word)
+
+
+def decade_words(scale: Scale, lines: int) -> dict[int, str]:
+    """Return what stands on which line where powers of ten are drawn: `scale` are whole exponents."""
+    first, last = round(scale[0]), round(scale[1])
+    apart = -(-(last - first) // max(1, lines // 2))
+    exponents = np.arange(first, last + 1, apart, dtype=np.float64)
+    rows = braille.row_of(exponents, scale, 4 * lines)
+    return {
+        int((4 * lines - 1 - row) // 4): f"1e{exponent:.0f}"
+        for row, exponent in zip(rows.tolist(), exponents.tolist(), strict=True)
+    }

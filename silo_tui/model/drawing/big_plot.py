@@ -1,0 +1,135 @@
+"""One plot that fills the screen: over time, a spectrum, one signal over another, a histogram; as cells and words."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from silo.analysis.compute.spectra import Peak, Spectrum
+from silo.core.arrays.columns import bins_at, reduce
+from silo.core.arrays.values import Floats
+from silo_tui.model.drawing import axes, braille, dots
+from silo_tui.model.drawing.pairs import Histogram, Pair
+from silo_tui.model.drawing.plots import NOBODY, Owners
+from silo_tui.model.words import text
+
+TRAIL = "·∙•●"  # by age, the newest last
+DECADES = 6
+RANGE_DB = 120.0
+
+
+@dataclass(frozen=True)
+class BigPlot:
+    """Cells of a plot, whose colour each has (in an x-y plot: how old it is), its axes, and what is said of it."""
+
+    lines: list[str]
+    owners: Owners
+    left: dict[int, str]
+    below: list[str]  # words at even distances under the plot
+    right: dict[int, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    spots: tuple[tuple[int, int, str], ...] = ()  # line, cell and sign of what is marked in it
+    aged: bool = False
+
+
+def levels(amplitudes: Floats, way: str) -> Floats:
+    """Return amplitudes as they are drawn: `linear`, `log` (powers of ten) or `dB` (of one unit)."""
+    if way == "linear":
+        return amplitudes
+    top = float(amplitudes.max(initial=0.0))
+    floor = top * 10.0**-DECADES if way == "log" else top * 10.0 ** (-RANGE_DB / 20)
+    with np.errstate(divide="ignore"):
+        logs = np.log10(np.maximum(amplitudes, floor)) if top else np.zeros(len(amplitudes))
+    return logs if way == "log" else 20 * logs
+
+
+def level_words(amplitude: float, way: str, unit: str) -> str:
+    """Return an amplitude as it is read beside a peak."""
+    if way == "dB":
+        return f"{20 * math.log10(amplitude):.1f} dB"
+    return f"{text.compact(amplitude)}{'' if unit == '-' else ' ' + unit}"
+
+
+def of_spectra(
+    spectra: Sequence[Spectrum], peaks: Sequence[Peak], way: str, size: tuple[int, int], chosen: int | None
+) -> BigPlot:
+    """Return amplitudes over frequency; the peaks of the first signal have numbers, the chosen one brackets."""
+    width, height = size
+    top_hz = max(len(each.amplitudes) * each.step_hz for each in spectra)
+    curves = [_per_column(levels(each.amplitudes, way), each.step_hz, top_hz, 2 * width) for each in spectra]
+    low = min(float(np.nanmin(curve[0])) for curve in curves)
+    high = max(float(np.nanmax(curve[1])) for curve in curves)
+    if way == "log":
+        scale = float(math.floor(low + 1e-9)), float(max(math.ceil(high - 1e-9), math.floor(low + 1e-9) + 1))
+    else:
+        scale = axes.round_scale(min(low, 0.0) if way == "linear" else low, high, height)
+    lit = [braille.curve(*curve, scale, width, height) for curve in curves]
+    cells, owners = _over_one_another(lit)
+    words, origin = axes.tick_words(axes.ticks_of(scale, height), 0, 9)
+    if way == "log":
+        words = axes.decade_words(scale, height)
+    spots = []
+    for number, peak in enumerate(peaks, 1):
+        cell = min(width - 1, int(peak.frequency_hz / top_hz * width))
+        lines = np.flatnonzero((owners[:, max(0, cell - 1) : cell + 2] == 0).any(axis=1))
+        line = max(0, int(lines[0]) - 1) if len(lines) else 0
+        spots.append((line, cell, f"{number}" if number - 1 != chosen else f"[{number}]"))
+    below = [f"{text.compact(share * top_hz)} Hz" for share in (0, 0.25, 0.5, 0.75, 1)]
+    notes = (f"counted from {origin}",) if origin else ()
+    return BigPlot(dots.lines_of(cells), owners, words, below, notes=notes, spots=tuple(spots))
+
+
+def _per_column(values: Floats, step_hz: float, top_hz: float, columns: int) -> tuple[Floats, Floats]:
+    """Smallest and largest level of the lines in each column; a straight line where there are fewer than columns."""
+    if len(values) < 2 * columns:
+        at = (np.arange(columns) + 0.5) / columns * top_hz / step_hz - 1
+        line = np.interp(at, np.arange(len(values)), values, right=np.nan)
+        return line, line
+    ends = np.arange(columns) / columns * top_hz / step_hz
+    starts = np.minimum(ends.astype(np.intp), len(values) - 1)
+    found = reduce(values, bins_at(starts))
+    return found.low, found.high
+
+
+def _over_one_another(lit: Sequence[dots.Dots]) -> tuple[dots.Cells, Owners]:
+    rows, columns = lit[0].shape
+    owners = np.full((rows // 4, columns // 2), NOBODY, np.int8)
+    for place in reversed(range(len(lit))):
+        owners[lit[place].reshape(rows // 4, 4, columns // 2, 2).any(axis=(1, 3))] = place
+    every: dots.Dots = np.any(np.stack(lit), axis=0)
+    return dots.cells(every), owners
+
+
+def of_pair(pair: Pair, size: tuple[int, int]) -> BigPlot:
+    """Return y over x, a sign per cell: the newest in it tells how old it is."""
+    width, height = size
+    x_scale = axes.round_scale(float(pair.x.min()), float(pair.x.max()), 5)
+    y_scale = axes.round_scale(float(pair.y.min()), float(pair.y.max()), height)
+    across = braille.row_of(pair.x, x_scale, width)
+    up = height - 1 - braille.row_of(pair.y, y_scale, height)
+    count = len(pair.x)
+    ages = np.minimum(2, np.arange(count) * 3 // max(1, count)).astype(np.int8)
+    owners = np.full((height, width), NOBODY, np.int8)
+    owners[up, across] = ages  # later ones over earlier ones
+    owners[up[-1], across[-1]] = 3
+    lines = ["".join(TRAIL[age] if age >= 0 else dots.BLANK for age in line) for line in owners.tolist()]
+    left, origin = axes.tick_words(axes.ticks_of(y_scale, height), 0, 9)
+    below = [text.compact(x_scale[0] + share * (x_scale[1] - x_scale[0])) for share in (0, 0.25, 0.5, 0.75, 1)]
+    notes = (f"y counted from {origin}",) if origin else ()
+    return BigPlot(lines, owners, left, below, notes=notes, aged=True)
+
+
+def of_histogram(histogram: Histogram, size: tuple[int, int]) -> BigPlot:
+    """Return how often which value comes, as bars from the bottom."""
+    width, height = size
+    columns = 2 * width
+    places = np.minimum(np.arange(columns) * len(histogram.counts) // columns, len(histogram.counts) - 1)
+    heights = histogram.counts[places].astype(np.float64)
+    scale = axes.round_scale(0.0, float(max(1, heights.max())), height)
+    high = np.where(heights > 0, heights, np.nan)
+    cells, owners = _over_one_another([braille.curve(np.where(heights > 0, 0.0, np.nan), high, scale, width, height)])
+    left, _ = axes.tick_words(axes.ticks_of(scale, height), 0, 9)
+    end = histogram.first + histogram.step * len(histogram.counts)
+    below = [text.compact(histogram.first + share * (end - histogram.first)) for share in (0, 0.25, 0.5, 0.75, 1)]
+    return BigPlot(dots.lines_of(cells), owners, left, below)

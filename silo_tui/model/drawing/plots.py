@@ -1,0 +1,267 @@
+"""What a plot is of, and how it is drawn: the dots of each signal, its axis, what stands at the cursor."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.core.arrays.columns import Marks, NonFinite
+from silo.core.elements import ElementInfo, Entry
+from silo_tui.model.drawing import axes, braille, dots
+from silo_tui.model.drawing.columns import ColumnPiece, ColumnStore, Floats, hold_piece
+from silo_tui.model.drawing.log_axis import LogAxis, axis_of, scale_of, words_of
+from silo_tui.model.drawing.window import PlotWindow
+
+Owners = NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class Plotted:
+    """One plot: an entry of an element."""
+
+    element: ElementInfo
+    position: int
+
+    @property
+    def entry(self) -> Entry:
+        """The entry that is plotted."""
+        return self.element.entries[self.position]
+
+    @property
+    def name(self) -> str:
+        """Full name of the entry."""
+        return self.element.name + self.entry.suffix
+
+    @property
+    def numeric(self) -> bool:
+        """Whether there is a curve to draw."""
+        return self.entry.dtype[1:2] not in "SU"
+
+
+def plots_of(elements: list[ElementInfo]) -> list[Plotted]:
+    """Return every entry of every element, in their order."""
+    return [Plotted(element, position) for element in elements for position in range(len(element.entries))]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Where values stand in a plot: the ends of its scale; where `log` is one, they are places on that."""
+
+    scale: axes.Scale
+    base: int = 0
+    log: LogAxis | None = None
+
+    def rows(self, values: Floats, rows: int) -> NDArray[np.int64]:
+        """Return the row of dots of values, offsets from the base, 0 at the bottom; those outside at its edge."""
+        return braille.row_of(self.places(values), self.scale, rows)
+
+    def places(self, values: Floats) -> Floats:
+        """Return where values stand on the scale."""
+        return values if self.log is None else self.log.place(values)
+
+    def words(self, lines: int, width: int) -> tuple[dict[int, str], str]:
+        """Return what stands on which line of the axis, and what these numbers count from."""
+        if self.log is not None:
+            return words_of(self.log, self.scale, lines), ""
+        return axes.tick_words(axes.ticks_of(self.scale, lines), self.base, width)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One signal, ready to be drawn: its dots, its axis, and what stands at the cursor.
+
+    All numbers are offsets from the base of the axis; NaN where there is no finite one. `signs` names what is no
+    number. `newest` is the row of dots of the newest value, None where there is none.
+    """
+
+    piece: ColumnPiece
+    lit: dots.Dots
+    axis: Axis
+    smallest: float
+    largest: float
+    at_cursor: tuple[float, float] | None
+    holes: tuple[braille.DrawnHole, ...] = ()
+    signs: str = ""
+    cursor_signs: str = ""
+    newest: int | None = None
+
+    @property
+    def scale(self) -> axes.Scale:
+        """The ends of its axis."""
+        return self.axis.scale
+
+    @property
+    def base(self) -> int:
+        """What its numbers are offsets from."""
+        return self.axis.base
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The signal alone, as lines."""
+        return tuple(dots.lines_of(together([self])[0]))
+
+
+def pieces_of(
+    store: ColumnStore, series: Sequence[Plotted], columns: int, period_of: Callable[[str], int]
+) -> list[ColumnPiece]:
+    """Return the newest columns of signals, the values of slow ones held between their samples."""
+    return [
+        hold_piece(
+            store.piece(plotted.name, store.end, columns),
+            max(2, 2 * period_of(plotted.element.name) // max(1, store.column_ns) + 1),
+        )
+        for plotted in series
+    ]
+
+
+def draw(store: ColumnStore, window: PlotWindow, plotted: Plotted, width: int, height: int, period_ns: int) -> Picture:
+    """Draw a signal alone, in `width` x `height` cells, from the newest columns of a store."""
+    return draw_panel(store, window, [plotted], [False], width, height, lambda name: period_ns)[0]
+
+
+def draw_panel(
+    store: ColumnStore,
+    window: PlotWindow,
+    series: Sequence[Plotted],
+    right: Sequence[bool],
+    width: int,
+    height: int,
+    period_of: Callable[[str], int],
+    ghosts: Mapping[int, ColumnPiece] = MappingProxyType({}),
+) -> list[Picture]:
+    """Draw signals that share a plot; `right` says which belong to the axis on the right.
+
+    `ghosts` are what a saved run had then, by the place of the signal: they share its axis, and come behind the others.
+    """
+    pieces = pieces_of(store, series, 2 * width, period_of) + list(ghosts.values())
+    right = [*right, *(right[place] for place in ghosts)]
+    found: dict[bool, Axis] = {}
+    for side in dict.fromkeys(right):
+        members = [at for at, its in enumerate(right) if its is side]
+        log = any(series[at].name in window.logs for at in members if at < len(series))
+        base = 0 if log else max((pieces[at].base for at in members), key=abs)
+        for at in members:
+            pieces[at] = _on_base(pieces[at], base)
+        key = "|".join(series[at].name for at in members if at < len(series))
+        found[side] = _axis_of(window, key, [pieces[at] for at in members], height, base, log=log)
+    found = _zeros_met(found)
+    return [_picture(window, piece, found[side], width, height) for piece, side in zip(pieces, right, strict=True)]
+
+
+def _zeros_met(found: dict[bool, Axis]) -> dict[bool, Axis]:
+    """Return two axes, which both have a zero, with the zeros on one line: a curve below it is below that of both."""
+    ends = [axis.scale for axis in found.values()]
+    plain = all(axis.log is None and not axis.base for axis in found.values())
+    if len(found) < 2 or not plain or not all(low <= 0 <= high and 0 < high - low < math.inf for low, high in ends):
+        return found
+    sizes = [max(-low, high) for low, high in ends]
+    down = max(-low / size for (low, _), size in zip(ends, sizes, strict=True))
+    up = max(high / size for (_, high), size in zip(ends, sizes, strict=True))
+    scales = [(-down * size, up * size) for size in sizes]
+    return {side: replace(found[side], scale=scale) for side, scale in zip(found, scales, strict=True)}
+
+
+def _axis_of(window: PlotWindow, key: str, pieces: Sequence[ColumnPiece], height: int, base: int, *, log: bool) -> Axis:
+    spans = [ends for piece in pieces if (ends := braille.value_range(piece.low, piece.high))]
+    around = (min(low for low, _ in spans), max(high for _, high in spans)) if spans else None
+    if not log:
+        return Axis(window.follow_scale(key, around, height, base), base)
+    axis = axis_of([values for piece in pieces for values in (piece.low, piece.high)])
+    if axis is None or around is None:
+        return Axis((math.nan, math.nan), base)
+    if window.fixed_scale and key in window.log_scales:
+        low, high = window.log_scales[key]
+        axis = LogAxis(axis.least, axis.signed or low <= 0)
+        bottom, top = axis.place(np.array([low, high])).tolist()
+        return Axis((bottom, top), base, axis)
+    scale = scale_of(axis, *around)
+    window.log_scales[key] = axis.value(scale[0]), axis.value(scale[1])
+    return Axis(scale, base, axis)
+
+
+def _on_base(piece: ColumnPiece, base: int) -> ColumnPiece:
+    if piece.base == base:
+        return piece
+    shift = float(piece.base - base)
+    return ColumnPiece(piece.low + shift, piece.high + shift, piece.marks, base)
+
+
+def _picture(window: PlotWindow, piece: ColumnPiece, axis: Axis, width: int, height: int) -> Picture:
+    columns = 2 * width
+    ends = braille.value_range(piece.low, piece.high) or (math.nan, math.nan)
+    at_cursor, cursor_signs = None, ""
+    if window.cursor is not None:
+        last = columns - 1 - window.cursor
+        here = slice(max(0, last - 1), last + 1)
+        if not np.isnan(piece.low[here]).all():
+            at_cursor = float(np.nanmin(piece.low[here])), float(np.nanmax(piece.high[here]))
+        cursor_signs = signs_of(piece.marks[here])
+    lit = braille.curve(axis.places(piece.low), axis.places(piece.high), axis.scale, width, height)
+    newest = np.flatnonzero(~np.isnan(piece.low))
+    row = int(axis.rows(piece.high[newest[-1:]], 4 * height)[0]) if len(newest) else None
+    return Picture(
+        piece,
+        lit,
+        axis,
+        *ends,
+        at_cursor,
+        tuple(braille.holes(piece.low, piece.marks, width)),
+        signs_of(piece.marks),
+        cursor_signs,
+        None if row is None else 4 * height - 1 - row,
+    )
+
+
+NOBODY, HOLE = -1, -2
+
+
+def together(pictures: Sequence[Picture], front: int = 0, ghosts: int = 0) -> tuple[dots.Cells, Owners]:
+    """Return the cells of pictures over one another, shape `(height, width)`, and whose colour each cell has.
+
+    The one in `front` is drawn last, the last `ghosts` pictures first. NOBODY owns an empty cell, HOLE one that is
+    shaded.
+    """
+    lit = np.zeros_like(pictures[0].lit)
+    rows, columns = lit.shape
+    owners = np.full((rows // 4, columns // 2), NOBODY, np.int8)
+    behind = range(len(pictures) - ghosts, len(pictures))
+    for at in [*behind, *(at for at in range(len(pictures) - ghosts) if at != front), front]:
+        lit |= pictures[at].lit
+        mine = pictures[at].lit.reshape(rows // 4, 4, columns // 2, 2).any(axis=(1, 3))
+        owners[mine] = at
+    cells = dots.cells(lit)
+    for at, picture in enumerate(pictures):
+        marked = cells.copy()
+        braille.draw_marks(marked, picture.piece.marks)
+        owners[marked != cells] = at
+        cells = marked
+    for hole in pictures[front].holes:
+        shaded = cells.copy()
+        braille.draw_hole(shaded, hole)
+        free = (shaded != cells) & (owners == NOBODY)
+        cells[free], owners[free] = shaded[free], HOLE
+    return cells, owners
+
+
+def signs_of(marks: Marks) -> str:
+    """Return which samples of these columns are no finite numbers: `nan inf`."""
+    flags = int(np.bitwise_or.reduce(marks, initial=0))
+    names = ((NonFinite.NAN, "nan"), (NonFinite.POS_INF, "inf"), (NonFinite.NEG_INF, "-inf"))
+    return " ".join(name for mark, name in names if flags & mark)
+
+
+def small_plot(piece: ColumnPiece, scale: tuple[float, float], width: int, height: int) -> list[str]:
+    """Return the lines of a plot without axes, of what holds between samples already."""
+    return braille.rasterise(piece.low, piece.high, scale, width, height, piece.marks)
+
+
+def trend(piece: ColumnPiece, width: int) -> str:
+    """Return a whole signal in one line: it fills its height."""
+    found = braille.value_range(piece.low, piece.high)
+    scale = (math.nan, math.nan)
+    if found is not None:
+        scale = (found[0] - 1, found[1] + 1) if braille.is_constant(*found) else found
+    return small_plot(piece, scale, width, 1)[0]

@@ -1,0 +1,200 @@
+"""How triggers and limits stand, in the words of their screens: rows of plain text, and what the head says. Pure."""
+
+import time
+from collections.abc import Sequence
+
+from silo.conditions.requests import TriggerTried
+from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
+from silo.core.elements import ElementInfo, FileType, TriggerOptions, TriggerWord
+from silo.core.names import Names
+from silo.core.quantities.writing import clock_text, many, size_text
+from silo.errors import ExpressionError
+from silo.expressions.parsing import names_in, parse
+from silo_tui.model.words import text
+
+IN_SPACE = "signal in "
+NAME, WHEN = 10, 20  # cells of a trigger's name, and those that its condition keeps
+LOUD = (TriggerWord.FIRING,)
+CAUTION = (TriggerWord.HOLDOFF, TriggerWord.BLIND, TriggerWord.OTHER)
+
+
+def name_width(names: Sequence[str], width: int) -> int:
+    """Return the cells of the names of triggers: as many as the longest takes, where conditions keep theirs."""
+    return max(NAME, min(max(map(len, names), default=0), width - 54 - WHEN + NAME))
+
+
+def times_head(width: int, name: int = NAME) -> str:
+    """Return the head of the list of triggers; `name` cells are of their names."""
+    when = _when_width(width, name)
+    return f"  {'state':<10} {'name':<{name}} {'when':<{when}} {'pre':>6} {'post':>6} {'count':>5}  last"
+
+
+def _when_width(width: int, name: int) -> int:
+    return max(12, width - 54 + NAME - name)
+
+
+def trigger_row(one: TriggerStatus, width: int, now_ns: int | None = None, name: str = "") -> str:
+    """Return a trigger as a line of so many cells; `name` is its name as long as the names of all are."""
+    name = name or f"{one.options.name[:NAME]:<{NAME}}"
+    options = one.options
+    state = one.state.value.upper() + (f" {one.holdoff_s:.0f}" if one.holdoff_s else "")
+    since = ((time.time_ns() if now_ns is None else now_ns) - one.last_ns) / 1e9
+    last = ago(since) if one.last_ns else "never"
+    when, room = text.clean(options.when), _when_width(width, len(name))
+    when = when if len(when) <= room else f"{when[: room - 1]}…"
+    pre, post = (text.span(float(f"{value:.4g}")) if value else "0 s" for value in (options.pre_s, options.post_s))
+    return f"  {state:<10} {name} {when:<{room}} {pre:>6} {post:>6} {one.fires:>5}  {last}"
+
+
+def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[str]:
+    """Return the elements that stand in a condition: by name without the logger's prefix, an entry's, or a glob."""
+    names = Names(
+        (element.name for element in elements),
+        prefix,
+        lambda: [[element.name + entry.suffix for entry in element.entries] for element in elements],
+    )
+    try:
+        words = names_in(parse(when).root)
+    except ExpressionError:
+        return []
+    named = [word for word in words if any(char.isalpha() for char in word)]
+    places = {place for word in named for place, _ in names.find(word, scalars=True, namespaces=False)}
+    return [names.names[place] for place in sorted(places)]
+
+
+def ago(seconds: float) -> str:
+    """Return `0.4 s`, `12 s`, `2 min`, `3 h`."""
+    if seconds < 10:
+        return f"{max(seconds, 0.0):.1f} s"
+    if seconds < 60:
+        return f"{seconds:.0f} s"
+    if seconds < 3600:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.0f} h" if seconds < 86_400 else f"{seconds / 86_400:.0f} d"
+
+
+def limit_head(width: int, space: str = "") -> str:
+    """Return the head of the list of alarms, whose signals are told below the namespace `space`."""
+    room, signal = signal_width(width), IN_SPACE + space if space else "signal"
+    return f"!  {signal:<{room}} {'value':>9} {'limit':>8} {'worst':>9} {'since':>8} {'count':>5}  seen by"
+
+
+def signal_width(width: int) -> int:
+    """Return the cells of the signals' names in the list of alarms."""
+    return max(14, width - 56)
+
+
+def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = None) -> str:
+    """Return a scalar with limits as a line of so many cells; `short` is its name in as many as it has there."""
+    now = time.time_ns() if now_ns is None else now_ns
+    room = signal_width(width)
+    if one.is_over and one.since_ns:
+        since = clock_text((now - one.since_ns) / 1e9)
+    elif one.count and one.last_ns >= one.since_ns > 0:
+        since = f"was {text.span(max(float(f'{(one.last_ns - one.since_ns) / 1e9:.2g}'), 1e-3))}"
+    else:
+        since = ""
+    seen = "NEW" if one.alarm else one.seen_by.split("@")[0]
+    count = one.count + one.stale_count
+    limit = f"{one.limit:.4g} s" if one.word is LimitWord.STALE and one.limit is not None else _number(one.limit)
+    return (
+        f"{one.word.value:<2} {short:<{room}} {_number(one.value):>9} {limit:>8} "
+        f"{_number(one.worst):>9} {since:>8} {count or '':>5}  {seen}"
+    )
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.5g}"
+
+
+def alarms_words(found: Sequence[LimitStatus]) -> str:
+    """Return how many are over, and how many nobody has seen, in a line."""
+    now = sum(one.is_over for one in found)
+    missed = sum(one.alarm and not one.is_over for one in found)
+    blind = sum(one.word is LimitWord.BLIND for one in found)
+    parts = [f"{now} now"] + ([f"{missed} over but not seen"] if missed else [])
+    return f"{', '.join(parts)} │ {many(len(found), 'limit')}{f', {blind} blind' if blind else ''}"
+
+
+def head_words(
+    triggers: Sequence[TriggerStatus], limits: Sequence[LimitStatus]
+) -> tuple[tuple[str, str], bool, tuple[str, str]]:
+    """Return for the status line the alarms and the worst, whether that is red, and what triggers do.
+
+    Words and shorter ones, empty where there is nothing to tell.
+    """
+    over = [one for one in limits if one.is_over]
+    worst = next((word for word in (LimitWord.RED_HIGH, LimitWord.RED_LOW, LimitWord.YELLOW_HIGH, LimitWord.YELLOW_LOW,
+                                    LimitWord.STALE) if any(one.word is word for one in over)), None)  # fmt: skip
+    firing = [one.options.name for one in triggers if one.state is TriggerWord.FIRING]
+    armed = sum(one.state in (TriggerWord.ARMED, TriggerWord.HOLDOFF) for one in triggers)
+    watching = ("", "")
+    if firing or armed:
+        watching = (
+            (f"trigger {firing[0]} fires", "FIRES") if firing else (f"{many(armed, 'trigger')} armed", f"{armed} armed")
+        )
+    alarm = (f"{many(len(over), 'alarm')} {worst.value}", f"{worst.value} {len(over)}") if worst else ("", "")
+    return alarm, worst in (LimitWord.RED_HIGH, LimitWord.RED_LOW), watching
+
+
+# --------------------------------------------------------------------------------------------------------- the editor
+
+
+FIELDS = ("name", "when", "rearm", "pre", "post", "persist", "holdoff", "mode", "save", "keep")
+
+
+def fields_of(one: TriggerOptions) -> dict[str, str]:
+    """Return what stands in the lines of the editor."""
+    times = {"pre": one.pre_s, "post": one.post_s, "persist": one.persist_s, "holdoff": one.holdoff_s}
+    return {
+        "name": one.name, "when": one.when, "rearm": one.rearm,
+        **{name: text.span(float(f"{value:.6g}")) if value else "0" for name, value in times.items()},
+        "mode": one.mode if one.slope == "rising" else f"{one.mode} {one.slope}",
+        "save": " ".join(kind.name.lower() for kind in one.save), "keep": str(one.keep),
+    }  # fmt: skip
+
+
+def options_of_fields(fields: dict[str, str], before: TriggerOptions) -> TriggerOptions:
+    """Return the trigger that lines say. Raises ElementError or ValueError, in words fit to show."""
+    from silo.judging.definitions import MOST_TRIGGER_S, seconds
+
+    def given(name: str) -> float:
+        word = fields[name].strip().replace(" ", "") or "0"
+        try:
+            return float(word)
+        except ValueError:
+            return seconds(name, word, MOST_TRIGGER_S)
+
+    words = fields["mode"].split()
+    modes = [word for word in words if word in ("normal", "single")] or ["normal"]
+    slopes = [word for word in words if word not in ("normal", "single")] or ["rising"]
+    kinds = [FileType.__members__.get(word.upper()) for word in fields["save"].replace(",", " ").split()]
+    if None in kinds:
+        raise ValueError(f"save is silo, csv, bag, or several of them, got {fields['save']!r}")
+    if not fields["keep"].strip().isdecimal():
+        raise ValueError(f"keep is how many captures stay, 0 for all, got {fields['keep']!r}")
+    if not fields["name"].strip():
+        raise ValueError("name it: the name stands in names of files")
+    save = tuple(kind for kind in kinds if kind is not None) or (FileType.SILO,)
+    return TriggerOptions(
+        fields["name"].strip(), fields["when"].strip(), given("pre"), given("post"), slopes[0], fields["rearm"].strip(),
+        given("persist"), given("holdoff"), modes[0], save, int(fields["keep"]), before.armed,
+    )  # fmt: skip
+
+
+def tried_lines(tried: TriggerTried, width: int, keep: int, verb: str = "fired") -> list[str]:
+    """Return what a test found: how often, where in what is held, and how large a capture is."""
+    if tried.why:
+        return [f"blind: {tried.why}"]
+    held_s = (tried.end_ns - tried.begin_ns) / 1e9
+    blind = f"; blind at {100 * tried.blind / tried.judged:.0f} % of it" if tried.blind else ""
+    first = f"would have {verb} {tried.fires} × in the last {held_s:.3g} s (all that is held){blind}"
+    left, right = f"-{held_s:.3g} s ", " now"
+    room = max(8, width - len(left) - len(right))
+    cells = ["·"] * room
+    for time_ns in tried.time_ns:
+        cells[min(int((time_ns - tried.begin_ns) / max(tried.end_ns - tried.begin_ns, 1) * room), room - 1)] = "│"
+    size = f"each capture about {size_text(tried.capture_bytes)}"
+    if keep:
+        size += f"; disk keeps {keep} of them, {size_text(keep * tried.capture_bytes)}"
+    return [first, left + "".join(cells) + right, size]

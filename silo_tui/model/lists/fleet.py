@@ -1,0 +1,163 @@
+"""Lines of the list of loggers: columns, orders, and what is said of many. Pure."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from silo.core.elements import State
+from silo.core.quantities.writing import clock_text, many, size_text
+from silo.core.stalls import idle_words
+from silo.fleet.member import NO_TICK, Member, Stands, segments
+from silo_tui.model.lists.conditions import ago
+from silo_tui.model.lists.ordering import Order
+from silo_tui.model.words import text
+
+STATES = {
+    "running": "● RUNNING", "stopped": "■ STOPPED", "dead": "✖ DEAD", "silent": "○ SILENT", "closed": "- CLOSED",
+    "no answer": "? MUTE", "...": "…", NO_TICK: "‼ NO TICK",
+}  # fmt: skip
+WIDE = 110  # from which on there is room for the size of what is left
+STATE_WIDTH, LEAST_WHO = 9, 4
+BAD = (Stands.DEAD, Stands.SILENT, Stands.STALLED, Stands.RED)
+CAUTION = (Stands.MUTE, Stands.FULL, Stands.YELLOW, Stands.SLOW, Stands.LOST)
+
+
+@dataclass(frozen=True)
+class LoggerLine:
+    """One logger of the list: how to name it, whom it belongs to, how it stands, what it answered last."""
+
+    key: str
+    address: str
+    where: str
+    member: Member
+    answer: str = ""
+
+    @property
+    def can_be_asked(self) -> bool:
+        """Whether a command can reach it."""
+        return self.member.here and not self.member.dead
+
+
+ORDERS: Sequence[Order[LoggerLine]] = (
+    Order("!", "!", "worst first", lambda one: (one.member.stands, one.address.casefold())),
+    Order("logger", "n", "name", lambda one: one.address.casefold()),
+    Order("state", "s", "state", lambda one: (one.member.word, one.address.casefold())),
+    Order("rate", "r", "rate, the largest first", lambda one: _of(one, "measured_hz"), True),
+    Order("lost", "l", "losses, the most first", lambda one: _of(one, "lost"), True),
+    Order("disk", "d", "disk, the fullest first", lambda one: one.member.disk_share or 0.0, True),
+    Order("seen", "k", "gone longest first", lambda one: (one.member.here, one.member.since_s)),
+)
+
+
+def _of(one: LoggerLine, name: str) -> float:
+    return float(getattr(one.member.summary, name)) if one.member.summary is not None and one.member.here else 0.0
+
+
+def name_width(lines: Sequence[LoggerLine], width: int) -> int:
+    """Return how many cells the names get: as many as the longest takes, where there is room."""
+    longest = max((len(one.address) for one in lines), default=0)
+    return max(8, min(longest, width - len(_tail("", "", "", "", "", "", width)) - STATE_WIDTH - 4 - LEAST_WHO))
+
+
+def _tail(run: str, rate: str, lost: str, disk: str, sign: str, seen: str, width: int) -> str:
+    room = 12 if width >= WIDE else 4
+    return f"{run:>8} {rate:>7} {lost:>5} {disk:>{room}} {sign:<5} {seen:>5}  "
+
+
+def head(names: int, width: int) -> str:
+    """Return the head of the list."""
+    tail = _tail("for", "rate Hz", "lost", "disk", "!", "seen", width)
+    return f"  {'logger':<{names}} {'state':<{STATE_WIDTH}} {tail}who"
+
+
+def row(one: LoggerLine, names: int, width: int, now_s: float, now_ns: int) -> str:
+    """Return a logger as a line; where it answered something, that stands behind its state."""
+    begin = (
+        f"  {cut_middle(one.address, names):<{names}} {STATES.get(one.member.word, one.member.word):<{STATE_WIDTH}} "
+    )
+    if one.answer:
+        return begin + one.answer
+    member, told = one.member, one.member.summary
+    if told is None:
+        return begin + member.problem.replace("\n", " ")
+    run_s = member.run_s(now_ns)
+    was = f"was {STATES.get(told.state.value, ' ')[:1]}" if member.lost else ""
+    share = member.disk_share
+    disk = f"{100 * share:.0f}%" if share is not None else ""
+    disk += f" {size_text(told.disk_free_bytes)}" if share is not None and width >= WIDE else ""
+    sign = f"{member.sign}{f' {told.alarms}' if told.alarms and member.sign == told.alarm else ''}"
+    ran = told.state is State.RUNNING and not member.stalled and told.measured_hz
+    rate = f"{told.measured_hz:.1f}" if ran else member.rate if member.running else ""
+    tail = _tail(
+        clock_text(run_s) if run_s is not None else was,
+        rate,
+        text.count(told.lost), disk, sign, "now" if member.here else ago(member.unseen_s(now_s)), width,
+    )  # fmt: skip
+    recorded = [f"REC {told.recorders}"] if told.recorders else []
+    denied = [f"DENIED {told.denied}"] if told.denied else []
+    idle = [idle_words(member.idle_s(now_s))] if member.stalled else []
+    return begin + tail + " ".join([*idle, *denied, *recorded, *member.people])
+
+
+def cut_middle(name: str, width: int) -> str:
+    """Return a name in at most `width` cells: its beginning, and more of its end."""
+    if len(name) <= width:
+        return name
+    end = (width - 1) * 2 // 3
+    return f"{name[: width - 1 - end]}…{name[-end:]}"
+
+
+def told(one: LoggerLine) -> str:
+    """Return what a filter looks in: names, state, what is the matter, who is there."""
+    member, summary = one.member, one.member.summary
+    state = f"{member.word} {STATES.get(member.word, '')} {member.sign} {member.problem}"
+    more = [f"REC {summary.recorders}"] if summary is not None and summary.recorders else []
+    more += ["DENIED"] if summary is not None and summary.denied else []
+    return " ".join([one.address, one.where, state, *more, one.answer, *member.people])
+
+
+def total(lines: Sequence[LoggerLine]) -> str:
+    """Return how many there are, and in which states."""
+    words = [one.member.word for one in lines if one.member.word != "..."]
+    counts = [f"{words.count(word)} {word}" for word in dict.fromkeys(sorted(words))]
+    return f"{many(len(lines), 'logger')}{': ' * bool(counts)}{', '.join(counts)}"
+
+
+def down(lines: Sequence[LoggerLine], now_s: float, now_ns: int) -> list[str]:
+    """Return a line for each host of which several loggers can't be reached any more."""
+    return [one.words(now_s, now_ns) for one in segments(line.member for line in lines)]
+
+
+def details(one: LoggerLine) -> str:
+    """Return what the columns don't say of a logger."""
+    member, told = one.member, one.member.summary
+    parts = [f"{one.address}: {one.where}"]
+    if member.problem:
+        parts.append(member.problem.replace("\n", " "))
+    if told is not None:
+        if member.lost:
+            parts.append(f"silent since {text.clock(time.time_ns() - int(1e9 * member.unseen_s(time.monotonic())))}")
+        if told.disk_bytes:
+            parts.append(f"{size_text(told.disk_free_bytes)} of {size_text(told.disk_bytes)} free")
+        if told.denied:
+            parts.append(f"{text.count(told.denied)} denied within the last hour: its events tell who")
+        if told.reason and told.state is not State.RUNNING:
+            parts.append(told.reason)
+        elif not told.saved and told.ticks:
+            parts.append(f"{text.count(told.ticks)} ticks, not saved")
+    return " │ ".join(parts)
+
+
+def asked_line(one: LoggerLine, now_ns: int) -> str:
+    """Return a logger as a question about many names it."""
+    told, run_s = one.member.summary, one.member.run_s(now_ns)
+    state = f"{one.member.word}{f' {clock_text(run_s)}' if run_s is not None else ''}"
+    ticks = f", {text.plural_count(told.ticks, 'tick')} not saved" if told and told.ticks and not told.saved else ""
+    alone = "" if one.can_be_asked else ": left alone"
+    return f"{one.address}   {state}{ticks}{alone}"
+
+
+def is_unsaved(one: LoggerLine) -> bool:
+    """Return whether a start would drop something."""
+    told = one.member.summary
+    return told is not None and told.ticks > 0 and not told.saved

@@ -1,0 +1,137 @@
+"""What happened to a logger, as screens show it: a letter per kind, the place in plots, which lines match a filter.
+
+Pure functions on lines of the event log.
+"""
+
+import csv
+import io
+from collections.abc import Callable, Collection, Sequence
+from datetime import datetime, timezone
+
+from silo.core.elements import LoggedEvent
+from silo.net.access.senders import short_words
+from silo_tui.model.lists.ordering import Order
+from silo_tui.model.words import text
+
+LETTERS = {
+    "marker": "M", "triggered": "T", "captured": "T", "started": "S", "stopped": "S", "closed": "S", "edited": "E",
+    "script loaded": "E", "lost": "X", "crashed": "X", "blind": "X", "files deleted": "X", "unheld": "X", "limit": "H",
+}  # fmt: skip
+NAMES = {"M": "marker", "T": "trigger", "S": "start/stop", "E": "edit", "X": "loss", "H": "limit"}
+EVENT_LINE = "╎"
+RANK = "XSTMEH"  # of several in one cell that one is shown which comes first
+MOST = 2000  # that a session keeps of limits, and as many of all else: a limit that flickers pushes nothing out
+_LIMITS = {"limit", "limit ended"}
+
+
+def letter(event: LoggedEvent) -> str:
+    """Return the letter of its kind; a space for what is no matter of the data (a save, a journal)."""
+    return LETTERS.get(event.kind, " ")
+
+
+def words(event: LoggedEvent, shown: Callable[[str], str] = str) -> str:
+    """Return what happened: a mark in quotes, as somebody wrote it; all else with names as they are `shown`."""
+    told = text.clean(event.text)
+    return f'"{told}"' if event.kind == "marker" else shown(told)
+
+
+def of_last_run(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
+    """Return what happened in the newest run: only its ticks are on the clock of the plots."""
+    run = next((event.run for event in reversed(events) if event.run), "")
+    return [event for event in events if event.run == run]
+
+
+def in_plots(
+    events: Sequence[LoggedEvent], start_ns: int, end_ns: int, names: Collection[str] | None = None
+) -> list[LoggedEvent]:
+    """Return what has a letter and stands from one moment to another, both included.
+
+    Of limits only those of the signals `names`, if given: all else happened to every signal.
+    """
+    found = [event for event in events if start_ns <= event.at_ns <= end_ns and event.kind in LETTERS]
+    if names is None:
+        return found
+    return [event for event in found if event.kind not in _LIMITS or _is_of(event, names)]
+
+
+def _is_of(event: LoggedEvent, names: Collection[str]) -> bool:
+    return event.text.split(" ", 1)[0] in names or any(event.text.startswith(f"{name} ") for name in names)
+
+
+def newest(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
+    """Return the newest MOST limits and the newest MOST of all else, oldest first."""
+    if len(events) <= MOST:
+        return list(events)
+    room = {True: MOST, False: MOST}
+    kept = []
+    for event in reversed(events):
+        is_limit = event.kind in _LIMITS
+        if room[is_limit]:
+            room[is_limit] -= 1
+            kept.append(event)
+    return kept[::-1]
+
+
+def columns_of(events: Sequence[LoggedEvent], end: int, column_ns: int, width: int) -> dict[int, str]:
+    """Return the letter of each cell that has an event; `end` is the column behind the right edge, two in a cell."""
+    found: dict[int, str] = {}
+    for event in events:
+        if event.kind in LETTERS:
+            cell = width - 1 - (end - 1 - event.at_ns // column_ns) // 2
+            if 0 <= cell < width:
+                found[cell] = min(found.get(cell, "H"), LETTERS[event.kind], key=RANK.index)
+    return found
+
+
+def matches(event: LoggedEvent, asked: str, told: str) -> bool:
+    """Return whether a line that says `told` has all the words.
+
+    `-E` leaves a kind out, `M` is that kind, other words stand in the line or in what was written.
+    """
+    shown = f"{event.kind} {event.text} {told} {event.who}".casefold()
+    for word in asked.split():
+        without, name = (True, word[1:]) if word.startswith("-") and len(word) > 1 else (False, word)
+        found = letter(event) == name if name in NAMES else name.casefold() in shown
+        if found == without:
+            return False
+    return True
+
+
+KINDS = "MTXHES "
+ORDERS: tuple[Order[LoggedEvent], ...] = (
+    Order("time", "t", "time, the newest first", lambda event: 0, True),  # as they were written
+    Order("kind", "k", "kind: marks, triggers, losses ...", lambda event: (KINDS.find(letter(event)), -event.time_ns)),
+    Order("who", "w", "who did it", lambda event: (event.who.casefold(), -event.time_ns)),
+)
+
+
+def csv_text(events: Sequence[LoggedEvent]) -> str:
+    """Return a line per event: time (UTC, ISO), tick, kind, words, who."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["time", "time_ns", "tick", "kind", "what", "who", "run"])
+    for event in events:
+        seconds, rest = divmod(event.time_ns, 10**9)
+        clock = f"{datetime.fromtimestamp(seconds, timezone.utc):%Y-%m-%dT%H:%M:%S}.{rest:09}Z"
+        tick = event.tick if event.tick >= 0 else ""
+        writer.writerow([clock, event.time_ns, tick, event.kind, event.text, event.who, event.run])
+    return out.getvalue()
+
+
+def line(event: LoggedEvent, told: str, width: int, logger: str) -> str:
+    """Return a line of the screen: time, tick, letter, what was told, who; `who` goes first where there is no room."""
+    clock = f"{datetime.fromtimestamp(event.time_ns // 1_000_000 / 1000):%H:%M:%S.%f}"[:-3]
+    tick = f"{event.tick:,}".replace(",", " ") if event.tick >= 0 else "-"
+    head = f"  {clock}  {tick:>10} {letter(event)} "
+    who = text.clean(short_words(event.who) or logger)[: max(0, min(20, width // 4))]
+    room = width - len(head) - len(who) - 4
+    shown = told if len(told) <= room else told[: max(1, room - 1)] + "…"
+    return f"{head}{shown:<{max(1, room)}}  {who}"[:width]
+
+
+def gone_words(event: LoggedEvent, events: Sequence[LoggedEvent]) -> str:
+    """Return what to say of a moment whose rows are held no more: which file has them, if one was saved since."""
+    later = [one for one in events if one.run == event.run and one.number > event.number]
+    kinds = ("saved", "captured", "recovered")
+    saved = next((one.text for one in later if one.kind in kinds or "; saved " in one.text), "")
+    return f"rows gone; {text.clean(saved)}" if saved else "its rows are held no more, and no save of them is known"

@@ -1,0 +1,104 @@
+"""Endless recordings as rows of text: what runs, for how long, how fast, how much of its budget is full. Pure."""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from silo.core.elements import RecorderState
+from silo.core.names import matching
+from silo.core.quantities.writing import clock_text, size_text
+from silo.recorder.requests import RecorderInfo
+from silo_tui.model.words import text
+
+WORDS = {
+    RecorderState.WAITING: "WAIT", RecorderState.RECORDING: "REC", RecorderState.FINISHING: "ENDS",
+    RecorderState.ENDED: "OVER", RecorderState.FAILED: "STOP", RecorderState.DIED: "DIED", RecorderState.OTHER: "?",
+}  # fmt: skip
+LOUD = (RecorderState.FAILED,)
+CAUTION = (RecorderState.WAITING, RecorderState.DIED, RecorderState.OTHER)
+USUAL = "recordings"  # the folder, which needs no mention
+BAR = 5
+FULL_SHARE = 0.8  # of the budget, from which it is amber
+RATE_S = 2.5  # least time between two looks that make a rate: a recorder writes once a second
+
+
+@dataclass(frozen=True)
+class WritingPace:
+    """How much a recorder had written when it was looked at, and how fast that was going; NaN is not known yet."""
+
+    at_s: float
+    written_bytes: int
+    bytes_s: float = float("nan")
+
+    def next(self, at_s: float, written_bytes: int) -> "WritingPace":
+        """Return the pace after another look; of one that comes too soon, the same."""
+        if at_s - self.at_s < RATE_S:
+            return self
+        return WritingPace(at_s, written_bytes, max(0.0, (written_bytes - self.written_bytes) / (at_s - self.at_s)))
+
+
+def head(width: int) -> str:
+    """Return the titles of the columns."""
+    return _line(("", "running", "signals", "for", "rate", "budget", "parts", "lost"), width)
+
+
+def row(
+    one: RecorderInfo,
+    names: Sequence[str],
+    pace: WritingPace | None,
+    folder: str,
+    width: int,
+    now_ns: int | None = None,
+) -> str:
+    """Return a recorder as a line of so many cells; `names` are those of all elements, `folder` the logger's own."""
+    place = one.folder.removeprefix(folder.rstrip("/") + "/")
+    name = one.name if place == USUAL else f"{place}/{one.name}"
+    since_s = ((time.time_ns() if now_ns is None else now_ns) - one.since_ns) / 1e9
+    known = pace is not None and not math.isnan(pace.bytes_s)
+    if one.state.over:
+        rate, budget = one.text or "ended", ""
+    else:
+        rate = f"{size_text(pace.bytes_s)}/s" if pace is not None and known else "…"
+        budget = budget_text(one)
+    cells = (
+        WORDS[one.state], name, str(len(matching(names, one.patterns))), _since(since_s),
+        rate, budget, str(one.parts + bool(one.part)), text.count(one.lost),
+    )  # fmt: skip
+    return _line(cells, width)
+
+
+def budget_text(one: RecorderInfo) -> str:
+    """Return a bar and `21 of 50 GB`; without a budget the size alone."""
+    if not one.keep_bytes:
+        return f"{'':{BAR}} {size_text(one.size_bytes)}"
+    return f"{text.bar(min(1.0, one.size_bytes / one.keep_bytes), BAR):{BAR}} {_of(one.size_bytes, one.keep_bytes)}"
+
+
+def _of(part: int, whole: int) -> str:
+    """Return two sizes in the unit of the larger one: `21 of 50 GB`, `0.4 of 2 GB`."""
+    unit, scale = next(
+        ((unit, 10.0**power) for unit, power in (("GB", 9), ("MB", 6)) if whole >= 10**power), ("kB", 1e3)
+    )
+    some = part / scale
+    return f"{some:.1f}".removesuffix(".0") + f" of {whole / scale:.3g} {unit}"
+
+
+def _since(seconds: float) -> str:
+    """Return for how long it records, in eight cells: `2:31:07`, `61 d 9 h`."""
+    if seconds < 86_400:
+        return clock_text(max(0.0, seconds))
+    return f"{seconds // 86_400:.0f} d {seconds % 86_400 // 3600:.0f} h"
+
+
+def _line(cells: Sequence[str], width: int) -> str:
+    state, name, signals, since, rate, budget, parts, lost = cells
+    room = max(9, width - 68)
+    name = text.clean(name)
+    name = text.shorten_left(name, room) if len(name) > room else name
+    if rate and not budget and parts:  # why it ended takes the room of both
+        rate = text.clean(rate)
+        told = f"{rate[:30] + '…' if len(rate) > 31 else rate:<31}"
+    else:
+        told = f"{rate:>10} {budget:<20}"
+    return f"  {state:<4} {name:<{room}} {signals:>7} {since:>8} {told} {parts:>5} {lost:>5}"

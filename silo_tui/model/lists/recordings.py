@@ -1,0 +1,119 @@
+"""The list of recordings as rows of text: what a cell says, which rows a filter lets pass, in which order.
+
+Plain functions of what a robot told; nothing is asked or drawn here.
+"""
+
+import re
+import time
+from datetime import datetime
+
+from silo.core.elements import FileType
+from silo.core.quantities.writing import size_text
+from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
+from silo_tui.model.lists.ordering import Order
+from silo_tui.model.words import text
+
+EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
+PREFERENCE = (FileType.SILO, FileType.BAG, FileType.CSV)  # of one save, the first is the one that is opened
+TYPES_FROM, WHY = 110, 20  # cells from which the types have a column; cells of `why` below that
+_DATED = re.compile(r"(?P<logger>.+?)_\d{8}_\d\d-\d\d-\d\d(?P<rest>_\d{5,}.*)")
+
+
+def begun_ns(one: SavedRecording) -> int:
+    """Return when a recording began, by the clock on the wall; of one that doesn't say, when its file was changed."""
+    return one.begun_ns if one.begun_ns >= EPOCH_FROM_NS else min(file.changed_ns for file in one.files)
+
+
+ORDERS: tuple[Order[SavedRecording], ...] = (
+    Order("begun", "b", "begun, the newest first", lambda one: (begun_ns(one), one.stem), True),
+    Order("name", "n", "name", lambda one: one.stem.casefold()),
+    Order("why", "w", "why", lambda one: (one.why.casefold(), -begun_ns(one))),
+    Order("span", "s", "span, the longest first", lambda one: one.span_s, True),
+    Order("size", "z", "size, the largest first", lambda one: one.size_bytes, True),
+)
+
+
+def told(one: SavedRecording) -> str:
+    """Return what a filter looks in: name, why, types, logger."""
+    types = " ".join(file.type.name for file in one.files)
+    return f"{one.stem} {one.why} {types} {one.logger}{' part' if one.unfinished else ''}"
+
+
+def best_file(one: SavedRecording) -> RecordingFile:
+    """Return the file of a save that keeps most."""
+    return min(one.files, key=lambda file: PREFERENCE.index(file.type))
+
+
+def short_stem(one: SavedRecording, own: str, width: int) -> str:
+    """Return a name without logger and date where it is long: `…_00007_fall_3`; of another logger, `arm…_00007`."""
+    found = _DATED.fullmatch(one.stem)
+    if len(one.stem) <= width or found is None:
+        return text.shorten_left(one.stem, width)
+    whose = "" if found["logger"] == own else found["logger"]
+    return text.shorten_left(f"{whose}…{found['rest']}", width)
+
+
+def begun_text(time_ns: int, now_s: float) -> str:
+    """Return `today 13:07:27`, `21 Nov 13:07`, `2025-11-21`."""
+    when, now = datetime.fromtimestamp(time_ns / 1e9), datetime.fromtimestamp(now_s)
+    if when.date() == now.date():
+        return f"today {when:%H:%M:%S}"
+    return f"{when:%d %b %H:%M}" if when.year == now.year else f"{when:%Y-%m-%d}"
+
+
+def span_text(seconds: float) -> str:
+    """Return a span in three digits: `24.3 s`, `7.22 min`."""
+    if seconds < 120:
+        return text.span(float(f"{seconds:.3g}"))
+    return f"{seconds / 60:.3g} min" if seconds < 7200 else f"{seconds / 3600:.3g} h"
+
+
+def marks_text(one: SavedRecording) -> str:
+    """Return `T` for a capture of a trigger, and how many markers there are."""
+    return " ".join(
+        ["T"] * one.why.startswith("trigger ") + [f"M{one.markers if one.markers > 1 else ''}"] * (one.markers > 0)
+    )
+
+
+def head(width: int) -> str:
+    """Return the titles of the columns."""
+    return "  " + _line(("saved", "why", "types", "begun", "span", "size", "marks"), width)
+
+
+def row(one: SavedRecording, own: str, width: int, now_s: float | None = None) -> str:
+    """Return a row of `width` cells, without the gutter."""
+    name_width, _ = _widths(width)
+    why = "not looked into yet" if one.unread else one.why or ("" if one.logger else "of another program")
+    if one.unfinished:
+        why = "being written, or cut off"
+    span = span_text(one.span_s) if one.span_s else "-"
+    cells = (
+        short_stem(one, own, name_width), text.clean(why), " ".join(file.type.name.lower() for file in one.files),
+        begun_text(begun_ns(one), time.time() if now_s is None else now_s), span,
+        "part" if one.unfinished else size_text(one.size_bytes), marks_text(one),
+    )  # fmt: skip
+    return _line(cells, width)
+
+
+def _widths(width: int) -> tuple[int, int]:
+    """Return the cells of name and why."""
+    rest = width - 2 - (60 if width >= TYPES_FROM else 43)
+    why = WHY if width < TYPES_FROM else max(WHY, rest // 3)
+    return max(12, rest - why), why
+
+
+def _line(cells: tuple[str, ...], width: int) -> str:
+    name_width, why_width = _widths(width)
+    name, why, types, begun, span, size, marks = cells
+    why = why if len(why) <= why_width else why[: why_width - 1] + "…"
+    kinds = f" {types:<16}" if width >= TYPES_FROM else ""
+    return f"{name:<{name_width}} {why:<{why_width}}{kinds} {begun:<14} {span:>8} {size:>9}  {marks:<5}"
+
+
+def summary(found: Recordings) -> str:
+    """Return what the message line says when nothing else is there to be said."""
+    here, count = len(found.recordings), text.count(found.count)
+    parts = [f"{count} saved" if here >= found.count else f"the newest {here} of {count} saved"]
+    if found.disk_bytes:
+        parts.append(f"disk {1 - found.free_bytes / found.disk_bytes:.0%} of {size_text(found.disk_bytes)}")
+    return " │ ".join(parts)

@@ -1,0 +1,120 @@
+"""The list of runs as rows of text, and several runs over each other as one log.
+
+Plain functions; nothing is asked or drawn here.
+"""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from silo.analysis.log import Log
+from silo.analysis.stretches import resampled
+from silo.core.elements import LoggedEvent
+from silo.core.recording import RecordedElement, Recording, has_own_stamps
+from silo.errors import ElementError
+from silo.run_index.listed import ListedRun
+from silo_tui.model.lists.ordering import Order
+from silo_tui.model.lists.recordings import begun_text, span_text
+from silo_tui.model.words import text
+
+Key = Callable[[ListedRun], float]
+MOST_TICKS = 2_000_000
+NAME_WIDTH = 22  # at least
+VALUE_WIDTH = 12
+
+ORDERS: tuple[Order[ListedRun], ...] = (
+    Order("begun", "b", "begun, the newest first", lambda one: (one.facts.begun_ns, one.facts.path), True),
+    Order("name", "n", "name", lambda one: one.facts.path.casefold()),
+    Order("task", "k", "task", lambda one: (one.facts.task.casefold(), -one.facts.begun_ns)),
+    Order("span", "s", "span, the longest first", lambda one: one.facts.span_s, True),
+    Order("lost", "l", "lost, the most first", lambda one: one.facts.lost, True),
+)
+
+
+def told(one: ListedRun) -> str:
+    """Return what a filter looks in: name, robot, task, why, tags, notes, episodes."""
+    facts = one.facts
+    said = (facts.path, facts.kind, facts.robot, facts.task, facts.why, *one.tags, *one.notes, *facts.about.values())
+    return " ".join([*said, *(f"{each.name} {each.verdict}" for each in facts.episodes)])
+
+
+def is_condition(words: str) -> bool:
+    """Whether a filter is a condition on what was measured: `max(tau) > 30`."""
+    return any(letter in words for letter in "<>=(")
+
+
+def head(width: int, columns: Sequence[str] = ()) -> str:
+    """Return the titles of the columns."""
+    return "  " + _line(("run", "begun", "span", "lost", "limits", "eps", "task", "said"), columns, width)
+
+
+def row(one: ListedRun, width: int, values: Sequence[float] = (), now_s: float | None = None) -> str:
+    """Return a row of `width` cells, without the gutter."""
+    facts = one.facts
+    good = sum(each.success is True for each in facts.episodes)
+    said = f"can't be read: {facts.problem}" if facts.problem else ""
+    cells = (
+        text.shorten_left(facts.path, _name_width(width, len(values))),
+        begun_text(facts.begun_ns, time.time() if now_s is None else now_s), span_text(facts.span_s),
+        text.count(facts.lost) if facts.lost else "", str(facts.limits or ""),
+        f"{good}/{len(facts.episodes)}" if facts.episodes else "", text.clean(facts.task),
+        said or " ".join([*(f"#{tag}" for tag in one.tags), *one.notes[-1:]]),
+    )  # fmt: skip
+    return _line(cells, ["-" if math.isnan(value) else f"{value:.5g}" for value in values], width)
+
+
+def _name_width(width: int, columns: int) -> int:
+    return max(NAME_WIDTH, (width - 60 - columns * (VALUE_WIDTH + 1)) * 2 // 3)
+
+
+def _line(cells: tuple[str, ...], values: Sequence[str], width: int) -> str:
+    name, begun, span, lost, limits, episodes, task, said = cells
+    shown = "".join(f" {text.shorten_left(value, VALUE_WIDTH):>{VALUE_WIDTH}}" for value in values)
+    begin = f"{name:<{_name_width(width, len(values))}} {begun:<14} {span:>8}{shown} {episodes:>5}"
+    return f"{begin} {lost:>6} {limits:>6} {task:<8.8} {said}"
+
+
+def together(logs: Sequence[tuple[str, Log]], event: str = "") -> Recording:
+    """Return several runs as one log: each signal that all have once per run, `q/run3`, by the time since the start.
+
+    It goes as far as all of them do. With the words of an event it is the time since the first such one of each.
+    Raises ElementError.
+    """
+    begun = [_begin_ns(name, log, event) for name, log in logs]
+    first = max(int(log.time_ns[0]) - at for (_, log), at in zip(logs, begun, strict=True))
+    last = min(int(log.time_ns[-1]) - at for (_, log), at in zip(logs, begun, strict=True))
+    if last <= first:
+        raise ElementError("these runs have no time in common; choose others, or another event")
+    step = max(min(int(np.median(np.diff(log.time_ns))) for _, log in logs), (last - first) // MOST_TICKS, 1)
+    ticks = np.arange(first, last + 1, step, dtype=np.int64)
+    shared = set.intersection(*({one.name for one in log.recording.elements if one.kind != "text"} for _, log in logs))
+    elements = [
+        _named(element, name)
+        for (name, log), at in zip(logs, begun, strict=True)
+        for element in resampled(log.recording, ticks + at, linear=False).elements
+        if element.name in shared
+    ]
+    elements.sort(key=lambda one: one.name)
+    at = int(np.searchsorted(ticks, 0))
+    marks = (LoggedEvent("marker", event, tick=at, stamp_ns=-first),) if event and at < len(ticks) else ()
+    return Recording("runs", ticks - first, len(ticks), elements, prefix=logs[0][1].recording.prefix, events=marks)
+
+
+def _begin_ns(name: str, log: Log, event: str) -> int:
+    if has_own_stamps(log.recording) or len(log.time_ns) < 2:
+        raise ElementError(f"{name} has no ticks that could lie over those of others")
+    if not event:
+        return log.start_ns
+    found = next((one.time_ns for one in log.events if event.casefold() in one.words.casefold()), None)
+    if found is None:
+        raise ElementError(f"{name} has no event with '{event}'")
+    return found
+
+
+def _named(element: RecordedElement, run: str) -> RecordedElement:
+    name = f"{element.name}/{run}"
+    entries = tuple(replace(one, name=f"{name}{one.entry.suffix}") for one in element.entries)
+    return replace(element, name=name, entries=entries)

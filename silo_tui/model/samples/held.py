@@ -1,0 +1,402 @@
+"""What is held of some signals while a picture stands still: fetched pins, and the robot's buffers behind them.
+
+The one place that plots, searches and jumps ask. A moment that no pin has is pinned when one goes there, as long as the
+buffers have it; only what these have lost as well is gone. Whatever becomes of the link, what was fetched stays.
+"""
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from silo.core.arrays.columns import ColumnStore, HistoryColumns
+from silo.core.elements import ElementInfo, LoggedEvent
+from silo.errors import RefusedError, SiloError
+from silo.expressions.search import FoundMoments, Looking
+from silo.expressions.span import Between
+from silo_tui.model.drawing.plots import Plotted
+from silo_tui.model.samples.buffers import Buffers, PinHandle
+from silo_tui.model.samples.live import Reading
+from silo_tui.model.samples.pinned import PinnedSource
+from silo_tui.model.samples.searching import find_here, joined, measure_here, reading_of
+from silo_tui.model.samples.source import PlotSource, Samples
+
+MOST_PIECES = 12  # a helper process has 64 pins for all its clients
+NAMES_AT_ONCE = 64  # that a helper process looks through
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    begin_ns: int
+    end_ns: int
+
+
+class HeldSource:
+    """A source of plots that stands still. Lives in the event loop."""
+
+    live = False
+
+    def __init__(
+        self,
+        live: PlotSource,
+        plots: Sequence[Plotted],
+        pinned_ns: tuple[int, int],
+        newest_ns: int,
+        shown: ColumnStore,
+        buffers: Buffers | None,
+    ) -> None:
+        """`pinned_ns` is pinned at once, `newest_ns` the moment at which it stands still (0: the end of that).
+
+        `shown` are the columns that were drawn.
+        """
+        self._live = live
+        self._plots = tuple(plots)
+        self._buffers = buffers
+        self._pins: list[PinHandle] = []
+        self._oldest_ns = 0  # in the buffers, as they said last
+        self._closed = False
+        self._lost = False  # whether they are of another run by now
+        self._covering = asyncio.Lock()
+        self._newest_ns = newest_ns
+        self._wish_ns = pinned_ns
+        self.main = PinnedSource(live, plots, *pinned_ns, shown)
+        self._pieces = [self.main]  # by time; no two have a moment in common
+        self._period_ns = min((self.period_ns(plotted.element.name) for plotted in plots), default=0)
+
+    # ------------------------------------------------------------------------------------------ what is, and how much
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The entries that are held."""
+        return self.main.names
+
+    def element(self, name: str) -> ElementInfo | None:
+        """Return the element of that name, as it was."""
+        return self.main.element(name)
+
+    def period_ns(self, element: str) -> int:
+        """Return the time between two samples of an element, as it was."""
+        return self.main.period_ns(element)
+
+    def is_live(self, element: str) -> bool:
+        """Return whether the element is held."""
+        return self.main.is_live(element)
+
+    @property
+    def happened(self) -> Sequence[LoggedEvent]:
+        """What happened, also since the picture was held."""
+        return self._live.happened
+
+    @property
+    def begin_ns(self) -> int:
+        """The oldest moment that can be looked at: pinned, or still in the buffers."""
+        pinned = self._pieces[0].begin_ns
+        return min(pinned, self._oldest_ns) if self._oldest_ns and self._in_buffers else pinned
+
+    @property
+    def end_ns(self) -> int:
+        """The moment at which it stands still, or the newest that was looked at since."""
+        return max(self._newest_ns, self._pieces[-1].end_ns)
+
+    @property
+    def _in_buffers(self) -> bool:
+        """Whether there may be more in the buffers than in the pins."""
+        return self._buffers is not None and self._buffers.reachable and bool(self._pins) and not self._lost
+
+    @property
+    def pieces(self) -> Sequence[PinnedSource]:
+        """What is pinned, by time."""
+        return tuple(self._pieces)
+
+    @property
+    def pinned(self) -> bool:
+        """Whether anything is pinned."""
+        return bool(self._pins)
+
+    @property
+    def problem(self) -> str:
+        """Why no more is fetched."""
+        return self.main.problem
+
+    @property
+    def held_s(self) -> float:
+        """Seconds that are pinned."""
+        return sum(piece.held_s for piece in self._pieces)
+
+    @property
+    def fetched_s(self) -> float:
+        """Seconds of which all samples are here."""
+        return sum(piece.fetched_s for piece in self._pieces)
+
+    @property
+    def held_text(self) -> str:
+        """How much is pinned; empty while that isn't known."""
+        if not self._pins:
+            return "only the picture" if self.main.problem else ""
+        return self.main.held_text if len(self._pieces) == 1 else _text_of(self.held_s)
+
+    @property
+    def text(self) -> str:
+        """How much is pinned and how much of it is here: `41 s held, 5.0 s of it here`."""
+        others = self._pieces if len(self._pieces) > 1 else ()
+        if not others or self.main.problem or not self._pins:
+            return self.main.text
+        here = "all here" if all(piece.complete for piece in others) else f"{_text_of(self.fetched_s)} of it here"
+        return f"{self.held_text} held, {here}"
+
+    def covers(self, time_ns: int) -> bool:
+        """Return whether a moment is pinned."""
+        return any(piece.begin_ns <= time_ns <= piece.end_ns for piece in self._pieces)
+
+    def _gaps(self, start_ns: int, end_ns: int) -> list[_Stretch]:
+        """What of a stretch is in no pin, but for what is too short for a sample: pins begin and end with one."""
+        found, begin = [], start_ns
+        for piece in self._pieces:
+            found.append(_Stretch(begin, min(end_ns, piece.begin_ns - 1)))
+            begin = max(begin, piece.end_ns + 1)
+        found.append(_Stretch(begin, end_ns))
+        return [gap for gap in found if gap.end_ns - gap.begin_ns > 2 * self._period_ns]
+
+    # ------------------------------------------------------------------------------------------------------- pinning
+
+    async def open(self) -> str:
+        """Pin the picture; return what of it could not be had. Raises a SiloError where nothing can."""
+        if self._buffers is None or not self.names:
+            return ""
+        pin = await self._buffers.pin(self.names, *self._wish_ns)
+        if not pin.run or not pin.begin_ns:  # the buffers had turned over before the wish came
+            pin.close()
+            self.main.unpinned("the logger holds nothing of it any more")
+            return pin.text
+        self._take(pin)
+        self._oldest_ns = pin.oldest_ns
+        self.main.opened(pin, pin.begin_ns, pin.end_ns)
+        return pin.text
+
+    async def cover(self, start_ns: int, end_ns: int) -> str:
+        """Pin what of a stretch is in no pin yet and in the buffers still; return what could not be had, and why."""
+        async with self._covering:
+            told, newest_ns = "", self.end_ns
+            for gap in reversed(self._gaps(max(start_ns, self.begin_ns), end_ns)):
+                if self._in_buffers:
+                    told = await self._pin_more(gap, newest_ns) or told
+            return told
+
+    async def _pin_more(self, gap: _Stretch, newest_ns: int) -> str:
+        assert self._buffers is not None
+        try:
+            pin = await self._buffers.pin(self.names, gap.begin_ns, gap.end_ns)
+        except RefusedError as error:
+            return str(error)
+        except SiloError:
+            return "no link"
+        run = next((known.run for known in self._pins if known.run), "")
+        if not pin.run or not pin.begin_ns or pin.run != run:
+            pin.close()
+            self._lost = self._lost or bool(pin.run and pin.run != run)
+            self._oldest_ns = pin.oldest_ns if pin.run == run else self._oldest_ns
+            return pin.text
+        self._take(pin)
+        self._oldest_ns = pin.oldest_ns
+        piece = PinnedSource(self._live, self._plots, gap.begin_ns, gap.end_ns, ColumnStore((), 1, 1))
+        whole = pin.oldest_ns < gap.begin_ns and not pin.text
+        piece.opened(
+            pin, gap.begin_ns if whole else pin.begin_ns, gap.end_ns if gap.end_ns <= newest_ns else pin.end_ns
+        )
+        self._pieces = sorted([*self._pieces, piece], key=lambda each: each.begin_ns)
+        self._forget_farthest(piece)
+        return pin.text
+
+    def _take(self, pin: PinHandle) -> None:
+        self._pins.append(pin)
+        if self._closed:
+            self.close()  # it came when nobody looks any more
+
+    def _forget_farthest(self, here: PinnedSource) -> None:
+        """Let go of the pin that is farthest from where one looks, never of the picture that was held."""
+        if len(self._pieces) <= MOST_PIECES:
+            return
+        others = [piece for piece in self._pieces if piece is not self.main]
+        farthest = max(others, key=lambda piece: abs(piece.begin_ns - here.begin_ns))
+        self._pieces.remove(farthest)
+        for pin in [pin for pin in self._pins if farthest.reads(pin)]:
+            self._pins.remove(pin)
+            pin.close()
+
+    async def bring(self, time_ns: int, around_ns: int) -> bool:
+        """Pin a moment with what is around it; False where it is held nowhere any more."""
+        slack = 2 * max((self.period_ns(plotted.element.name) for plotted in self._plots), default=0)
+        if not self.covers(time_ns):
+            # what came after the picture was held is pinned only where one goes there
+            end_ns = time_ns + around_ns
+            await self.cover(time_ns - around_ns, end_ns if time_ns > self.end_ns else min(end_ns, self.end_ns))
+        return any(piece.begin_ns - slack <= time_ns <= piece.end_ns + slack for piece in self._pieces)
+
+    async def fetch(self, start_ns: int, end_ns: int) -> None:
+        """Fetch all samples between two times, as far as they are pinned, the newest first."""
+        for piece in reversed(self._pieces):
+            if piece.begin_ns <= end_ns and start_ns <= piece.end_ns:
+                await piece.fetch(max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns))
+
+    def mended(self) -> None:
+        """Try again what failed: the link is there."""
+        for piece in self._pieces:
+            if any(piece.reads(pin) and not pin.refused for pin in self._pins):
+                piece.problem = ""
+
+    def close(self) -> None:
+        """Let go of all pins."""
+        self._closed = True
+        pins, self._pins = self._pins, []
+        for pin in pins:
+            pin.close()
+
+    # ---------------------------------------------------------------------------------------------------- what it shows
+
+    async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
+        """All samples of an entry from `start_ns` to `end_ns`, both included; where they can't come, those here."""
+        parts: list[tuple[int, Samples]] = [
+            (piece.begin_ns, await piece.samples(name, max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)))
+            for piece in self._pieces
+            if piece.begin_ns <= end_ns and start_ns <= piece.end_ns
+        ]
+        gaps = self._buffered(start_ns, end_ns)
+        parts += [(gap.begin_ns, await self._buffered_samples(name, gap)) for gap in gaps]
+        return joined([some for _, some in sorted(parts, key=lambda part: part[0])])
+
+    def _buffered(self, start_ns: int, end_ns: int) -> list[_Stretch]:
+        """What of a stretch the buffers have alone."""
+        return self._gaps(max(start_ns, self.begin_ns), min(end_ns, self.end_ns)) if self._in_buffers else []
+
+    async def _buffered_samples(self, name: str, gap: _Stretch) -> Samples:
+        try:
+            return await self._live.samples(name, gap.begin_ns, gap.end_ns)
+        except SiloError:  # what is pinned is all that there is
+            return np.zeros(0, np.int64), np.zeros(0)
+
+    async def _buffered_columns(self, names: Sequence[str], gap: _Stretch, column_ns: int) -> HistoryColumns | None:
+        try:
+            return await self._live.history(names, gap.begin_ns, gap.end_ns, column_ns)
+        except SiloError:
+            return None
+
+    def held(self, name: str, start_ns: int, end_ns: int) -> Samples:
+        """The samples of an entry from `start_ns` to `end_ns`, both included, that are here."""
+        return joined([piece.held(name, start_ns, end_ns) for piece in self._pieces])
+
+    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Columns of a stretch of time: of the pins, and of the buffers where these have it alone."""
+        gaps = self._buffered(start_ns, end_ns)
+        overlapping = [piece for piece in self._pieces if piece.begin_ns <= end_ns and start_ns <= piece.end_ns]
+        if len(overlapping) == 1 and not gaps:
+            return await overlapping[0].history(names, start_ns, end_ns, column_ns)
+        store = _room(names, start_ns, end_ns, column_ns)
+        for gap in gaps:
+            if (past := await self._buffered_columns(names, gap, column_ns)) is not None:
+                store.take(past)
+        for piece in overlapping:
+            begin, end = max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)
+            store.take(await piece.history(names, begin, max(end, begin + 1), column_ns))
+        return store.stretch(None)
+
+    def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Columns from what is here."""
+        if len(self._pieces) == 1:
+            return self.main.columns(names, start_ns, end_ns, column_ns)
+        store = _room(names, start_ns, end_ns, column_ns)
+        for piece in self._pieces:
+            begin, end = max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)
+            if begin <= end:
+                store.take(piece.columns(names, begin, end, column_ns))
+        return store.stretch(None)
+
+    async def readings(self, names: Sequence[str], time_ns: int) -> dict[str, Reading]:
+        """What held at a time, of elements: the newest sample up to then, as far as it is pinned."""
+        piece = next((each for each in self._pieces if each.begin_ns <= time_ns <= each.end_ns), None)
+        if piece is None and self._pieces[-1].end_ns < time_ns:
+            piece = self._pieces[-1]
+        if piece is None:
+            return {}
+        found = {}
+        for name in names:
+            element = self.element(name)
+            if element is not None and self.is_live(name):
+                found[name] = await reading_of(piece, element, time_ns)
+        return found
+
+    # ------------------------------------------------------------------------------------------------------ searching
+
+    @property
+    def _of_one_run(self) -> tuple[str, list[PinHandle]]:
+        """The run that was held, and the pins of it."""
+        run = next((pin.run for pin in self._pins if pin.run), "")
+        return run, [pin for pin in self._pins if pin.run == run]
+
+    @property
+    def _all_here(self) -> bool:
+        return all(piece.complete for piece in self._pieces) and not self._gaps(self.begin_ns, self.end_ns)
+
+    async def find(
+        self, looking: Mapping[str, Looking], around_ns: int, most: int
+    ) -> tuple[dict[str, FoundMoments], str]:
+        """Look for moments in all that is held of entries, and return why some of it could not be looked through."""
+        if self._all_here or not self._in_buffers:
+            why = "" if self._all_here else self._out_of_reach
+            return await find_here(self._pieces, looking, around_ns, most, why, pinned=self.pinned)
+        assert self._buffers is not None
+        _, pins = self._of_one_run
+        names = list(looking)
+        found: dict[str, FoundMoments] = {}
+        try:
+            for begin in range(0, len(names), NAMES_AT_ONCE):
+                some = {name: looking[name] for name in names[begin : begin + NAMES_AT_ONCE]}
+                found.update(await self._buffers.find(some, around_ns, most, self.end_ns, pins))
+        except SiloError as error:
+            why = str(error) if isinstance(error, RefusedError) else "no link"
+            return await find_here(self._pieces, looking, around_ns, most, why, pinned=self.pinned)
+        return found, ""
+
+    async def measure(self, names: Sequence[str], a_ns: int, b_ns: int) -> tuple[dict[str, Between], str]:
+        """Measure entries between two moments, and return of what the facts are where these aren't all samples.
+
+        What isn't fetched is added up in the helper process; where that can't be asked, columns have what they have.
+        """
+        begin_ns, end_ns = min(a_ns, b_ns), max(a_ns, b_ns)
+        if not self._has(begin_ns, end_ns) and self._in_buffers and self._buffers is not None:
+            run, pins = self._of_one_run
+            found: dict[str, Between] = {}
+            try:
+                for at in range(0, len(names), NAMES_AT_ONCE):
+                    some = names[at : at + NAMES_AT_ONCE]
+                    found.update(await self._buffers.measure(some, a_ns, b_ns, pins, run))
+            except SiloError as error:
+                why = str(error) if isinstance(error, RefusedError) else "no link"
+            else:
+                return found, ""
+        else:
+            why = "" if self._has(begin_ns, end_ns) else self._out_of_reach
+        return await measure_here(self._pieces, names, a_ns, b_ns, why, pinned=self.pinned)
+
+    @property
+    def _out_of_reach(self) -> str:
+        """Why nothing but what is here can be had."""
+        reached = self._buffers is not None and self._buffers.reachable
+        return "nothing is pinned" if not self._pins and reached and self.main.problem else "no link"
+
+    def _has(self, start_ns: int, end_ns: int) -> bool:
+        """Whether all samples of a stretch are here."""
+        inside = [piece for piece in self._pieces if piece.begin_ns <= end_ns and start_ns <= piece.end_ns]
+        fetched = all(piece.has(max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)) for piece in inside)
+        return fetched and not self._gaps(start_ns, end_ns)
+
+
+def _room(names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> ColumnStore:
+    first, stop = start_ns // column_ns, end_ns // column_ns + 1
+    store = ColumnStore(names, stop - first, column_ns)
+    store.advance_to(stop)
+    return store
+
+
+def _text_of(seconds: float) -> str:
+    return f"{float(f'{seconds:.2g}'):g} s"

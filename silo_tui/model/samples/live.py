@@ -1,0 +1,195 @@
+"""The newest values of what is on the screen, and how they read in a cell."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from silo.core.arrays.values import EXACT
+from silo.core.elements import ElementInfo, Entry
+from silo.rpc.frames import Frame
+from silo.rpc.published import NotLive
+from silo_tui.model.drawing.columns import Floats
+from silo_tui.model.words import text
+
+MIXED = frozenset({"pose", "twist", "angle_axis", "struct"})  # kinds whose entries have units of their own
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What is known of one element: the newest value per entry, NaN where none; texts where a float can't tell it."""
+
+    newest: Floats
+    texts: dict[int, str]
+    held: int
+    lost: int
+    time_ns: int  # when the frame was made
+    size: int | None = None  # of the recording's buffer, where the table says another by now; 0: it has none
+    failed: int = 0  # ticks at which it could not be read
+    why: NotLive | None = None  # why the newest value isn't of now, where it isn't
+
+    def with_value(self, position: int, value: float) -> "Reading":
+        """Return it with another value of an entry; as it is where that isn't known, or a float can't tell it."""
+        if math.isnan(value) or position in self.texts or position >= len(self.newest):
+            return self
+        newest = self.newest.copy()
+        newest[position] = value
+        return replace(self, newest=newest)
+
+
+@dataclass
+class LiveValues:
+    """Readings by element name; only what is or was on the screen has one."""
+
+    readings: dict[str, Reading] = field(default_factory=dict)
+    time_ns: int = 0
+
+    def take(self, frame: Frame, entry_counts: Sequence[int]) -> list[str]:
+        """Take a frame over; `entry_counts` per element of the frame. Returns the elements whose reading changed."""
+        changed = []
+        start = 0
+        self.time_ns = frame.time_ns
+        for position, (name, entries) in enumerate(zip(frame.elements, entry_counts, strict=True)):
+            newest = frame.newest[start : start + entries]
+            texts = {at - start: word for at, word in frame.texts.items() if start <= at < start + entries}
+            start += entries
+            if name in frame.unpublished:
+                newest = np.full(entries, np.nan)
+                texts = {}
+            held, lost, size = int(frame.held[position]), int(frame.lost[position]), frame.sizes.get(position)
+            failed = frame.failed.get(position, 0)
+            reading = Reading(newest, texts, held, lost, frame.time_ns, size, failed, frame.not_live.get(position))
+            old = self.readings.get(name)
+            if old is None or not _same(old, reading):
+                changed.append(name)
+            self.readings[name] = reading
+        return changed
+
+    def forget(self) -> None:
+        """Forget what was read: after a new start it belongs to the run before."""
+        self.readings.clear()
+
+
+def _same(old: Reading, new: Reading) -> bool:
+    return (
+        old.held == new.held
+        and old.size == new.size
+        and old.lost == new.lost
+        and old.failed == new.failed
+        and old.why == new.why
+        and old.texts == new.texts
+        and np.array_equal(old.newest, new.newest, equal_nan=True)
+    )
+
+
+def entry_text(entry: Entry, value: float, word: str | None, width: int, decimals: int | None = None) -> str:
+    """Return one value as its type wants to be read: labels for enumerations, words for bool, text for strings.
+
+    `word` is its text where a float can't tell it, `decimals` are those of its signal where they are known.
+    """
+    kind = entry.dtype[1:2]
+    if kind in "SU":
+        return _fit(word or "", width)
+    if word is None and np.isnan(value):
+        return "nan" if kind in "fc" else "-"
+    if entry.labels:
+        number = int(word) if word else int(value)
+        label = entry.labels.get(number)
+        return _fit(label, width) if label else f"{number}?"
+    if kind == "b":
+        return "true" if value else "false"
+    if kind == "M" and word != "NaT":
+        return _fit(_moment(word or _date(entry.dtype, int(value))), width)
+    if word is not None and (kind not in "iumM" or word == "NaT" or len(word) <= width):
+        return _fit(word, width)
+    if kind in "iu" and abs(value) >= EXACT:  # its last digits are not known
+        return text.number(float(int(word)) if word else value, width)
+    return text.number(value, width, integer=kind in "ium", decimals=decimals)
+
+
+def offset_text(entry: Entry, offset: float, base: int, width: int) -> str:
+    """Return a value of a column, which is an offset from a base; an exact one with all its digits, however wide."""
+    value = offset + base
+    kind = entry.dtype[1:2]
+    if kind == "M" and math.isfinite(value):
+        return entry_text(entry, value, _date(entry.dtype, base + int(offset)), width)
+    if base and abs(offset) < EXACT:
+        word = str(base + int(offset))
+        return entry_text(entry, value, word, max(width, len(word)))
+    return entry_text(entry, value, None, width)
+
+
+def _fit(words: str, width: int) -> str:
+    words = text.clean(words)
+    return words if len(words) <= width else words[: width - 1] + "…"
+
+
+def _date(dtype: str, count: int) -> str:
+    """Return a moment as text: its type says in which unit it counts."""
+    return str(np.array([count], "i8").view(dtype)[0])
+
+
+def _moment(date: str) -> str:
+    """Return a date and time, the time first where there is little room."""
+    day, _, hours = str(np.datetime64(date).astype("datetime64[ms]")).partition("T")
+    return f"{hours} {day}"
+
+
+def value_text(element: ElementInfo, reading: Reading | None, width: int, decimals: int | None = None) -> str:
+    """Return the newest value of an element in one cell; several entries as a short list."""
+    if reading is None:
+        return "…"
+    entries = element.entries
+    if len(entries) == 1:
+        return entry_text(entries[0], float(reading.newest[0]), reading.texts.get(0), width, decimals)
+    pieces: list[str] = []
+    room = width
+    sizes = np.abs(reading.newest[np.isfinite(reading.newest)])
+    largest = float(sizes.max(initial=0.0)) if has_norm(element) else 0.0
+    for position, entry in enumerate(entries):
+        value = float(reading.newest[position])
+        is_number = entry.dtype[1:2] in "fiu" and not entry.labels
+        word = reading.texts.get(position)
+        piece = text.brief(value, largest) if is_number and word is None else entry_text(entry, value, word, 8)
+        rest = len(entries) - position - 1
+        if len(piece) + (2 if rest else 0) > room:
+            pieces.append("…")
+            break
+        pieces.append(piece)
+        room -= len(piece) + 1
+    return " ".join(pieces)
+
+
+def component_text(
+    element: ElementInfo, reading: Reading, chosen: int, width: int, *, named: bool = True, told: float = math.nan,
+    decimals: int | None = None,
+) -> str:  # fmt: skip
+    """Return the norm (1) or one entry (2, 3 ...) of a vector, with what it is before it.
+
+    `told` is the norm of the moment of what stands beside it, NaN where that isn't known; `decimals` as of its signal.
+    """
+    if chosen == 1:
+        norm = float(np.sqrt(np.square(reading.newest).sum())) if math.isnan(told) else told
+        return f"|{len(element.entries)}| " + text.number(norm, max(6, width - 4), decimals=decimals)
+    entry = element.entries[chosen - 2]
+    label = f"{entry.suffix} " if named and len(entry.suffix) + 7 <= width else ""
+    word = reading.texts.get(chosen - 2)
+    return label + entry_text(entry, float(reading.newest[chosen - 2]), word, max(6, width - len(label)), decimals)
+
+
+def cells_of_value(element: ElementInfo) -> int:
+    """Return in how many cells the entries of a vector stand side by side, a scalar as wide as ever."""
+    return 6 * len(element.entries) - 1
+
+
+def has_norm(element: ElementInfo) -> bool:
+    """Return whether the norm of a vector says something: its entries are numbers of one unit."""
+    numbers = all(entry.dtype[1:2] in "biuf" and not entry.labels for entry in element.entries)
+    mixed = element.kind in MIXED or element.kind.startswith("vector_at_position")
+    return len(element.entries) > 1 and numbers and not mixed
+
+
+def fill_share(held: int, buffer_size: int) -> float:
+    """Return how full a buffer is, 0 ... 1; a growing one may hold more than its first size."""
+    return min(1.0, held / buffer_size) if buffer_size > 0 else 0.0

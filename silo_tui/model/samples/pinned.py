@@ -1,0 +1,336 @@
+"""What was pinned when the picture was held: a stretch of time of some signals that nothing overwrites.
+
+The source begins with the columns that stood on the screen. Columns of the whole span are fetched next, then raw
+samples slice by slice, those that are looked at first. What has come stays, whatever becomes of link and robot, and is
+all that is drawn then; `text` says how much that is.
+"""
+
+import asyncio
+import math
+import time
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.core.arrays.columns import (
+    FLAGS,
+    MAX_COLUMNS,
+    Bins,
+    ColumnGrid,
+    ColumnStore,
+    HistoryColumns,
+    NonFinite,
+    bins_of,
+    coarser,
+    grid_of,
+)
+from silo.core.elements import ElementInfo, LoggedEvent
+from silo.core.quantities.writing import duration
+from silo.errors import SiloError
+from silo_tui.model.drawing.plots import Plotted
+from silo_tui.model.drawing.window import SECOND_NS
+from silo_tui.model.samples.source import PlotSource, Samples
+
+SLICES = 32  # the span is fetched in so many pieces
+QUICK_S = 10.0  # what isn't looked at is fetched too where all of it comes within that time
+
+
+class PinReader(Protocol):
+    """Where a pin is read from: a helper process, which may fall silent (then it raises a SiloError)."""
+
+    async def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Return columns of what is pinned."""
+
+    async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> dict[str, Samples]:
+        """Return samples of what is pinned with `start_ns <= time stamp < end_ns`."""
+
+
+class PinnedSource:
+    """A source of plots that stands still. Lives in the event loop."""
+
+    live = False
+
+    def __init__(
+        self, live: PlotSource, plots: Sequence[Plotted], start_ns: int, end_ns: int, shown: ColumnStore
+    ) -> None:
+        """`shown` are the columns that are on the screen."""
+        self.names = tuple(dict.fromkeys(plotted.name for plotted in plots))
+        self.begin_ns, self.end_ns = start_ns, max(start_ns + 1, end_ns)
+        self.problem = ""  # why no more is fetched
+        self._live = live
+        self._element_of = {plotted.name: plotted.element.name for plotted in plots}
+        self._elements = {plotted.element.name: plotted.element for plotted in plots}
+        self._periods = {name: live.period_ns(name) for name in self._elements}
+        self._reader: PinReader | None = None
+        self._shown = _copy_of(shown)
+        self._coarse: HistoryColumns | None = None
+        self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns) // SLICES))
+        self._slices: dict[int, dict[str, Samples]] = {}
+        self._fetching = asyncio.Lock()
+        self._slice_s = math.inf  # how long a slice took at last
+
+    # -------------------------------------------------------------------------------------------- what is, and how much
+
+    def element(self, name: str) -> ElementInfo | None:
+        """Return the element of that name, as it was."""
+        return self._elements.get(name) or self._live.element(name)
+
+    def reads(self, reader: PinReader) -> bool:
+        """Return whether it is fetched from there."""
+        return self._reader is reader
+
+    def period_ns(self, element: str) -> int:
+        """Return the time between two samples of an element, as it was."""
+        return self._periods.get(element) or self._live.period_ns(element)
+
+    @property
+    def happened(self) -> Sequence[LoggedEvent]:
+        """What happened, also since the picture was held."""
+        return self._live.happened
+
+    def is_live(self, element: str) -> bool:
+        """Return whether the element is pinned."""
+        return element in self._elements
+
+    @property
+    def held_s(self) -> float:
+        """Seconds that are pinned."""
+        return (self.end_ns - self.begin_ns) / SECOND_NS
+
+    @property
+    def held_text(self) -> str:
+        """The span that is pinned, to two digits."""
+        return duration(float(f"{self.held_s:.2g}"))
+
+    @property
+    def fetched_s(self) -> float:
+        """Seconds of which all samples are here."""
+        ends = ((k * self._slice_ns + self.begin_ns, (k + 1) * self._slice_ns + self.begin_ns) for k in self._slices)
+        return sum(max(0, min(end, self.end_ns) - begin) for begin, end in ends) / SECOND_NS
+
+    @property
+    def complete(self) -> bool:
+        """Whether every sample is here."""
+        return len(self._slices) >= self._count
+
+    @property
+    def text(self) -> str:
+        """How much is held and how much of it is here: `41 s held, 5.0 s of it here`."""
+        held = self.held_text
+        if self._reader is None and not self.problem:
+            return "pinning …"
+        if self._reader is not None and self.complete:
+            return f"{held} held, all here"
+        here = f"{float(f'{self.fetched_s:.2g}'):g} s of {held} here" if self._slices else "only columns here"
+        if self._coarse is None and not self._slices:
+            here = "only the picture here"
+        return f"{here}, no more: {self.problem}" if self.problem else f"{held} held, {here}"
+
+    # --------------------------------------------------------------------------------------------------- fetching
+
+    def opened(self, reader: PinReader, begin_ns: int, end_ns: int, problem: str = "") -> None:
+        """The logger holds this much of it, to be read from there."""
+        self._reader, self.problem = reader, problem
+        if not self._slices:
+            self.begin_ns, self.end_ns = begin_ns, max(begin_ns + 1, end_ns)
+            self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns + 1) // SLICES))
+
+    def unpinned(self, problem: str) -> None:
+        """Nothing of it could be pinned: the picture that stood on the screen is all that there is."""
+        self.problem = problem
+        if self._reader is None:
+            drawn = np.flatnonzero((np.isfinite(self._shown.low) | self._flags(self._shown)).any(axis=0))
+            begin = (self._shown.first + int(drawn[0])) * self._shown.column_ns if len(drawn) else self.end_ns - 1
+            self.begin_ns = min(begin, self.end_ns - 1)
+            self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns + 1) // SLICES))
+
+    async def fetch_columns(self, column_ns: int) -> None:
+        """Fetch columns of the whole span. Errors are noted in `problem`."""
+        if self._reader is None:
+            return
+        wide = max(column_ns, -(-(self.end_ns - self.begin_ns) // (MAX_COLUMNS - 2)))
+        try:
+            self._coarse = await self._reader.columns(self.names, self.begin_ns, self.end_ns + 1, wide)
+        except SiloError as error:
+            self.problem = str(error)
+
+    async def fetch(self, start_ns: int, end_ns: int) -> None:
+        """Fetch all samples between two times, as far as they are pinned, the newest first."""
+        for number in reversed(self._numbers(start_ns, end_ns)):
+            await self._fetch_slice(number)
+
+    async def fetch_rest(self) -> bool:
+        """Fetch one slice that nobody looks at yet; False where there is none, or the link is too thin for that."""
+        missing = [number for number in range(self._count) if number not in self._slices]
+        if not missing or self._reader is None or self.problem or len(missing) * self._slice_s > QUICK_S:
+            return False
+        return await self._fetch_slice(missing[-1])
+
+    @property
+    def _count(self) -> int:
+        return -(-(self.end_ns - self.begin_ns + 1) // self._slice_ns)
+
+    def _numbers(self, start_ns: int, end_ns: int) -> range:
+        first = max(0, (start_ns - self.begin_ns) // self._slice_ns)
+        return range(first, min(self._count, (end_ns - self.begin_ns) // self._slice_ns + 1))
+
+    async def _fetch_slice(self, number: int) -> bool:
+        async with self._fetching:
+            if number in self._slices or self._reader is None:
+                return number in self._slices
+            start_ns = self.begin_ns + number * self._slice_ns
+            began_s = time.monotonic()
+            try:
+                found = await self._reader.samples(self.names, start_ns, start_ns + self._slice_ns)
+            except SiloError as error:
+                self.problem = str(error)
+                return False
+            self._slice_s, self.problem = time.monotonic() - began_s, ""
+            self._slices[number] = found
+            return True
+
+    def has(self, start_ns: int, end_ns: int) -> bool:
+        """Return whether all samples of a stretch inside of it are here."""
+        return all(number in self._slices for number in self._numbers(start_ns, end_ns))
+
+    # -------------------------------------------------------------------------------------------------- what it shows
+
+    async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
+        """All samples of an entry from `start_ns` to `end_ns`, both included; where they can't come, those here."""
+        await self.fetch(max(start_ns, self.begin_ns), min(end_ns, self.end_ns))
+        return self.held(name, start_ns, end_ns)
+
+    def held(self, name: str, start_ns: int, end_ns: int) -> Samples:
+        """The samples of an entry from `start_ns` to `end_ns`, both included, that are here."""
+        numbers = self._numbers(max(start_ns, self.begin_ns), min(end_ns, self.end_ns))
+        parts = [some[name] for number in numbers if (some := self._slices.get(number)) and name in some]
+        parts = [part for part in parts if len(part[0])] or parts[:1]
+        if not parts:
+            return np.zeros(0, np.int64), np.zeros(0)
+        time_ns, values = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
+        wanted = (time_ns >= start_ns) & (time_ns <= end_ns)
+        return time_ns[wanted], values[wanted]
+
+    def with_columns(self, name: str) -> tuple[Samples, int]:
+        """All that is here of an entry: its samples, and for those that are not the ends of their columns.
+
+        Returns how wide such columns are too, 0 where none was needed. What they hold is exact, when it was is not.
+        """
+        time_ns, values = self.held(name, self.begin_ns, self.end_ns)
+        columns = self._shown if self._coarse is None else self._coarse
+        if self.complete or name not in columns.names:
+            return (time_ns, values), 0
+        begins, ends = _ends_of(columns, columns.names.index(name))
+        middles = begins - begins % columns.column_ns + columns.column_ns // 2
+        inside = (middles >= self.begin_ns) & (middles <= self.end_ns)
+        inside &= ~np.isin((middles - self.begin_ns) // self._slice_ns, list(self._slices))
+        if not inside.any():
+            return (time_ns, values), 0
+        if not len(time_ns):
+            return (begins[inside], ends[inside]), columns.column_ns
+        stamps = np.concatenate([time_ns, begins[inside]])
+        order = np.argsort(stamps, kind="stable")
+        return (stamps[order], np.concatenate([values, ends[inside]])[order]), columns.column_ns
+
+    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Columns of a stretch of time: of the samples that are here, else asked for, else of wider columns."""
+        inside = max(start_ns, self.begin_ns), min(end_ns, self.end_ns)
+        if not self.has(*inside) and self._reader is not None and not self.problem:
+            try:
+                return await self._reader.columns(names, start_ns, end_ns, column_ns)
+            except SiloError as error:
+                self.problem = str(error)
+        return self.columns(names, start_ns, end_ns, column_ns)
+
+    def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Columns from what is here."""
+        stop = end_ns // column_ns + 1
+        first = max(start_ns // column_ns, stop - MAX_COLUMNS)
+        grid = ColumnGrid(len(names), first, stop - first)
+        whole = self.has(max(start_ns, self.begin_ns), min(end_ns, self.end_ns))
+        for row, name in enumerate(names):
+            if not whole:
+                for wide in (self._coarse, self._shown):
+                    _spread(grid, row, name, wide, column_ns)
+            self._lay_samples(grid, row, name, column_ns)
+        bases = {row: base for row, base in enumerate(grid.bases) if base}
+        return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases)
+
+    def _lay_samples(self, grid: ColumnGrid, row: int, name: str, column_ns: int) -> None:
+        """Lay samples over a grid; a column without one shows the value that held, until two more would be due."""
+        begin_ns, end_ns = grid.first * column_ns, (grid.first + grid.count) * column_ns
+        holds_ns = 2 * self._period_of(name)
+        time_ns, values = self.held(name, begin_ns - holds_ns, end_ns - 1)
+        if not len(time_ns):
+            return
+        grid.add(row, bins_of(time_ns, column_ns), values)
+        if column_ns >= holds_ns:
+            return
+        empty = grid.first + np.flatnonzero(np.isnan(grid.low[row]) & (grid.marks[row] == 0))
+        newest = np.searchsorted(time_ns, empty * column_ns, "right") - 1
+        holding = (newest >= 0) & (empty * column_ns - time_ns[newest] <= holds_ns)
+        if holding.any():
+            columns = empty[holding].astype(np.int64)
+            grid.add(row, Bins(columns, np.arange(len(columns))), values[newest[holding]])
+
+    @staticmethod
+    def _flags(columns: HistoryColumns) -> NDArray[np.bool_]:
+        return np.zeros(columns.low.shape, np.bool_) if columns.marks is None else (columns.marks & FLAGS) != 0
+
+    def _period_of(self, entry: str) -> int:
+        return self._periods[self._element_of[entry]] if entry in self._element_of else 0
+
+
+def _ends_of(columns: HistoryColumns, row: int) -> Samples:
+    """Columns as samples: both ends of each, that one first which is nearer to the column before; and nan, inf, -inf.
+
+    They stand at the beginning of the column, its middle and behind that: inside of it.
+    """
+    low, high, base = columns.low[row], columns.high[row], columns.bases.get(row, 0)
+    marks = np.zeros(len(low), np.uint8) if columns.marks is None else columns.marks[row]
+    drawn = np.flatnonzero(np.isfinite(low) & np.isfinite(high))
+    low, high = low[drawn], high[drawn]
+    middle = low / 2 + high / 2
+    falls = np.diff(middle, prepend=middle[:1]) < 0
+    found = [
+        (drawn, 0, np.where(falls, high, low)),
+        (drawn[low != high], columns.column_ns // 2, np.where(falls, low, high)[low != high]),
+    ]
+    for mark, value in ((NonFinite.NAN, math.nan), (NonFinite.POS_INF, math.inf), (NonFinite.NEG_INF, -math.inf)):
+        marked = np.flatnonzero(marks & mark)
+        found.append((marked, columns.column_ns // 2 + 1, np.full(len(marked), value)))
+    time_ns = np.concatenate([(columns.first + at) * columns.column_ns + later for at, later, _ in found])
+    values = np.concatenate([some for _, _, some in found])
+    order = np.argsort(time_ns, kind="stable")
+    exact = 0 < abs(base) < 2**62 and bool(np.isfinite(values).all())
+    return time_ns[order].astype(np.int64), (values.astype(np.int64) + base if exact else values + base)[order]
+
+
+def _copy_of(shown: ColumnStore) -> HistoryColumns:
+    rows = range(len(shown.names))
+    bases = {row: shown.base(row) for row in rows if shown.base(row)}
+    low, high, marks = shown.low.copy(), shown.high.copy(), shown.marks.copy()
+    return HistoryColumns(shown.names, shown.first, shown.column_ns, low, high, marks, bases)
+
+
+def _spread(grid: ColumnGrid, row: int, name: str, other: HistoryColumns | None, column_ns: int) -> None:
+    """Lay columns of another width over a grid: what a wider one says holds in all that it covers."""
+    if other is None or name not in other.names or not other.low.shape[1] or not grid.count:
+        return
+    at = other.names.index(name)
+    marks = np.zeros(other.low.shape[1], np.uint8) if other.marks is None else other.marks[at]
+    low, high = other.low[at], other.high[at]
+    if other.column_ns <= column_ns:
+        places = (other.first + np.arange(len(low))) * other.column_ns // column_ns
+        first = int(places[0])
+        low, high, marks = coarser(low, high, marks, np.flatnonzero(np.diff(places, prepend=first - 1)))
+    else:
+        first = grid.first
+        places = (first + np.arange(grid.count)) * column_ns // other.column_ns - other.first
+        inside = (places >= 0) & (places < len(low))
+        places = np.where(inside, places, 0)
+        low, high = np.where(inside, low[places], np.nan), np.where(inside, high[places], np.nan)
+        marks = np.where(inside, marks[places], 0).astype(np.uint8)
+    grid.merge([row], grid_of(first, low[None], high[None], marks[None], {0: other.bases.get(at, 0)}), [0])

@@ -1,0 +1,307 @@
+"""How the cells of the element table read: words and style, of what a logger or a file tells of an element."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from silo.core.elements import BufferType, ElementInfo, Entry
+from silo.rpc.published import NotLive
+from silo_tui.model.samples.live import LiveValues, Reading, component_text, entry_text, fill_share, value_text
+from silo_tui.model.table.facts import BAD, LIMIT_BITS, OLD, worst, worst_of
+from silo_tui.model.table.fields import Field, word_for
+from silo_tui.model.table.state import Rows, TableState
+from silo_tui.model.words import text
+
+if TYPE_CHECKING:
+    from silo.analysis.reports import ElementReport
+
+SPAN_WIDE = 16
+ENTRY = 5  # cells of an entry among others at least, with the blank before it
+WHY_NOT_LIVE: dict[NotLive | None, str] = {
+    NotLive.ABSENT: "not begun", NotLive.FULL: "full", NotLive.LIMIT: "mem limit", NotLive.OTHER: "not live",
+}  # fmt: skip
+NOT_OF_DERIVED = (Field.ACTION, Field.BUFFER, Field.SIZE)
+_OF_LIMITS = sum(set(LIMIT_BITS.values()))
+
+Cell = tuple[str, str]  # words, and the name of their style
+
+
+@dataclass
+class Sight:
+    """What cells are drawn from. `at_s` is the moment of a file that is shown, `reports` what the file tells.
+
+    `component` returns what is shown of a vector (`RowList.component`), `trend` the newest columns, drawn; `widths` are
+    of columns that get other room than they ask for, 0 for none.
+    """
+
+    table: TableState
+    live: LiveValues
+    component: Callable[[int], int]
+    trend: Callable[[int], str]
+    reports: "Mapping[str, ElementReport]" = field(default_factory=dict)
+    at_s: float | None = None
+    fresh: bool = True
+    running: bool = True
+    widths: dict[str, int] = field(default_factory=dict)
+    digits_fewer: int = 0  # of values, on a thin link
+
+    def entry_name(self, row: int, entry: int) -> str:
+        """Return the full name of an entry."""
+        element = self.table.elements[row]
+        return element.name + element.entries[entry].suffix
+
+    def shown_name(self, row: int) -> str:
+        """Return of what the row tells: the element, or the entry of it that was chosen."""
+        chosen = self.component(row)
+        return self.entry_name(row, chosen - 2) if chosen >= 2 else self.table.names[row]
+
+    def report(self, row: int) -> "ElementReport":
+        """Return what the file tells of an element."""
+        return self.reports[self.table.names[row]]
+
+
+def _cut(words: str, width: int) -> Cell:
+    return (words if len(words) <= width else words[: width - 1] + "…"), "quiet"
+
+
+# ------------------------------------------------------------------------------------------- settings, facts of files
+
+
+def unit(sight: Sight, row: int, width: int) -> Cell:
+    """Return the unit; nothing where there is none. One that is cut shows it: `kg m^` is another than `kg m^2`."""
+    word = sight.table.elements[row].unit
+    return _cut("" if word == "-" else word, width)
+
+
+def option(field: Field) -> Callable[[Sight, int, int], Cell]:
+    """Return what draws a field in its words."""
+    return lambda sight, row, width: (
+        "-" if _left_out(sight, row, field) else word_for(field, int(sight.table.values[field, row])), ""
+    )  # fmt: skip
+
+
+def number(field: Field) -> Callable[[Sight, int, int], Cell]:
+    """Return what draws a field as a number, shorter where it must be: a number that is cut would be another one."""
+
+    def draw(sight: Sight, row: int, width: int) -> Cell:
+        if _left_out(sight, row, field):
+            return "-", ""
+        value = int(sight.table.values[field, row])
+        shorter = str(value), text.compact(float(value)), f"{value:.0e}".replace("e+0", "e")
+        return next((word for word in shorter if len(word) <= width), shorter[-1]), ""
+
+    return draw
+
+
+def _left_out(sight: Sight, row: int, field: Field) -> bool:
+    return field in NOT_OF_DERIVED and row >= sight.table.own
+
+
+def samples(sight: Sight, row: int, width: int) -> Cell:
+    """Return how many samples a file has."""
+    count = sight.report(row).samples
+    return _cut(str(count) if count < 10**7 else text.compact(count), width)
+
+
+def span(sight: Sight, row: int, width: int) -> Cell:
+    """Return from when to when, or how long."""
+    return _cut(span_words(sight.report(row), wide=width >= SPAN_WIDE), width)
+
+
+def span_words(report: "ElementReport", *, wide: bool) -> str:
+    """Return `40.95 … 51.14`, or how long that is."""
+    if report.start_s is None or report.end_s is None:
+        return "-"
+    if wide:
+        return f"{report.start_s:.5g} … {report.end_s:.5g}"
+    return f"{report.end_s - report.start_s:.4g}"
+
+
+def type_word(element: ElementInfo, report: "ElementReport") -> str:
+    """Return `float64[7]`, `enum`."""
+    is_enum = bool(element.entries) and all(entry.labels for entry in element.entries)
+    return report.type.replace(report.type.split("[", 1)[0], "enum") if is_enum else report.type
+
+
+def type_cell(sight: Sight, row: int, width: int) -> Cell:
+    """Return `f64[12]` for `float64[12]`, because a cell is small."""
+    words = type_word(sight.table.elements[row], sight.report(row))
+    for long, short in (("uint", "u"), ("int", "i"), ("float", "f"), ("complex", "c"), ("datetime", "date")):
+        words = words.replace(long, short)
+    return _cut(words, width)
+
+
+def lost(sight: Sight, row: int, width: int) -> Cell:
+    """Return how many samples a file lacks."""
+    count = sight.report(row).lost
+    return _cut(str(count), width)[0], "conflict" if count else "quiet"
+
+
+# ------------------------------------------------------------------------------------------------- what is measured
+
+
+def fill(sight: Sight, row: int, width: int) -> Cell:
+    """Return how full the buffer is; nothing where that isn't known."""
+    table = sight.table
+    reading = sight.live.readings.get(table.names[row])
+    if not table.server[Field.ENABLED, row] or reading is None or reading.size == 0:
+        return "", ""
+    share = fill_share(reading.held, reading.size or int(table.server[Field.SIZE, row]))
+    stopped = share >= 1 and int(table.server[Field.BUFFER, row]) == BufferType.FIXED
+    return f"{100 * share:.0f}%", "lost" if reading.lost or reading.failed else "full" if stopped else "quiet"
+
+
+def _reading(sight: Sight, row: int) -> Reading | Cell:
+    """Return the newest reading, or why there is none."""
+    reading = sight.live.readings.get(sight.table.names[row])
+    if sight.at_s is not None:
+        return reading if reading is not None and reading.held else ("-", "quiet")
+    if not sight.table.server[Field.ENABLED, row]:
+        return "off", "quiet"
+    if reading is None or not reading.held:
+        return ("…" if sight.running and sight.fresh else "-"), "quiet"
+    if sight.running and reading.why in WHY_NOT_LIVE:  # what it kept last isn't its value
+        return WHY_NOT_LIVE[reading.why], "quiet"
+    return reading
+
+
+def _value_style(sight: Sight) -> str:
+    return "value" if sight.at_s is not None or (sight.fresh and sight.running) else "stale"
+
+
+def value(sight: Sight, row: int, width: int) -> Cell:
+    """Return the newest value, or why there is none: all entries of a vector, or the chosen one, or its norm.
+
+    Where statistics stand beside it, or rows are ordered by it, it is of the moment of these.
+    """
+    reading = _reading(sight, row)
+    if isinstance(reading, tuple):
+        return reading
+    element, chosen = sight.table.elements[row], sight.component(row)
+    name = sight.shown_name(row)
+    width, decimals = width - sight.digits_fewer, _decimals(sight, name)
+    told = sight.table.facts.detail(name, "value")
+    if len(element.entries) == 1 or chosen >= 2:
+        reading = reading.with_value(max(0, chosen - 2), told)
+    if chosen:
+        words = component_text(element, reading, chosen, width, told=told, decimals=decimals)
+        return words, _value_style(sight)
+    if len(element.entries) > 1:
+        for entry in range(min(len(element.entries), width // ENTRY + 1)):
+            reading = reading.with_value(entry, sight.table.facts.detail(sight.entry_name(row, entry), "value"))
+    return value_text(element, reading, width, decimals), _value_style(sight)
+
+
+def _decimals(sight: Sight, name: str, ends: tuple[str, str] = ("min", "max")) -> int | None:
+    """Return with how many decimals value and statistics of a signal are told; None where no statistics are."""
+    facts = sight.table.facts
+    return text.decimals_between(facts.detail(name, ends[0]), facts.detail(name, ends[1]))
+
+
+def entry_value(sight: Sight, row: int, entry: int, width: int) -> Cell:
+    """Return the newest value of an entry that has a line of its own."""
+    reading = _reading(sight, row)
+    if isinstance(reading, tuple):
+        return reading
+    reading = reading.with_value(entry, sight.table.facts.detail(sight.entry_name(row, entry), "value"))
+    decimals = _decimals(sight, sight.entry_name(row, entry))
+    words = component_text(sight.table.elements[row], reading, entry + 2, width, named=False, decimals=decimals)
+    return words, _value_style(sight)
+
+
+def trend(sight: Sight, row: int, width: int) -> Cell:
+    """Return the newest columns of the first entry, drawn."""
+    return sight.trend(row), "trend" if sight.at_s is not None or sight.fresh else "stale"
+
+
+def sign(sight: Sight, row: int, width: int) -> Cell:
+    """Return the worst that is the matter."""
+    if not sight.fresh and sight.live.readings:
+        return OLD, "quiet"
+    bits = int(sight.table.signs[row])
+    if not sight.table.server[Field.ENABLED, row]:
+        bits &= _OF_LIMITS  # what is off isn't measured; its limits may be judged by others
+    letters = worst(bits)
+    return letters, _style(letters)
+
+
+def branch_sign(sight: Sight, rows: Rows) -> Cell:
+    """Return the worst sign below a branch, and how many have it; nothing stands beside it."""
+    letters, count = worst_of(sight.table.signs[rows])
+    return (f"{letters:<2} {count} of {len(rows)}" if letters else ""), _style(letters)
+
+
+def _style(letters: str) -> str:
+    return (
+        "lost" if letters in BAD else "caution" if letters else ""
+    )  # where rows are reversed a blank shows its colour
+
+
+def statistic(sight: Sight, row: int, width: int, title: str) -> Cell:
+    """Return a statistic of one number, of a vector that of the norm or the entry that was asked for.
+
+    Beside all its entries stand the smallest and the largest of any of them.
+    """
+    table, chosen = sight.table, sight.component(row)
+    entries = table.elements[row].entries
+    if len(entries) == 1 or chosen:
+        told = entries[max(0, chosen - 2)] if len(entries) == 1 or chosen >= 2 else None
+        return _number(sight, sight.shown_name(row), title, told, width)
+    quantity = {"min": "least", "max": "most"}.get(title)
+    if quantity is None or table.mixed[row]:
+        return "", "quiet"
+    return _number(sight, table.names[row], quantity, entries[0], width)
+
+
+def entry_statistic(sight: Sight, row: int, entry: int, width: int, title: str) -> Cell:
+    """Return a statistic of an entry that has a line of its own."""
+    return _number(sight, sight.entry_name(row, entry), title, sight.table.elements[row].entries[entry], width)
+
+
+def statistic_head(sight: Sight, title: str, width: int) -> str:
+    """Return the title, and over how long statistics are: `mean 45s`; a file's are over all of it."""
+    facts = sight.table.facts
+    if sight.at_s is not None or not 0 < facts.since_ns < facts.time_ns:
+        return title
+    words = f"{title} {text.short_span((facts.time_ns - facts.since_ns) / 1e9)}"
+    return words if len(words) <= width else title
+
+
+def _number(sight: Sight, name: str, quantity: str, entry: Entry | None, width: int) -> Cell:
+    found = sight.table.facts.detail(name, quantity)
+    if math.isnan(found):
+        return "", "quiet"
+    if entry is not None and (entry.labels or entry.dtype[1:2] == "b"):
+        if quantity in {"min", "max"} and found == int(found):
+            return entry_text(entry, found, None, width), "quiet"
+        if entry.labels:
+            return "-", "quiet"  # between two labels is nothing
+    whole = entry is not None and entry.dtype[1:2] in "iu" and quantity not in {"mean", "std"}
+    ends = ("least", "most") if quantity in {"least", "most"} else ("min", "max")
+    return text.number(found, width, integer=whole, decimals=_decimals(sight, name, ends)), "quiet"
+
+
+def rate(sight: Sight, row: int, width: int) -> Cell:
+    """Return how often samples come, in Hz."""
+    found = sight.table.facts.detail(sight.table.names[row], "rate")
+    return ("" if math.isnan(found) else f"{found:.4g}"), "quiet"
+
+
+def share(sight: Sight, row: int, width: int) -> Cell:
+    """Return how much of the nominal rate that is."""
+    found = sight.table.facts.detail(sight.table.names[row], "share")
+    return ("" if math.isnan(found) else f"{100 * found:.0f}%"), "caution" if found < 0.95 else "quiet"
+
+
+def time(quantity: str) -> Callable[[Sight, int, int], Cell]:
+    """Return what draws a stretch of time, of the entry that is shown where that is known."""
+
+    def draw(sight: Sight, row: int, width: int) -> Cell:
+        facts = sight.table.facts
+        seconds = facts.detail(sight.shown_name(row), quantity)
+        if math.isnan(seconds):
+            seconds = facts.detail(sight.table.names[row], quantity)
+        return ("" if math.isnan(seconds) else text.span(float(f"{seconds:.2g}"))), "quiet"
+
+    return draw

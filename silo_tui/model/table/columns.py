@@ -1,0 +1,242 @@
+"""The columns of the element tables, each one entry: head, width, words, orders, filter terms, sets, what it edits.
+
+The table widget, the orders, the filter and the user's settings read what stands here and know no column by name. A new
+column touches its entry and its test; how its cells read stands in `cells.py`.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.core.arrays.columns import Floats
+from silo_tui.model.table import cells
+from silo_tui.model.table.cells import Cell, Sight
+from silo_tui.model.table.facts import ranks
+from silo_tui.model.table.fields import Field
+from silo_tui.model.table.state import Rows, TableState
+from silo_tui.model.table.terms import (
+    Term,
+    action_term,
+    choice_term,
+    fact_term,
+    number_term,
+    rate_term,
+    read_seconds,
+    read_share,
+    text_term,
+)  # fmt: skip
+
+WIDE_FROM = 96  # cells of a table from which columns take their wide width
+NAME_ROOM = 16  # columns are left out rather than that names get less
+TREE, NAME, ADDED = "tree", "name", "added"
+STEADY = (TREE, NAME, ADDED)
+LIVE_SETS = ("settings", "statistics", "timing")
+FILE_SETS = ("values", "statistics", "timing")  # what takes reading whole signals is shown where it is asked for
+
+
+@dataclass(frozen=True)
+class TableOrder:
+    """An order: its name, the letter that picks it, a key per element (NaN: not known), its words where told whole.
+
+    One by what is measured (`quantity`) is made anew once a second; `falling` ones begin with the largest. By
+    `of_norm` a vector stands where its norm does.
+    """
+
+    name: str
+    letter: str
+    keys: Callable[[TableState], NDArray[Any]]
+    words: str = ""
+    quantity: str = ""
+    falling: bool = True
+    of_norm: bool = False
+
+
+@dataclass(frozen=True)
+class TableColumn:
+    """One column behind the names.
+
+    `draw` returns words and style of a cell of so many cells, `entry` those of one entry of an element, `branch` what
+    stands for all below a branch. `measured` ones are drawn anew with each frame and always shown whole; of the others
+    `leaves` says when one is left out of a narrow table (1 first, 0 never: a cut number would be a wrong one). `field`
+    is what editing a cell changes. `sets` name when it is shown ("wide": beside settings, on a wide screen).
+    `quantities` are surveyed of what is on the screen. `head` says more than the title, in so many cells.
+    """
+
+    title: str
+    width: int
+    draw: Callable[[Sight, int, int], Cell]
+    sets: tuple[str, ...]
+    right: bool = False
+    wide: int = 0
+    leaves: int = 0
+    field: Field | None = None
+    measured: bool = False
+    live: bool = True
+    file: bool = True
+    orders: tuple[TableOrder, ...] = ()
+    terms: tuple[Term, ...] = ()
+    quantities: tuple[str, ...] = ()
+    entry: Callable[[Sight, int, int, int], Cell] | None = None
+    branch: Callable[[Sight, Rows], Cell] | None = None
+    head: Callable[[Sight, int], str] | None = None
+
+    @property
+    def order(self) -> str:
+        """What a click on its head orders by; empty when there is no order."""
+        return self.orders[0].name if self.orders else ""
+
+    def width_in(self, sight: Sight, table_width: int) -> int:
+        """Return the cells it takes in a table of that width; 0 where it has no room."""
+        wide = self.wide if self.wide and table_width >= WIDE_FROM else self.width
+        return sight.widths.get(self.title, wide)
+
+
+def _by(name: str, letter: str, field: Field, words: str = "") -> tuple[TableOrder, ...]:
+    return (TableOrder(name, letter, lambda table: table.values[field], words),)
+
+
+def _measured(
+    name: str, letter: str, quantity: str, *, falling: bool = True, of_norm: bool = False, words: str = "",
+    of: Callable[[Floats], Floats] | None = None,
+) -> TableOrder:  # fmt: skip
+    def keys(table: TableState) -> Floats:
+        known = table.facts.of(quantity, len(table))
+        if known is None:
+            return np.full(len(table), np.nan)
+        known = np.where(table.mixed, np.nan, known) if of_norm else known  # of metres and radians there is no norm
+        return known if of is None else of(known)
+
+    return TableOrder(name, letter, keys, words, quantity, falling, of_norm)
+
+
+def _sign_ranks(table: TableState) -> NDArray[Any]:
+    return ranks(table.signs).astype(float) if table.signs_known else np.full(len(table), np.nan)
+
+
+def _statistic(title: str, letter: str, *, falling: bool = True, example: str = "60") -> TableColumn:
+    """Of one number, of a vector of the norm or the entry that was asked for."""
+    return TableColumn(
+        title, 8, lambda sight, row, width: cells.statistic(sight, row, width, title), ("statistics", "wide"),
+        right=True, wide=9, measured=True, orders=(_measured(title, letter, title, falling=falling, of_norm=True),),
+        terms=(fact_term((title,), title, example=example),), quantities=(title,),
+        entry=lambda sight, row, entry, width: cells.entry_statistic(sight, row, entry, width, title),
+        head=lambda sight, width: cells.statistic_head(sight, title, width) if title == "mean" else title,
+    )  # fmt: skip
+
+
+_ALL_SETS = ("settings", "values", "statistics", "timing")
+_SETTINGS, _IN_FILE = ("settings",), ("values",)
+
+COLUMNS: tuple[TableColumn, ...] = (
+    TableColumn(
+        "unit", 5, cells.unit, _ALL_SETS, leaves=1, wide=8,
+        orders=(TableOrder("unit", "u", lambda table: np.array([each.unit.casefold() for each in table.elements])),),
+        terms=(text_term("unit", lambda element, value: element.unit.casefold() == value),),
+    ),
+    TableColumn(
+        "on", 3, cells.option(Field.ENABLED), _SETTINGS, file=False, field=Field.ENABLED,
+        terms=(choice_term(("on",), Field.ENABLED),),
+    ),
+    TableColumn(
+        "div", 4, cells.number(Field.DIVIDER), (*_SETTINGS, *_IN_FILE), right=True, leaves=4, field=Field.DIVIDER,
+        orders=_by("div", "d", Field.DIVIDER), terms=(number_term(("div", "divider"), Field.DIVIDER),),
+    ),
+    TableColumn(
+        "samples", 7, cells.samples, _IN_FILE, live=False, right=True, orders=_by("size", "s", Field.SIZE),
+    ),
+    TableColumn("span s", 6, cells.span, _IN_FILE, live=False, right=True, wide=cells.SPAN_WIDE),
+    TableColumn("type", 10, cells.type_cell, _IN_FILE, live=False),
+    TableColumn(
+        "act", 4, cells.option(Field.ACTION), _SETTINGS, file=False, leaves=3, field=Field.ACTION,
+        orders=_by("act", "p", Field.ACTION, "action"), terms=(action_term(("act", "action")),),
+    ),
+    TableColumn(
+        "buf", 4, cells.option(Field.BUFFER), (*_SETTINGS, *_IN_FILE), leaves=2, field=Field.BUFFER,
+        orders=_by("buf", "b", Field.BUFFER), terms=(choice_term(("buf", "buffer"), Field.BUFFER),),
+    ),
+    TableColumn(
+        "size", 6, cells.number(Field.SIZE), _SETTINGS, file=False, right=True, wide=7, leaves=5,
+        field=Field.SIZE, orders=_by("size", "s", Field.SIZE),
+        terms=(number_term(("size",), Field.SIZE),),
+    ),
+    TableColumn("lost", 5, cells.lost, _IN_FILE, live=False, right=True),
+    TableColumn(
+        "!", 2, cells.sign, ("settings", "statistics", "timing", "wide"), measured=True,
+        orders=(TableOrder("!", "!", _sign_ranks, "signs, worst first", "signs"),), branch=cells.branch_sign,
+    ),
+    TableColumn(
+        "fill", 4, cells.fill, ("settings", "timing", "wide"), right=True, measured=True, file=False,
+        orders=(_measured("fill", "f", "fill"),), terms=(fact_term(("fill",), "fill", read_share, "50%"),),
+    ),
+    TableColumn(
+        "value", 11, cells.value, (*_ALL_SETS, "wide"), right=True, measured=True, entry=cells.entry_value,
+        orders=(
+            _measured("value", "v", "value", of_norm=True),
+            _measured("|value|", "a", "value", of_norm=True, of=np.abs),
+        ),
+        terms=(fact_term(("value",), "value"), fact_term(("|value|", "abs"), "value", of=np.abs)),
+        head=lambda sight, width: "value" if sight.at_s is None else f"at {sight.at_s:.6g} s",
+    ),
+    _statistic("min", "i", falling=False), _statistic("max", "m"), _statistic("mean", "e"),
+    _statistic("std", "t", example="1"),
+    TableColumn(
+        "rate", 7, cells.rate, ("timing", "wide"), right=True, measured=True, orders=(_measured("rate", "r", "rate"),),
+        terms=(rate_term(),), quantities=("rate",),
+    ),
+    TableColumn("%", 4, cells.share, ("timing",), right=True, measured=True, quantities=("share",)),
+    TableColumn(
+        "jitter", 7, cells.time("jitter"), ("timing", "wide"), right=True, measured=True,
+        orders=(_measured("jitter", "j", "jitter"),), terms=(fact_term(("jitter",), "jitter", read_seconds, "1ms"),),
+        quantities=("jitter",),
+    ),
+    TableColumn(
+        "changed", 8, cells.time("changed"), ("timing",), right=True, measured=True,
+        orders=(_measured("changed", "c", "changed", falling=False, words="last change"),),
+        terms=(fact_term(("changed",), "changed", read_seconds, "1s"),), quantities=("changed",),
+    ),
+    TableColumn(
+        "trend", 10, cells.trend, ("settings", "values", "wide"), measured=True,
+        head=lambda sight, width: "trend" if sight.at_s is None else "all",
+    ),
+)  # fmt: skip
+LIVE_COLUMNS = tuple(column for column in COLUMNS if column.live)
+FILE_COLUMNS = tuple(column for column in COLUMNS if column.file)
+SETTINGS = tuple(column.title for column in LIVE_COLUMNS if not column.measured)  # which of them the user chooses
+
+
+def orders_of(columns: Iterable[TableColumn]) -> Mapping[str, TableOrder]:
+    """Return the orders that a table of these columns has, by name, as the list of orders shows them."""
+
+    def place(table: TableState) -> NDArray[Any]:
+        return np.arange(len(table))
+
+    steady = (
+        TableOrder(TREE, "n", place, "name, as a tree"), TableOrder(NAME, "l", place, "name, as a list"),
+        TableOrder(ADDED, "g", place, "as the program added them"),
+    )  # fmt: skip
+    return {order.name: order for order in (*steady, *(order for column in columns for order in column.orders))}
+
+
+def in_set(column: TableColumn, name: str, *, wide: bool) -> bool:
+    """Return whether a set shows a column; on a wide screen settings stand beside each, and statistics beside them."""
+    beside = name != "timing" if column.measured else "settings" in column.sets
+    return name in column.sets or (wide and beside and ("wide" in column.sets or not column.measured))
+
+
+def shown_columns(
+    columns: Iterable[TableColumn], sight: Sight, room: int, table_width: int
+) -> list[tuple[TableColumn, int]]:
+    """Return the columns that a table shows, with their widths, where `room` cells are for names and columns.
+
+    Whole columns are left out where names would have less than `NAME_ROOM`.
+    """
+    shown = [(column, width) for column in columns if (width := column.width_in(sight, table_width))]
+    for column, width in sorted(shown, key=lambda pair: pair[0].leaves):
+        if room - sum(1 + each for _, each in shown) >= NAME_ROOM:
+            break
+        if column.leaves:
+            shown.remove((column, width))
+    return shown

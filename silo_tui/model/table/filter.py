@@ -1,0 +1,207 @@
+"""The filter language: words, name globs, regular expressions and `field:value` terms, all of which must hold.
+
+    torque LF  LF|RF       all words somewhere in the name, in any order and case; either of them
+    "two words"  -word     quoted; not
+    /log/*/q  joint?_tau   globs, as commands mean them: on the whole name when they begin with `/` (with or without the
+                           logger's prefix), else behind any `/`, or anywhere where there is none
+    ~HA+$                  a regular expression, somewhere in the name
+    unit:Nm on:no div>1 size>=1k act:publish buf:loop kind:vector type:f4   unit:Nm|rad
+    value>60 |value|>60 std>1 rate<95% fill>=50% changed<1s    what was measured, judged twice a second
+    marked pending conflict live derived alarm nan frozen slow off
+
+`parse` never raises: a term that can't be understood is reported, with its place, and left out.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from silo.core.names import Names
+from silo_tui.model.table.columns import LIVE_COLUMNS
+from silo_tui.model.table.facts import WORDS
+from silo_tui.model.table.fields import Field
+from silo_tui.model.table.state import Mask, TableState
+from silo_tui.model.table.terms import OTHER_TERMS, Test, negate
+
+# blanks and bars inside of quotes belong to the word; a regular expression ends at a blank
+_TOKEN = re.compile(r'-?~\S+|(?:"[^"]*"?|[^\s"])+')
+_PART = re.compile(r'\|[A-Za-z]+\|(?:>=|<=|!=|>|<|=|:)[^\s|"]*|(?:"[^"]*"?|[^|"])+')
+_TERM = re.compile(r"(\|?[A-Za-z]+\|?)(>=|<=|!=|>|<|=|:)(.*)", re.DOTALL)
+_MEASURED_WORDS = ("alarm", *WORDS)
+_FLAGS = ("dirty", "pending", "marked", "conflict", "live", "derived", "off", *_MEASURED_WORDS)
+TERMS = (*(term for column in LIVE_COLUMNS for term in column.terms), *OTHER_TERMS)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One term as it was typed, what it lets pass, and what has to be surveyed for it."""
+
+    text: str
+    test: Test
+    quantities: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class Filter:
+    """A parsed filter: `problems` says which terms were left out and why, `places` where they stand in the text."""
+
+    text: str
+    conditions: tuple[Condition, ...]
+    problems: tuple[str, ...]
+    places: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def measured(self) -> bool:
+        """Whether it asks for what is measured, so that rows come and go by themselves."""
+        return any(condition.quantities for condition in self.conditions)
+
+    def mask(self, table: TableState, marked: Mask) -> Mask:
+        """Return shape `(n,)`: the elements that pass every term."""
+        result = np.ones(len(table), np.bool_)
+        for condition in self.conditions:
+            result &= condition.test(table, marked)
+        return result
+
+    def blocked_by(self, table: TableState, marked: Mask) -> tuple[str, int] | None:
+        """Return the term without which most elements would be left, and how many; None where no single one is it."""
+        masks = [condition.test(table, marked) for condition in self.conditions]
+        left = []
+        for at in range(len(masks)):
+            others = [mask for other, mask in enumerate(masks) if other != at]
+            left.append(int(np.logical_and.reduce(others).sum()) if others else len(table))
+        most = max(left, default=0)
+        return (self.conditions[left.index(most)].text, most) if most else None
+
+
+def parse(text: str) -> Filter:
+    """Read a filter; never raises."""
+    conditions: list[Condition] = []
+    problems: list[str] = []
+    places: list[tuple[int, int]] = []
+    for match in _TOKEN.finditer(text):
+        found = _condition(match[0])
+        if isinstance(found, str):
+            problems.append(found)
+            places.append(match.span())
+        elif found is not None:
+            conditions.append(found)
+    return Filter(text, tuple(conditions), tuple(problems), tuple(places))
+
+
+def _condition(token: str) -> Condition | str | None:
+    """Return what a word lets pass, why it can't be read, or None while somebody is still typing it."""
+    negated = token.startswith("-")
+    body = token[1:] if negated else token
+    parts = [body] if body.startswith("~") else _PART.findall(body)
+    tests: list[Test] = []
+    quantities: frozenset[str] = frozenset()
+    key = sign = ""
+    for part in parts:
+        if (term := _TERM.fullmatch(part)) is not None:
+            key, sign, value = term[1].lower(), term[2], term[3].strip('"')
+            test = _term(key, sign, value, part) if value else None
+            quantities = quantities.union(*(each.quantities for each in TERMS if key in each.names))
+        elif key and sign in {":", "=", "!="} and not part.startswith("~"):  # unit:Nm|rad
+            test = _term(key, sign, part.strip('"'), part)
+        else:
+            test = _word(part)
+            quantities |= {"signs"} if part.lower() in _MEASURED_WORDS else set()
+        if isinstance(test, str):
+            return test
+        if test is not None:
+            tests.append(test)
+    if not tests:
+        return None
+    both = tests[0] if len(tests) == 1 else (_all_of(tests) if sign == "!=" else _any_of(tests))
+    return Condition(token, negate(both) if negated else both, quantities)
+
+
+def _any_of(tests: list[Test]) -> Test:
+    return lambda table, marked: np.logical_or.reduce([test(table, marked) for test in tests])
+
+
+def _all_of(tests: list[Test]) -> Test:
+    return lambda table, marked: np.logical_and.reduce([test(table, marked) for test in tests])
+
+
+def _word(word: str) -> Test | str | None:
+    if word.startswith("~"):
+        return _regex(word[1:])
+    quoted = word.startswith('"')
+    word = word.replace('"', "")
+    if not word:
+        return None
+    if not quoted and word.lower() in _FLAGS:
+        return _flag(word.lower())
+    folded = word.casefold()
+    if not quoted and any(char in word for char in "*?["):
+        return _by_glob(folded)
+    return _by_name(lambda name: folded in name)
+
+
+def _by_glob(pattern: str) -> Test:
+    """Return a test of names by a pattern, as commands mean it."""
+
+    def test(table: TableState, marked: Mask) -> Mask:
+        names = Names(table.folded, table.prefix.casefold())
+        found = np.zeros(len(table), np.bool_)
+        anywhere = [] if pattern.startswith("/") else names.part_of(pattern)
+        found[[place for place, _ in names.find(pattern) or anywhere]] = True
+        return found
+
+    return test
+
+
+def _regex(pattern: str) -> Test | str | None:
+    if not pattern:
+        return None
+    try:
+        compiled = re.compile(pattern, re.IGNORECASE)
+    except (re.error, OverflowError, RecursionError) as error:
+        return f"~{pattern}: no regular expression: {error}"
+    return _by_name(lambda name: compiled.search(name) is not None)
+
+
+def _by_name(passes: Callable[[str], bool]) -> Test:
+    """Return a test of names in small letters."""
+    return lambda table, marked: np.fromiter((passes(name) for name in table.folded), np.bool_, len(table))
+
+
+def _flag(word: str) -> Test:
+    if word == "marked":
+        return lambda table, marked: marked.copy()
+    if word == "conflict":
+        return lambda table, marked: np.asarray(table.conflicts.any(axis=0))
+    if word == "derived":
+        return lambda table, marked: table.derived
+    if word == "live":
+        return lambda table, marked: table.live
+    if word == "off":
+        return lambda table, marked: np.asarray(table.values[Field.ENABLED] == 0)
+    if word in _MEASURED_WORDS:
+        bits = WORDS.get(word, -1)
+        return lambda table, marked: np.asarray((table.signs & bits) != 0)
+    return lambda table, marked: np.asarray(table.pending.any(axis=0))
+
+
+def _term(key: str, sign: str, value: str, raw: str) -> Test | str:
+    term = next((term for term in TERMS if key in term.names), None)
+    comparing = " and ".join(each.names[0] for each in TERMS if each.compares)
+    if sign not in {":", "=", "!="} and (term is None or not term.compares):
+        return f"{raw}: {sign} compares {comparing} only"
+    if term is None:
+        return f"{key}{sign} is no field; there are {' '.join(each.names[0] for each in TERMS)}"
+    return term.read(sign, value)
+
+
+def completions(text: str, units: list[str]) -> list[str]:
+    """Return terms that the last word of `text` may become."""
+    start = text.rsplit(" ", 1)[-1]
+    pool = [f"unit:{unit}" for unit in units] + [word for term in TERMS for word in term.completions]
+    pool += [*(term.bare for term in TERMS), "-", *_FLAGS]
+    return [term for term in pool if start and term.startswith(start) and term != start]
+
+
+__all__ = ["Filter", "completions", "parse"]

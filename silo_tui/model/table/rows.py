@@ -1,0 +1,386 @@
+"""Which elements the table shows, in which order and on which lines, where the cursor stands, and what is marked."""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from silo.core.arrays.columns import Floats
+from silo.rpc.quantities import NOT_FINITE
+from silo_tui.model.samples.live import has_norm
+from silo_tui.model.table import filter as filters
+from silo_tui.model.table.columns import LIVE_COLUMNS, NAME, TREE, TableColumn, orders_of
+from silo_tui.model.table.state import Mask, Rows, TableState
+from silo_tui.model.table.tree import Branch, Tree, entry_of, list_of, parts_of, row_of, tree_of
+
+LEAVES_S = 2.0  # how long a row stays, dim, that a measured filter lets go
+
+
+def natural_key(name: str) -> tuple[object, ...]:
+    """Sort `joint2` before `joint10` and `Base` beside `base`."""
+    parts = re.split(r"(\d+)", name.casefold())
+    return tuple((1, int(part)) if part.isdecimal() else (0, part) for part in parts if part)
+
+
+def ordered(keys: Floats, base: Rows, *, falling: bool, unknown: Mask) -> Rows:
+    """Return `base` ordered by `keys` of all elements: NaN first, what is unknown last, equal ones as before."""
+    of = keys[base]
+    turned = np.where(np.isnan(of), 0.0, -of if falling else of)
+    group = np.where(unknown[base], 2, np.where(np.isnan(of), 0, 1))
+    found: Rows = base[np.lexsort((turned, group))]
+    return found
+
+
+class RowList:
+    """The shown rows over a `TableState`. Rows are element numbers; positions count lines, see `model.tree`.
+
+    `shown` are the elements that pass the filter, in order; `tree` has the lines on the screen, on which branches stand
+    too and entries of vectors, and where those in folded branches are left out.
+    """
+
+    def __init__(self, table: TableState, columns: Sequence[TableColumn] = LIVE_COLUMNS) -> None:
+        self.table = table
+        self.filter = filters.parse("")
+        self.orders = orders_of(columns)
+        self.sort = NAME
+        self.turned = False  # the order the other way round
+        self.shown: Rows = np.zeros(0, np.intp)
+        self.tree = Tree(np.zeros(0, np.int64))
+        self.folded: frozenset[str] = frozenset()  # paths of branches
+        self.unfolded: dict[str, int] = {}  # vectors that show their entries, and how many these are
+        self.components: dict[str, int] = {}  # of vectors: 1 for the norm, 2 for the first entry ... instead of a list
+        self.leaving: frozenset[int] = frozenset()  # rows that stay for a moment, dim
+        self.position = 0
+        self.marked: Mask = np.zeros(0, np.bool_)
+        self.anchor: int | None = None  # line where a range began
+        self._order: Rows = np.zeros(0, np.intp)
+        self._names: list[str] = []
+        self._passed_s: dict[int, float] = {}  # when rows that are leaving passed last
+
+    # -------------------------------------------------------------------------------------------- what is shown
+
+    def refresh(self, now_s: float | None = None) -> None:
+        """Follow a change of table, filter or order: lines anew, the cursor stays on its element.
+
+        With a time (monotonic) as a filter is judged again: rows that it lets go stay for two seconds.
+        """
+        line, row = self.line, self.row
+        path = self.branch.path if self.branch is not None else None
+        if self._names != self.table.names:
+            self._follow_names()
+            line, path = None, None
+            row = min(row, len(self.table) - 1) if row is not None and len(self.table) else None
+        self._order = self._sorted()
+        mask = self.filter.mask(self.table, self.marked)
+        if now_s is None:
+            self._passed_s, self.leaving = {}, frozenset()
+        else:
+            mask = self._with_leaving(mask, now_s)
+        self.shown = self._order[mask[self._order]]
+        self._lay_lines()
+        self._place(line, row, path)
+
+    def _with_leaving(self, mask: Mask, now_s: float) -> Mask:
+        gone = [int(row) for row in self.shown if not mask[row]]
+        for row in gone:
+            self._passed_s.setdefault(row, now_s)
+        self._passed_s = {
+            row: since for row, since in self._passed_s.items() if not mask[row] and now_s - since < LEAVES_S
+        }
+        self.leaving = frozenset(self._passed_s)
+        mask = mask.copy()
+        mask[list(self.leaving)] = True
+        return mask
+
+    def _lay_lines(self) -> None:
+        rows = {row: count for name, count in self.unfolded.items() if (row := self.table.row(name)) is not None}
+        if self.sort == TREE:
+            self.tree = tree_of(self.shown, self._short_names(), self.folded, rows)
+        else:
+            self.tree = list_of(self.shown, rows)
+
+    def _short_names(self) -> list[str]:
+        prefix = self.table.prefix
+        begin = len(prefix)
+        return [name[begin:] if prefix and name.startswith(prefix + "/") else name for name in self.table.names]
+
+    def set_filter(self, text: str) -> None:
+        """Show what passes this filter. The cursor stays on its element, or goes to the first one that is shown."""
+        row = self.row
+        self.filter = filters.parse(text)
+        self.refresh()
+        if row is None or self.row != row:
+            self.move_to(0)
+
+    def order_by(self, sort: str) -> None:
+        """Take an order; the same once more turns it round."""
+        self.turned = not self.turned if sort == self.sort and sort != TREE else False
+        self.sort = sort
+        self.refresh()
+
+    @property
+    def live(self) -> bool:
+        """Whether the order is by what is measured."""
+        return bool(self.orders[self.sort].quantity)
+
+    @property
+    def place(self) -> int:
+        """Which of the elements shown the cursor is on, from 1; the entries of an unfolded one don't count."""
+        row = self.row
+        if row is None:
+            return 0
+        found = np.flatnonzero(self.shown == row)
+        return int(found[0]) + 1 if len(found) else 0
+
+    @property
+    def arrow(self) -> str:
+        """`↓` where the largest, or first, is on top; `↑` the other way round."""
+        return "↓" if self.orders[self.sort].falling != self.turned else "↑"
+
+    def wanted(self) -> set[str]:
+        """Return the quantities that have to be surveyed of all elements for filter, order and signs."""
+        quantities = {"signs"}
+        for condition in self.filter.conditions:
+            quantities |= condition.quantities
+        return quantities | ({self.orders[self.sort].quantity} - {""})
+
+    # ------------------------------------------------------------------------------------------------- folding
+
+    def fold(self) -> str:
+        """Fold or unfold the branch, or the vector, under the cursor, else the branch that holds it; say what."""
+        branch, row = self.branch, self.row
+        if branch is not None:
+            unfold = branch.path in self.folded
+            self.folded = self.folded - {branch.path} if unfold else self.folded | {branch.path}
+            self.refresh()
+            return ""
+        if row is None:
+            return ""
+        element = self.table.elements[row]
+        if len(element.entries) > 1:
+            if element.name in self.unfolded:
+                del self.unfolded[element.name]
+            else:
+                self.unfolded[element.name] = len(element.entries)
+            self.refresh()
+            self.move_to_row(row)
+            return ""
+        words = ""
+        if self.sort != TREE:
+            self.sort, words = TREE, "by name, as a tree; the order `list` brings the list back"
+        path = "/" + "/".join(parts_of(self._short_names()[row])[:-1])
+        if path == "/":
+            self.refresh()
+            return words or "it lies in no name space"
+        self.folded |= {path}
+        self.refresh()
+        self._move_to_branch(path)
+        return words
+
+    def next_component(self) -> str:
+        """Show norm, first entry, second ... of the vector under the cursor, then its entries side by side again."""
+        if self.row is None:
+            return ""
+        element = self.table.elements[self.row]
+        if len(element.entries) < 2:
+            return "it has one value only"
+        chosen = (self.components.get(element.name, 0) + 1) % (len(element.entries) + 2)
+        chosen = 2 if chosen == 1 and not has_norm(element) else chosen
+        self.components[element.name] = chosen
+        if chosen == 0:
+            del self.components[element.name]
+            return "its entries side by side"
+        return f"norm |{len(element.entries)}|" if chosen == 1 else element.entries[chosen - 2].suffix
+
+    def component(self, row: int) -> int:
+        """Return what is shown of a vector: 0 its entries side by side, 1 the norm, 2 its first entry, 3 the next ...
+
+        A norm is shown only where somebody asks for it, by `n` or by an order of what a vector has as a whole.
+        """
+        element = self.table.elements[row]
+        if len(element.entries) < 2:
+            return 0
+        asked = self.components.get(element.name, 0) or int(self.orders[self.sort].of_norm)
+        return asked if asked > 1 or has_norm(element) else 0
+
+    def _move_to_branch(self, path: str) -> bool:
+        for number, branch in enumerate(self.tree.branches):
+            if branch.path == path:
+                found = np.flatnonzero(self.tree.lines == -1 - number)
+                if len(found):
+                    self.position = int(found[0])
+                return bool(len(found))
+        return False
+
+    # ------------------------------------------------------------------------------------------------ the cursor
+
+    @property
+    def line(self) -> int | None:
+        """The line under the cursor, as `model.tree` numbers them."""
+        return int(self.tree.lines[self.position]) if 0 <= self.position < len(self.tree.lines) else None
+
+    @property
+    def row(self) -> int | None:
+        """The element under the cursor, also of one of its entries; None on a branch."""
+        return None if self.line is None else row_of(self.line)
+
+    @property
+    def entry(self) -> int | None:
+        """The number of the entry under the cursor; None on a whole element."""
+        return None if self.line is None else entry_of(self.line)
+
+    @property
+    def branch(self) -> Branch | None:
+        """The branch under the cursor."""
+        line = self.line
+        return self.tree.branches[-1 - line] if line is not None and line < 0 else None
+
+    def move_to(self, position: int) -> None:
+        """Put the cursor on a position, cut to what there is."""
+        self.position = max(0, min(position, len(self.tree.lines) - 1))
+
+    def move_to_row(self, row: int) -> bool:
+        """Put the cursor on an element; False when the filter hides it. Branches that hide it are unfolded."""
+        found = np.flatnonzero(self.tree.lines == row)
+        if not len(found) and (self.shown == row).any():
+            closed = {branch.path for branch in self.tree.branches if (branch.rows == row).any()}
+            self.folded -= closed
+            self._lay_lines()
+            found = np.flatnonzero(self.tree.lines == row)
+        if len(found):
+            self.position = int(found[0])
+        return bool(len(found))
+
+    # --------------------------------------------------------------------------------------------------- marks
+
+    @property
+    def marked_count(self) -> int:
+        """Marked elements, hidden ones too."""
+        return int(self.marked.sum())
+
+    @property
+    def hidden_marked(self) -> int:
+        """Marked elements that the filter hides."""
+        return self.marked_count - int(self.marked[self.shown].sum())
+
+    def toggle_mark(self) -> None:
+        """Mark or unmarks the element under the cursor."""
+        if self.branch is not None:
+            below = self.branch.rows
+            self.marked[below] = not self.marked[below].all()
+        elif self.row is not None:
+            self.marked[self.row] = not self.marked[self.row]
+
+    def mark_shown(self) -> int:
+        """Mark everything that is shown, or unmarks it when all of it is marked. Returns how many are marked then."""
+        self.marked[self.shown] = not self.marked[self.shown].all()
+        return self.marked_count
+
+    def clear_marks(self) -> None:
+        """Unmark everything, also what the filter hides."""
+        self.marked[:] = False
+        self.anchor = None
+
+    def begin_range(self) -> None:
+        """Begin a range that grows from here with the cursor until it is ended."""
+        self.anchor = self.line
+
+    def end_range(self) -> int:
+        """Mark the range and return how many rows it had."""
+        rows = self.range_rows()
+        self.marked[rows] = True
+        self.anchor = None
+        return len(rows)
+
+    def range_rows(self) -> Rows:
+        """Return the rows between where the range began and the cursor."""
+        if self.anchor is None or self.line is None:
+            return np.zeros(0, np.intp)
+        found = np.flatnonzero(self.tree.lines == self.anchor)
+        first = int(found[0]) if len(found) else self.position
+        lines = self.tree.lines[min(first, self.position) : max(first, self.position) + 1]
+        if not len(lines) or lines.min() >= 0:
+            elements = [row for line in lines.tolist() if entry_of(line) is None and (row := row_of(line)) is not None]
+            return np.array(elements, np.intp)
+        found_rows: dict[int, None] = {}
+        for line in lines.tolist():
+            row = row_of(line)
+            # an open branch stands for the lines of the range that lie below it, a folded one for all it hides
+            hidden = self.tree.branches[-1 - line] if row is None else None
+            if hidden is not None and hidden.path in self.folded:
+                found_rows.update(dict.fromkeys(hidden.rows.tolist()))
+            elif row is not None:
+                found_rows[row] = None
+        return np.array(list(found_rows), np.intp)
+
+    def targets(self) -> Rows:
+        """Return what an edit is about: the range, else what is marked, else the cursor's element or branch."""
+        if self.anchor is not None:
+            return self.range_rows()
+        if self.marked.any():
+            return self._order[self.marked[self._order]]
+        if self.branch is not None:
+            return self.branch.rows
+        return np.array([self.row], np.intp) if self.row is not None else np.zeros(0, np.intp)
+
+    @property
+    def hidden_targets(self) -> int:
+        """How many of the targets the filter hides."""
+        return self.hidden_marked if self.anchor is None and self.marked.any() else 0
+
+    # -------------------------------------------------------------------------------------------------- inside
+
+    def _follow_names(self) -> None:
+        kept = {name for name, marked in zip(self._names, self.marked, strict=True) if marked}
+        self._names = self.table.names
+        self.marked = np.fromiter((name in kept for name in self._names), np.bool_, len(self._names))
+        self.anchor = None
+
+    def _sorted(self) -> Rows:
+        if self.sort == TREE:
+            return self._by_tree()
+        by_name, order = self._by_name(), self.orders[self.sort]
+        if self.sort == NAME:
+            return by_name[:: -1 if self.turned else 1]
+        keys = order.keys(self.table)
+        if not order.quantity:
+            found = by_name[np.argsort(keys[by_name], kind="stable")]
+            return found[::-1] if self.turned else found
+        # a NaN that is the value comes first; one that says that nothing is known comes last
+        is_nan = (self.table.facts.signs(len(self.table)) & NOT_FINITE) != 0
+        unknown = np.isnan(keys) & ~is_nan
+        return ordered(keys, by_name, falling=order.falling != self.turned, unknown=unknown)
+
+    def _by_tree(self) -> Rows:
+        names, prefix = self.table.names, self.table.prefix
+        if getattr(self, "_tree_order_of", None) != (id(names), prefix):
+            keys = [[(natural_key(level), level) for level in parts_of(name)] for name in self._short_names()]
+            self._tree_order: Rows = np.array(sorted(range(len(names)), key=keys.__getitem__), np.intp)
+            self._tree_order_of = (id(names), prefix)
+        return self._tree_order
+
+    def _by_name(self) -> Rows:
+        names = self.table.names
+        if getattr(self, "_name_order_of", None) is not names:
+            keys = [natural_key(name) for name in names]
+            self._name_order: Rows = np.array(sorted(range(len(names)), key=keys.__getitem__), np.intp)
+            self._name_order_of: Sequence[str] = names
+        return self._name_order
+
+    def _place(self, line: int | None, row: int | None, path: str | None) -> None:
+        if path is not None and self._move_to_branch(path):
+            return
+        if line is not None and row is not None:
+            found = np.flatnonzero(self.tree.lines == line)
+            found = found if len(found) else np.flatnonzero(self.tree.lines == row)
+            if len(found):
+                self.position = int(found[0])
+                return
+            for number in reversed(range(len(self.tree.branches))):  # the innermost that is folded over it
+                at = np.flatnonzero(self.tree.lines == -1 - number)
+                if len(at) and (self.tree.branches[number].rows == row).any():
+                    self.position = int(at[0])
+                    return
+        elif row is not None and self.move_to_row(row):
+            return
+        self.move_to(self.position)

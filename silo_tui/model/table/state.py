@@ -1,0 +1,334 @@
+"""The element table as the screen sees it: what the logger has, what somebody wants to change, and how to take it back.
+
+`TableState` keeps two layers of shape `(5, n)` (fields x elements): the server's values, and edits on top of them,
+each with the server's value that it was made on. What is pending and what is in conflict follows from these; nothing
+of it is stored, so that it can't go stale.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.core.elements import Edit, ElementInfo, Table
+from silo_tui.model.samples.live import has_norm
+from silo_tui.model.table.facts import LIMIT_BITS, NOTHING
+from silo_tui.model.table.fields import Field, Ints, options_of, phrase_for, rows_of
+from silo_tui.model.words.names import first_levels, without_prefix
+
+Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+FIELDS = len(Field)
+
+
+@dataclass(frozen=True)
+class PendingChange:
+    """One pending edit in words; `theirs` is set when the logger's value is no longer the one it was made on."""
+
+    name: str
+    field: str
+    old: str
+    new: str
+    theirs: str | None
+
+
+class KeptEdit(msgspec.Struct, frozen=True, array_like=True):
+    """A pending edit by name, with the value that it was made on."""
+
+    name: str
+    field: int
+    old: int
+    new: int
+
+
+@dataclass(frozen=True)
+class _Layer:
+    """Edits of some rows: arrays of shape `(5, len(rows))`."""
+
+    edited: Mask
+    wanted: Ints
+    based_on: Ints
+
+
+@dataclass(frozen=True)
+class _Step:
+    """One undo step: the edits of `rows` before and after."""
+
+    label: str
+    rows: Rows
+    before: _Layer
+    after: _Layer
+
+
+class TableState:
+    """The table, its pending edits and their history. Row i is element i of the logger's own order."""
+
+    def __init__(self) -> None:
+        self.elements: list[ElementInfo] = []
+        self.names: list[str] = []
+        self.folded: list[str] = []
+        self._levels: tuple[list[str], str, frozenset[str]] = ([], "", frozenset())  # of which names and prefix
+        self.prefix = ""  # that all names share, without a slash at its end; not shown
+        self.facts = NOTHING  # the newest survey
+        self._beyond: dict[str, str] = {}  # the worst word of each element that is beyond its limits
+        self._beyond_bits: NDArray[np.int64] = np.zeros(0, np.int64)
+        self.revision = -1
+        self.version = 0  # grows with every change, so that caches can tell
+        self.mixed: Mask = np.zeros(0, np.bool_)  # of which rows there is no norm: their entries have several units
+        self.own = 0  # how many of the elements are the logger's own: the rows after them are derived
+        self._row_of: dict[str, int] = {}
+        self._server = np.zeros((FIELDS, 0), np.int64)
+        self._edited = np.zeros((FIELDS, 0), np.bool_)
+        self._wanted = np.zeros((FIELDS, 0), np.int64)
+        self._based_on = np.zeros((FIELDS, 0), np.int64)
+        self._undo: list[_Step] = []
+        self._redo: list[_Step] = []
+
+    def __len__(self) -> int:
+        return len(self.elements)
+
+    # ------------------------------------------------------------------------------------------------ reading
+
+    @property
+    def server(self) -> Ints:
+        """What the logger has, shape `(5, n)`; not to be written to."""
+        return self._server
+
+    @property
+    def values(self) -> Ints:
+        """What the screen shows, shape `(5, n)`: the wanted value where there is an edit, else the logger's."""
+        return np.where(self._edited, self._wanted, self._server)
+
+    @property
+    def pending(self) -> Mask:
+        """Shape `(5, n)`: edits that would change something."""
+        return np.asarray(self._edited & (self._wanted != self._server), np.bool_)
+
+    @property
+    def conflicts(self) -> Mask:
+        """Shape `(5, n)`: pending edits whose ground was changed by somebody else since."""
+        return np.asarray(self.pending & (self._server != self._based_on), np.bool_)
+
+    @property
+    def pending_count(self) -> tuple[int, int]:
+        """(fields, rows) with pending edits."""
+        pending = self.pending
+        return int(pending.sum()), int(pending.any(axis=0).sum())
+
+    @property
+    def derived(self) -> Mask:
+        """Shape `(n,)`: rows that are computed from others, and have no options of their own."""
+        return np.arange(len(self.elements)) >= self.own
+
+    def row(self, name: str) -> int | None:
+        """Return the row of an element, None when there is none of that name."""
+        return self._row_of.get(name)
+
+    def shown(self, words: str) -> str:
+        """Return words of the logger with the names of signals as they are shown: without what all names share."""
+        names, prefix = self.names, self.prefix
+        if self._levels[0] is not names or self._levels[1] != prefix:
+            entries = (element.name + entry.suffix for element in self.elements for entry in element.entries)
+            self._levels = names, prefix, first_levels([*names, *entries], prefix)
+        return without_prefix(words, prefix, self._levels[2])
+
+    def entry_names(self, row: int) -> list[str]:
+        """Return full names of the entries of an element."""
+        element = self.elements[row]
+        return [element.name + entry.suffix for entry in element.entries]
+
+    @property
+    def live(self) -> Mask:
+        """Shape `(n,)`: what can be watched: all that is enabled (pending edits don't count)."""
+        return np.asarray(self._server[Field.ENABLED] != 0, np.bool_)
+
+    def is_live(self, row: int) -> bool:
+        """Return whether the element can be watched now: whether it is enabled."""
+        return bool(self._server[Field.ENABLED, row])
+
+    @property
+    def signs(self) -> NDArray[np.int64]:
+        """Shape `(n,)`: bits of what is the matter with each row, as the survey and the limits say."""
+        return self.facts.signs(len(self)) | self._beyond_bits
+
+    @property
+    def signs_known(self) -> bool:
+        """Whether anything was told of signs yet."""
+        return self.facts.of("signs", len(self)) is not None or bool(self._beyond)
+
+    def take_beyond(self, words: Mapping[str, str]) -> None:
+        """Take over which elements are beyond their limits, with the worst word of each."""
+        self._beyond = dict(words)
+        self._beyond_bits = np.zeros(len(self), np.int64)
+        for name, word in self._beyond.items():
+            row = self.row(name)
+            if row is not None:
+                self._beyond_bits[row] |= LIMIT_BITS.get(word, 0)
+
+    def changes(self) -> list[PendingChange]:
+        """Return all pending edits in words, in table order."""
+        conflicts = self.conflicts
+        found = []
+        for row, field_number in np.argwhere(self.pending.T):
+            field = Field(int(field_number))
+            old, new = (phrase_for(field, int(layer[field, row])) for layer in (self._based_on, self._wanted))
+            theirs = phrase_for(field, int(self._server[field, row])) if conflicts[field, row] else None
+            found.append(PendingChange(self.names[row], field.label, old, new, theirs))
+        return found
+
+    def edits(self) -> list[Edit]:
+        """Return the pending edits as one transaction for the logger."""
+        values = self.values
+        rows = np.flatnonzero(self.pending.any(axis=0))
+        return [Edit(self.names[row], options_of(values[:, row])) for row in rows]
+
+    # ------------------------------------------------------------------------------------------------ editing
+
+    def edit(self, which: Sequence[int] | Rows, field: Field, new: Ints | int, label: str = "") -> int:
+        """Want `new` (one, or one per row) in `field` of those rows; one undo step. Returns how many cells changed."""
+        rows: Rows = np.asarray(which, np.intp)
+        wanted = self.values[:, rows]
+        wanted[field] = new
+        return self.edit_all(rows, wanted, label)
+
+    def edit_all(self, which: Sequence[int] | Rows, wanted: Ints, label: str = "") -> int:
+        """Wants `wanted`, shape `(5, len(which))`, in those rows; one undo step. Returns how many cells changed.
+
+        Rows that are derived stay as they are.
+        """
+        rows: Rows = np.asarray(which, np.intp)
+        rows, wanted = rows[rows < self.own], wanted[:, rows < self.own]
+        changed = self.values[:, rows] != wanted
+        some = changed.any(axis=0)
+        if not some.any():
+            return 0
+        rows, wanted, changed = rows[some], wanted[:, some], changed[:, some]
+        before = self._layer(rows)
+        server, edited = self._server[:, rows], self._edited[:, rows]
+        self._based_on[:, rows] = np.where(changed & ~edited, server, self._based_on[:, rows])
+        self._wanted[:, rows] = np.where(changed, wanted, self._wanted[:, rows])
+        self._edited[:, rows] = np.where(changed, wanted != server, edited)
+        fields = ", ".join(Field(int(number)).label for number in np.flatnonzero(changed.any(axis=1)))
+        self._remember(label or f"{fields} of {len(rows)}", rows, before)
+        return int(changed.sum())
+
+    def discard(self, which: Sequence[int] | Rows) -> int:
+        """Take back every pending edit of `rows`; one undo step. Returns how many fields that were."""
+        rows: Rows = np.asarray(which, np.intp)
+        rows = rows[self._edited[:, rows].any(axis=0)]
+        if not len(rows):
+            return 0
+        count = int(self.pending[:, rows].sum())
+        before = self._layer(rows)
+        self._edited[:, rows] = False
+        self._remember(f"discard of {count}", rows, before)
+        return count
+
+    def resolve(self, which: Sequence[int] | Rows, *, keep_mine: bool) -> int:
+        """Settle the conflicts of `rows`: keep the edits, now on the new ground, or take theirs. Returns how many."""
+        rows: Rows = np.asarray(which, np.intp)
+        conflicts = self.conflicts[:, rows]
+        rows, conflicts = rows[conflicts.any(axis=0)], conflicts[:, conflicts.any(axis=0)]
+        if not len(rows):
+            return 0
+        before = self._layer(rows)
+        if keep_mine:
+            self._based_on[:, rows] = np.where(conflicts, self._server[:, rows], self._based_on[:, rows])
+        else:
+            self._edited[:, rows] &= ~conflicts
+        self._remember("keep mine" if keep_mine else "take theirs", rows, before)
+        return int(conflicts.sum())
+
+    def undo(self) -> str | None:
+        """Take the last step back and return its label; None when there is none."""
+        return self._move(self._undo, self._redo, back=True)
+
+    def redo(self) -> str | None:
+        """Do the last undone step again and return its label; None when there is none."""
+        return self._move(self._redo, self._undo, back=False)
+
+    def kept(self) -> list[KeptEdit]:
+        """Return the pending edits as they may be taken up again later."""
+        return [
+            KeptEdit(self.names[row], int(field), int(self._based_on[field, row]), int(self._wanted[field, row]))
+            for row, field in np.argwhere(self.pending.T)
+        ]
+
+    def take_up(self, edits: Sequence[KeptEdit]) -> int:
+        """Want kept edits again, in one undo step, and return how many; what was changed meanwhile is a conflict."""
+        known = [(edit, row) for edit in edits if (row := self.row(edit.name)) is not None and 0 <= edit.field < FIELDS]
+        known = [(edit, row) for edit, row in known if self._server[edit.field, row] != edit.new]
+        if not known:
+            return 0
+        rows: Rows = np.unique([row for _, row in known])
+        before = self._layer(rows)
+        for edit, row in known:
+            self._edited[edit.field, row] = True
+            self._wanted[edit.field, row], self._based_on[edit.field, row] = edit.new, edit.old
+        self._remember(f"{len(known)} kept edits", rows, before)
+        return len(known)
+
+    # ------------------------------------------------------------------------------------------- the logger's side
+
+    def load(self, table: Table) -> None:
+        """Take over the logger's table and rebases the pending edits on it, by name.
+
+        Edits that the new table already fulfils are done; edits of elements that are gone are dropped.
+        """
+        elements = [*table.elements, *table.derived]
+        names = [element.name for element in elements]
+        server = rows_of([element.options for element in elements])
+        if names != self.names:
+            self._carry_over(names, server)
+        self.elements, self.own = elements, len(table.elements)
+        self.mixed = np.array([len(each.entries) > 1 and not has_norm(each) for each in elements], np.bool_)
+        self.revision, self._server = table.revision, server
+        self._edited &= self._wanted != server
+        self.take_beyond(self._beyond)
+        self.version += 1
+
+    def forget_history(self) -> None:
+        """Forget undo steps: what was applied in the logger isn't undone by taking back an edit."""
+        self._undo.clear()
+        self._redo.clear()
+
+    # ------------------------------------------------------------------------------------------------ inside
+
+    def _carry_over(self, names: list[str], server: Ints) -> None:
+        old_rows, new_rows = [], []
+        for new_row, name in enumerate(names):
+            old_row = self._row_of.get(name)
+            if old_row is not None:
+                old_rows.append(old_row)
+                new_rows.append(new_row)
+        edited: Mask = np.zeros(server.shape, np.bool_)
+        wanted, based_on = server.copy(), server.copy()
+        edited[:, new_rows] = self._edited[:, old_rows]
+        wanted[:, new_rows] = self._wanted[:, old_rows]
+        based_on[:, new_rows] = self._based_on[:, old_rows]
+        self._edited, self._wanted, self._based_on = edited, wanted, based_on
+        self.names, self.folded = names, [name.casefold() for name in names]
+        self._row_of = {name: row for row, name in enumerate(names)}
+        self.forget_history()  # its steps speak of rows that are no more
+
+    def _layer(self, rows: Rows) -> _Layer:
+        return _Layer(self._edited[:, rows].copy(), self._wanted[:, rows].copy(), self._based_on[:, rows].copy())
+
+    def _remember(self, label: str, rows: Rows, before: _Layer) -> None:
+        self._undo.append(_Step(label, rows, before, self._layer(rows)))
+        self._redo.clear()
+        self.version += 1
+
+    def _move(self, source: list[_Step], target: list[_Step], *, back: bool) -> str | None:
+        if not source:
+            return None
+        step = source.pop()
+        layer = step.before if back else step.after
+        self._edited[:, step.rows] = layer.edited
+        self._wanted[:, step.rows] = layer.wanted
+        self._based_on[:, step.rows] = layer.based_on
+        target.append(step)
+        self.version += 1
+        return step.label

@@ -1,0 +1,81 @@
+"""The command line of the screen (`:load x.yaml`): reading and completing it. What words do: `commands/runner.py`."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from silo.core.elements import FileType
+from silo.errors import ElementError
+from silo.files.formats import LOG_ENDINGS, file_type
+from silo_tui.model.words.paths import typed_path
+
+
+@dataclass(frozen=True)
+class Spelled:
+    """A command as typed: its word and its arguments."""
+
+    word: str
+    arguments: tuple[str, ...]
+
+    @property
+    def first(self) -> str:
+        """The first argument; empty without any."""
+        return next(iter(self.arguments), "")
+
+    @property
+    def rest(self) -> str:
+        """All arguments, as one."""
+        return " ".join(self.arguments)
+
+
+BY_KEY = Spelled("", ())  # what a command is told whose key was pressed
+
+
+def read(line: str) -> Spelled:
+    """Split a command line as a shell would. ValueError for an open quote or an empty line."""
+    try:
+        words = shlex.split(line.lstrip(": "))
+    except ValueError as error:
+        raise ValueError(f"{line!r}: {error}") from None
+    if not words:
+        raise ValueError("an empty command; `:help` lists them")
+    return Spelled(words[0], tuple(words[1:]))
+
+
+def read_save(arguments: Sequence[str]) -> tuple[list[FileType], str]:
+    """Return `silo csv my-run`: file types and a name. ValueError when two names are given."""
+    types: list[FileType] = []
+    name = ""
+    for argument in arguments:
+        kind = file_type(argument)
+        if kind is not None:
+            types.append(kind)
+        elif name:
+            raise ValueError(f"one name is enough, got {name!r} and {argument!r}")
+        else:
+            name = argument
+    return types or [FileType.SILO], name
+
+
+def logs(begun: str) -> list[str]:
+    """Return paths of logs and folders that what is typed of one may become, as it is typed."""
+    typed, _, last = begun.rpartition("/")
+    before = f"{typed}/" if "/" in begun else ""
+    try:
+        found = sorted(typed_path("the log", before or ".").iterdir())
+    except (ElementError, OSError):
+        return []
+    shown = [path for path in found if path.name.startswith(last) and (last or not path.name.startswith("."))]
+    folders = [f"{before}{path.name}/" for path in shown if path.is_dir() and not path.name.endswith(LOG_ENDINGS)]
+    return [f"{before}{path.name}" for path in shown if path.name.endswith(LOG_ENDINGS)] + folders
+
+
+def complete(line: str, words: Sequence[str], choices: Sequence[str]) -> list[str]:
+    """Return whole lines that `line` may become: command words first, then the `choices` for its last argument."""
+    body = line.lstrip(":")
+    word, space, rest = body.partition(" ")
+    if not space:
+        return [known for known in words if known.startswith(word) and known != word]
+    head, last = rest.rpartition(" ")[0], rest.rpartition(" ")[2]
+    before = f"{word} {head} " if head else f"{word} "
+    return [before + choice for choice in choices if choice.startswith(last) and choice != last]

@@ -1,0 +1,106 @@
+"""Derived signals from the terminal: the lines that make or change one, and the question before one is forgotten."""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from silo.core.elements import Derived
+from silo.core.quantities.writing import many
+from silo.errors import ExpressionError, RefusedError
+from silo_tui.context import Context
+from silo_tui.model.table import derived
+from silo_tui.screens.dialogs.form import Form
+from silo_tui.screens.dialogs.questions import confirmed
+from silo_tui.sessions.live import Session
+
+if TYPE_CHECKING:
+    from silo.client.client import Client
+
+LINES = (("name", "unit"), ("is",))
+HINTS = {"name": "power", "unit": "else as it follows", "is": "joints/torque * joints/velocity"}
+HELP = "signals, numbers with units, + - * ** and a / with blanks, abs sqrt sin prev diff rate mean min max any all"
+
+
+class DeriveDialog(Form[Derived]):
+    """Answers with the derived signal on Enter."""
+
+    KEYS_HERE = "Enter Derives it  Tab Next field  Esc Back"
+
+    def __init__(self, session: Session, one: Derived, *, is_new: bool, problem: str = "") -> None:
+        name = session.short_name(one.name).lstrip("/")
+        title = f"Derive a signal on {session.name}" if is_new else f"Derived signal {name} on {session.name}"
+        super().__init__(title, LINES, {"name": name, "unit": one.unit, "is": one.expression}, HINTS, problem)
+        self._session = session
+        self._start = "is" if name else "name"
+
+    def on_mount(self) -> None:
+        """Begin with the name where there is none yet."""
+        self.begin_at(self._start)
+
+    def made(self) -> Derived:
+        """Return what is typed, which can be derived."""
+        derived.words_of(self._typed, self._session.table)
+        return self._typed
+
+    @property
+    def _typed(self) -> Derived:
+        fields = {name: typed.strip() for name, typed in self.fields.items()}
+        if not fields["is"]:
+            raise ValueError(HELP)
+        return Derived(fields["name"], fields["is"], fields["unit"])
+
+    async def look(self) -> str:
+        """Return what it would be."""
+        return "\n".join(derived.words_of(self._typed, self._session.table))
+
+    def wrong(self, error: Exception) -> str:
+        """Return what is wrong, under the line that is typed in, which begins at the same cell."""
+        return (
+            f"{self._caret(error.at, error.end)}\n{error.reason}" if isinstance(error, ExpressionError) else str(error)
+        )
+
+    def _caret(self, at: int, end: int) -> str:
+        """Return carets under the mistake, where the line shows all of it."""
+        line = self.field("is")
+        blank = line.region.x - self.query_one("#form-told").content_region.x
+        first = len(line.value) - len(line.value.lstrip()) - int(line.scroll_offset.x)
+        return " " * max(0, blank + first + at) + "^" * (end - at)
+
+
+async def ask_derived(context: Context, session: Session, one: Derived) -> None:
+    """Ask what is to be derived, have it derived, and go to its row."""
+    is_new = not any(known.name == one.name for known in derived.present(session.table))
+    made, problem, said = one, "", ""
+    while not said:
+        answer = await context.app.push_screen_wait(DeriveDialog(session, made, is_new=is_new, problem=problem))
+        if answer is None:
+            return
+        made = answer
+        try:
+            said = await context.link.call(_deriving(made))
+        except RefusedError as error:
+            problem = str(error)
+    await session.reload()
+    row = session.table.row(derived.named(session.table, made.name).name)
+    if row is not None and not session.rows.move_to_row(row):
+        said += "; the filter hides it"
+    context.say(session.table.shown(said))
+
+
+def _deriving(made: Derived) -> "Callable[[Client], str]":
+    return lambda client: client.derive(made.name, made.expression, made.unit)
+
+
+async def forget(context: Context, session: Session, rows: Sequence[int]) -> None:
+    """Ask, and forget derived signals."""
+    names = [session.table.names[row] for row in rows]
+    shown = [session.short_name(name).lstrip("/") for name in names]
+    one = len(names) == 1
+    what = shown[0] if one else many(len(names), "derived signal")
+    lines = [f"{name} {session.table.elements[row].description}" for name, row in zip(shown, rows, strict=True)]
+    lines += ["Its signals stay as they are." if one else "Their signals stay as they are."]
+    title, keep = f"Forget {what} of {session.name}?", f"Keep {'it' if one else 'them'}"
+    if not await confirmed(context.app, title, "\n".join(lines), "Forget", keep):
+        return
+    said = await context.link.call(lambda client: "; ".join([client._remove_derived(name) for name in names[::-1]]))
+    await session.reload()
+    context.say(session.table.shown(said))

@@ -1,0 +1,85 @@
+"""Edit the limits of a signal: a line each, and below how often they would have been violated in what is held."""
+
+from dataclasses import dataclass
+
+from silo.core.elements import SignalLimits, TriggerOptions
+from silo_tui.model.lists.conditions import tried_lines
+from silo_tui.model.plots.limit_line import fields_of, line_of, read_limits
+from silo_tui.screens.dialogs.form import Form
+from silo_tui.sessions.live import Session
+
+LINES = (("signal",), ("LL", "L"), ("H", "HH"), ("persist", "hyst"), ("stale", "when"))
+HINTS = {
+    "signal": "joints/torque", "LL": "red low", "L": "yellow low", "H": "yellow high", "HH": "red high",
+    "persist": "samples in a row: 1", "hyst": "ends so far inside: 0", "stale": "the same for: 0.5s",
+    "when": "a condition that must hold",
+}  # fmt: skip
+HELP = "a bound that is empty is none; stale: how long a value may stay the same"
+TAKES_AWAY = "no bound and nothing stale: Enter takes the limits of it away"
+
+
+@dataclass(frozen=True)
+class LimitsWish:
+    """What a signal is to have; `limits` None: none any more. `shown` is its short name."""
+
+    shown: str
+    name: str
+    limits: SignalLimits | None
+
+
+class LimitsDialog(Form[LimitsWish]):
+    """Answers with the limits on Enter."""
+
+    KEYS_HERE = "Enter Sets them  Tab Next field  Esc Back"
+    AFTER_S = 0.5
+
+    def __init__(self, session: Session, shown: str, name: str, limits: SignalLimits | None, problem: str = "") -> None:
+        """`name` is the whole name of the signal that is `shown`; without one it is to be typed."""
+        title = f"Limits of {shown} on {session.name}" if shown else f"Limits of a signal on {session.name}"
+        given = {"signal": shown, **(fields_of(limits) if limits is not None else {})}
+        super().__init__(title, LINES, given, HINTS, problem)
+        self._session, self._shown, self._name, self._given = session, shown, name, limits
+
+    def on_mount(self) -> None:
+        """Begin with the signal where there is none yet."""
+        self.begin_at("H" if self._shown else "signal")
+
+    def made(self) -> LimitsWish:
+        """Return what is typed; of another signal than it began with, what is not typed stays as that one has it."""
+        fields = {name: typed.strip() for name, typed in self.fields.items()}
+        shown = fields["signal"]
+        if not shown:
+            raise ValueError("the name of a signal, as the table shows it")
+        is_same = shown == self._shown
+        name = self._name if is_same and self._name else shown
+        before = None if is_same else self._present(shown)
+        limits = read_limits(line_of(fields), before or SignalLimits(name))
+        has_some = any(bound is not None for bound in limits.bounds) or limits.stale_s
+        return LimitsWish(shown, limits.name, limits if has_some else None)
+
+    def _present(self, shown: str) -> SignalLimits | None:
+        known = [one.options for one in self._session.limits]
+        short = self._session.short_name
+        return next((one for one in known if shown in (one.name, short(one.name).lstrip("/"))), None)
+
+    async def look(self) -> str:
+        """Return how often they would have been violated."""
+        if not self.fields["signal"].strip():
+            return HELP
+        limits, link = self.made().limits, self._session.link
+        if limits is None:
+            return TAKES_AWAY if self._present(self.fields["signal"].strip()) is not None else HELP
+        low, high = (self._inner(limits, places) for places in ((1, 0), (2, 3)))
+        shown = self.fields["signal"].strip()
+        tests = [f"{shown} < {low!r}"] if low is not None else []
+        tests += [f"{shown} > {high!r}"] if high is not None else []
+        if not tests or link is None:
+            return HELP
+        when = " or ".join(tests)
+        wanted = TriggerOptions("new", f"({when}) and ({limits.when})" if limits.when else when)
+        tried = await link.read(lambda client: client.try_trigger(wanted))
+        return "\n".join(tried_lines(tried, self.told_width, 0, "been violated")[:2])
+
+    @staticmethod
+    def _inner(limits: SignalLimits, places: tuple[int, int]) -> float | None:
+        return next((limits.bounds[place] for place in places if limits.bounds[place] is not None), None)

@@ -1,0 +1,287 @@
+"""Dialogs: a question with choices (the harmless one first), and a line to type."""
+
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from rich.text import Text
+from textual import events
+from textual._time import get_time
+from textual.app import App, ComposeResult
+from textual.binding import Binding
+from textual.containers import Vertical, VerticalScroll
+from textual.widgets import Input, OptionList, Static
+from textual.widgets.option_list import Option
+
+from silo.core.quantities.writing import duration, size_text
+from silo.errors import SiloError
+from silo_tui.modal import Choices, Dialog, run_alone
+from silo_tui.model.table.changes import Change, Cost, groups_of
+from silo_tui.model.table.state import PendingChange
+
+MAX_LINES = 400
+MAX_GROUPS = 60
+LARGEST = 3  # groups: at 80x24 what they cost stands below them
+BORDER_AND_TITLE_ROWS = 5
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One answer; `key` picks it at once. `loses` tells whether something is gone by it."""
+
+    value: str
+    label: str
+    key: str = ""
+    loses: bool = False
+
+
+class Question(Dialog[str | None]):
+    """Asks; answers with the value of a choice, None on Esc. A long body scrolls."""
+
+    KEYS_HERE = "Enter Chooses  j k Move  PgDn PgUp Scroll  Esc Back"
+
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
+        Binding("escape,q", "leave", "Back", show=False),
+        Binding("pagedown,ctrl+d", "scroll(1)", show=False),
+        Binding("pageup,ctrl+u", "scroll(-1)", show=False),
+        Binding("j", "move(1)", show=False),
+        Binding("k", "move(-1)", show=False),
+    ]
+
+    def __init__(
+        self,
+        title: str,
+        body: Text | str,
+        choices: Sequence[Choice],
+        begin: str = "",
+        about: Callable[[str], Awaitable[Text]] | None = None,
+    ) -> None:
+        """`begin` has the focus at first, else the first choice: the harmless one. `about` tells more of one, below."""
+        super().__init__()
+        self._begin = next((at for at, choice in enumerate(choices) if choice.value == begin), 0)
+        self._title = title
+        self._body = body
+        self._choices = list(choices)
+        self.loses = any(choice.loses for choice in choices)
+        self._about = about
+        self.told = ""  # the choice that more is told of
+
+    def compose(self) -> ComposeResult:
+        """Yield title, body, choices; more about one."""
+        tall = self._about is not None
+        with Vertical(classes="dialog tall" if tall else "dialog"):
+            yield Static(self._title, classes="dialog-title", markup=False)
+            if self._body and tall:
+                yield Static(self._body, classes="quiet", markup=False)
+            elif self._body:
+                with VerticalScroll(classes="dialog-body", can_focus=False):
+                    yield Static(self._body, markup=False)
+            yield Choices(*(Option(self._line(choice), id=choice.value) for choice in self._choices))
+            if tall:
+                with VerticalScroll(classes="dialog-body", can_focus=False):
+                    yield Static("", id="about", markup=False)
+
+    def _line(self, choice: Choice) -> Text:
+        line = Text(f" {choice.label}")
+        if choice.key:
+            line.append(f"  ({choice.key})", style="dim")
+        return line
+
+    def on_mount(self) -> None:
+        """Give the focus to the first choice."""
+        self.query_one(OptionList).focus()
+        self.query_one(OptionList).highlighted = self._begin if self._choices else None
+        self.call_after_refresh(self._drawn)
+
+    def may_lose(self, typed: events.Event) -> bool:
+        """Whether it may: all but Esc and the keys of choices that lose nothing."""
+        harmless = {choice.key for choice in self._choices if choice.key and not choice.loses}
+        return self.loses and not (
+            isinstance(typed, events.Key) and (typed.key == "escape" or typed.character in harmless)
+        )
+
+    def _drawn(self) -> None:
+        self.drawn_s = get_time()
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Let a long body scroll: the choices are always on the screen."""
+        if self._about is not None:
+            return
+        room = event.size.height * 9 // 10 - BORDER_AND_TITLE_ROWS
+        body = self.query(".dialog-body")
+        for each in body:
+            each.styles.max_height = max(3, room - len(self._choices))
+        self.query_one(OptionList).styles.max_height = max(3, min(len(self._choices), room - (3 if body else 0)))
+
+    def on_key(self, event: events.Key) -> None:
+        """Take a choice by its key; the screen below must not get it too."""
+        for choice in self._choices:
+            if choice.key and event.character == choice.key:
+                event.stop()
+                event.prevent_default()
+                self.pick(choice.value)
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Take the choice under the cursor."""
+        self.pick(str(event.option.id))
+
+    def pick(self, value: str) -> None:
+        """Answer with a choice."""
+        self.dismiss(value)
+
+    def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
+        """Tell more of the choice under the cursor."""
+        if self._about is not None:
+            run_alone(self, "about", self._tell, str(event.option.id), self._about)
+
+    async def _tell(self, value: str, about: Callable[[str], Awaitable[Text]]) -> None:
+        self.told = ""
+        self.query_one("#about", Static).update("…")
+        self.query_one("#about", Static).update(await about(value))
+        self.told = value
+
+    def action_leave(self) -> None:
+        """Leave; nothing is done."""
+        self.dismiss(None)
+
+    def action_scroll(self, pages: int) -> None:
+        """Move a long body."""
+        for body in self.query(".dialog-body").results(VerticalScroll):
+            body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
+
+    def action_move(self, step: int) -> None:
+        """Go to another choice."""
+        options = self.query_one(OptionList)
+        (options.action_cursor_down if step > 0 else options.action_cursor_up)()
+
+
+async def confirmed(
+    app: App[Any], title: str, body: Text | str, label: str, harmless: str = "No", *, loses: bool = True
+) -> bool:
+    """Ask before something is done; what does nothing has the focus."""
+    choices = [Choice("no", harmless), Choice("yes", label, "y", loses)]
+    return bool(await app.push_screen_wait(Question(title, body, choices)) == "yes")
+
+
+class Prompt(Dialog[str | None]):
+    """One line to type; None on Esc. What `check` raises is said, and the line stays."""
+
+    KEYS_HERE = "Enter Takes it  Esc Back"
+
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
+        Binding("escape", "leave", "Back", show=False)
+    ]
+
+    def __init__(
+        self,
+        title: str,
+        body: str,
+        value: str = "",
+        placeholder: str = "",
+        check: Callable[[str], object] = lambda line: None,
+    ) -> None:
+        super().__init__()
+        self._check = check
+        self._title, self._body, self._value, self._placeholder = title, body, value, placeholder
+
+    def compose(self) -> ComposeResult:
+        """Yield title, body, input."""
+        with Vertical(classes="dialog"):
+            yield Static(self._title, classes="dialog-title", markup=False)
+            yield Static(self._body, classes="dialog-body", markup=False)
+            yield Input(self._value, placeholder=self._placeholder, compact=True)
+            yield Static("", id="line-problem", markup=False)
+
+    def offer(self, value: str) -> None:
+        """Offer a value that came later, unless one is typed already."""
+        for line in self.query(Input):
+            if not line.value:
+                line.value = value
+                line.select_all()
+
+    def _take(self, line: str) -> None:
+        try:
+            self._check(line)
+        except (SiloError, ValueError) as error:
+            self.query_one("#line-problem", Static).update(str(error))
+        else:
+            self.dismiss(line)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Answer with the line."""
+        self._take(event.value.strip())
+
+    def action_leave(self) -> None:
+        """Leave; nothing is done."""
+        self.dismiss(None)
+
+
+def diff_text(changes: Sequence[PendingChange], prefix: str = "", cost: Text | None = None) -> Text:
+    """Return pending edits as old → new, equal ones together; then what somebody else has changed meanwhile.
+
+    `cost` stands behind the largest groups, where it is seen on a small terminal too.
+    """
+    lines = groups_text(changes, prefix, 0, None if cost is None else LARGEST)
+    if cost is not None:
+        lines.append_text(cost).append_text(groups_text(changes, prefix, LARGEST))
+    for change in [change for change in changes if change.theirs is not None][:MAX_LINES]:
+        lines.append(f"! {change.name}: {change.field} is {change.theirs} now, by somebody else\n", style="bold")
+    return lines
+
+
+def groups_text(changes: Sequence[Change], prefix: str = "", begin: int = 0, end: int | None = None) -> Text:
+    """Return changes in groups, the largest first: those from `begin` to `end`, and how many come after."""
+    lines = Text()
+    groups = groups_of(changes, prefix)
+    end = min(len(groups), MAX_GROUPS if end is None else end)
+    counted = len(str(groups[0].count)) if groups else 1
+    for group in groups[begin:end]:
+        lines.append(f"{group.count:>{counted}} × {group.pattern}", style="bold")
+        lines.append(f"  {group.words}\n")
+    rest = sum(group.count for group in groups[end:])
+    if rest:
+        lines.append(f"and {rest} more\n")
+    return lines
+
+
+def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0) -> Text:
+    """Return what a table takes now and will take, with a sign at what gets worse; `held` is of what is edited.
+
+    `room_bytes` are those that its buffers may take, 0 where that isn't known; more than these can't be started.
+    """
+    lines = Text()
+    lines.append(f"{'':<10}{'now':>16}{'after':>16}\n", style="dim")
+    held = [_held(each) for each in (now, after)]
+    memory = [size_text(each.memory_bytes) for each in (now, after)]
+    room = f"of {size_text(room_bytes)} available" if room_bytes else ""
+    over = bool(room_bytes) and after.memory_bytes > room_bytes
+    _cost(lines, "memory", memory, after.memory_bytes > now.memory_bytes, room, over=over)
+    disk = [size_text(each.disk_bytes_s) + "/s" for each in (now, after)]
+    _cost(lines, "to a file", disk, after.disk_bytes_s > now.disk_bytes_s)
+    topics = [size_text(each.topic_bytes_s) + "/s" for each in (now, after)]
+    _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
+    _cost(
+        lines,
+        "held",
+        held,
+        after.shortest_s < now.shortest_s,
+        f"of these, shortest: {short_name}" if short_name else "",
+    )
+    return lines
+
+
+def _held(cost: Cost) -> str:
+    """Return for how long the edited signals are held, as one time or two, their unit once where it is seconds."""
+    if not cost.shortest:
+        return "nothing"
+    shortest, longest = duration(cost.shortest_s), duration(cost.longest_s)
+    if shortest == longest:
+        return longest
+    return f"{shortest.removesuffix(' s')} … {longest}" if longest.endswith(" s") else f"{shortest} … {longest}"
+
+
+def _cost(lines: Text, title: str, amounts: Sequence[str], worse: bool, note: str = "", *, over: bool = False) -> None:
+    old, new = amounts
+    lines.append(f"{title:<10}{old:>16}{new:>16} ")
+    lines.append("!! " if over else "▲  " if worse else "   ", style="bold" if over else "")
+    lines.append(f"{note}\n", style="bold" if over else "dim")

@@ -1,0 +1,140 @@
+"""Endless recordings from the terminal: the lines that begin one, the questions that end one."""
+
+from dataclasses import dataclass
+
+from silo.core.names import matching
+from silo.core.quantities.reading import read_keep, read_split
+from silo.core.quantities.writing import duration, many, size_text
+from silo.recorder.requests import RecorderInfo
+from silo_tui.actions import key_of
+from silo_tui.context import Context
+from silo_tui.model.table.changes import cost_of
+from silo_tui.model.table.fields import Field
+from silo_tui.model.words import text
+from silo_tui.screens.dialogs.form import Form
+from silo_tui.screens.dialogs.questions import Choice, Question
+from silo_tui.sessions.live import Session
+
+LINES = (("signals",), ("to", "name"), ("split", "keep"))
+HINTS = {
+    "signals": "all, marked, or names: joints/* imu", "to": "a folder: recordings", "name": "else the logger's",
+    "split": "1GB or 10min", "keep": "50GB; empty: all",
+}  # fmt: skip
+ALL, MARKED = "all", "marked"
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What `Client.record` is to be asked for."""
+
+    patterns: tuple[str, ...]
+    to: str
+    split: str
+    keep: str
+    name: str
+
+
+class RecordDialog(Form[Wish]):
+    """Answers with what is to be recorded on Enter."""
+
+    KEYS_HERE = "Enter Records  Tab Next field  Esc Back"
+
+    def __init__(self, session: Session, free_bytes: int, signals: str = "") -> None:
+        begun = {"signals": signals or (MARKED if session.rows.marked_count else ALL), "split": "1GB"}
+        super().__init__(f"Record on {session.name}, until it is stopped", LINES, begun, HINTS)
+        self._session, self._free_bytes = session, free_bytes
+
+    def on_mount(self) -> None:
+        """Begin with what is recorded."""
+        self.begin_at("signals")
+
+    def _value(self, name: str) -> str:
+        return self.fields.get(name, "").strip()
+
+    def _patterns(self) -> tuple[str, ...]:
+        """Return what is typed as patterns; without any, all is meant. ValueError where nothing matches one."""
+        session, words = self._session, self._value("signals").split()
+        if words in ([], [ALL]):
+            return ()
+        marked = [name for name, is_marked in zip(session.table.names, session.rows.marked, strict=True) if is_marked]
+        found = [each for word in words for each in (marked if word == MARKED else [word])]
+        for pattern in found:
+            if not matching(session.table.names, [pattern]):
+                raise ValueError(f"no element matches '{pattern}'")
+        if not found:
+            raise ValueError("nothing is marked: mark elements in the table, or write all, or names")
+        return tuple(found)
+
+    def made(self) -> Wish:
+        """Return what is to be recorded."""
+        split, keep = self._value("split"), self._value("keep")
+        read_split(split)
+        read_keep(keep)
+        return Wish(self._patterns(), self._value("to"), split, keep, self._value("name"))
+
+    async def look(self) -> str:
+        """Return how many signals that are, how fast the files grow, and for how long there is room."""
+        wish, session = self.made(), self._session
+        meant = set(matching(session.table.names, wish.patterns))
+        rows = [row for row, name in enumerate(session.table.names) if name in meant]
+        values = session.table.server[:, rows]
+        on = int((values[Field.ENABLED] != 0).sum())
+        off = f", {len(rows) - on} of them off" if on < len(rows) else ""
+        values[Field.ACTION] = 0  # it records what is published alone, too
+        bytes_s = cost_of(
+            [session.table.elements[row] for row in rows], values, session.status.frequency_hz
+        ).disk_bytes_s
+        first = f"{many(len(rows), 'signal')}{off}: {size_text(bytes_s)}/s before compression"
+        room = read_keep(wish.keep)
+        if not bytes_s:
+            return first
+        if room:
+            return f"{first}\nkeeps the newest {duration(room / bytes_s)} or more, then deletes its own oldest parts"
+        if self._free_bytes:
+            return (
+                f"{first}\nthe disk takes {duration(self._free_bytes / bytes_s)} or more of it, then it stops by itself"
+            )
+        return first
+
+
+async def begin(context: Context, session: Session, free_bytes: int, signals: str = "") -> None:
+    """Ask what is to be recorded, `signals` at first, and have it recorded."""
+    wish = await context.app.push_screen_wait(RecordDialog(session, free_bytes, signals))
+    if wish is None:
+        return
+    started = await context.link.call(
+        lambda client: client.record(wish.patterns, wish.to, wish.split, wish.keep, wish.name)
+    )
+    await _look(session)
+    warned = f"; {started.text}" if started.text else ""
+    context.say(f"recording '{started.name}' to {started.folder}{warned}")
+
+
+async def end(context: Context, session: Session) -> None:
+    """Ask which recording is to end, and have it end."""
+    await _look(session)
+    if not session.recorders:
+        context.say(f"nothing is being recorded; {key_of('record')} begins it")
+        return
+    harmless = Choice("", "Record on" if any(not one.state.over for one in session.recorders) else "Leave them")
+    choices = [harmless] + [
+        Choice(one.name, _words(one), str(place) if place < 10 else "")
+        for place, one in enumerate(session.recorders, 1)
+    ]
+    body = "Its last part is finished, and all its parts stay where they are."
+    name = await context.app.push_screen_wait(Question(f"Stop which recording of {session.name}?", body, choices))
+    if name:
+        context.say(await context.link.call(lambda client: client.stop_recorder(name)))
+        await _look(session)
+
+
+def _words(one: RecorderInfo) -> str:
+    """Return how a recording stands, in the line that ends it."""
+    parts = many(one.parts + bool(one.part), "part")
+    verb = "Take off the list" if one.state.over else "Stop"
+    return f"{verb} {one.name}: {parts}, {size_text(one.size_bytes)}, lost {text.count(one.lost)}"
+
+
+async def _look(session: Session) -> None:
+    await session.refresh_recorders()
+    await session.refresh_status()

@@ -1,0 +1,66 @@
+"""Choosing a script on the robot, with what loading it would change."""
+
+from collections.abc import Sequence
+
+from rich.text import Text
+
+from silo.core.elements import FieldChange
+from silo.core.quantities.writing import many
+from silo.errors import SiloError
+from silo.scripts.requests import ScriptDiff, Scripts
+from silo.settings.conditions_diff import NONE
+from silo_tui.actions import key_of
+from silo_tui.model.words import text
+from silo_tui.screens.dialogs.questions import Choice, Question, groups_text
+from silo_tui.sessions.link import Link
+
+
+def scripts_question(link: Link, scripts: Scripts) -> Question:
+    """Return the question which script to load, with what the one under the cursor would change."""
+
+    async def preview(name: str) -> Text:
+        try:
+            return script_diff_text(await link.read(lambda client: client.diff_script(name)))
+        except SiloError as error:
+            return Text(f"It can't be loaded:\n{error}")
+
+    current = text.file_name(scripts.current)
+    none = "" if scripts.names else f" There is none yet: {key_of('save_script')} saves the table as one."
+    choices = [Choice(name, f"{name}  (current)" if name == current else name) for name in scripts.names]
+    body = f"in {scripts.folder}, on the robot. Enter loads it.{none}"
+    return Question("Load a script", body, choices, current, preview if choices else None)
+
+
+def _extras_text(extras: Sequence[FieldChange]) -> Text:
+    """Return differences of derived signals, limits and triggers, those of one below its name."""
+    lines = Text()
+    for name in dict.fromkeys(change.name for change in extras):
+        lines.append(f"{name}\n", style="bold")
+        for change in extras:
+            if change.name == name:
+                lines.append(f"  {change.field} {change.old} → {change.new}\n" if change.field else _whole(change))
+    return lines
+
+
+def _whole(change: FieldChange) -> str:
+    return f"  new: {change.new}\n" if change.old == NONE else f"  taken away: {change.old}\n"
+
+
+def script_diff_text(diff: ScriptDiff) -> Text:
+    """Return what a script would change, in words."""
+    lines = Text()
+    if not diff.changes and not diff.extras:
+        lines.append("It would change nothing.\n")
+    elif diff.changes:
+        elements = len({change.name for change in diff.changes})
+        lines.append(f"It would change {many(elements, 'element')}:\n")
+    lines.append_text(groups_text(diff.changes))
+    if diff.extras:
+        lines.append("\n" * bool(diff.changes) + "Beside elements it would change:\n")
+        lines.append_text(_extras_text(diff.extras))
+    if diff.warnings:
+        lines.append("\n" + "\n".join(diff.warnings) + "\n")
+    if diff.unknown:
+        lines.append(f"\nNames that the logger doesn't have (they are left out): {', '.join(diff.unknown[:20])}")
+        lines.append(f" and {len(diff.unknown) - 20} more" if len(diff.unknown) > 20 else "")
+    return lines

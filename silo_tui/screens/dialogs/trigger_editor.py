@@ -1,0 +1,74 @@
+"""Edit one trigger: lines for what it says, and below them what it would have done in all that is held."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from silo.core.elements import TriggerOptions
+from silo_tui.context import Context
+from silo_tui.model.lists.conditions import fields_of, options_of_fields, tried_lines
+from silo_tui.screens.dialogs.form import Form, taken
+from silo_tui.sessions.live import Session
+
+if TYPE_CHECKING:
+    from silo.client.client import Client
+
+UNNAMED = "name it before Enter: the name stands in names of files"
+LINES = (("name", "mode"), ("when",), ("rearm",), ("pre", "post"), ("persist", "holdoff"), ("save", "keep"))
+HINTS = {
+    "name": "a word for names of files", "when": "abs(base/roll) > 0.6 and controller/mode == STANCE",
+    "rearm": "else: the condition was false", "pre": "5s", "post": "1s", "persist": "20ms", "holdoff": "10s",
+    "mode": "normal single, rising falling level", "save": "silo csv bag", "keep": "newest so many, 0 all",
+}  # fmt: skip
+
+
+async def ask_trigger(context: Context, made: TriggerOptions) -> None:
+    """Let a new trigger be edited, and set it."""
+    await taken(context, lambda one, problem: TriggerEditor(context.session, one or made, is_new=True, problem=problem),
+                lambda answer: told(context, lambda client: client._set_trigger(answer)))  # fmt: skip
+
+
+async def told(context: Context, job: "Callable[[Client], str]") -> None:
+    """Ask for something of conditions, and say what came of it."""
+    said = await context.link.call(job)
+    try:
+        await context.session.refresh_conditions()
+    finally:
+        context.say(said)
+
+
+class TriggerEditor(Form[TriggerOptions]):
+    """Answers with the trigger on Enter."""
+
+    KEYS_HERE = "Enter Sets it  Tab Next field  Esc Back"
+    AFTER_S = 0.5
+
+    def __init__(self, session: Session, options: TriggerOptions, *, is_new: bool, problem: str = "") -> None:
+        where = f"on {session.name}"
+        title = f"New trigger {where}" if is_new else f"Trigger {options.name} {where}"
+        super().__init__(title, LINES, fields_of(options), HINTS, problem)
+        self._session = session
+        self._options = options
+        self._is_new = is_new
+
+    def on_mount(self) -> None:
+        """Begin with the condition where there is none yet, else with the name."""
+        self.begin_at("name" if self._options.when and self._is_new else "when")
+
+    async def look(self) -> str:
+        """Return what it would have done."""
+        fields, link = self.fields, self._session.link
+        if not fields["when"].strip():
+            return "the condition: signals, numbers with units, and or not, prev diff rate mean min max any all"
+        unnamed = not fields["name"].strip()  # the condition counts while there is no name yet
+        made = options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
+        if link is None:
+            return ""
+        tried = await link.read(lambda client: client.try_trigger(made))
+        return "\n".join([*tried_lines(tried, self.told_width, made.keep), *([UNNAMED] if unnamed else [])])
+
+    def made(self) -> TriggerOptions:
+        """Return the trigger."""
+        made = options_of_fields(self.fields, self._options)
+        if not made.when:
+            raise ValueError("a trigger needs a condition, such as abs(base/roll) > 0.6")
+        return made

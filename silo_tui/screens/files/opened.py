@@ -1,0 +1,148 @@
+"""Opening a recording of the robot in place: the screens of a file above those of the logger, and back."""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, TypeAlias
+
+from silo.core.elements import SavedFile
+from silo.core.quantities.writing import size_text
+from silo.errors import SiloError
+from silo.recordings.requests import RecordingFile
+from silo_tui.actions import key_of
+from silo_tui.context import Context
+from silo_tui.model.lists.recordings import begun_ns, best_file
+from silo_tui.model.plots.overlay import overlay_of
+from silo_tui.model.words.paths import typed_path
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.recordings import Fetching, GivenUpError, as_listed, bring_here, cache_folder
+
+if TYPE_CHECKING:
+    from silo.analysis.log import Log
+    from silo_tui.sessions.recorded import FileSession
+
+
+Plots: TypeAlias = "Callable[[FileSession], list[str]]"
+
+
+async def open_recording(
+    context: Context, session: Session, folder: str, file: RecordingFile, plotted: "Plots | None" = None
+) -> None:
+    """Show a recording, with plots over its table where `plotted` says of what; at the first fire of a capture.
+
+    One that isn't on this machine is fetched first, which is told.
+    """
+    asked_on = context.upper_screen
+    found = await _opened(context, session, folder, file)
+    if found is None:
+        return
+    path, opened = found
+    if context.upper_screen is not asked_on or context.app.screen is not asked_on:
+        context.say(f"{file.name} is here: {path}")  # whoever asked went elsewhere meanwhile
+        return
+    await _show(context, opened)
+    if plotted is not None and (names := plotted(opened)):
+        await _show_plots(context, opened, names)
+    if path.parent == cache_folder(session.status.host, session.name):
+        context.say(f"fetched, {size_text(file.size_bytes)}: {path}")
+
+
+async def open_path(context: Context, path: str) -> None:
+    """Show a log of this machine over the logger that is open. Raises what opening it raises."""
+    from silo_tui.sessions.recorded import open_file
+
+    opened = await asyncio.to_thread(open_file, typed_path("the log", path))
+    await _show(context, opened)
+
+
+async def show_log(context: Context, log: "Log") -> None:
+    """Show a log that is no file, over the logger that is open."""
+    from silo_tui.sessions.recorded import FileSession
+
+    await _show(context, await asyncio.to_thread(FileSession, log))
+
+
+async def _show(context: Context, opened: "FileSession") -> None:
+    from silo_tui.screens.files.file_table import FileTableScreen
+
+    context.show_file(opened)
+    await context.app.push_screen(FileTableScreen(opened, leave=context.leave_file))
+    context.table_changed()
+    context.status_changed()
+
+
+async def _show_plots(context: Context, opened: "FileSession", names: list[str]) -> None:
+    from silo_tui.screens.plots.monitor import FileMonitorScreen
+
+    monitor = FileMonitorScreen(opened, names)
+    await context.app.push_screen(monitor)
+    if opened.capture is not None and opened.capture.fires_ns:
+        monitor.call_after_refresh(monitor.show_moment_of, opened.capture.fires_ns[0])
+
+
+async def overlay_recording(context: Context, session: Session, folder: str, file: RecordingFile, name: str) -> None:
+    """Lay a recording over the live plots."""
+    found = await _opened(context, session, folder, file)
+    if found is not None:
+        session.overlay = overlay_of(name, found[1].source)
+        lifts = f"{key_of('overlay_recording')} again lifts it"
+        context.say(f"{name} lies over the plots, with data {session.overlay.extent}; {lifts}")
+
+
+async def _opened(
+    context: Context, session: Session, folder: str, file: RecordingFile
+) -> "tuple[Path, FileSession] | None":
+    """Return a recording, opened, and where it is on this machine; None, and told why, where it can't be."""
+    from silo_tui.sessions.recorded import open_file
+
+    if file.name in session.fetches:
+        context.say(f"{file.name} is on its way already")
+        return None
+    fetching = session.fetches[file.name] = Fetching(file.name)
+    cache = cache_folder(session.status.host, session.name)
+    try:
+        path = await session.aside(lambda client: bring_here(client, folder, file, cache, fetching))
+        return path, await asyncio.to_thread(open_file, path)
+    except GivenUpError:
+        return None
+    except (SiloError, OSError) as error:
+        context.fail(f"{file.name} can't be opened: {error}")
+        return None
+    finally:
+        session.fetches.pop(file.name, None)
+
+
+async def open_saved(
+    context: Context, session: Session, files: list[SavedFile], plotted: "Plots | None" = None
+) -> None:
+    """Show what was just saved or captured, or saved when the robot program died; without `files`, the newest of these.
+
+    `plotted` says of what plots are shown at once.
+    """
+    try:
+        listed = await session.recordings()
+    except SiloError as error:
+        local = _on_this_machine(files)
+        if local is None:
+            context.fail(str(error))
+        else:  # the link is cut, or its helper process has ended: the file is there all the same
+            await open_recording(context, session, *local, plotted)
+        return
+    names = {PurePath(file.path).name for file in files}
+    died = [one for one in listed.recordings if one.why.startswith("program died")]
+    found = [one for one in listed.recordings if names & {file.name for file in one.files}] if names else died
+    if not found:
+        context.say(f"it is not in {listed.folder}; {key_of('recordings')} lists what is there")
+        return
+    newest = max(found, key=begun_ns)
+    await open_recording(context, session, listed.folder, best_file(newest), plotted)
+
+
+def _on_this_machine(files: list[SavedFile]) -> tuple[str, RecordingFile] | None:
+    """Return folder and file of what was saved, if it lies here."""
+    for file in files:
+        path = Path(file.path)
+        found = as_listed(path, file.type)
+        if found is not None:
+            return str(path.parent), found
+    return None

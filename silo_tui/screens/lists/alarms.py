@@ -1,0 +1,153 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""The limits of a logger's signals: what is beyond them, what was and nobody has seen."""
+
+from collections.abc import Awaitable, Callable, Sequence
+from typing import TYPE_CHECKING
+
+from rich.text import Text
+
+from silo.conditions.standing import LimitStatus, LimitWord
+from silo.errors import RefusedError
+from silo_tui.actions import key_of
+from silo_tui.model.lists.conditions import IN_SPACE, alarms_words, limit_head, limit_row, signal_width
+from silo_tui.model.lists.ordering import Order
+from silo_tui.model.words.names import fitting_names_below
+from silo_tui.screens.dialogs.form import taken
+from silo_tui.screens.dialogs.limits import LimitsDialog, LimitsWish
+from silo_tui.screens.lists.conditions import ConditionsScreen
+from silo_tui.screens.plots.monitor import MonitorScreen
+from silo_tui.sessions.live_source import LiveSource
+from silo_tui.widgets.bars import color
+
+if TYPE_CHECKING:
+    from silo.client.client import Client
+
+MOST_LINES = 500
+
+
+class AlarmsScreen(ConditionsScreen[LimitStatus]):
+    """A line for each scalar that is or was over, and for what is blind."""
+
+    scope = "alarms"
+    mark_column = 2
+    orders = (
+        Order("!", "!", "worst first, what nobody has seen before what was", lambda one: 0),
+        Order("signal", "n", "name", lambda one: one.name.casefold()),
+        Order("since", "s", "the newest first", lambda one: one.since_ns, True),
+        Order("count", "c", "count, the largest first", lambda one: one.count + one.stale_count, True),
+        Order("seen", "k", "not seen first", lambda one: (not one.alarm, one.seen_by)),
+    )
+
+    def head(self, width: int) -> str:
+        return limit_head(width, self._space)
+
+    def prepare(self, found: Sequence[LimitStatus], width: int) -> None:
+        """Fit the names of all into the same cells: different ones stay different."""
+        names, room = [self.session.short_name(one.name) for one in found], signal_width(width)
+        self._space, fitted = fitting_names_below(names, room, room - len(IN_SPACE))
+        self._names = dict(zip(map(self.key_of, found), fitted, strict=True))
+
+    @property
+    def all(self) -> Sequence[LimitStatus]:
+        return self._found[:MOST_LINES]
+
+    @property
+    def _found(self) -> list[LimitStatus]:
+        return [one for one in self.session.limits if one.violated or one.word is LimitWord.BLIND]
+
+    def key_of(self, one: LimitStatus) -> str:
+        return one.name
+
+    def signals_of(self, one: LimitStatus) -> Sequence[str]:
+        element = self._element_of(one)
+        return [element] if element is not None else []
+
+    def told(self, one: LimitStatus) -> str:
+        return f"{one.word.value} {self.session.short_name(one.name)} {'NEW' if one.alarm else one.seen_by} {one.why}"
+
+    def row_of(self, one: LimitStatus, width: int) -> Text:
+        line = Text(limit_row(one, self._names[one.name], width))
+        red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
+        if one.is_over or one.word is LimitWord.BLIND:
+            line.stylize(f"bold {color(self.app.theme_variables, 'error' if red else 'warning')}", 0, 2)
+        return line
+
+    def words(self) -> str:
+        one, watched = self.chosen, len(self.session.limits)
+        if one is not None and one.why:
+            return f"{one.name} is blind: {one.why}"
+        if not self.all:
+            return (
+                f"Nothing over its limits. {watched} watched, 0 blind"
+                if watched
+                else f"No limits. {key_of('alarm_new')} gives some"
+            )
+        count = len(self._found)
+        more = f"the first {MOST_LINES} of {count} │ " if count > MOST_LINES else ""
+        return more + alarms_words(self.session.limits)
+
+    # ------------------------------------------------------------------------------------------------- commands
+
+    def command_acknowledge(self) -> None:
+        names = [one.name for one in self.targets()]
+        if names:
+            self.context.run_flow(self._told(lambda client: client.acknowledge(names)))
+
+    def command_alarm_worst(self) -> None:
+        one = self.here()
+        if one is None:
+            return
+        monitor = self._plot(one)
+        if monitor is not None and one.worst_ns:
+            monitor.call_after_refresh(monitor.show_moment_of, one.worst_ns)
+
+    def enter(self) -> None:
+        """Go to its worst sample."""
+        self.command_alarm_worst()
+
+    def _element_of(self, one: LimitStatus) -> str | None:
+        """Return the element that a scalar is of; None of what is derived."""
+        found = self.session.table.elements
+        return next((info.name for info in found for each in info.entries if info.name + each.suffix == one.name), None)
+
+    def _plot(self, one: LimitStatus) -> MonitorScreen | None:
+        element = self._element_of(one)
+        if element is None:
+            self.say(f"{self.session.short_name(one.name)} is no longer in the table")
+            return None
+        monitor = MonitorScreen(self.session, LiveSource(self.session), [element])
+        places = [place for place, plotted in enumerate(monitor.stack.plots) if plotted.name == one.name]
+        monitor.stack.chosen = places[0] if places else 0
+        self.app.push_screen(monitor)
+        return monitor
+
+    def command_alarm_limits(self) -> None:
+        one = self.here()
+        if one is not None:
+            self.ask_limits(self.session.short_name(one.limits).lstrip("/"), one.limits)
+
+    def command_alarm_new(self) -> None:
+        self.ask_limits("", "")
+
+    def ask_limits(self, shown: str, name: str) -> None:
+        """Ask for limits of a signal, shown by its short name, with those that it has."""
+        given = next((one.options for one in self.session.limits if name == one.limits), None)
+
+        def form(wish: LimitsWish | None, problem: str) -> LimitsDialog:
+            if wish is None:
+                return LimitsDialog(self.session, shown, name, given)
+            return LimitsDialog(self.session, wish.shown, wish.name, wish.limits, problem)
+
+        def send(wish: LimitsWish) -> Awaitable[None]:
+            made = wish.limits
+            if made is None:
+                return self.carry_out(lambda client: client._remove_limits(wish.name))
+            return self.carry_out(lambda client: client._set_limits(made))
+
+        self.context.run_flow(taken(self.context, form, send))
+
+    async def _told(self, job: "Callable[[Client], str]") -> None:
+        try:
+            await self.carry_out(job)
+        except RefusedError as error:
+            self.context.say(str(error))

@@ -1,0 +1,111 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""What the lists of triggers, alarms and parameters share: how they stand is asked for anew each second."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+from textual.app import ComposeResult
+
+from silo_tui.modal import run_alone
+from silo_tui.screens.lists.list_screen import ListScreen
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.live_source import LiveSource
+from silo_tui.widgets.bars import Banner, StatusBar
+
+MOST_PLOTS = 6
+
+Status = TypeVar("Status")
+
+if TYPE_CHECKING:
+    from silo.client.client import Client
+
+
+class ConditionsScreen(ListScreen[Status]):
+    """A list of how conditions stand, asked for anew each second while it is shown."""
+
+    aside = True
+
+    def __init__(self, session: Session) -> None:
+        super().__init__()
+        self.session = session
+
+    def above(self) -> ComposeResult:
+        """Yield status and banner."""
+        self._bar, self._banner = StatusBar(self.session, read_only=self.context.read_only), Banner(self.session)
+        yield self._bar
+        yield self._banner
+
+    def begin(self) -> None:
+        """Ask how they stand."""
+        self._banner.update()
+        self.ask()
+
+    def ask(self) -> None:
+        """Ask how they stand."""
+        run_alone(self, "conditions", self._ask)
+
+    async def _ask(self) -> None:
+        if self.session.connected:
+            await self.context.quietly(self.refresh_standing())
+        self.show()
+
+    async def refresh_standing(self) -> None:
+        """Ask how all that is listed stands."""
+        await self.session.refresh_conditions()
+
+    async def carry_out(self, job: "Callable[[Client], str]") -> None:
+        """Ask for something, and say what came of it: last, as keys are for what comes of it until then.
+
+        The screen may be left meanwhile, so what came of it is told where one is.
+        """
+        said = await self.context.link.call(job)
+        try:
+            await self.refresh_standing()
+        finally:
+            self.show()
+            self.marks.settle()
+            self.context.say(said)
+
+    @abstractmethod
+    def signals_of(self, one: Status) -> Sequence[str]:
+        """Return the elements that a line is about."""
+
+    def show(self) -> None:
+        """Draw the lines, and how the logger is."""
+        super().show()
+        if self.is_there:
+            self._bar.update()
+
+    def going_on(self) -> Sequence[str]:
+        return [one.words for one in self.session.fetches.values()]
+
+    def named(self, key: str) -> str:
+        return self.session.short_name(key).lstrip("/")
+
+    def status_changed(self) -> None:
+        self._banner.update()
+        self.show()
+
+    def second_passed(self) -> None:
+        self._banner.update()
+        self.ask()
+
+    def command_list_read(self) -> None:
+        self.say("read again")
+        self.ask()
+
+    def command_plot_conditions(self) -> None:
+        if targets := self.targets():
+            self.plot([name for one in targets for name in self.signals_of(one)])
+
+    def plot(self, found: Sequence[str]) -> None:
+        """Plot the first of these that are signals of the table."""
+        from silo_tui.screens.plots.monitor import MonitorScreen
+
+        source = LiveSource(self.session)
+        names = [name for name in dict.fromkeys(found) if source.element(name) is not None][:MOST_PLOTS]
+        if names:
+            self.app.push_screen(MonitorScreen(self.session, source, names))
+        else:
+            self.say("nothing of it can be plotted: it is no signal of the table")

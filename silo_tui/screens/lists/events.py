@@ -1,0 +1,179 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""What happened: the event log of a logger, or of a file, newest first; Enter goes there in the plots."""
+
+import asyncio
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.text import Text
+from textual.app import ComposeResult
+
+from silo.core.elements import LoggedEvent
+from silo.core.quantities.writing import many
+from silo.errors import SiloError
+from silo.files.atomic import atomic_file
+from silo_tui.actions import key_of
+from silo_tui.modal import run_alone, run_aside
+from silo_tui.model.lists.happened import ORDERS, csv_text, letter, line, matches, words
+from silo_tui.model.words.paths import typed_file
+from silo_tui.screens.dialogs.questions import Prompt
+from silo_tui.screens.lists.list_screen import ListScreen
+from silo_tui.screens.plots.monitor import MonitorScreen
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.recorded import FileSession
+from silo_tui.widgets.bars import Banner, StatusBar
+from silo_tui.widgets.lines import Lines
+
+
+class EventsScreen(ListScreen[LoggedEvent]):
+    """A list of lines that follows the newest one until one moves in it."""
+
+    scope = "events"
+    aside = True
+    orders = ORDERS
+    filter_hint = "-E without edits, M marks alone, other words"
+
+    def __init__(self, session: Session) -> None:
+        super().__init__()
+        self.session = session
+        self._following = True
+        self._all: Sequence[LoggedEvent] = ()  # as they are shown
+
+    def above(self) -> ComposeResult:
+        self._bar, self._banner = StatusBar(self.session, read_only=self.context.read_only), Banner(self.session)
+        yield self._bar
+        yield self._banner
+
+    def begin(self) -> None:
+        self._banner.update()
+
+    def status_changed(self) -> None:
+        """Follow state and link, and take in what happened since."""
+        self.second_passed()
+        if self.session.happened is not self._all:
+            self.show()
+
+    def second_passed(self) -> None:
+        """Paint the times again."""
+        self._bar.update()
+        self._banner.update()
+
+    @property
+    def all(self) -> Sequence[LoggedEvent]:
+        return self._all
+
+    def show(self) -> None:
+        self._all = self.session.happened
+        super().show()
+
+    def key_of(self, one: LoggedEvent) -> str:
+        return f"{one.run} {one.number} {one.time_ns} {one.kind} {one.text}"
+
+    def row_of(self, one: LoggedEvent, width: int) -> Text:
+        shown = Text(line(one, self.told(one), width - 2, self.session.status.logger))
+        if letter(one) in "MTX":
+            shown.stylize("bold")
+        return shown
+
+    def passes(self, one: LoggedEvent) -> bool:
+        return matches(one, self.asked, self.told(one))
+
+    def told(self, one: LoggedEvent) -> str:
+        return words(one, self.session.table.shown)
+
+    def head(self, width: int) -> str:
+        return "  time                tick   what"
+
+    def going_on(self) -> Sequence[str]:
+        count = many(len(self.all), "event")
+        follows = "follows" if self._following else f"{key_of('list_top')} follows"
+        one = self.chosen
+        told = "" if one is None else self.told(one)  # whole: its line may have no room for it
+        return [told, f"{count}, {follows}" if self.all else "nothing happened yet"]
+
+    def follow(self, known: str, place: int | None) -> int | None:
+        return (0 if self.shown else None) if self._following else super().follow(known, place)
+
+    # --------------------------------------------------------------------------------------------------- commands
+
+    def move(self, place: int) -> None:
+        self._following = False
+        super().move(place)
+
+    def on_lines_cursor_moved(self, event: Lines.CursorMoved) -> None:
+        """Follow no longer where the mouse chose an older line."""
+        self._following = self._following and not self.lines.highlighted
+        super().on_lines_cursor_moved(event)
+
+    def command_list_top(self) -> None:
+        """Follow the newest again."""
+        super().command_list_top()
+        self._following = True
+        self.show()
+
+    def command_next_event(self) -> None:
+        self.command_list_up()
+
+    def command_previous_event(self) -> None:
+        self.command_list_down()
+
+    def command_list_read(self) -> None:
+        run_alone(self, "events", self._read_again)
+
+    async def _read_again(self) -> None:
+        await self.context.quietly(self.session.learn_events())
+        self.show()
+        self.say("read again")
+
+    def command_write_events(self) -> None:
+        if not self.shown:
+            self.say("nothing to write: no event is shown")
+            return
+        body = f"{many(len(self.shown), 'event')} as {'filtered' if self.asked else 'shown'}, to a CSV file."
+        self.app.push_screen(Prompt("Write the events to a file on this machine", body, "events.csv"), self._write)
+
+    def _write(self, given: str | None) -> None:
+        if given:
+            run_aside(self, "writing", self._written, given, list(self.shown))
+
+    async def _written(self, given: str, shown: Sequence[LoggedEvent]) -> None:
+        try:
+            path = typed_file("the file of events", given, ".csv")
+            await asyncio.to_thread(_write_csv, path, shown)
+        except (SiloError, OSError) as error:
+            self.context.fail(str(error))
+        else:
+            self.context.say(f"{many(len(shown), 'event')} written: {path.absolute()}")
+
+    def enter(self) -> None:
+        """Go where a click points."""
+        self.command_go_to_event()
+
+    def command_go_to_event(self) -> None:
+        event = self.here()
+        if event is None:
+            return
+        if not event.at_ns or event.tick < 0:
+            self.say("this happened before the first tick: no place in the plots")
+            return
+        stack = [each for each in self.app.screen_stack if isinstance(each, MonitorScreen)]
+        plots = next((each for each in reversed(stack) if each.session is self.session), None)
+        if plots is None:
+            keys = f"{key_of('monitor')} in the table plots what is marked, then {key_of('events')} and"
+            self.say(f"no plots are open: {keys} {key_of('go_to_event')}")
+            return
+        while self.app.screen is not plots:
+            self.app.pop_screen()
+        plots.call_after_refresh(plots.search.jump_to_event, event)
+
+
+def _write_csv(path: Path, shown: Sequence[LoggedEvent]) -> None:
+    with atomic_file(path) as file:
+        file.write(csv_text(shown).encode("utf-8", "backslashreplace"))
+
+
+class FileEventsScreen(EventsScreen, inherit_bindings=False):
+    """The same of a file."""
+
+    session: FileSession
+    scope = "file_events"

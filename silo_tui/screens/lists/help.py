@@ -1,0 +1,300 @@
+"""Help, made from the list of commands: columns that fill the screen, searched with `/`, all screens by Tab."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from rich.cells import cell_len, set_cell_size
+from rich.text import Text
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import VerticalScroll
+from textual.widgets import Input, Static
+
+from silo.settings.typed import help_rows
+from silo_tui.actions import COMMANDS, FILE_SCOPES, PLACES, commands_for, commands_like
+from silo_tui.modal import Dialog
+from silo_tui.model.table.facts import MEANINGS
+from silo_tui.model.table.filter import TERMS
+from silo_tui.widgets.inputs import Fleeting, Line
+
+THREE_FROM, TWO_FROM = 120, 72
+GAP = 2
+LAST_GROUPS = ("Logger", "Go")
+
+SIGNS = (
+    ("*", "pending: prepared here, not applied yet (underlined)"), ("!", "conflict: somebody else changed it too"),
+    (">", "marked: edits and the monitor are about all that is marked"),
+    ("=", "derived: computed from others; its options are those of its signals"),
+)  # fmt: skip
+FILE_SIGNS = (
+    (">", "marked: the plots are of all that is marked"), ("= 1.23", "the value that held at the cursor"),
+    ("min max mean", "of the samples in the window"),
+)  # fmt: skip
+WORDS = (
+    ("torque LF", "both words in the name"),
+    ("LF|RF", "either"),
+    ("~regex", "by a regular expression"),
+    ("/log/*/q", "globs"),
+    ("-word", "not"),
+)
+
+
+@dataclass(frozen=True)
+class HelpLine:
+    """A line of help; `command` is what Enter does, where it can be done on the screen below."""
+
+    left: str
+    right: str
+    group: str
+    command: str = ""
+
+    def holds(self, words: Sequence[str]) -> bool:
+        """Return whether all of these words are in it."""
+        own = f"{self.left} {self.right} {self.group} {self.command}".casefold()
+        return all(word in own for word in words)
+
+
+def entries(scope: str, *, everywhere: bool) -> list[HelpLine]:
+    """Return the lines of help: those of a screen, or of all screens, that one first."""
+    here = commands_for(scope)
+    commands = list(here)
+    if everywhere:
+        known = {command.id for command in here}
+        commands += [command for command in commands_like(scope) if command.id not in known]
+    found = []
+    # what every screen has comes last
+    for group in sorted(dict.fromkeys(command.group for command in commands), key=LAST_GROUPS.count):
+        members = [command for command in commands if command.group == group and command.keys]
+        there = {command.id for command in here}
+        found += [HelpLine(each.key_text, each.help, group, each.id if each.id in there else "") for each in members]
+    on_file = scope in FILE_SCOPES
+    if everywhere or scope in ("table", "file"):
+        signs = FILE_SIGNS if on_file else (*SIGNS, *MEANINGS.items())
+        found += [HelpLine(left, right, "Signs") for left, right in signs]
+        found += [HelpLine(left, right, "Filter") for left, right in (*WORDS, *filter_rows())]
+    if not on_file and (everywhere or scope == "table"):
+        found += [HelpLine(left, right, "Commands") for left, right in typed_rows()]
+    return found
+
+
+def filter_rows() -> list[tuple[str, str]]:
+    """Return a row per field of the filter language: how it is written, and with which words."""
+    rows = []
+    for term in TERMS:
+        words = [each.partition(":")[2] for each in term.completions]
+        rows.append((term.bare, " ".join(words) if words else "a number, also =" if term.compares else "a word of it"))
+    return rows
+
+
+def typed_rows() -> list[tuple[str, str]]:
+    """Return a row per command that has a line of its own, and one per setting of `:set`."""
+    typed = sorted((command.typed for command in COMMANDS if command.typed is not None), key=lambda each: each.place)
+    rows = []
+    for each in typed:
+        rows += [(each.usage, each.help)] if each.usage else []
+        if each.completes == "settings":
+            rows += [(f"  {example}", meaning) for example, meaning in help_rows()]
+    return rows
+
+
+def column_count(width: int) -> int:
+    """Return how many columns a screen of that width has."""
+    return 3 if width >= THREE_FROM else 2 if width >= TWO_FROM else 1
+
+
+def page(found: Iterable[HelpLine], width: int, chosen: HelpLine | None = None) -> Text:
+    """Return the lines in columns, groups under their titles, all as tall as one another where that can be."""
+    found = list(found)
+    count = column_count(width)
+    room = (width - 2 - GAP * (count - 1)) // count
+    key_room = min(max((cell_len(entry.left) for entry in found if entry.group != "Commands"), default=0), room // 3)
+    lines: list[Text] = []
+    group = ""
+    for entry in found:
+        if entry.group != group:
+            group = entry.group
+            lines += [Text(""), Text(group, style="underline")] if lines else [Text(group, style="underline")]
+        lines += _lines(entry, key_room, room, is_chosen=entry is chosen)
+    height = -(-len(lines) // count)
+    made = []
+    for row in range(height):
+        line = Text(" ")
+        for column in range(count):
+            place = column * height + row
+            cell = lines[place] if place < len(lines) else Text("")
+            line.append_text(cell).append(" " * (room - cell.cell_len + GAP * (column < count - 1)))
+        made.append(line)
+    return Text("\n").join(made)
+
+
+def _lines(entry: HelpLine, key_room: int, room: int, *, is_chosen: bool) -> list[Text]:
+    """Return an entry in a column: what is too long goes on in the next line, never out of sight."""
+    style = "bold reverse" if is_chosen else "bold"
+    left = entry.left
+    if cell_len(left) > key_room:
+        head = [Text(set_cell_size(left, min(cell_len(left), room)), style=style)]
+    else:
+        head = [Text(left, style=style).append(" " * (key_room - cell_len(left)))]
+    rest = _wrapped(entry.right, room - key_room - 1)
+    if cell_len(left) <= key_room and rest:
+        head[0].append(f" {rest.pop(0)}", style="not bold not reverse")
+    return head + [Text(" " * (key_room + 1) + words) for words in rest]
+
+
+def _wrapped(words: str, room: int) -> list[str]:
+    lines = [""]
+    for word in words.split():
+        joined = f"{lines[-1]} {word}".strip()
+        if lines[-1] and cell_len(joined) > room:
+            lines.append(word)
+        else:
+            lines[-1] = joined
+    return [set_cell_size(line, min(cell_len(line), room)) for line in lines]
+
+
+class HelpScreen(Dialog[None]):
+    """Keys, words and signs of the screen below; `do` carries out a command of it."""
+
+    KEYS_HERE = ""
+    AUTO_FOCUS = ""  # the line to search in takes keys only while it is there
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
+        Binding("escape,q,question_mark,f1", "back", "Back", show=False),
+        Binding("slash", "search", show=False),
+        Binding("tab", "everywhere", show=False, priority=True),
+        Binding("enter", "do", show=False),
+        Binding("t", "tour", show=False),
+        Binding("j,down", "move(1)", show=False),
+        Binding("k,up", "move(-1)", show=False),
+        Binding("pagedown,ctrl+d,space", "scroll(1)", show=False),
+        Binding("pageup,ctrl+u", "scroll(-1)", show=False),
+        Binding("g,home", "end(0)", show=False),
+        Binding("G,end", "end(1)", show=False),
+    ]
+
+    def __init__(self, scope: str, do: Callable[[str], None] = lambda command: None) -> None:
+        super().__init__()
+        self._scope, self._do = scope, do
+        self._everywhere = not commands_for(scope)
+        self._words = ""
+        self._chosen = 0
+        self._found: list[HelpLine] = []
+
+    def compose(self) -> ComposeResult:
+        """Yield title, columns, the line to search in, keys."""
+        yield Static("", id="help-title", markup=False)
+        with VerticalScroll(id="help-body", can_focus=False):
+            yield Static("", id="help-page", markup=False)
+        yield Line(lambda line: [], "words of what you look for", "help-search")
+        yield Static("", id="help-keys", markup=False)
+
+    def on_mount(self) -> None:
+        """Show the keys of the screen below."""
+        self._show()
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Show as many columns as fit."""
+        self._show()
+
+    def _show(self) -> None:
+        words = self._words.casefold().split()
+        here = entries(self._scope, everywhere=self._everywhere)
+        found = [entry for entry in here if entry.holds(words)]
+        where = "all screens" if self._everywhere else f"the {PLACES.get(self._scope, self._scope)}"
+        if words and not found and not self._everywhere:  # what isn't here may be elsewhere
+            here = entries(self._scope, everywhere=True)
+            found = [entry for entry in here if entry.holds(words)]
+            where = "all screens"
+        self._found = found
+        self._chosen = max(0, min(self._chosen, len(found) - 1))
+        held = f'  {len(found)} of {len(here)} hold "{self._words.strip()}"' if words else ""
+        self.query_one("#help-title", Static).update(f" silo help of {where}{held}")
+        chosen = found[self._chosen] if words and found else None
+        text = page(found, self.size.width - 1, chosen) if found else Text(" Nothing holds these words. Esc: all again")
+        self.query_one("#help-page", Static).update(text)
+        typing = self.query_one(Line).display
+        keys = "Enter does it  ↑↓ Choose" if typing or words else "/ Search"
+        tab = "Tab This screen" if self._everywhere else "Tab All screens"
+        self.query_one("#help-keys", Static).update(f" {keys}  {tab}  t Tour  j k Scroll  Esc Closes")
+
+    # --------------------------------------------------------------------------------------------------- keys
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leave letters to the line that is typed in."""
+        return action == "everywhere" or not self.query_one(Line).display
+
+    def on_key(self, event: events.Key) -> None:
+        """Choose among what was found while words are typed."""
+        if self.query_one(Line).display and event.key in ("up", "down"):
+            self._choose(1 if event.key == "down" else -1)
+            event.stop()
+
+    def action_search(self) -> None:
+        """Type words."""
+        self.query_one(Line).begin(self._words)
+        self._show()
+
+    def action_everywhere(self) -> None:
+        """Show all screens, or this one again."""
+        self._everywhere = not self._everywhere
+        self._show()
+
+    def action_do(self) -> None:
+        """Do what is chosen, if it was searched for."""
+        if self._words and self._found:
+            command = self._found[self._chosen].command
+            if command:
+                self.dismiss()
+                self._do(command)
+
+    def action_tour(self) -> None:
+        """Begin the tour, or end it."""
+        self.dismiss()
+        self._do("tour")
+
+    def action_back(self) -> None:
+        """Show all again, then leave."""
+        if self._words:
+            self._words = ""
+            self._show()
+        else:
+            self.dismiss()
+
+    def action_move(self, lines: int) -> None:
+        """Choose among what was found, or scroll."""
+        if self._words:
+            self._choose(lines)
+        else:
+            self.query_one(VerticalScroll).scroll_relative(y=lines, animate=False)
+
+    def _choose(self, step: int) -> None:
+        self._chosen = max(0, min(self._chosen + step, len(self._found) - 1))
+        self._show()
+
+    def action_scroll(self, pages: int) -> None:
+        """Scroll by a page."""
+        body = self.query_one(VerticalScroll)
+        body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
+
+    def action_end(self, last: int) -> None:
+        """Go to the first or to the last line."""
+        body = self.query_one(VerticalScroll)
+        body.scroll_to(y=body.max_scroll_y if last else 0, animate=False)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Search while words are typed."""
+        if event.input.display and event.value != self._words:
+            self._words, self._chosen = event.value, 0
+            self._show()
+
+    def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
+        """Do what is chosen."""
+        self._words = event.value
+        self._show()
+        self.action_do()
+
+    def on_fleeting_left(self, event: Fleeting.Left) -> None:
+        """Show all again."""
+        self._words = ""
+        self._show()

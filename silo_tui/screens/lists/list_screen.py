@@ -1,0 +1,334 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""What all lists share: the cursor that stays on its line, filter, order, marks, what a key is about, what is said."""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any, Generic, TypeVar
+
+from rich.text import Text
+from textual import events
+from textual.app import ComposeResult
+from textual.widgets import Static
+
+from silo_tui.context import SiloScreen
+from silo_tui.model.lists.ordering import Marks, Order, arranged, passes
+from silo_tui.model.words.command_line import BY_KEY, Spelled
+from silo_tui.screens.dialogs.order import OrderDialog
+from silo_tui.widgets.bars import KeyBar
+from silo_tui.widgets.inputs import Fleeting, Line
+from silo_tui.widgets.lines import Lines
+from silo_tui.widgets.messages import ListLine
+
+FILTER_KEYS = "Enter keeps the filter  Esc clears it"
+
+LineT = TypeVar("LineT")
+
+
+class ListScreen(SiloScreen, Generic[LineT]):
+    """A list; its children say what there is, how a line reads, and what its keys do.
+
+    A line is known by its key, wherever it stands: the cursor and the marks go with it.
+    """
+
+    orders: Sequence[Order[Any]]  # the first is the usual one
+    filter_hint = "words of a line, a|b either, -not"
+    mark_column = 1  # of a line, where its mark stands
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.marks = Marks()
+        self.shown: list[LineT] = []  # what passes the filter, in order
+        self.shown_keys: list[str] = []
+        self.asked = ""  # the filter
+        self.message = ListLine()
+        self._order, self._turned = self.orders[0], False
+
+    def compose(self) -> ComposeResult:
+        """Yield what is above, head, list, advice, words, lines to type in, keys."""
+        yield from self.above()
+        yield Static("", id="list-head", markup=False)
+        yield Lines("list-lines")
+        yield Static("", id="list-advice", markup=False)
+        yield self.message
+        yield Line(lambda typed: [], self.filter_hint, "list-filter")
+        yield from self.typed_lines()
+        yield KeyBar(self.scope, read_only=self.context.read_only)
+
+    def on_mount(self) -> None:
+        """Show what is known, and ask for what isn't."""
+        self.lines.focus()
+        self.show()
+        self.begin()
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Draw the lines for another width."""
+        self.call_after_refresh(self.show)
+
+    # ------------------------------------------------------------------------------------------- what children say
+
+    @property
+    @abstractmethod
+    def all(self) -> Sequence[LineT]:
+        """What there is, in the order in which it is told."""
+
+    @abstractmethod
+    def key_of(self, one: LineT) -> str:
+        """Return what tells a line from others."""
+
+    @abstractmethod
+    def row_of(self, one: LineT, width: int) -> Text:
+        """Return a line."""
+
+    def above(self) -> ComposeResult:
+        """Yield what stands above the head."""
+        yield from ()
+
+    def typed_lines(self) -> ComposeResult:
+        """Yield further lines to type in."""
+        yield from ()
+
+    def begin(self) -> None:
+        """Ask for what is not known yet."""
+
+    def prepare(self, found: Sequence[LineT], width: int) -> None:
+        """Make ready for a look at all lines: what a row needs to know of the others."""
+
+    @abstractmethod
+    def told(self, one: LineT) -> str:
+        """Return what a filter looks in: the facts of a line, whatever of them the screen has room for."""
+
+    def passes(self, one: LineT) -> bool:
+        """Return whether a line passes the filter."""
+        return passes(self.told(one), self.asked)
+
+    def follow(self, known: str, place: int | None) -> int | None:
+        """Return where the cursor goes, which was on the line of a key, at a place."""
+        return self.marks.follow(known, self.shown_keys, place)
+
+    def head(self, width: int) -> str:
+        """Return the head of the list."""
+        return ""
+
+    def words(self) -> str:
+        """Return what is to be said of the line under the cursor, or of all, where nothing else is."""
+        return ""
+
+    def going_on(self) -> Sequence[str]:
+        """Return what is said besides: what goes on."""
+        return ()
+
+    def advice(self) -> str:
+        """Return what to do about a list that is empty, or about what is missing in it."""
+        return ""
+
+    def named(self, key: str) -> str:
+        """Return a line by the name that it is known by."""
+        return key
+
+    def enter(self) -> None:
+        """Do what a click on the line under the cursor does."""
+
+    def forget(self) -> bool:
+        """Take back what was chosen in the list; return whether there was something."""
+        return self.marks.clear()
+
+    def leave(self) -> None:
+        """Leave the screen."""
+        self.context.leave_screen()
+
+    # ------------------------------------------------------------------------------------------------- to be drawn
+
+    def show(self) -> None:
+        """Draw the lines; the cursor stays on what it was on."""
+        if not self.query("#list-lines"):
+            return  # it is being made, or goes
+        lines, width, found = self.lines, self.size.width, self.all
+        known, place = self.chosen_key, lines.highlighted
+        self.prepare(found, width)
+        self.marks.keep(map(self.key_of, found))
+        passing = [one for one in found if self.passes(one)] if self.asked else found
+        self.shown = arranged(passing, self._order, turned=self._turned)
+        self.shown_keys = list(map(self.key_of, self.shown))
+        lines.show(len(self.shown), self._row, self.follow(known, place))
+        advice = self.advice()
+        lines.display = bool(self.shown) or not advice
+        if lines.display and self.focused is None:
+            lines.focus()
+        head, title = self.query_one("#list-head", Static), self.head(width) if self.shown else ""
+        head.update(Text(title, no_wrap=True))
+        head.display = bool(title)
+        below = self.query_one("#list-advice", Static)
+        below.update(advice)
+        below.display = bool(advice)
+        below.set_class(not lines.display, "alone")
+        self.show_words()
+
+    def _row(self, place: int) -> Text:
+        line, key = self.row_of(self.shown[place], self.size.width), self.shown_keys[place]
+        at = self.mark_column
+        return Text.assemble(line[:at], (">", "bold"), line[at + 1 :]) if key in self.marks.keys else line
+
+    def show_words(self) -> None:
+        """Draw the line of words: marks, filter and order where there are some, and what was said last."""
+        parts = [f"{len(self.marks.keys)} marked"] if self.marks.keys else []
+        parts += [f"/{self.asked}: {len(self.shown)} of {len(self.all)}"] if self.asked else []
+        parts += [f"by {self._order.name}"] if self._order is not self.orders[0] or self._turned else []
+        going_on = self.going_on()
+        self.message.told = [*parts, *(going_on if going_on or self.message.said else [self.words()])]
+        self.message.changed()
+
+    @property
+    def lines(self) -> Lines:
+        """The widget."""
+        return self.query_one("#list-lines", Lines)
+
+    @property
+    def chosen(self) -> LineT | None:
+        """The line under the cursor."""
+        place = self.lines.highlighted
+        return self.shown[place] if place is not None and place < len(self.shown) else None
+
+    def here(self) -> LineT | None:
+        """Return the line under the cursor for a key that is about it; says so where there is none."""
+        if (one := self.chosen) is None:
+            self.say("no line is here")
+        return one
+
+    @property
+    def chosen_key(self) -> str:
+        """The key of the line under the cursor; empty where there is none."""
+        return self.key_of(one) if (one := self.chosen) is not None else ""
+
+    def targets(self, otherwise: str = "") -> list[LineT]:
+        """Return what a key is about, and say why where that is nothing; `otherwise` where that is plain."""
+        meant = set(self.marks.meant(self.shown_keys, self.chosen_key))
+        found = [one for key, one in zip(self.shown_keys, self.shown, strict=True) if key in meant and self.may_be(one)]
+        if not found:
+            self.say(self.marks.why_none(self.shown_keys, self.chosen_key, self.named) or otherwise)
+        return found
+
+    def may_be(self, one: LineT) -> bool:
+        """Return whether a key can be about a line."""
+        return True
+
+    # ---------------------------------------------------------------------------------------- what the app tells it
+
+    def show_said(self, words: str, *, failed: bool = False) -> None:
+        """Show what is said until the next key."""
+        super().show_said(words, failed=failed)
+        self.show_words()
+
+    def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
+        """Let what was said go, and do what a key asks for."""
+        self.message.say("")
+        super().action_command(command_id, typed)
+        self.show_words()
+
+    def on_lines_cursor_moved(self, event: Lines.CursorMoved) -> None:
+        """Tell of another line."""
+        self.show_words()
+
+    def on_lines_line_picked(self, event: Lines.LinePicked) -> None:
+        """Do what a click does."""
+        self.enter()
+
+    # ------------------------------------------------------------------------------------------------------ moving
+
+    def move(self, place: int) -> None:
+        """Move the cursor."""
+        self.lines.move(place)
+
+    def _step(self, lines: int) -> None:
+        self.move((self.lines.highlighted or 0) + lines)
+
+    def command_list_down(self) -> None:
+        self._step(1)
+
+    def command_list_up(self) -> None:
+        self._step(-1)
+
+    def command_list_page_down(self) -> None:
+        self._step(self.lines.page_rows)
+
+    def command_list_page_up(self) -> None:
+        self._step(-self.lines.page_rows)
+
+    def command_list_top(self) -> None:
+        self.move(0)
+
+    def command_list_bottom(self) -> None:
+        self.move(len(self.shown) - 1)
+
+    # ------------------------------------------------------------------------------------------ marks, order, filter
+
+    def command_list_mark(self) -> None:
+        if self.here() is not None:
+            self.marks.toggle(self.chosen_key)
+            self._step(1)
+            self.show()
+
+    def command_list_mark_all(self) -> None:
+        if self.here() is not None:
+            self.marks.toggle_all(self.shown_keys)
+            self.show()
+
+    def command_list_range(self) -> None:
+        if self.here() is not None:
+            self.say(self.marks.range_to(self.chosen_key, self.shown_keys))
+            self.show()
+
+    def command_list_order(self) -> None:
+        arrow = "↓" if self._order.backwards != self._turned else "↑"
+        self.app.push_screen(OrderDialog(self.orders, self._order.name, arrow), self._by)
+
+    def _by(self, name: str | None) -> None:
+        if name is not None:
+            self._turned = not self._turned if name == self._order.name else False
+            self._order = next(order for order in self.orders if order.name == name)
+            self.show()
+
+    def command_list_filter(self) -> None:
+        self.query_one(KeyBar).show_instead(FILTER_KEYS)
+        self.query_one("#list-filter", Line).begin(self.asked)
+
+    def on_input_changed(self, event: Line.Changed) -> None:
+        """Filter while it is typed."""
+        if event.input.id == "list-filter" and event.input.display:
+            self.filter_by(event.input.value)
+
+    def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
+        """Take what was typed."""
+        self._back_to_list()
+        if event.line.id == "list-filter":
+            self.filter_by(event.value)
+        else:
+            self.entered(event.value)
+
+    def on_fleeting_left(self, event: Fleeting.Left) -> None:
+        """Leave a line; the filter is cleared."""
+        self._back_to_list()
+        if event.line.id == "list-filter":
+            self.filter_by("")
+
+    def entered(self, value: str) -> None:
+        """Take what was typed in a line other than the filter."""
+
+    def filter_by(self, words: str) -> None:
+        """Show what has these words."""
+        self.asked = words.strip()
+        self.message.say("")
+        self.show()
+        self.marks.settle()
+
+    def _back_to_list(self) -> None:
+        self.query_one(KeyBar).show_instead("")
+        self.lines.focus()
+
+    def command_back(self) -> None:
+        """Leave the filter, then the marks, then the screen."""
+        if self.asked:
+            self.filter_by("")
+        elif self.forget():
+            self.show()
+        else:
+            self.leave()

@@ -1,0 +1,185 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""All loggers that can be reached: how each stands, the worst first; one is opened, many are commanded at once.
+
+Shown when there are several, and while there is none: then it says what to start.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.widgets import Static
+
+from silo.fleet.member import Member
+from silo.net.found import LoggerAddress
+from silo_tui.actions import key_of
+from silo_tui.model.lists import fleet
+from silo_tui.screens.lists.list_screen import ListScreen
+from silo_tui.sessions.finder import FoundLogger
+from silo_tui.widgets.bars import color
+
+WAITING = """No logger is running for this user on this computer; looking again every second.
+
+Press {demo} for the demo, a simulated legged robot, or start one:
+    silo demo          the same in a terminal of its own
+    silo host          this computer: load, memory, temperatures
+    your own program   two lines of Python, before its loop:
+
+    log = silo.Logger("arm", frequency=500)
+    log.serve()
+
+{quit} quits."""
+
+
+STARTING = "The demo is starting: a simulated legged robot, which opens here by itself."
+
+
+class LoggersScreen(ListScreen[fleet.LoggerLine]):
+    """A list, or what to do when it would be empty."""
+
+    scope = "loggers"
+    orders = fleet.ORDERS
+
+    def __init__(
+        self,
+        choose: Callable[[FoundLogger], None],
+        wanted: str = "",
+        command: Callable[[str, Sequence[fleet.LoggerLine]], None] | None = None,
+    ) -> None:
+        """`choose` opens a logger, `command` asks about many: "start_stop", "restart", "save" or "load" them."""
+        super().__init__()
+        self._choose, self._wanted, self._command = choose, wanted, command
+        self._found: tuple[FoundLogger, ...] = ()
+        self._all: list[fleet.LoggerLine] = []
+        self.answers: dict[str, str] = {}  # by key, of the last command for many
+        self._notes = "Looking for loggers …"
+
+    def above(self) -> ComposeResult:
+        """Yield the title."""
+        yield Static("silo", id="loggers-title", markup=False)
+
+    def take(
+        self, found: Sequence[FoundLogger], forbidden: Sequence[str], problem: str = "", *, starting: bool = False
+    ) -> None:
+        """Show what was found; `starting`: the demo is on its way."""
+        self._found = tuple(found)
+        waiting = WAITING.format(demo=key_of("demo"), quit=key_of("quit"))
+        advice = STARTING if starting else "" if found else waiting
+        if len(found) > 1 and self._wanted and all(one.is_meant_by(self._wanted) for one in found):
+            last = found[-1]
+            one = f"{last.name}.{last.pid}" if last.pid else last.where
+            advice = f"{len(found)} loggers are called {self._wanted!r}; choose one, or name it: {one}"
+        elif self._wanted and any(one.is_meant_by(self._wanted) for one in found):
+            advice = ""  # it is there; why it isn't open is told below
+        elif found and self._wanted:
+            advice = f"There is no logger called {self._wanted!r}; these run:"
+        elif self._wanted and not found:
+            no_file = (
+                ", and there is no file of that path" if "/" in self._wanted and not Path(self._wanted).exists() else ""
+            )
+            advice = f"Waiting for the logger {self._wanted!r}: it doesn't run{no_file}.\n\n{waiting}"
+        notes = [note for note in (problem, *forbidden) if note]
+        self._notes = "\n\n".join([advice, *notes]).strip() if not found else "\n".join(filter(None, [advice, *notes]))
+        self.show()
+
+    def show(self) -> None:
+        self._all = [self._line_of(one) for one in self._found]
+        super().show()
+        if self.is_there:
+            title = f"silo  {fleet.total(self._all)}" if self._all else "silo"
+            self.query_one("#loggers-title", Static).update(title)
+
+    @property
+    def all(self) -> Sequence[fleet.LoggerLine]:
+        return self._all
+
+    def key_of(self, one: fleet.LoggerLine) -> str:
+        return one.key
+
+    def prepare(self, found: Sequence[fleet.LoggerLine], width: int) -> None:
+        self._names = fleet.name_width(found, width)
+        self._now = time.monotonic(), time.time_ns()
+
+    def head(self, width: int) -> str:
+        return fleet.head(self._names, width)
+
+    def advice(self) -> str:
+        return "\n".join(filter(None, [self._notes, *fleet.down(self._all, *self._now)]))
+
+    def words(self) -> str:
+        return fleet.details(one) if (one := self.chosen) is not None else ""
+
+    def named(self, key: str) -> str:
+        return next((one.address for one in self._all if one.key == key), "what was there")
+
+    def told(self, one: fleet.LoggerLine) -> str:
+        return fleet.told(one)
+
+    def _line_of(self, one: FoundLogger) -> fleet.LoggerLine:
+        member = one.member or Member(LoggerAddress(one.name, one.pid, one.key, one.user, host=one.host, dead=one.dead))
+        return fleet.LoggerLine(one.key, one.address, one.where, member, self.answers.get(one.key, ""))
+
+    def row_of(self, one: fleet.LoggerLine, width: int) -> Text:
+        variables, member = self.app.theme_variables, one.member
+        row = fleet.row(one, self._names, width, *self._now)
+        line = Text(row)
+        if not member.here:
+            line.stylize("dim")
+        name = "error" if member.stands in fleet.BAD else "warning" if member.stands in fleet.CAUTION else ""
+        if not name and member.running:
+            name = "success"
+        begin = row.find(fleet.STATES.get(member.word, member.word))
+        if name and begin >= 0:
+            line.stylize(f"bold {color(variables, name)}", begin, begin + fleet.STATE_WIDTH)
+        if name and member.sign and not one.answer and (at := row.find(f" {member.sign}", begin)) >= 0:
+            line.stylize(f"bold {color(variables, name)}", at, at + 6)
+        return line
+
+    @property
+    def found(self) -> Sequence[FoundLogger]:
+        """All loggers of the list."""
+        return self._found
+
+    def enter(self) -> None:
+        """Open it."""
+        for one in self._found:
+            if one.key == self.chosen_key:
+                if one.is_there:
+                    self._choose(one)
+                else:
+                    self.say(f"{one.address} is not there any more; {key_of('look_again')} looks again")
+
+    def command_open_logger(self) -> None:
+        self.enter()
+
+    def forget(self) -> bool:
+        if self.answers:
+            self.answers = {}
+            return True
+        return super().forget()
+
+    def leave(self) -> None:
+        """Leave the list for the logger that is open, if one is."""
+        self.context.back_to_table()
+
+    # ------------------------------------------------------------------------------------------------- many at once
+
+    def _many(self, what: str) -> None:
+        none = "the filter leaves out any logger: Esc ends it; nothing was asked" if self.asked else "no logger is here"
+        targets = self.targets(none)
+        if targets and self._command is not None:
+            self._command(what, targets)
+
+    def command_start_stop_loggers(self) -> None:
+        self._many("start_stop")
+
+    def command_restart_loggers(self) -> None:
+        self._many("restart")
+
+    def command_save_loggers(self) -> None:
+        self._many("save")
+
+    def command_load_into_loggers(self) -> None:
+        self._many("load")

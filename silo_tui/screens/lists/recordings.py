@@ -1,0 +1,337 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""The recordings in the logger's folder on the robot: listed, opened in place, fetched, deleted."""
+
+import asyncio
+from collections.abc import Coroutine, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.widgets import Static
+
+from silo.core.quantities.writing import many, size_text
+from silo.errors import SiloError
+from silo.recordings.requests import Recordings, SavedRecording
+from silo.rpc.frames import Frame
+from silo_tui.actions import key_of
+from silo_tui.modal import run_alone, run_aside
+from silo_tui.model.lists import recorders
+from silo_tui.model.lists import recordings as rows
+from silo_tui.model.words.command_line import BY_KEY, Spelled
+from silo_tui.model.words.paths import typed_path
+from silo_tui.screens.dialogs import recorder
+from silo_tui.screens.dialogs.questions import Choice, Prompt, Question
+from silo_tui.screens.files.opened import open_recording, overlay_recording
+from silo_tui.screens.lists.list_screen import ListScreen
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.recordings import Fetching, GivenUpError, here
+from silo_tui.widgets.bars import Banner, StatusBar, color
+
+FOLLOW_S = 0.25
+FIRST, MOST = 200, 10_000  # how many are asked for
+LOOK_AGAIN_S = 0.3
+
+
+class RecordingsScreen(ListScreen[SavedRecording]):
+    """A list of what is saved; what is being recorded stands above it."""
+
+    scope = "recordings"
+    aside = True
+    orders = rows.ORDERS
+    filter_hint = "words of name, why and type; -not"
+
+    def __init__(self, session: Session) -> None:
+        super().__init__()
+        self.session = session
+        self.found: Recordings | None = None
+        self._deleted_here: set[str] = set()
+        self._most = FIRST
+        self._asking = False  # for the older ones
+
+    def above(self) -> ComposeResult:
+        """Yield status, banner, what runs."""
+        self.status_bar, self.banner = StatusBar(self.session, read_only=self.context.read_only), Banner(self.session)
+        yield self.status_bar
+        yield self.banner
+        yield Static("", id="recordings-running", markup=False)
+
+    def begin(self) -> None:
+        """Ask at once; follow what is fetched."""
+        self.banner.update()
+        self.read_again()
+        self._look()
+        self.set_interval(FOLLOW_S, self._follow_fetches)
+
+    # ------------------------------------------------------------------------------------------------------- lines
+
+    @property
+    def all(self) -> Sequence[SavedRecording]:
+        return self.found.recordings if self.found is not None else ()
+
+    def key_of(self, one: SavedRecording) -> str:
+        return one.stem
+
+    def row_of(self, one: SavedRecording, width: int) -> Text:
+        words = Text("  " + rows.row(one, self.session.status.logger or self.session.name, max(40, width)))
+        if one.unfinished or one.unread or not self.session.connected:
+            words.stylize("dim")
+        return words
+
+    def told(self, one: SavedRecording) -> str:
+        return rows.told(one)
+
+    def follow(self, known: str, place: int | None) -> int | None:
+        found = super().follow(known, place)
+        if known in self._deleted_here:
+            self.marks.settle()
+        return found
+
+    def head(self, width: int) -> str:
+        return rows.head(max(40, width))
+
+    def words(self) -> str:
+        return rows.summary(self.found) if self.found is not None else ""
+
+    def going_on(self) -> Sequence[str]:
+        asking = ["asking for the older ones …"] if self._asking else []
+        return [*asking, *(fetching.words for fetching in self.session.fetches.values())]
+
+    def advice(self) -> str:
+        if self.shown:
+            return ""
+        if self.found is None:
+            return f"Asking {self.session.name} …"
+        if self.found.recordings:
+            return f"No recording has {self.asked!r}. Esc clears the filter."
+        return f"Nothing is saved in {self.found.folder} yet. {key_of('save_data')} in the table saves what is held."
+
+    def may_be(self, one: SavedRecording) -> bool:
+        """Return whether it is finished."""
+        return not one.unfinished
+
+    # ---------------------------------------------------------------------------------------------------- data
+
+    def read_again(self) -> None:
+        """Ask what there is."""
+        if self.is_running and self.app.is_running:
+            run_alone(self, "recordings", self._read)
+
+    async def _read(self) -> None:
+        while True:
+            try:
+                found = await self.session.recordings(self._most)
+            except SiloError as error:
+                self._asking = False
+                self.say(f"the list can't be read: {error}")
+                return
+            self.found = found
+            self._asking = False
+            self.show()
+            if not any(one.unread for one in found.recordings):
+                break
+            await asyncio.sleep(LOOK_AGAIN_S)  # what there was no time to look into
+
+    def _look(self) -> None:
+        """Ask how endless recordings stand."""
+        if self.session.connected and self.context.upper_screen is self:
+            run_alone(self, "recorders", self._look_at_recorders)
+
+    async def _look_at_recorders(self) -> None:
+        await self.context.quietly(self.session.refresh_recorders())
+        self._show_running()
+
+    def _show_running(self) -> None:
+        """Draw what is being recorded; nothing where nothing is."""
+        for lines in self.query("#recordings-running").results(Static):  # none of a screen that is gone
+            lines.display = bool(self.session.recorders)
+            lines.update(Text("\n").join(self._running_lines()))
+
+    def _running_lines(self) -> list[Text]:
+        session, width = self.session, max(40, self.size.width)
+        found = [Text(recorders.head(width), "dim", no_wrap=True)]
+        for one in session.recorders:
+            row = recorders.row(one, session.table.names, session.paces.get(one.name), session.status.folder, width)
+            line = Text(row, no_wrap=True, overflow="ellipsis")
+            full = one.keep_bytes and one.size_bytes >= recorders.FULL_SHARE * one.keep_bytes
+            caution = one.state in recorders.CAUTION or full or one.lost
+            name = "error" if one.state in recorders.LOUD else "warning" if caution else "success"
+            line.stylize(f"bold {color(self.app.theme_variables, name)}", 2, 6)
+            found.append(line)
+        return found
+
+    def _follow_fetches(self) -> None:
+        if self.session.fetches:
+            self.show_words()
+
+    # ------------------------------------------------------------------------------------ what the app tells us
+
+    def table_changed(self) -> None:
+        """Follow what was saved, captured or deleted."""
+        if self.context.upper_screen is self:
+            self.read_again()
+
+    def status_changed(self) -> None:
+        """Follow a change of state or link."""
+        self.status_bar.update()
+        self.banner.update()
+        self.show()
+        self._show_running()
+
+    def live_changed(self, frame: Frame) -> None:
+        """Show the state."""
+        self.status_bar.update()
+
+    def second_passed(self) -> None:
+        """Paint the times again, and ask how far what runs is."""
+        self.status_bar.update()
+        self.banner.update()
+        self._look()
+
+    # -------------------------------------------------------------------------------------------------- moving
+
+    def _more(self) -> None:
+        """Ask for all of them, where only the newest are here."""
+        if self.found is not None and len(self.found.recordings) < self.found.count and self._most < MOST:
+            self._most = MOST
+            self._asking = True
+            self.read_again()
+
+    def move(self, place: int) -> None:
+        if place >= len(self.shown):
+            self._more()
+        super().move(place)
+
+    def command_list_bottom(self) -> None:
+        self._more()
+        super().command_list_bottom()
+
+    def enter(self) -> None:
+        """Open what is clicked."""
+        self.command_open_recording()
+
+    def filter_by(self, words: str) -> None:
+        if words:
+            self._more()
+        super().filter_by(words)
+
+    # ----------------------------------------------------------------------------------------- opening, fetching
+
+    def command_list_read(self) -> None:
+        self.read_again()
+
+    def command_open_recording(self) -> None:
+        one = self.here()
+        if one is None or self.found is None:
+            return
+        if one.unfinished:
+            self.say(f"{one.stem} is not finished: it is being written, or its writer died; the next start removes it")
+            return
+        run_alone(self, "opening", open_recording, self.context, self.session, self.found.folder, rows.best_file(one))
+
+    def command_overlay_recording(self) -> None:
+        one = self.chosen
+        if one is None or self.found is None or one.unfinished:
+            self.say("nothing to lay over the plots here")
+            return
+        name = rows.short_stem(one, self.session.status.logger, 30)
+        if self.session.overlay is not None and self.session.overlay.name == name:
+            self.session.overlay = None
+            self.say(f"{name} is lifted off the plots")
+            return
+        run_alone(
+            self, "opening", overlay_recording, self.context, self.session, self.found.folder, rows.best_file(one), name
+        )
+
+    def command_fetch_recording(self) -> None:
+        targets = self.targets("nothing to fetch here")
+        if not targets or self.found is None:
+            return
+        local = [path for one in targets if (path := here(self.found.folder, rows.best_file(one))) is not None]
+        size = size_text(sum(one.size_bytes for one in targets))
+        what = targets[0].stem if len(targets) == 1 else many(len(targets), "recording")
+        body = f"{what}, {size}. To which folder of this machine?"
+        if local:
+            body += f"\nIt lies on this machine already: {local[0]}"
+        self.app.push_screen(Prompt("Fetch", body, str(Path.cwd())), lambda folder: self._fetch_to(targets, folder))
+
+    def _fetch_to(self, targets: list[SavedRecording], folder: str | None) -> None:
+        if folder:
+            run_aside(self, "fetching", self._fetch, targets, folder)
+
+    async def _fetch(self, targets: list[SavedRecording], given: str) -> None:
+        try:
+            folder = typed_path("the folder", given)
+        except SiloError as error:
+            self.context.fail(str(error))
+            return
+        for name in [file.name for one in targets for file in one.files]:
+            if name in self.session.fetches:
+                self.say(f"{name} is being fetched already")
+                continue
+            fetching = self.session.fetches[name] = Fetching(name)
+            try:
+                path = await self.session.fetch(name, folder, fetching)
+            except GivenUpError:
+                return
+            except (SiloError, OSError) as error:
+                self.context.fail(str(error))
+            else:
+                self.context.say(f"fetched: {path}")
+            finally:
+                self.session.fetches.pop(name, None)
+
+    # --------------------------------------------------------------------------------------------------- recording
+
+    def command_record(self, typed: Spelled = BY_KEY) -> None:
+        free = self.found.free_bytes if self.found is not None else 0
+        self.context.run_flow(self._then_look(recorder.begin(self.context, self.session, free, typed.rest)))
+
+    def command_stop_recording(self) -> None:
+        self.context.run_flow(self._then_look(recorder.end(self.context, self.session)))
+
+    async def _then_look(self, flow: Coroutine[Any, Any, None]) -> None:
+        await flow
+        self._show_running()
+
+    # ---------------------------------------------------------------------------------------------------- deleting
+
+    def command_delete_recording(self) -> None:
+        targets = self.targets("nothing to delete here")
+        foreign = [one for one in targets if not one.own]
+        if not targets:
+            return
+        if foreign:
+            whose = f"the logger {foreign[0].logger} wrote it" if foreign[0].logger else "it names no logger"
+            why = f"was not saved by this logger ({whose})"
+            if foreign[0].files[0].folder:
+                why = "is a part of an endless recording, whose budget (keep) deletes the oldest"
+            self.say(f"{foreign[0].stem} {why}: delete it on the robot; it is kept")
+        else:
+            size = size_text(sum(one.size_bytes for one in targets))
+            what = targets[0].stem if len(targets) == 1 else many(len(targets), "recording")
+            where = f"{self.session.status.host}:{self.found.folder}" if self.found is not None else ""
+            names = [f"{file.name}  {size_text(file.size_bytes)}" for one in targets for file in one.files]
+            more = [f"and {len(names) - 8} more"] if len(names) > 8 else []
+            body = "\n".join([f"From {where}, for good:", *names[:8], *more])
+            choices = [
+                Choice("no", "Keep it" if len(targets) == 1 else "Keep them"),
+                Choice("yes", f"Delete {size}", "y", loses=True),
+            ]
+            self.app.push_screen(
+                Question(f"Delete {what}, {size}?", body, choices), lambda answer: self._delete(targets, answer)
+            )
+
+    def _delete(self, targets: list[SavedRecording], answer: str | None) -> None:
+        if answer == "yes":
+            run_aside(self, "deleting", self._deleted, targets)
+
+    async def _deleted(self, targets: list[SavedRecording]) -> None:
+        self.say("deleting …")
+        try:
+            for one in targets:
+                self.say(await self.session.delete_recording(one.stem))
+                self._deleted_here.add(one.stem)
+        except SiloError as error:
+            self.context.fail(str(error))
+        self.read_again()

@@ -1,0 +1,187 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""The runs of a folder of this machine, from its index: filtered by words or by what was measured, opened, compared."""
+
+import asyncio
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.text import Text
+
+from silo.analysis.log import Log
+from silo.core.quantities.writing import many
+from silo.errors import SiloError
+from silo.run_index.listed import ListedRun
+from silo.run_index.runs import RunList, runs
+from silo_tui.actions import key_of
+from silo_tui.modal import run_alone
+from silo_tui.model.lists import runs as rows
+from silo_tui.model.lists.ordering import Order
+from silo_tui.model.words.paths import typed_path
+from silo_tui.model.words.text import shorten_left
+from silo_tui.screens.dialogs.questions import Prompt
+from silo_tui.screens.files.opened import open_path, show_log
+from silo_tui.screens.lists.list_screen import ListScreen
+
+
+class RunsScreen(ListScreen[ListedRun]):
+    """A list of runs; columns more are statistics of theirs."""
+
+    scope = "runs"
+    orders = rows.ORDERS
+    filter_hint = "words, or max(tau) > 30 and lost == 0"
+
+    def __init__(self, folder: str) -> None:
+        super().__init__()
+        self._folder = folder
+        self.found: RunList | None = None
+        self.values: dict[str, dict[str, float]] = {}  # of columns more, by expression and path
+        self._holding: set[str] | None = None  # those for which the filter's condition holds
+        self._failed = ""
+
+    def begin(self) -> None:
+        self.command_list_read()
+
+    def command_list_read(self) -> None:
+        run_alone(self, "runs", self._read)
+
+    async def _read(self) -> None:
+        try:
+            folder = typed_path("the folder", self._folder)
+            self.found, self._failed = await asyncio.to_thread(runs, folder), ""
+            for expression in list(self.values):
+                del self.values[expression]  # which the runs that are there now may know nothing of
+                self._add(expression)
+        except (SiloError, OSError) as error:
+            self._failed = str(error)
+        self.show()
+
+    # ------------------------------------------------------------------------------------------------------- lines
+
+    @property
+    def all(self) -> Sequence[ListedRun]:
+        return self.found if self.found is not None else ()
+
+    def key_of(self, one: ListedRun) -> str:
+        return one.facts.path
+
+    def row_of(self, one: ListedRun, width: int) -> Text:
+        values = [column[one.facts.path] for column in self.values.values()]
+        words = Text("  " + rows.row(one, max(40, width), values))
+        if one.facts.problem:
+            words.stylize("dim")
+        return words
+
+    def told(self, one: ListedRun) -> str:
+        return rows.told(one)
+
+    def passes(self, one: ListedRun) -> bool:
+        return one.facts.path in self._holding if self._holding is not None else super().passes(one)
+
+    def filter_by(self, words: str) -> None:
+        """Take a condition for what holds by the index; while it is being typed what held before is shown."""
+        if rows.is_condition(words):
+            run_alone(self, "where", self._judge, words)
+        else:
+            self._holding = None
+            super().filter_by(words)
+
+    async def _judge(self, words: str) -> None:
+        if self.found is not None:
+            try:
+                self._holding = {one.facts.path for one in await asyncio.to_thread(self.found.where, words)}
+            except SiloError as error:
+                self.say(str(error).splitlines()[0])
+                return
+            super().filter_by(words)
+
+    def head(self, width: int) -> str:
+        return rows.head(max(40, width), list(self.values))
+
+    def words(self) -> str:
+        if self.found is None:
+            return ""
+        unread = sum(bool(one.facts.problem) for one in self.found)
+        return f"{many(len(self.found), 'run')} in {shorten_left(self._folder, 40)}" + (
+            f", {unread} can't be read" if unread else ""
+        )
+
+    def advice(self) -> str:
+        if self._failed:
+            return f"{self._folder}: {self._failed}"
+        if self.found is None:
+            return f"Reading what is known of {self._folder} …"
+        if len(self.found):
+            return "" if self.shown else f"No run has {self.asked!r}. {key_of('back')} clears the filter."
+        return f"There is no run in {self._folder}. Save one, or look elsewhere: :runs FOLDER"
+
+    def may_be(self, one: ListedRun) -> bool:
+        return not one.facts.problem
+
+    def enter(self) -> None:
+        self.command_open_run()
+
+    # ------------------------------------------------------------------------------------------ columns, opening
+
+    def command_runs_column(self) -> None:
+        body = "A statistic of each run: max(joints/tau), rms(imu/acc_z), a parameter. Again: takes it away."
+        self.app.push_screen(Prompt("A column more", body, "", "max(joints/tau)", self._add_or_drop), self._ordered)
+
+    def _add_or_drop(self, expression: str) -> None:
+        """Raises SiloError for an expression that can't be understood."""
+        expression = expression.strip()
+        if self.values.pop(expression, None) is None and expression:
+            self._add(expression)
+
+    def _add(self, expression: str) -> None:
+        if self.found is not None:
+            numbers = self.found.values(expression)
+            self.values[expression] = {one.facts.path: at for one, at in zip(self.found, numbers, strict=True)}
+
+    def _ordered(self, _: str | None) -> None:
+        """Let the newest column be an order too."""
+        newest = list(self.values.values())[-1:]
+        self.orders = (
+            *rows.ORDERS,
+            *(Order("value", "v", "value, the largest first", _by(one), True) for one in newest),
+        )
+        if self._order.name == "value":
+            self._order = self.orders[-1 if newest else 0]
+        self.show()
+
+    def command_open_run(self) -> None:
+        one = self.here()
+        if one is not None:
+            run_alone(self, "opening", self._open, str(one.path))
+
+    async def _open(self, path: str) -> None:
+        try:
+            await open_path(self.context, path)
+        except (SiloError, OSError) as error:
+            self.context.fail(f"{path} can't be opened: {error}")
+
+    def command_overlay_runs(self) -> None:
+        targets = self.targets("no run is here")
+        if len(targets) < 2:
+            self.say(f"{key_of('list_mark')} marks runs: two or more lie over each other")
+            return
+        body = f"{many(len(targets), 'run')}, by the time since their start; or since the first event with these words:"
+        self.app.push_screen(Prompt("Overlay", body, "", "start"), lambda event: self._overlay(targets, event))
+
+    def _overlay(self, targets: list[ListedRun], event: str | None) -> None:
+        if event is not None:
+            run_alone(self, "opening", self._show_together, targets, event.strip())
+
+    async def _show_together(self, targets: list[ListedRun], event: str) -> None:
+        def read() -> Log:
+            logs = [(one.name, one.open()) for one in targets]
+            return Log(rows.together(logs, event), str(Path(self._folder) / " + ".join(one.name for one in targets)))
+
+        try:
+            await show_log(self.context, await asyncio.to_thread(read))
+        except (SiloError, OSError) as error:
+            self.context.fail(f"these runs can't lie over each other: {error}")
+
+
+def _by(column: dict[str, float]) -> "rows.Key":
+    return lambda one: -math.inf if math.isnan(column[one.facts.path]) else column[one.facts.path]

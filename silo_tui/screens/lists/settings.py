@@ -1,0 +1,274 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""The user's settings: each changed by a key, shown at once, kept by `w`."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+
+from rich.text import Text
+from textual import events
+from textual.app import ComposeResult
+from textual.containers import Vertical
+from textual.widgets import Static
+
+from silo.errors import SiloError
+from silo_tui.actions import BY_ID, COMMANDS, key_of, key_text
+from silo_tui.keymap import clashes, keys_in
+from silo_tui.modal import Dialog
+from silo_tui.model.lists.ordering import Order
+from silo_tui.screens.lists.list_screen import ListScreen
+from silo_tui.settings.keys import key_problem, label
+from silo_tui.settings.options import OPTIONS, Option, Settings, typed
+from silo_tui.settings.reading import path, read
+from silo_tui.settings.writing import write_file
+from silo_tui.widgets.bars import KeyBar
+from silo_tui.widgets.inputs import Line
+
+NAMES = 20
+TYPING_KEYS = "Enter takes it  Tab completes  Esc leaves it as it was"
+
+
+@dataclass(frozen=True)
+class SettingRow:
+    """One line: an option, a command whose keys can be changed, or (with neither) words alone."""
+
+    id: str
+    option: Option | None = None
+    command: str = ""
+    words: str = ""
+
+
+def all_rows(problems: Sequence[str], width: int, keymap: str) -> list[SettingRow]:
+    """Return the lines: what is wrong with the file, whole, options, then the keys of every command."""
+    told = [part for problem in problems for part in wrap(f"! {problem}", max(20, width - 2), subsequent_indent="  ")]
+    rows = [SettingRow(f"problem {place}", words=part) for place, part in enumerate(told)]
+    rows += [SettingRow(option.name, option=option) for option in OPTIONS]
+    return rows + [SettingRow(f"key {each.id}", command=each.id) for each in COMMANDS if keys_in(keymap, each.id)]
+
+
+def row_text(row: SettingRow, settings: Settings, saved: Settings, *, width: int | None) -> Text:
+    """Return a line of so many cells, None: all that there is to say; `*` in front: not written yet."""
+    if row.option is not None:
+        option = row.option
+        is_new = getattr(settings, option.name) != getattr(saved, option.name)
+        line = Text(f"{'*' if is_new else ' '} {option.name:<{NAMES}} ")
+        return _values(line, option, getattr(settings, option.name), width)
+    if row.command:
+        command = replace(BY_ID[row.command], keys=keys_in(settings.keymap, row.command))
+        own = row.command in settings.keys
+        is_new = settings.keys.get(row.command) != saved.keys.get(row.command)
+        line = Text(f"{'*' if is_new else ' '} {'key ' + row.command:<{NAMES}} ")
+        line.append(replace(command, keys=settings.keys.get(row.command, command.keys)).key_text, style="bold")
+        if own:
+            line.append(f"  (yours; was {command.key_text})")
+        line.append(f"  {command.label}: {command.help}" if command.help != command.label else f"  {command.label}")
+        return line
+    return Text(row.words, style="bold")
+
+
+def _values(line: Text, option: Option, value: Any, width: int | None) -> Text:
+    if not option.words:
+        return line.append(typed(value), style="bold").append(f"   {option.meaning}, {option.range_text}")
+    chosen = value if option.several else (value,)
+    for word in option.words:
+        is_chosen = word in chosen
+        mark = ("[x] " if is_chosen else "[ ] ") if option.several else ("► " if is_chosen else "  ")
+        line.append(mark + word, style="bold" if is_chosen else "").append("  ")
+    place = option.words.index(value) if not option.several else -1
+    notes = [notes[place] for notes in (option.samples, option.meanings) if notes and place >= 0 and notes[place]]
+    if option.several and not value:
+        notes = ["none chosen: all"]
+    for note in [*notes, option.meaning] if width is None else notes or [option.meaning]:
+        if width is None or line.cell_len + len(note) < width - 4:
+            line.append(f"{note}  ")
+    return line
+
+
+class SettingsScreen(ListScreen[SettingRow]):
+    """A list of lines; `take` makes everything follow other settings."""
+
+    scope = "settings"
+    orders = (Order("settings", "", "as they stand", lambda row: 0),)
+    filter_hint = "words of a setting or a command"
+
+    def __init__(self, take: Callable[[Settings], None]) -> None:
+        super().__init__()
+        self._take = take
+        self._typed_of: Option | None = None  # what is typed in the line is of
+
+    def above(self) -> ComposeResult:
+        """Yield the title."""
+        yield Static(f" silo settings  {_shown(path())}", id="settings-title", markup=False)
+
+    def typed_lines(self) -> ComposeResult:
+        """Yield the line for values."""
+        yield Line(self._completions, "", "settings-value")
+
+    def settings_changed(self) -> None:
+        """Draw the lines with the new settings."""
+        self.show()
+
+    @property
+    def all(self) -> Sequence[SettingRow]:
+        problems = [str(problem) for problem in self.context.settings_problems]
+        return all_rows(problems, self.size.width, self.context.settings.keymap)
+
+    def key_of(self, one: SettingRow) -> str:
+        return one.id
+
+    def told(self, one: SettingRow) -> str:
+        return row_text(one, self.context.settings, self.context.saved_settings, width=None).plain
+
+    def row_of(self, one: SettingRow, width: int) -> Text:
+        return row_text(one, self.context.settings, self.context.saved_settings, width=width)
+
+    def follow(self, known: str, place: int | None) -> int | None:
+        """Return where the cursor goes: first to a setting, below what is wrong with the file."""
+        if not known and not self.asked:
+            return next((at for at, row in enumerate(self.shown) if row.option is not None), 0)
+        return super().follow(known, place)
+
+    def _change(self, words: str, **fields: Any) -> None:
+        self._take(replace(self.context.settings, **fields))
+        self.say(f"{words}; {key_of('write_settings')} keeps it")
+
+    # ------------------------------------------------------------------------------------------------ changing
+
+    def command_change_setting(self) -> None:
+        row = self.here()
+        if row is None:
+            return
+        if row.command:
+            command = row.command
+            self.app.push_screen(KeyDialog(command, self.context.settings), lambda key: self._take_key(command, key))
+        elif row.option is not None and row.option.words and not row.option.several:
+            self._choose(1)
+        elif row.option is not None:
+            self._typed_of, value = row.option, getattr(self.context.settings, row.option.name)
+            self.query_one(KeyBar).show_instead(TYPING_KEYS)
+            self.query_one("#settings-value", Line).begin(" ".join(value) if row.option.several else typed(value))
+
+    def enter(self) -> None:
+        """Change what is clicked."""
+        self.command_change_setting()
+
+    def command_earlier_word(self) -> None:
+        self._choose(-1)
+
+    def command_later_word(self) -> None:
+        self._choose(1)
+
+    def _choose(self, step: int) -> None:
+        option = row.option if (row := self.chosen) is not None else None
+        if option is None or not option.words or option.several:
+            self.say(f"{key_of('change_setting')} changes this one")
+            return
+        place = option.words.index(getattr(self.context.settings, option.name))
+        word = option.words[(place + step) % len(option.words)]
+        self._change(f"{option.name}: {word}", **{option.name: word})
+
+    def command_default_setting(self) -> None:
+        row, settings = self.here(), self.context.settings
+        if row is None:
+            return
+        if row.command:
+            keys = {command: own for command, own in settings.keys.items() if command != row.command}
+            if (problem := _clash(settings.keymap, keys, row.command)) and row.command in settings.keys:
+                self.say(f"not given back: {problem}")
+                return
+            own = keys_in(settings.keymap, row.command)
+            self._change(f"{row.command}: {replace(BY_ID[row.command], keys=own).key_text}", keys=keys)
+        elif row.option is not None:
+            value = getattr(Settings(), row.option.name)
+            self._change(f"{row.option.name}: {typed(value) if value else 'all'}", **{row.option.name: value})
+
+    def _take_key(self, command: str, key: str | None) -> None:
+        if key:
+            self._change(f"{command}: {key_text(key)}", keys={**self.context.settings.keys, command: key})
+
+    def command_write_settings(self) -> None:
+        context = self.context
+        try:
+            written = write_file(context.saved_settings, context.settings)
+        except SiloError as error:
+            self.say(str(error))
+            return
+        context.saved_settings = context.settings
+        self.show()
+        self.say(f"written: {_shown(written)}")
+
+    # --------------------------------------------------------------------------------------------- typed lines
+
+    def _completions(self, line: str) -> list[str]:
+        head, _, last = line.rpartition(" ")
+        words = self._typed_of.words if self._typed_of is not None else ()
+        return [f"{head} {word}".lstrip() for word in words if word.startswith(last) and word != last]
+
+    def entered(self, value: str) -> None:
+        """Take what was typed; it is read as the file is, so the words are the same."""
+        option = self._typed_of
+        if option is not None:
+            line = f"[{', '.join(value.replace(',', ' ').split())}]" if option.several else value
+            found, problems = read(f"{option.name}: {line}\n")
+            if problems:
+                self.say(f"{problems[0].why}; nothing was changed")
+            else:
+                self._change(f"{option.name}: {value or 'all'}", **{option.name: getattr(found, option.name)})
+
+    def leave(self) -> None:
+        super().leave()
+        if self.context.settings != self.context.saved_settings:
+            keys = f"{key_of('settings')} {key_of('write_settings')}"
+            self.context.say(f"the settings count until you quit; {keys} keeps them")
+
+
+class KeyDialog(Dialog[str | None]):
+    """Takes the key that is pressed; None on Esc. A key that can't be is told, and another one waited for."""
+
+    KEYS_HERE = "the next key is taken  Esc leaves it as it was"
+
+    def __init__(self, command: str, settings: Settings) -> None:
+        super().__init__()
+        self._command, self._settings = command, settings
+
+    def compose(self) -> ComposeResult:
+        """Yield what is asked for, and why a key can't be."""
+        with Vertical(classes="dialog"):
+            yield Static(f"Press the key of {label(self._command)}", classes="dialog-title", markup=False)
+            yield Static(BY_ID[self._command].help, markup=False)
+            yield Static("", id="key-problem", markup=False)
+
+    def on_key(self, event: events.Key) -> None:
+        """Take the key, whatever it is bound to elsewhere."""
+        event.stop()
+        event.prevent_default()
+        if event.key == "escape":
+            self.dismiss(None)
+            return
+        problem = key_problem(event.key) or _clash(
+            self._settings.keymap, {**self._settings.keys, self._command: event.key}, self._command
+        )
+        if problem:
+            self.query_one("#key-problem", Static).update(f"{problem}; press another")
+        else:
+            self.dismiss(event.key)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leave every key to `on_key`, those of the app and of Textual too."""
+        return False
+
+
+def _clash(keymap: str, keys: dict[str, str], command: str) -> str:
+    """Return which command has a key of `command` already."""
+    for mine, theirs, key, scope in clashes(keymap, keys):
+        if command in (mine, theirs):
+            other = theirs if mine == command else mine
+            return f"{key_text(key)} is {label(other)} already ({scope})"
+    return ""
+
+
+def _shown(file: Path) -> str:
+    home = str(Path.home()) if Path.home() != Path("/") else "\0"
+    return str(file).replace(home + "/", "~/", 1) if str(file).startswith(home + "/") else str(file)

@@ -1,0 +1,165 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""The triggers of a logger: how each stands, armed and off, set and tried."""
+
+from collections.abc import Awaitable, Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.text import Text
+
+from silo.conditions.standing import TriggerStatus
+from silo.core.elements import SavedFile, TriggerOptions, TriggerWord
+from silo.core.quantities.writing import many
+from silo.files.formats import kind_of
+from silo_tui.actions import key_of
+from silo_tui.modal import run_alone
+from silo_tui.model.lists.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row
+from silo_tui.model.lists.ordering import Order
+from silo_tui.model.words.names import fitting_names
+from silo_tui.screens.dialogs.form import taken
+from silo_tui.screens.dialogs.questions import confirmed
+from silo_tui.screens.dialogs.trigger_editor import TriggerEditor
+from silo_tui.screens.files.opened import open_saved
+from silo_tui.screens.lists.conditions import MOST_PLOTS, ConditionsScreen
+from silo_tui.widgets.bars import color
+
+if TYPE_CHECKING:
+    from silo.client.client import Client
+    from silo_tui.sessions.recorded import FileSession
+
+# what is the matter first
+STATES = (
+    TriggerWord.FIRING, TriggerWord.BLIND, TriggerWord.OTHER, TriggerWord.HOLDOFF, TriggerWord.ARMED, TriggerWord.FIRED,
+    TriggerWord.WAITING, TriggerWord.OFF,
+)  # fmt: skip
+
+
+class TriggersScreen(ConditionsScreen[TriggerStatus]):
+    """A line for each trigger."""
+
+    scope = "triggers"
+    orders = (
+        Order("made", "g", "as they were made", lambda one: 0),
+        Order("name", "n", "name", lambda one: one.options.name.casefold()),
+        Order("state", "!", "state, what fires first", lambda one: STATES.index(one.state)),
+        Order("count", "c", "count, the largest first", lambda one: one.fires, True),
+        Order("last", "l", "last time, the newest first", lambda one: one.last_ns, True),
+    )
+
+    def head(self, width: int) -> str:
+        return times_head(width, self._room)
+
+    def prepare(self, found: Sequence[TriggerStatus], width: int) -> None:
+        """Fit the names of all into the same cells: different ones stay different."""
+        names = [one.options.name for one in found]
+        self._room = name_width(names, width)
+        fitted = fitting_names(names, self._room)
+        self._names = {name: f"{fits:<{self._room}}" for name, fits in zip(names, fitted, strict=True)}
+
+    @property
+    def all(self) -> Sequence[TriggerStatus]:
+        return self.session.triggers
+
+    def key_of(self, one: TriggerStatus) -> str:
+        return one.options.name
+
+    def signals_of(self, one: TriggerStatus) -> Sequence[str]:
+        return named_in(one.options.when, self.session.table.elements, self.session.table.prefix)
+
+    def told(self, one: TriggerStatus) -> str:
+        return f"{one.state.value} {one.options.name} {one.options.when} {one.why}"
+
+    def row_of(self, one: TriggerStatus, width: int) -> Text:
+        name = "error" if one.state in LOUD else "warning" if one.state in CAUTION else "success"
+        line = Text(trigger_row(one, width, name=self._names[one.options.name]))
+        quiet = one.state in (TriggerWord.OFF, TriggerWord.WAITING)
+        line.stylize("" if quiet else f"bold {color(self.app.theme_variables, name)}", 2, 12)
+        return line
+
+    def words(self) -> str:
+        one = self.chosen
+        if one is None:
+            return "" if self.all else f"No triggers. {key_of('trigger_new')} makes one; on a plot it takes its level"
+        name = one.options.name
+        if one.state is TriggerWord.BLIND:
+            return f"{name} is blind: {one.why}" + ("; switch it on in the table" if one.why.endswith("is off") else "")
+        if one.state is TriggerWord.FIRED:
+            return f"{name} has fired (mode single): {key_of('trigger_toggle')} arms it again"
+        if one.state is TriggerWord.WAITING:
+            return f"{name} waits for the logger to run"
+        if one.files:
+            return f"last capture: {Path(one.files[0]).name}"
+        return f"{name}: {one.options.when}"
+
+    # ------------------------------------------------------------------------------------------------- commands
+
+    def command_trigger_toggle(self) -> None:
+        """Arm what is off, or switch off; of several, all as the first."""
+        targets = self.targets()
+        if targets:
+            armed = targets[0].state in (TriggerWord.OFF, TriggerWord.FIRED)
+            self._do(targets, lambda client, name: client.arm_trigger(name, armed=armed))
+
+    def command_trigger_force(self) -> None:
+        self._do(self.targets(), lambda client, name: client.force_trigger(name))
+
+    def _do(self, targets: Sequence[TriggerStatus], job: "Callable[[Client, str], str]") -> None:
+        names = [one.options.name for one in targets]
+        if names:
+            self.context.run_flow(self.carry_out(lambda client: "; ".join([job(client, name) for name in names])))
+
+    def command_trigger_remove(self) -> None:
+        targets = self.targets()
+        if targets:
+            self.context.run_flow(self._remove(targets))
+
+    async def _remove(self, targets: Sequence[TriggerStatus]) -> None:
+        """Ask, and forget them."""
+        names, one = [each.options.name for each in targets], len(targets) == 1
+        kept = f"{many(sum(each.fires for each in targets), 'fire')} in this run"
+        lines = [f"{each.options.name}: {each.options.when}" for each in targets]
+        lines += [f"{kept}; {'its' if one else 'their'} captures stay where they are."]
+        lines += [
+            f"{key_of('trigger_toggle')} switches {'it' if one else 'them'} off and keeps {'it' if one else 'them'}."
+        ]
+        title = f"Remove {f'trigger {names[0]}' if one else f'{len(names)} triggers'} of {self.session.name}?"
+        if await confirmed(self.app, title, "\n".join(lines), "Remove", f"Keep {'it' if one else 'them'}"):
+            await self.carry_out(lambda client: "; ".join([client._remove_trigger(name) for name in names]))
+
+    def command_trigger_edit(self) -> None:
+        one = self.here()
+        if one is not None:
+            self.edit(one.options, is_new=False)
+
+    def command_trigger_new(self) -> None:
+        self.edit(TriggerOptions("", "", 1.0, 1.0), is_new=True)
+
+    def edit(self, options: TriggerOptions, *, is_new: bool) -> None:
+        """Open the editor on a trigger."""
+
+        def form(made: TriggerOptions | None, problem: str) -> TriggerEditor:
+            return TriggerEditor(self.session, made or options, is_new=is_new, problem=problem)
+
+        def send(made: TriggerOptions) -> Awaitable[None]:
+            return self.carry_out(lambda client: client._set_trigger(made))
+
+        self.context.run_flow(taken(self.context, form, send))
+
+    def command_trigger_capture(self) -> None:
+        one = self.chosen
+        if one is None or not one.files:
+            self.say("it has captured nothing yet")
+            return
+        files = [SavedFile(path, kind, 0) for path in one.files if (kind := kind_of(path)) is not None]
+        run_alone(self, "opening", open_saved, self.context, self.session, files, lambda file: self._plotted(file, one))
+
+    def enter(self) -> None:
+        """Open what it captured last."""
+        self.command_trigger_capture()
+
+    def _plotted(self, file: "FileSession", one: TriggerStatus) -> list[str]:
+        """Return what is plotted of a capture: the signals of its condition, else the first ones."""
+        names = [name for name in file.rows_of if file.rows_of[name].samples]
+        known = named_in(one.options.when, file.table.elements, file.status.prefix)
+        named = [name for name in known if name in set(names)]
+        return (named or names)[:MOST_PLOTS]

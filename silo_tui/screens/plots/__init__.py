@@ -1,0 +1,1 @@
+"""Screens of plots, live or of files."""

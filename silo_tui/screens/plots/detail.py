@@ -1,0 +1,455 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""One large plot: signals over time as in the monitor, one against another, their spectrum, a histogram.
+
+Over time it is the monitor with one plot, with the same keys, pause and window. Reading and computing happen in a
+worker when asked, never while keys are waiting.
+"""
+
+import asyncio
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from textual.app import ComposeResult
+from textual.widgets import Static
+
+from silo.analysis.compute.spectra import (
+    MOST_PEAKS,
+    GaplessStretch,
+    Peak,
+    Spectrum,
+    longest_piece,
+    peaks_of,
+    spectrum_of,
+)
+from silo.core.arrays.values import as_floats
+from silo.core.quantities.writing import duration, many
+from silo.errors import SiloError
+from silo_tui.actions import key_of
+from silo_tui.modal import run_alone
+from silo_tui.model.drawing import big_plot
+from silo_tui.model.drawing.big_plot import BigPlot
+from silo_tui.model.drawing.columns import Floats
+from silo_tui.model.drawing.pairs import histogram_of, pair_of
+from silo_tui.model.drawing.plots import Plotted
+from silo_tui.model.drawing.window import MAX_COLUMNS, SECOND_NS
+from silo_tui.model.plots.panels import LETTERS
+from silo_tui.model.samples.source import Samples
+from silo_tui.model.words import text
+from silo_tui.screens.dialogs.questions import Choice, Question
+from silo_tui.screens.plots.monitor import MonitorScreen
+from silo_tui.widgets.bars import KeyBar
+from silo_tui.widgets.detail_plot import DetailPlot
+
+MODES = ("time", "x-y", "spectrum", "histogram")
+LEVELS = ("linear", "log", "dB")
+MAX_SERIES = 8
+DEBOUNCE_S = 0.15
+FEW_PEAKS = 6  # as many as two lines of 80 cells hold
+
+
+@dataclass(frozen=True)
+class Analysed:
+    """A plot, and what is said of it."""
+
+    plot: BigPlot
+    notes: Sequence[str]
+    kind: str = ""  # what stands in the title
+    peaks: Sequence[Peak] = ()
+    top_hz: float = 0.0
+
+
+class DetailScreen(MonitorScreen, inherit_bindings=False):
+    """A plot of up to eight entries: the first `count` of `plots` are those of the panel that was chosen.
+
+    The monitor below it lends its window and its pause, and gets them back as they are then.
+    """
+
+    scope = "detail"
+
+    def __init__(self, monitor: MonitorScreen) -> None:
+        super().__init__(monitor.session, monitor.live_source, [])
+        plots, count = monitor.stack.for_detail()
+        self.below = monitor
+        self.plots = list(plots[:MAX_SERIES])
+        self.count = min(count, MAX_SERIES)
+        self.mode = MODES[0]
+        self.level = LEVELS[0]
+        self._kind = ""
+        self._peaks: Sequence[Peak] = ()
+        self._peak: int | None = None
+        self._top_hz = 0.0
+        self.window, self.pause = monitor.window, monitor.pause
+        self.stack = stack = self.new_stack(plots[:1])
+        stack.show_panels([tuple(self.plots[: self.count])])
+        stack.fresh, stack.ended = monitor.stack.fresh, monitor.stack.ended
+        stack.readings, stack.bounds, stack.events = monitor.stack.readings, monitor.stack.bounds, monitor.stack.events
+        self._asked = stack.store
+        self.plot = DetailPlot()
+        self.plot.display = False
+        self._turned = 0  # which of the signals stands first now
+        self.take_back()
+
+    def compose(self) -> ComposeResult:
+        """Yield status, banner, title, plot, line of facts, keys."""
+        yield self.status_bar
+        yield self.banner
+        yield Static("", id="detail-title", markup=False)
+        yield self.stack
+        yield self.plot
+        yield self.between
+        yield self.line
+        yield KeyBar(self.scope)
+
+    def let_go(self) -> None:
+        """Leave what is held to the monitor."""
+
+    @property
+    def pinned_plots(self) -> Sequence[Plotted]:
+        """What a pause holds: all that the monitor has."""
+        return self.below.stack.plots
+
+    def request_view(self) -> None:
+        """Show what is wanted over time; the other views are computed when that has settled."""
+        self._title()
+        if self.mode == MODES[0]:
+            super().request_view()
+        elif self.context.upper_screen is self:
+            self.draw_soon()
+
+    def draw_soon(self) -> None:
+        """Draw when what is wanted has settled."""
+        if self._timer is not None:
+            self._timer.stop()
+        self._timer = self.set_timer(DEBOUNCE_S, self._begin)
+
+    def more_is_here(self) -> None:
+        """Tell it in the title too."""
+        super().more_is_here()
+        self._title()
+
+    def _title(self) -> None:
+        shown = self.plots[: self.count if self.mode in {"time", "spectrum"} else 2 if self.mode == "x-y" else 1]
+        names = "  ".join(f"{self._letter(place)}{self._label(plotted)}" for place, plotted in enumerate(shown))
+        level = f" {self.level}" if self.mode == "spectrum" else ""
+        parts = [f"{self.mode.upper()}{level}", *([self._kind] if self._kind else []), self._place()]
+        room = self.size.width - len("  ".join(parts)) - 6
+        parts.insert(0, text.shorten_left(names, max(12, room)))
+        for title in self.query("#detail-title").results(Static):  # none while the screen goes
+            title.update("  ".join(parts))
+
+    def _letter(self, place: int) -> str:
+        return f"{LETTERS[place]} " if self.count > 1 or self.mode == "x-y" else ""
+
+    def _place(self) -> str:
+        if self.file is not None:
+            begin_ns, end_ns = self.source.begin_ns, self.source.end_ns
+            begin = max(0.0, (self.end_ns - begin_ns) / SECOND_NS - self.window.span_s)
+            end = min((end_ns - begin_ns) / SECOND_NS, begin + self.window.span_s)
+            return f"{begin:.6g} … {end:.6g} s ({text.span(self.window.span_s)})"
+        back = (self.source.end_ns - self.end_ns) / SECOND_NS
+        return text.span(self.window.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
+
+    def _begin(self) -> None:
+        run_alone(self, "draw", self._draw)
+
+    async def _draw(self) -> None:
+        ways = {"spectrum": self._spectrum, "x-y": self._pair, "histogram": self._histogram}
+        if self.mode not in ways:
+            return
+        await self.pause.settled()
+        try:
+            found = await ways[self.mode]()
+        except SiloError as error:
+            self.plot.say(f"No data: {error}")
+            return
+        except ValueError as short:
+            self.plot.say(f"{self.mode} of {self._label(self.plots[0])}: {short}")
+            return
+        self._kind, self._peaks, self._top_hz = found.kind, found.peaks, found.top_hz
+        self.plot.show(found.plot, [*found.notes, *self._at_cursor()])
+        self._title()
+
+    async def _samples(self, plotted: Plotted) -> Samples:
+        """Raw samples; where there are none, the middle of columns of one sample each."""
+        start_ns, end_ns = self.shown_ns
+        try:
+            return await self.source.samples(plotted.name, start_ns, end_ns)
+        except SiloError:
+            period = self.source.period_ns(plotted.element.name)
+            column_ns = max(period, math.ceil(self.window.span_ns / (MAX_COLUMNS - 2)))
+            past = await self.source.history([plotted.name], start_ns, end_ns, column_ns)
+            middle = past.low[0] / 2 + past.high[0] / 2 + past.bases.get(0, 0)
+            times = (past.first + np.arange(len(middle), dtype=np.int64)) * column_ns
+            return times[~np.isnan(middle)], middle[~np.isnan(middle)]
+
+    async def _spectrum(self) -> Analysed:
+        spectra: list[Spectrum] = []
+        pieces: list[GaplessStretch] = []
+        plots = [plotted for plotted in self.plots[: self.count] if plotted.numeric]
+        for plotted in plots:
+            piece = longest_piece(*await self._samples(plotted))
+            pieces.append(piece)
+            spectra.append(await asyncio.to_thread(spectrum_of, piece))
+        unit, peaks = plots[0].element.unit, peaks_of(spectra[0], MOST_PEAKS if self.plot.beside else FEW_PEAKS)
+        drawn = big_plot.of_spectra(spectra, peaks, self.level, self.plot.plot_size, self._peak)
+        first, step = pieces[0], spectra[0].step_hz
+        words = [
+            f"{number}  {peak.frequency_hz:.{_decimals(step)}f} Hz  "
+            + big_plot.level_words(peak.amplitude, self.level, unit)
+            for number, peak in enumerate(peaks, 1)
+        ]
+        notes = [f"peak {words[0]}", *words[1:]] if words else ["no peak stands out"]
+        rate = 1 / first.period_s
+        notes.append(f"{text.compact(step)} Hz a line")
+        notes.append(f"{duration(first.seconds)} of {rate:.4g} Hz, jitter {text.span(float(f'{first.jitter_s:.2g}'))}")
+        if first.left_out:
+            notes.append(first.left_out)
+        notes.append(f"0 dB = 1 {unit}" if self.level == "dB" else f"unit {unit}")
+        top_hz = max(len(each.amplitudes) * each.step_hz for each in spectra)
+        return Analysed(drawn, notes, f"Hann {len(first.values)} of {first.held}", peaks, top_hz)
+
+    async def _pair(self) -> Analysed:
+        if len(self.plots) < 2:
+            raise ValueError("it needs two plots: mark two elements")
+        x, y = self.plots[0], self.plots[1]
+        found = await asyncio.to_thread(pair_of, *await self._samples(x), *await self._samples(y))
+        if len(found.x) < 2:
+            raise ValueError(f"{len(found.x)} held, 2 needed of both at the same time")
+        drawn = big_plot.of_pair(found, self.plot.plot_size)
+        units = [plotted.element.unit for plotted in (x, y)]
+        notes = [f"x  a {self._label(x)}", f"y  b {self._label(y)} over x"]
+        if math.isnan(found.correlation):
+            notes.append("r: one of them is constant")
+        else:
+            per = "" if units == ["-", "-"] else f" {units[1]}/{units[0]}"
+            notes.append(f"r = {found.correlation:.3f}  slope {text.compact(found.slope)}{per}")
+        work = " J (hysteresis)" if sorted(units) == ["Nm", "rad"] or sorted(units) == ["N", "m"] else ""
+        notes.append(f"loop area {text.compact(found.area)}{work}")
+        notes.append(f"newest ●  older • ∙ ·   {len(found.x)} samples in {text.span(self.window.span_s)}")
+        return Analysed(drawn, notes)
+
+    async def _histogram(self) -> Analysed:
+        _, values = await self._samples(self.plots[0])
+        floats = as_floats(values)
+        finite = floats[np.isfinite(floats)]
+        if not len(finite):
+            raise ValueError(f"{len(floats)} held, none is a finite number")
+        drawn = big_plot.of_histogram(histogram_of(finite, self.plot.plot_size[0]), self.plot.plot_size)
+        return Analysed(drawn, _histogram_notes(floats, finite))
+
+    def _label(self, plotted: Plotted) -> str:
+        unit = "" if plotted.element.unit == "-" else f" [{plotted.element.unit}]"
+        return self.session.short_name(plotted.name) + unit
+
+    # --------------------------------------------------------------------------------------------------- commands
+
+    def command_mode(self) -> None:
+        self._show_as(MODES[(MODES.index(self.mode) + 1) % len(MODES)])
+
+    def command_mode_time(self) -> None:
+        self._show_as("time")
+
+    def command_mode_spectrum(self) -> None:
+        self._show_as("spectrum")
+
+    def command_mode_xy(self) -> None:
+        self._show_as("x-y")
+
+    def command_mode_histogram(self) -> None:
+        self._show_as("histogram")
+
+    def why_not_now(self, command_id: str) -> str:
+        """Return why axes can't be swapped: only two signals over each other have two."""
+        return "" if command_id != "detail_swap" or self.mode == "x-y" else "x-y only"
+
+    def value_now(self, command_id: str) -> str:
+        """Return how the plot is drawn."""
+        return {"level": self.level, "mode": self.mode}.get(command_id, "")
+
+    def _show_as(self, mode: str) -> None:
+        self.mode = mode
+        self.line.say("")
+        self._kind = ""
+        self._peak = self.plot.cursor = None
+        self._peaks = ()
+        over_time = self.mode == MODES[0]
+        self.stack.display, self.plot.display = over_time, not over_time
+        if not over_time:
+            self.between.hide()
+        self.call_after_refresh(self.request_view)
+
+    def command_level(self) -> None:
+        if self.mode == "spectrum":
+            self.level = LEVELS[(LEVELS.index(self.level) + 1) % len(LEVELS)]
+            self.line.say("")
+            self.request_view()
+        elif self.mode == MODES[0]:
+            self.arranger.command_log_axis()
+        else:
+            self.say(f"{key_of('level')} is for signals over time and for spectra: {key_of('mode')} leads there")
+
+    def command_find(self) -> None:
+        """Find in what is drawn: moments over time, peaks in a spectrum."""
+        if self.mode == MODES[0]:
+            self.search.command_find()
+        elif not self._peaks:
+            self._go_to_peak(1)  # says why there is none
+        else:
+            words = ["highest peak", *(f"peak {number}" for number in range(2, len(self._peaks) + 1))]
+            choices = [
+                Choice(str(at), f"{word}, {peak.frequency_hz:.6g} Hz", "h" if at == 0 else str(at + 1))
+                for at, (word, peak) in enumerate(zip(words, self._peaks, strict=True))
+            ]
+            self.app.push_screen(Question("Find in the spectrum", "", choices), self._peak_chosen)
+
+    def _peak_chosen(self, answer: str | None) -> None:
+        if answer is not None and int(answer) < len(self._peaks):
+            self._peak = int(answer)
+            self._tell_peak()
+
+    def command_next_found(self) -> None:
+        if self.mode == MODES[0]:
+            self.search.command_next_found()
+        else:
+            self._go_to_peak(1)
+
+    def command_previous_found(self) -> None:
+        if self.mode == MODES[0]:
+            self.search.command_previous_found()
+        else:
+            self._go_to_peak(-1)
+
+    def _go_to_peak(self, step: int) -> None:
+        if not self._peaks:
+            self.say("no peaks" if self.mode == "spectrum" else "peaks are in spectra: Tab leads there")
+            return
+        before = self._peak if self._peak is not None else (-1 if step > 0 else len(self._peaks))
+        self._peak = (before + step) % len(self._peaks)
+        self._tell_peak()
+
+    def _tell_peak(self) -> None:
+        if self._peak is None:
+            return
+        peak = self._peaks[self._peak]
+        level = big_plot.level_words(peak.amplitude, self.level, self.plots[0].element.unit)
+        self.say(f"peak {self._peak + 1}: {peak.frequency_hz:.6g} Hz, {level}")
+        self.draw_soon()
+
+    def _move_cursor(self, cells: int) -> None:
+        if self.mode == MODES[0]:
+            super()._move_cursor(cells)
+        elif self.mode == "spectrum":
+            width, before = self.plot.plot_size[0], self.plot.cursor
+            self._put_cursor(width // 2 if before is None else max(0, min(width - 1, before + cells)))
+
+    def on_detail_plot_cell_pointed(self, event: DetailPlot.CellPointed) -> None:
+        """Put the cursor where the spectrum was clicked."""
+        if self.mode == "spectrum":
+            self._put_cursor(event.cell)
+
+    def _put_cursor(self, cell: int) -> None:
+        self.plot.cursor = cell
+        self.say(" ".join(self._at_cursor()))
+        self.plot.refresh()
+
+    def _at_cursor(self) -> list[str]:
+        """Where the cursor is in the spectrum."""
+        if self.plot.cursor is None or self.mode != "spectrum":
+            return []
+        return [f"A {(self.plot.cursor + 0.5) / self.plot.plot_size[0] * self._top_hz:.5g} Hz"]
+
+    def command_detail_swap(self) -> None:
+        if len(self.plots) > 1:
+            self.plots[0], self.plots[1] = self.plots[1], self.plots[0]
+            self.stack.show_panels([tuple(self.plots[: self.count])])
+        self.request_view()
+
+    def command_detail_down(self) -> None:
+        self._turn_to(1)
+
+    def command_detail_up(self) -> None:
+        self._turn_to(-1)
+
+    def command_detail_top(self) -> None:
+        self._turn_to(-self._turned)
+
+    def command_detail_bottom(self) -> None:
+        self._turn_to(len(self.plots) - 1 - self._turned)
+
+    def _turn_to(self, step: int) -> None:
+        """Show another one of the signals, alone; the others come behind it."""
+        if len(self.plots) < 2:
+            self.say("this is the only signal: mark several, then m and Enter")
+            return
+        self._turned = (self._turned + step) % len(self.plots)
+        step %= len(self.plots)
+        self.plots = self.plots[step:] + self.plots[:step]
+        self.line.say("")
+        self.count, self._peak = 1, None
+        self.stack.show_panels([tuple(self.plots[:1])])
+        self.request_view()
+
+    def command_detail_refresh(self) -> None:
+        if not self.session.connected:
+            self.context.try_link()
+        self.request_view()
+
+    def way_back(self) -> tuple[str, Callable[[], None]]:
+        """Return what Esc leaves: cursor B, the cursor, the screen; the pause stays with the monitor."""
+        if self.mode != MODES[0] and self.plot.cursor is not None:
+            return "No cursor", self._lift_own_cursor
+        with_cursor = self.window.other_ns is not None or self.window.cursor is not None
+        if self.file is None and self.mode == MODES[0] and with_cursor:
+            return super().way_back()
+        return "", self._leave
+
+    def _lift_own_cursor(self) -> None:
+        self.plot.cursor = None
+        self.plot.refresh()
+
+    def _leave(self) -> None:
+        self.context.leave_screen()
+        if self.below in self.app.screen_stack:
+            self.below.take_back()
+
+
+class FileDetailScreen(DetailScreen, inherit_bindings=False):
+    """The same of a file."""
+
+    scope = "file_detail"
+
+
+def open_large(monitor: MonitorScreen) -> None:
+    """Show the chosen plot alone; say so where nothing of it can be drawn."""
+    if not monitor.stack.plots:
+        return
+    if not monitor.stack.for_detail()[0]:
+        texts = f"{many(len(monitor.stack.plots), 'text')}: nothing to draw"
+        monitor.say(texts if monitor.file is not None else "nothing that is on to plot")
+    else:
+        monitor.app.push_screen((DetailScreen if monitor.file is None else FileDetailScreen)(monitor))
+
+
+def _decimals(step: float) -> int:
+    """How many decimals tell lines of a spectrum apart."""
+    return max(0, min(6, -math.floor(math.log10(step)))) if step > 0 else 3
+
+
+def _histogram_notes(floats: Floats, finite: Floats) -> list[str]:
+    low, middle, high = (float(each) for each in np.percentile(finite, (1, 50, 99)))
+    size = float(np.abs(finite).max()) or 1.0
+    mean, std = float((finite / size).mean()) * size, float((finite / size).std()) * size
+    notes = [
+        f"{text.count(len(finite))} samples",
+        f"mean {text.compact(mean)}",
+        f"std {text.compact(std)}",
+        f"min {text.compact(float(finite.min()))}",
+        f"1 % {text.compact(low)}",
+        f"median {text.compact(middle)}",
+        f"99 % {text.compact(high)}",
+        f"max {text.compact(float(finite.max()))}",
+    ]
+    names = ((np.isnan(floats), "nan"), (floats == np.inf, "inf"), (floats == -np.inf, "-inf"))
+    return notes + [f"{int(here.sum())} {name} left out" for here, name in names if here.any()]

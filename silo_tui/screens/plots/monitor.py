@@ -1,0 +1,296 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""The monitor: the commands of a plot screen."""
+
+from collections.abc import Callable, Sequence
+
+from textual.message import Message
+
+from silo.core.elements import TriggerOptions
+from silo.errors import SiloError
+from silo_tui.modal import run_aside
+from silo_tui.model.plots.scope import Scope, fitting_span, halfway
+from silo_tui.model.samples.source import PlotSource
+from silo_tui.model.words.command_line import BY_KEY, Spelled
+from silo_tui.screens.dialogs.exporting import ask_export
+from silo_tui.screens.plots.arranging import Arranger
+from silo_tui.screens.plots.plot_screen import PlotScreen
+from silo_tui.screens.plots.searching import MomentSearch, value_here
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.recorded import FileSession
+from silo_tui.widgets.bars import left_a_file
+from silo_tui.widgets.plot_stack import PlotStack
+
+FAR = 10
+
+
+class MonitorScreen(PlotScreen):
+    """Plots of the elements that were marked when it was opened."""
+
+    class OpenLeft(Message):
+        """The file that a dead robot left is to be opened, with plots of these elements."""
+
+        def __init__(self, names: Sequence[str]) -> None:
+            super().__init__()
+            self.names = names
+
+    scope = "monitor"
+    PARTS = (MomentSearch, Arranger)
+
+    def __init__(self, session: Session, source: PlotSource, names: Sequence[str], chosen: str = "") -> None:
+        super().__init__(session, source, names, chosen)
+        self.parts = self.search, self.arranger = MomentSearch(self), Arranger(self)
+
+    def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
+        """Do what a key asks for; of a dead robot that left a file, Enter opens that, with the same plots."""
+        if command_id == "detail" and left_a_file(self.session):
+            names = list(dict.fromkeys(plotted.element.name for plotted in self.stack.plots))
+            self.post_message(self.OpenLeft(names))
+            return
+        super().action_command(command_id, typed)
+
+    def command_closer(self) -> None:
+        self._zoom(closer=True)
+
+    def command_wider(self) -> None:
+        self._zoom(closer=False)
+
+    def _zoom(self, *, closer: bool) -> None:
+        """Zoom around the cursor while the picture stands still, or around its middle; live at its right end."""
+        if not self.window.paused:
+            done = self.window.zoom(closer=closer)
+        elif done := self.window.zoom_still(self.held_ns, self.stack.columns, closer=closer):
+            self.moved(elsewhere=False)
+        if done:
+            self.line.say("")
+            self.request_view()
+        else:
+            whole = "longest span" if self.file is None else "whole file"
+            self.say(f"that is the {'shortest span' if closer else whole}")
+
+    def command_cursor_left(self) -> None:
+        self._move_cursor(-1)
+
+    def command_cursor_right(self) -> None:
+        self._move_cursor(1)
+
+    def command_cursor_far_left(self) -> None:
+        self._move_cursor(-FAR)
+
+    def command_cursor_far_right(self) -> None:
+        self._move_cursor(FAR)
+
+    def _move_cursor(self, cells: int) -> None:
+        if not self.window.paused:
+            self.window.move_cursor(cells, self.stack.columns)
+            self.stack.redraw()
+            self.line.refresh()
+            return
+        self.line.say("")
+        at_ns = self.window.at_ns
+        if self.window.cursor is None or at_ns is None:  # it is elsewhere: take it here
+            self._go_to(self.end_ns - self.window.span_ns // 2)
+        else:
+            self._go_to(at_ns + 2 * cells * self.window.column_ns(self.stack.columns))
+
+    def command_turn_plotted_down(self) -> None:
+        run_aside(self, "turning", self._turn, -1)
+
+    def command_turn_plotted_up(self) -> None:
+        run_aside(self, "turning", self._turn, 1)
+
+    async def _turn(self, steps: int) -> None:
+        """Turn the parameter whose plot is chosen."""
+        plotted, knobs = self.stack.chosen_plot, self.session.knobs
+        if plotted is None:
+            return
+        try:
+            if plotted.element.name not in knobs.known:
+                await knobs.refresh(self.context.link)
+            words = await knobs.turn(self.context.link, plotted.element.name, steps)
+        except SiloError as error:
+            words = str(error)
+        if words:
+            self.say(words)
+
+    def command_earlier(self) -> None:
+        self._pan(-1)
+
+    def command_later(self) -> None:
+        self._pan(1)
+
+    def _pan(self, direction: int) -> None:
+        """Pan by half a window; the cursor stays where it is in the picture."""
+        span_ns, (oldest_ns, newest_ns) = self.window.span_ns, self.held_ns
+        if not self.window.paused:
+            if direction > 0:
+                self.say("that is now")
+                return
+            if oldest_ns + span_ns >= newest_ns - self.window.column_ns(self.stack.columns):
+                self.say("that is the oldest that is held")
+                return
+            self.stand_still()
+        if self._looking_back and self.end_ns + direction * span_ns // 2 >= newest_ns:
+            self.go_on()
+            return
+        moved = self.window.pan(direction, (oldest_ns, newest_ns), self.stack.columns)
+        self.moved()
+        self.say("" if moved else f"that is {self._edge(direction)}")
+
+    def _edge(self, direction: int) -> str:
+        if self.file is not None:
+            return f"the {'end' if direction > 0 else 'beginning'} of the file"
+        return "where it was paused" if direction > 0 else "the oldest that is held"
+
+    def command_oldest(self) -> None:
+        self.stand_still()
+        self._go_to(self.held_ns[0])
+
+    def command_newest(self) -> None:
+        if self._looking_back:
+            self.go_on()
+        elif self.window.paused:
+            self._go_to(self.held_ns[1])
+
+    def command_all_held(self) -> None:
+        held = self.held_ns
+        self.window.fit(held)
+        if self.window.paused:
+            self.window.show(held[1], held, self.stack.columns)
+            self.moved(elsewhere=False)
+        self.request_view()
+        self.say("")
+
+    # ------------------------------------------------------------------------------------------------ two cursors
+
+    def command_cursor_b(self) -> None:
+        self.pause_here()
+        if self.window.other_ns is not None:
+            self.window.other_ns = None
+            self.say("cursor B is lifted")
+        else:
+            if self.window.at_ns is None:
+                self.window.at_ns = self.end_ns - self.window.span_ns // 2
+            self.window.other_ns = self.window.at_ns
+            self.say("B set, ←→ moves A")
+        self.moved(elsewhere=False)
+        self.call_after_refresh(self._sized)
+
+    def command_pause(self) -> None:
+        """Hold what is on the screen, with as much before it; or go on."""
+        if self.pause.source is not None:
+            self.go_on()
+        else:
+            self.pause_here()
+
+    def command_export_plots(self) -> None:
+        self.pause_here()
+        ask_export(self, self.source, self.stack.panels, self.shown_ns, self._zero_ns)
+
+    # --------------------------------------------------------------------------------------------------- commands
+
+    def command_plot_down(self) -> None:
+        self._choose(self.stack.chosen + 1)
+
+    def command_plot_up(self) -> None:
+        self._choose(self.stack.chosen - 1)
+
+    def command_plot_top(self) -> None:
+        self._choose(0)
+
+    def command_plot_bottom(self) -> None:
+        self._choose(len(self.stack.plots) - 1)
+
+    def on_plot_stack_pointed(self, event: PlotStack.Pointed) -> None:
+        """Choose the plot that was clicked, and put the cursor there."""
+        self._choose(event.index)
+        store = self.stack.store
+        if event.column is not None and self.window.paused and not store.empty:
+            self._go_to((store.end - event.column) * store.column_ns - 1)
+        elif event.column is not None:
+            self.window.cursor = event.column
+            self.stack.redraw()
+        self.line.refresh()
+        self.update_keys()
+
+    def on_plot_stack_wheeled(self, event: PlotStack.Wheeled) -> None:
+        """Do what the keys for it do."""
+        names = ("closer", "wider") if event.zooms else ("plot_up", "plot_down")
+        self.action_command(names[event.step > 0])
+
+    def command_catch(self) -> None:
+        """Let crossings of the chosen signal stand still: at the level of the cursor, else halfway."""
+        from silo_tui.screens.plots.scope import ScopeScreen
+
+        chosen, panel = self.stack.chosen_plot, self.stack.panels[self.stack.chosen_panel]
+        if not chosen.numeric or not self.live_source.is_live(chosen.element.name):
+            self.say("the scope needs a signal of numbers that is on")
+            return
+        low, high = self.stack.span_of(chosen)
+        at_cursor = (
+            value_here(chosen, self.stack.readings) if self.window.paused and self.window.cursor is not None else ""
+        )
+        level = float(at_cursor) if at_cursor else halfway(low, high)
+        plots = [chosen, *(each for each in panel if each != chosen and each.numeric)]
+        settings = Scope(level, span_s=fitting_span(self.live_source.period_ns(chosen.element.name)))
+        self.app.push_screen(ScopeScreen(self.session, self.live_source, plots, settings))
+
+    def command_plot_trigger(self) -> None:
+        if not self.stack.plots or not self.stack.chosen_plot.numeric:
+            self.say("a trigger needs a signal of numbers")
+            return
+        self.context.run_flow(self._ask_trigger())
+
+    async def _ask_trigger(self) -> None:
+        from silo_tui.screens.dialogs.trigger_editor import ask_trigger
+
+        name = self.session.short_name(self.stack.chosen_plot.name).lstrip("/")
+        level = value_here(self.stack.chosen_plot, await self.readings_here()) or "0"
+        made = TriggerOptions(name.rpartition("/")[2], f"{name} > {level}", 1.0, 1.0)
+        await ask_trigger(self.context, made)
+
+    def command_zero(self) -> None:
+        run_aside(self, "zero", self._zero)
+
+    async def _zero(self) -> None:
+        try:
+            await self.session.survey((), (), reset=True)
+        except SiloError as error:
+            self.say(str(error))
+            return
+        self.say("statistics of the table from now on")
+
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return what a pause or a cursor asks for."""
+        live = self.live_source.live  # what is held stands still, of a logger that goes on
+        paused = (("pause", "Go on"),) if self.window.paused and live else ()
+        back, _ = self.way_back()
+        return (*paused, ("cursor_left", "Cursor"), ("back", back)) if back else paused
+
+    def way_back(self) -> tuple[str, Callable[[], None]]:
+        """Return what Esc leaves, in words for the key bar, and how: B, the cursor, the pause; empty: the screen."""
+        if self.file is not None:
+            return "", self.context.leave_screen
+        if self.window.other_ns is not None:
+            return "No B", self.command_cursor_b
+        if self.window.cursor is not None:
+            return "No cursor", self._lift_cursor
+        if self.window.paused and self.pause.possible:
+            return "Live", self.go_on
+        return "", self.context.leave_screen
+
+    def _lift_cursor(self) -> None:
+        self.window.cursor = self.window.at_ns = None
+        self.stack.redraw()
+        self.line.refresh()
+
+    def command_back(self) -> None:
+        self.way_back()[1]()
+
+
+class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
+    """The same on a file: cursor A is a moment of it, whatever the zoom."""
+
+    scope = "file_monitor"
+
+    def __init__(self, session: FileSession, names: Sequence[str]) -> None:
+        super().__init__(session, session.source, names)

@@ -1,0 +1,180 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""How one signal answers to another: transfer function with coherence, or the answer to a step."""
+
+import asyncio
+import threading
+from collections.abc import Awaitable, Callable, Sequence
+from typing import TYPE_CHECKING
+
+from rich.text import Text
+from textual import events
+from textual.app import ComposeResult
+from textual.widgets import Static
+
+from silo.analysis.parameters import ToldExcitation
+from silo.analysis.responses import ResponseLog, bode_between, step_between
+from silo.core.recording import alike
+from silo.core.tuning.parameters import Wave
+from silo.errors import ElementError, SiloError
+from silo_tui.context import Context, SiloScreen
+from silo_tui.modal import run_alone
+from silo_tui.model.lists.happened import of_last_run
+from silo_tui.model.lists.responses import (
+    HeldResponse,
+    HeldSamples,
+    Response,
+    bode_words,
+    last_told,
+    named_signal,
+    rate_words,
+    typed_window,
+)
+from silo_tui.screens.dialogs.questions import Prompt
+from silo_tui.sessions.live import Session
+from silo_tui.widgets.bars import KeyBar, StatusBar
+
+if TYPE_CHECKING:
+    from silo.client.client import Client
+
+USAGE = ":bode IN OUT FROM TO"
+NOTES = 3  # lines below the charts
+_DRAWING = threading.Lock()  # plotext has one picture for all threads
+
+
+class ResponseScreen(SiloScreen):
+    """Charts as `silo bode` and `silo step` draw them; Tab leads from one to the other."""
+
+    scope = "response"
+
+    def __init__(
+        self, session: Session, asked: Response, read: Callable[[], Awaitable[ResponseLog]], *, step: bool
+    ) -> None:
+        """`read` gives what is held of the two signals now."""
+        super().__init__()
+        self.session, self._asked, self._read, self.step = session, asked, read, step
+        self._log: ResponseLog | None = None
+
+    def compose(self) -> ComposeResult:
+        """Yield status, title, charts, what is said of them, keys."""
+        yield StatusBar(self.session, read_only=self.context.read_only)
+        yield Static("", id="detail-title", markup=False)
+        yield Static("reading …", id="response", markup=False)
+        yield Static("", id="response-said", markup=False)
+        yield KeyBar(self.scope, read_only=self.context.read_only)
+
+    def on_mount(self) -> None:
+        """Read both signals."""
+        self.command_response_again()
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Draw for another size."""
+        if self._log is not None:
+            run_alone(self, "draw", self._draw)
+
+    def status_changed(self) -> None:
+        """Follow state and link."""
+        self.query_one(StatusBar).update()
+
+    second_passed = status_changed
+
+    async def _draw(self, *, again: bool = False) -> None:
+        asked = self._asked
+        names = f"{self.session.short_name(asked.given.name)} to {self.session.short_name(asked.answer.name)}"
+        of = f"   {asked.words}" if asked.words else ""
+        self.query_one("#detail-title", Static).update(f"{'STEP' if self.step else 'BODE'}  {names}{of}")
+        size = self.size.width, self.size.height - NOTES - 3
+        try:
+            if again or self._log is None:
+                self._log = await self._read()
+            drawn, said = await asyncio.to_thread(self._drawn, self._log, size)
+        except (SiloError, OSError) as error:
+            drawn, said = Text(f"\n{error}"), [f"{USAGE} looks at a part of it alone, in seconds"]
+        self.query_one("#response", Static).update(drawn)
+        self.query_one("#response-said", Static).update("\n".join(said[:NOTES]))
+
+    def _drawn(self, log: ResponseLog, size: tuple[int, int]) -> tuple[Text, Sequence[str]]:
+        """Return the charts, and what is said of them. In a thread: it may take half a second."""
+        from silo.analysis.plots.drawing import draw_text
+        from silo.analysis.plots.responses import bode_charts, step_chart, step_words
+
+        given, answer = self._asked.given, self._asked.answer
+        missing = log.missing if isinstance(log, HeldResponse) else ""
+        notes = [missing, rate_words(log[given.name], self.session.status.frequency_hz)]
+        if self.step:
+            step = step_between(log, given.name, answer.name, *self._asked.window)
+            units = [one.element.unit for one in (given, answer)]
+            charts, said = [step_chart(step, "" if units[1] == "-" else units[1])], [*step_words(step, *units)]
+        else:
+            bode = bode_between(log, given.name, answer.name, *self._asked.window, None)
+            charts, said = [*bode_charts(bode)], [bode_words(bode)]
+        width, height = size
+        with _DRAWING:
+            text = "\n".join(
+                draw_text(chart, width, height // len(charts), color=not self.app.no_color) for chart in charts
+            )
+        return Text.from_ansi(text), [*said, *filter(None, notes)]
+
+    # --------------------------------------------------------------------------------------------------- commands
+
+    def command_response_mode(self) -> None:
+        self.step = not self.step
+        run_alone(self, "draw", self._draw)
+
+    def command_response_again(self) -> None:
+        run_alone(self, "draw", self._draw, again=True)
+
+    def command_back(self) -> None:
+        self.context.leave_screen()
+
+
+async def show_response(
+    context: Context, session: Session, words: Sequence[str], told: ToldExcitation | None = None
+) -> None:
+    """Show how a signal answers to another, `told` by which excitation, else by the last one.
+
+    The words are input, output, from when and to when; it asks for an output where none is said. Raises ElementError.
+    """
+    if not words:
+        raise ElementError(f"say which two signals: {USAGE}")
+    given, answer = words[0], "".join(words[1:2])
+    window = typed_window(words[2:])
+    elements, prefix = session.table.elements, session.status.prefix
+    first = named_signal(elements, prefix, given)
+    if not answer:
+        body = "The signal that answers to it; :bode IN OUT shows it later."
+        if told is not None:
+            body = f"{told.ended or 'it goes back'}, rows {told.tick} to {told.until}.\n{body} Esc: none."
+        typed = await context.app.push_screen_wait(
+            Prompt(
+                f"How does which signal answer to {session.short_name(first.name)}?", body, "", "joints/q_3",
+                lambda line: named_signal(elements, prefix, line),
+            )
+        )  # fmt: skip
+        if typed is None:
+            return
+        answer = typed
+    told = told or last_told(of_last_run(session.happened), first)
+    asked = Response(first, named_signal(elements, prefix, answer), told, session.status.started_ns, window)
+
+    async def read() -> ResponseLog:
+        return await _read(session, asked)
+
+    step = told is not None and told.what.wave is Wave.STEP
+    await context.app.push_screen(ResponseScreen(session, asked, read, step=step))
+
+
+async def _read(session: Session, asked: Response) -> ResponseLog:
+    from silo.analysis.log import Log
+    from silo_tui.sessions.recorded import FileSession
+
+    if isinstance(session, FileSession):
+        return Log(session.source.recording)
+    if session.status.started_ns != asked.began_ns:
+        raise ElementError("the logger was started anew since: what it held before is gone")
+    names, (start, end) = (asked.given.name, asked.answer.name), asked.ticks
+
+    def job(client: "Client") -> list[HeldSamples]:
+        found = client.samples(list(dict.fromkeys(names)), start, end, by="tick")
+        return [alike(HeldSamples, found[name]) for name in names]
+
+    return HeldResponse(asked, *await session.aside(job))

@@ -1,0 +1,222 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""Finding moments and events in plots that stand still, in all that is held of them."""
+
+import asyncio
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from silo.core.elements import LoggedEvent
+from silo.errors import SiloError
+from silo_tui.modal import run_alone, run_aside
+from silo_tui.model.drawing.plots import Plotted
+from silo_tui.model.lists.happened import gone_words, words
+from silo_tui.model.plots.panels import CurveKind, kind_of
+from silo_tui.model.samples.find import Search, What, parse_crossing
+from silo_tui.model.samples.live import Reading
+from silo_tui.model.words import text
+from silo_tui.screens.dialogs.marking import ask_mark
+from silo_tui.screens.plots.finding import SearchResult, events, look
+
+if TYPE_CHECKING:
+    from silo_tui.screens.dialogs.questions import Prompt
+    from silo_tui.screens.plots.plot_screen import PlotScreen
+
+STEP_PERIODS = 64  # as far as the next sample is looked for at first
+HOW = "Enter finds it: 20 either way, >20 rising, <20 falling"
+
+
+def value_here(plotted: Plotted, readings: Mapping[str, Reading]) -> str:
+    """Return the value of a signal as it is typed; empty where there is none."""
+    reading = readings.get(plotted.element.name)
+    if reading is None or plotted.position >= len(reading.newest) or np.isnan(reading.newest[plotted.position]):
+        return ""
+    return f"{reading.newest[plotted.position]:.6g}"
+
+
+class MomentSearch:
+    """The commands of a monitor that look for moments and go there."""
+
+    def __init__(self, screen: "PlotScreen") -> None:
+        self.screen = screen
+        self._stepping = asyncio.Lock()  # two keys at once are two samples
+
+    # -------------------------------------------------------------------------------------------- find the moment
+
+    def command_find(self) -> None:
+        from silo_tui.screens.dialogs.find import FindDialog
+        from silo_tui.screens.dialogs.questions import Prompt
+
+        if not self.screen.stack.plots:
+            self.screen.say("nothing is plotted to find something in")
+            return
+        self.screen.pause_here()
+        dialog = FindDialog(
+            self.screen.session.short_name(self.screen.stack.chosen_plot.name), len(self.screen.stack.plots)
+        )
+
+        def level_typed(level: str | None) -> None:
+            if level is not None:
+                self._find(replace(parse_crossing(level), everywhere=dialog.everywhere))
+
+        def chosen(answer: str | None) -> None:
+            if answer == What.CROSSING.value:
+                line = Prompt("Find a crossing", HOW, "", "20", parse_crossing)
+                self.screen.app.push_screen(line, level_typed)
+                run_alone(self.screen, "offer", self._offer_level, line)
+            elif answer is not None:
+                self._find(Search(What(answer), everywhere=dialog.everywhere))
+
+        self.screen.app.push_screen(dialog, chosen)
+
+    async def _offer_level(self, line: "Prompt") -> None:
+        """Offer the value at the cursor as the level: the line doesn't wait for it."""
+        self.screen.stack.readings = readings = await self.screen.readings_here()
+        line.offer(value_here(self.screen.stack.chosen_plot, readings))
+
+    def _find(self, search: Search) -> None:
+        run_alone(self.screen, "find", self._search, search, 0)
+
+    def command_next_found(self) -> None:
+        self._find_on(1)
+
+    def command_previous_found(self) -> None:
+        self._find_on(-1)
+
+    def _find_on(self, step: int) -> None:
+        """Go on with the search; without one to the highest and lowest number, or the change next to here."""
+        self.screen.pause_here()
+        if self.screen.found is not None:
+            run_alone(self.screen, "find", self._search, self.screen.found.search, step)
+            return
+        curve = kind_of(self.screen.stack.chosen_plot) is CurveKind.CURVE
+        what = (What.HIGHEST if step > 0 else What.LOWEST) if curve else What.CHANGE
+        run_alone(self.screen, "find", self._search, Search(what), 0 if curve else step, keep=False)
+
+    async def _search(self, search: Search, step: int, *, keep: bool = True) -> None:
+        await self.screen.pause.settled()
+        plots = self.screen.stack.plots if search.everywhere else [self.screen.stack.chosen_plot]
+        found, now = self.screen.found, self.screen.now_ns
+        same = found is not None and found.search == search and found.names == tuple(plot.name for plot in plots)
+        if found is None or not same or found.end_ns != self.screen.held_ns[1] or found.ends_before(now, step):
+            try:
+                found = await look(self.screen.pause.held, plots, search, self.screen.session.bounds, now)
+            except SiloError as error:
+                self.screen.say(f"{search.words}: {error}")
+                return
+        if keep:
+            self.screen.found = found
+        await self._go_to_found(found, step, search.words)
+
+    async def _go_to_found(self, found: SearchResult, step: int, words: str) -> None:
+        if not found.moments:
+            self.screen.say(found.none())
+            return
+        place = found.place(self.screen.now_ns, step)
+        if place is None:
+            which = "only one" if found.total == 1 else f"{'last' if step > 0 else 'first'} of {found.total}"
+            self.screen.say(f"{words}: that is the {which}")
+            return
+        moment = found.moments[place]
+        if not await self.screen.jump_to(moment.time_ns):
+            return
+        at = f"{found.before + place + 1} of {found.total}"
+        partly = f" ({found.partly})" if found.partly else ""
+        said = self.screen.session.table.shown(moment.said)
+        told = f", {at}: {said} at {self.screen.moment_words(moment.time_ns)}{partly}"
+        room = self.screen.line.content_size.width - len(f"{words} in {told}")  # value and time are what was asked for
+        name = text.shorten_left(self.screen.session.short_name(moment.name), max(8, room))
+        self.screen.say(
+            f"{words} in {name}{told}" if len(self.screen.stack.plots) > 1 and moment.name else f"{words}{told}"
+        )
+
+    # ------------------------------------------------------------------------------------------------------- events
+
+    def command_set_marker(self) -> None:
+        a_ns = self.screen.window.at_ns if self.screen.window.paused else None
+        ask_mark(self.screen.context, self.screen.source.end_ns if a_ns is None else a_ns)
+
+    def jump_to_event(self, event: LoggedEvent) -> None:
+        """Stand still where something happened; say so where its rows are gone."""
+        self.screen.pause_here()
+        run_alone(self.screen, "find", self._jump_to_event, event)
+
+    async def _jump_to_event(self, event: LoggedEvent) -> None:
+        await self.screen.pause.settled()
+        if not await self.screen.pause.bring(event.at_ns, self.screen.window.span_ns):
+            gone = gone_words(event, self.screen.session.happened)
+            self.screen.say(
+                f"{self._told(event)}: gone, oldest held {self.screen.moment_words(self.screen.held_ns[0])}; {gone}"
+            )
+            return
+        await self.screen.jump_to(event.at_ns)
+        self.screen.say(f"{self._told(event)} at {self.screen.moment_words(event.at_ns)}")
+
+    def _told(self, event: LoggedEvent) -> str:
+        return words(event, self.screen.session.table.shown)
+
+    def command_next_event(self) -> None:
+        self._event(1)
+
+    def command_previous_event(self) -> None:
+        self._event(-1)
+
+    def _event(self, step: int) -> None:
+        self.screen.pause_here()
+        run_alone(self.screen, "find", self._go_to_event, step)
+
+    async def _go_to_event(self, step: int) -> None:
+        await self.screen.pause.settled()
+        try:
+            found = await events(
+                self.screen.pause.held, self.screen.stack.plots, self.screen.session.bounds, self.screen.now_ns
+            )
+        except SiloError as error:
+            self.screen.say(f"events: {error}")
+            return
+        if not found.moments:
+            held = text.span(float(f"{found.held_s:.3g}"))
+            self.screen.say(f"events: no hole, trigger, marker or start in {held} held")
+            return
+        await self._go_to_found(found, step, "event")
+
+    # ------------------------------------------------------------------------------------------------------ samples
+
+    def command_next_sample(self) -> None:
+        self._step(1)
+
+    def command_previous_sample(self) -> None:
+        self._step(-1)
+
+    def _step(self, step: int) -> None:
+        self.screen.pause_here()
+        run_aside(self.screen, "find", self._step_by, step)
+
+    async def _step_by(self, step: int) -> None:
+        await self.screen.pause.settled()
+        async with self._stepping:
+            try:
+                found = await self._sample_beside(self.screen.now_ns, step)
+            except SiloError as error:
+                self.screen.say(str(error))
+                return
+            if found is None:
+                name = self.screen.session.short_name(self.screen.stack.chosen_plot.name)
+                self.screen.say(f"that is the {'last' if step > 0 else 'first'} sample held of {name}")
+            elif await self.screen.jump_to(found):
+                self.screen.say("")
+
+    async def _sample_beside(self, now_ns: int, step: int) -> int | None:
+        """Return the time of the next (1) or last (-1) sample of the chosen signal; None where none is held."""
+        plotted, (oldest, newest) = self.screen.stack.chosen_plot, self.screen.held_ns
+        reach = STEP_PERIODS * max(1, self.screen.source.period_ns(plotted.element.name))
+        while True:  # mostly it is near; where there is a hole it is looked for farther
+            begin, end = (now_ns + 1, now_ns + reach) if step > 0 else (now_ns - reach, now_ns - 1)
+            time_ns, _ = await self.screen.source.samples(plotted.name, max(begin, oldest), min(end, newest))
+            if len(time_ns):
+                return int(time_ns[0 if step > 0 else -1])
+            if begin <= oldest if step < 0 else end >= newest:
+                return None
+            reach *= 8
