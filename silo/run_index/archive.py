@@ -158,8 +158,11 @@ class Archive:
                 return polars.read_parquet(file.read())
 
     def read(self, run: str, signals: Sequence[str]) -> Any:
-        """Return signals of a run, as `Drawer.read` does."""
-        file = self._at(next(one.file for one in self._known() if one.run == run))
+        """Return signals of a run, as `Drawer.read` does. Raises ElementError for a run that isn't here any more."""
+        entry = next((one for one in self._known() if one.run == run), None)
+        if entry is None:
+            raise ElementError(f"'{self.where}' has no run '{run}': ask again, the archive changed meanwhile")
+        file = self._at(entry.file)
         if self._is_local and self._numbers.get(run, frozenset()).issuperset(signals):
             frame = read_numbers(file, signals)
             if frame is not None:

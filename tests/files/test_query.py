@@ -274,6 +274,11 @@ def test_runs_of_one_name_from_two_places_are_kept_apart(runs, written, tmp_path
     assert one.sql("select count(*), count(distinct run) from runs").row(0) == (RUNS + 1, RUNS + 1)
 
 
+def test_a_run_that_left_an_archive_is_told_by_its_name(archive):
+    with pytest.raises(ElementError, match=r"no run 'gone\.silo': ask again"):
+        archive.read("gone.silo", ["slow"])
+
+
 def test_a_store_elsewhere_is_one_too_and_a_password_in_a_url_is_refused(runs):
     there = Archive("memory://robots/runs")
     assert len(there.add(runs).added) == RUNS

@@ -69,7 +69,7 @@ def evenly(times: Floats, values: Floats) -> tuple[float, Floats]:
     usual = float(np.median(steps))
     if steps.min() < 0 or steps.max() > HOLE * max(usual, 1e-12):
         at = times[int(np.argmax(np.abs(steps - usual)))]
-        raise ElementError(f"there is a hole, or a step back, at {at:.6g} s: choose start_s and stop_s beside it")
+        raise ElementError(f"there is a hole, or a step back, at {at:.6g} s: take a stretch before it or after it")
     period = float(times[-1] - times[0]) / (len(times) - 1)
     even = times[0] + np.arange(len(times)) * period
     if np.abs(times - even).max() <= UNEVEN * period:
