@@ -7,6 +7,7 @@ reads the code (type checkers, editors) and for who runs it; a test holds both t
 
 import importlib
 import os
+import sys
 
 from silo.version import VERSION
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         SiloError as SiloError,
         StateError as StateError,
     )
-    from silo.core.kinds import vector_at_position as vector_at_position
     from silo.logger.default import (
         add as add,
         array as array,
@@ -78,44 +78,23 @@ _HOMES = {
     "silo.logger.null": "NullLogger",
     "silo.core.recording": "Recording",
     "silo.loop.types": "register",
-    "silo.core.kinds": "vector_at_position",
     "silo.run_index.runs": "runs",
     "silo.simulators.gymnasium": "gymnasium",
     "silo.simulators.mujoco": "mujoco",
 }
-# names of before, which work for one release: where they are
-_FORMER = {
-    "silo.errors": (
-        "ArgumentError ExpressionError FileFormatError GoesOnError LogNotFoundError NoRoomError ScriptError "
-        "SegmentError SourceError UnknownNameError UnknownSignalError UnsavedError VersionError"
-    ),
-    "silo.types": "Comparison ElementInfo FileType LoggedElement NewValues SavedFile Serving Storage Threads",
-}
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
-__all__ = list(_HOME_OF)
+__all__ = list(_HOME_OF) + ["errors", "types"]  # noqa: RUF005
 
 
 def __getattr__(name: str) -> object:
     if name in ("errors", "types"):
         return importlib.import_module(f"silo.{name}")
     if name not in _HOME_OF:
-        for home, names in _FORMER.items():
-            if name in names.split():
-                return _former(name, home, name)
-        if name == "cleanup":
-            return _former(name, "silo.logger.default", "close")
         raise _no_such_name(name)
     value = getattr(importlib.import_module(_HOME_OF[name]), name)
     globals()[name] = value
     return value
-
-
-def _former(name: str, home: str, now: str) -> object:
-    from silo.core.calls import tell_former
-
-    tell_former(f"silo.{name}", f"is {home}.{now} now" if now == name else f"is silo.{now} now")
-    return getattr(importlib.import_module(home), now)
 
 
 _OF_A_LOGGER = {
@@ -138,6 +117,7 @@ _OTHERS = dict.fromkeys(("open", "load", "read", "read_log", "load_log"), "open_
     "FakeLogger": "NullLogger",
     "gym": "gymnasium",
     "diff": "compare",
+    "cleanup": "close",
 }
 _ELSEWHERE = dict.fromkeys(("list", "ls", "loggers", "discover", "find"), "`silo ls` in a shell") | {
     "Trigger": "log.trigger('fall', 'x > 1')",
@@ -148,22 +128,32 @@ _ELSEWHERE = dict.fromkeys(("list", "ls", "loggers", "discover", "find"), "`silo
 }
 
 
-def _no_such_name(name: str) -> AttributeError:
+def _no_such_name(name: str) -> Exception:
     if name.startswith("_") or any(os.path.exists(f"{__path__[0]}/{name}{end}") for end in ("", ".py")):  # noqa: PTH110
         # a module of silo that is imported now: nobody reads this
         return AttributeError(f"module 'silo' has no attribute {name!r}", name=name)
-    from difflib import get_close_matches
-
+    words = f"module 'silo' has no attribute '{name}'{_what_instead(name)}"
+    # of an AttributeError the import statement keeps no word
+    if sys._getframe(2).f_globals.get("__name__") == "importlib._bootstrap":
+        return ImportError(words, name="silo", path=__file__)
     from silo.errors import UnknownNameError
 
+    return UnknownNameError(words, name=name)
+
+
+def _what_instead(name: str) -> str:
     if name in _OF_A_LOGGER:
-        return UnknownNameError(f"module 'silo' has no attribute '{name}'; write silo.get_logger().{name}", name=name)
+        return f"; write silo.get_logger().{name}"
     if name in _ELSEWHERE:
-        raise UnknownNameError(f"module 'silo' has no attribute '{name}'; it is {_ELSEWHERE[name]}", name=name)
+        return f"; it is {_ELSEWHERE[name]}"
+    for home in ("silo.errors", "silo.types"):
+        if hasattr(importlib.import_module(home), name):
+            return f"; it is {home}.{name}"
+    from difflib import get_close_matches
+
     near = [_OTHERS[name]] if name in _OTHERS else get_close_matches(name, __all__, 1, 0.7)
-    hint = f", did you mean 'silo.{near[0]}'?" if near else "; help(silo) lists what there is"
-    return UnknownNameError(f"module 'silo' has no attribute '{name}'{hint}", name=name)
+    return f", did you mean 'silo.{near[0]}'?" if near else "; help(silo) lists what there is"
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    return sorted([*(name for name in globals() if name.startswith("__")), *__all__])

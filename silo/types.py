@@ -3,6 +3,7 @@
 from silo.analysis.compare import Comparison
 from silo.analysis.compute.responses import Bode, StepResponse
 from silo.core.elements import ElementInfo, FileType, SavedFile, Storage, Threads
+from silo.core.kinds import vector_at_position
 from silo.logger.results import LoggedElement, NewValues
 from silo.logger.serving.serving import Serving
 
@@ -18,4 +19,5 @@ __all__ = [
     "StepResponse",
     "Storage",
     "Threads",
+    "vector_at_position",
 ]

@@ -99,7 +99,7 @@ _CELL = re.compile(r"(?P<base>.+)_0_0")
 _FIRST = re.compile(r"(?P<base>.+)_0")
 
 
-@told("silo.vector_at_position")
+@told("silo.types.vector_at_position")
 def vector_at_position(vector_frame: str, position_frame: str) -> str:
     """Return the kind of six numbers: a vector in one frame, and the position in another frame where it acts.
 
@@ -111,7 +111,7 @@ def vector_at_position(vector_frame: str, position_frame: str) -> str:
         ElementError: a name is empty or holds a comma or bracket.
     """
     for frame in (vector_frame, position_frame):
-        given = line("a frame's name", frame, "silo.vector_at_position('world', 'base')").strip()
+        given = line("a frame's name", frame, "silo.types.vector_at_position('world', 'base')").strip()
         if not given or any(letter in given for letter in ",()"):
             raise ElementError(f"a frame's name must not be empty nor hold commas or brackets, got {shown(frame)}")
     return _at_position_kind(vector_frame, position_frame)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import silo
-from silo.core import calls
 from silo.logger import default
 from silo.logger.logger import Logger
 from silo.logger.null import NullLogger
@@ -75,17 +74,6 @@ def test_save_writes_the_files(init):
     silo.collect()
     (saved,) = silo.save("silo")
     assert saved.path.endswith(".silo")
-
-
-def test_cleanup_is_close_for_one_release_and_says_so_once(init, caplog, monkeypatch):
-    monkeypatch.setattr(calls, "_told_words", set())
-    log = init()
-    silo.array("x")
-    silo.start()
-    silo.cleanup()
-    assert not log.is_running
-    assert silo.cleanup is silo.close
-    assert caplog.text.count("silo.cleanup is silo.close now; the next release will refuse silo.cleanup") == 1
 
 
 def test_get_logger_is_the_default_logger_with_every_method(init):

@@ -20,7 +20,8 @@ from silo.rpc.versions import PROTOCOL
 ERRORS = {name for name, found in vars(errors).items() if inspect.isclass(found)} | {"ExpressionError"}
 # what it takes and returns is what Logger says; its own docstrings say what it does instead
 LIKE_LOGGER = vars(silo.NullLogger).keys() & set(dir(silo.Logger))
-PUBLIC = {name: getattr(silo, name) for name in silo.__all__} | {"Topic": Topic, "Batch": Batch}
+PUBLIC = {name: getattr(home, name) for home in (silo, silo.types) for name in home.__all__}
+PUBLIC |= {"Topic": Topic, "Batch": Batch}
 CLASSES = {name: found for name, found in PUBLIC.items() if inspect.isclass(found)}
 
 
@@ -105,7 +106,7 @@ def test_a_class_says_what_it_is_made_of(name):
     elif issubclass(cls, msgspec.Struct):
         fields = [field.name for field in msgspec.structs.fields(cls)]
     else:
-        fields = parameters(cls.__init__)
+        fields = getattr(cls, "_fields", None) or parameters(cls.__init__)
     words = " ".join(inspect.getdoc(base) or "" for base in cls.__mro__ if base.__module__.startswith("silo"))
     words += inspect.getdoc(cls.__init__) or ""
     if cls is silo.NullLogger:

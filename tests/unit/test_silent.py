@@ -179,14 +179,13 @@ def test_where_nothing_is_dropped_or_all_is_on_purpose_closing_says_nothing_of_i
     assert "was closed without save()" not in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("end", [silo.close, silo.cleanup])
-def test_the_default_logger_says_so_too(monkeypatch, tmp_path, capsys, end):
+def test_the_default_logger_says_so_too(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(default, "_default", NullLogger())
     silo.init("walk", folder=tmp_path, script=tmp_path / "none.yaml")
     silo.add(np.zeros(1), "x")
     silo.start()
     silo.collect()
-    end()
+    silo.close()
     assert "1 tick that was not saved is dropped" in capsys.readouterr().err
 
 

@@ -121,7 +121,7 @@ def test_a_twist_is_linear_and_angular():
 
 
 def test_a_vector_at_a_position_names_both_frames():
-    assert suffixes(np.zeros(6), kind=silo.vector_at_position("odom", "base")) == [
+    assert suffixes(np.zeros(6), kind=silo.types.vector_at_position("odom", "base")) == [
         *[f"_vector_in_odom_frame_{axis}" for axis in "xyz"],
         *[f"_at_position_in_base_frame_{axis}" for axis in "xyz"],
     ]

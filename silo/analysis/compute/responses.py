@@ -29,7 +29,10 @@ AVERAGED = 0.1  # of the time before and after a step, whose mean is what it goe
 
 
 class Bode(NamedTuple):
-    """A transfer function, each of shape `(f,)`: Hz, dB, degrees without jumps, and which share the input explains."""
+    """A transfer function, each of shape `(f,)`.
+
+    `frequency_hz`, `magnitude_db`, `phase_deg` without jumps, and `coherence`: the share that the input explains.
+    """
 
     frequency_hz: Floats
     magnitude_db: Floats
@@ -40,8 +43,9 @@ class Bode(NamedTuple):
 class StepResponse(NamedTuple):
     """The answer to a step: `times` since it and `values` of the output, then what they come to.
 
-    It goes from `start` to `final`, `gain` is that by the step of the input. `rise_s` is from 10 to 90 %, `overshoot`
-    the share beyond `final`, `settled_s` when it stays within 2 %; NaN where there is none.
+    The `step` is at `at_s` seconds of the run. It goes from `start` to `final`, `gain` is that by the step of the input.
+    `rise_s` is from 10 to 90 %, `overshoot` the share beyond `final`, `settled_s` when it stays within 2 %; NaN where
+    there is none.
     """
 
     times: Floats
