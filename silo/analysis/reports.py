@@ -6,15 +6,20 @@ A report is made from a `Recording`, printed as a table that fits the terminal o
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime, timezone
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from silo.analysis.compute.calculus import Floats
-from silo.analysis.plots.curves import CurveSource, text_of
 from silo.analysis.plots.events import LogEvent, event_lines, events_of
+from silo.core.arrays.values import text_of
+from silo.core.printing import printable
 from silo.core.quantities.writing import size_text
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, stamps_of
+
+if TYPE_CHECKING:
+    from silo.analysis.plots.curves import CurveSource
 
 
 class ElementReport(msgspec.Struct, frozen=True):
@@ -128,7 +133,7 @@ def _type_name(dtype: np.dtype[np.generic]) -> str:
     return "string" if dtype.kind in "SU" else dtype.name
 
 
-def statistics(signal: CurveSource) -> SignalStats:
+def statistics(signal: "CurveSource") -> SignalStats:
     """Return the minimum, maximum, mean ...
 
     Of the finite samples; of strings and enumerations the most common values too.
@@ -136,7 +141,7 @@ def statistics(signal: CurveSource) -> SignalStats:
     values, names = signal.as_numbers()
     common: tuple[str, ...] = ()
     if signal.is_text:
-        texts = Counter(text_of(value) for value in signal.values.tolist())
+        texts = Counter(printable(text_of(value)) for value in signal.values.tolist())
         common = tuple(f"'{text}' {count}x" for text, count in texts.most_common(3))
     elif names:
         numbers = Counter(number for number in signal.values.tolist() if number is not None)

@@ -4,9 +4,11 @@ The segment's reader makes a `Recording` (a snapshot), every file writer takes o
 It knows no logger, no file and no process.
 """
 
+import warnings
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar, cast
 
 import msgspec
@@ -17,7 +19,7 @@ from silo.core.calls import no_attribute
 from silo.core.elements import NO_EXTRAS, BufferType, Conditions, Entry, LoggedEvent
 from silo.core.printing import html_table
 from silo.core.quantities.writing import many
-from silo.errors import ArgumentError
+from silo.errors import ArgumentError, LogWarning
 
 Made = TypeVar("Made")
 Progress = Callable[[float], None]  # called with the share that is done, 0 to 1
@@ -358,6 +360,28 @@ def read_whole(recording: Recording) -> None:
     for element in recording.elements:
         for entry in element.entries:
             _ = entry.values
+
+
+class DamageNotes(list[str]):
+    """What is missing or damaged in a file; what is found once it is open is a `LogWarning` too."""
+
+    def __init__(self, file: Path, texts: Iterable[str] = ()) -> None:
+        super().__init__(texts)
+        self.file = file
+        self.loud = False
+
+    def add(self, text: str) -> None:
+        """Tell something, once."""
+        if text not in self:
+            self.append(text)
+            if self.loud:
+                warnings.warn(f"{self.file}: {text}", LogWarning, stacklevel=2)
+
+
+def keep_quiet(recording: Recording) -> None:
+    """Have what is found later stand in the recording's warnings alone, for who prints these himself."""
+    if isinstance(recording.warnings, DamageNotes):
+        recording.warnings.loud = False
 
 
 MOST_EVENTS = 10_000  # of a recording: the newest

@@ -18,10 +18,10 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from silo.core.recording import Recording, alike, read_whole
+from silo.core.recording import DamageNotes, Recording, alike, keep_quiet, read_whole
 from silo.errors import FileFormatError, LogNotFoundError, SiloError
 from silo.files.atomic import reason
-from silo.files.bags.index import DAMAGE, BagElements, DamageNotes, damage_told, keep_quiet, told_damage
+from silo.files.bags.index import DAMAGE, BagElements, damage_told, told_damage
 from silo.files.bags.metadata import (
     FACTS_ATTACHMENT,
     FACTS_VERSION,

@@ -84,6 +84,12 @@ def test_logs_are_completed_as_files(folder):
 
 
 @pytest.mark.slow
+def test_what_is_in_a_silo_file_is_told_without_what_reads_bags(folder):
+    code = "import sys; from silo.cli.main import run; run(['info', 'run.silo']); assert 'mcap' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+
+
+@pytest.mark.slow
 def test_the_commands_load_no_heavy_library_until_they_run():
     heavy = "{'numpy', 'plotext', 'matplotlib', 'pyarrow', 'zstandard', 'textual'}"
     code = f"import sys, silo.cli.logs.files; sys.exit(sorted({heavy} & set(sys.modules)))"

@@ -381,8 +381,8 @@ def _at_rate(recording: "Recording", rate: float) -> "Recording":
 
 
 def _read(path: Path) -> "Recording":
+    from silo.core.recording import keep_quiet
     from silo.files.added import added_formats
-    from silo.files.bags.index import keep_quiet
     from silo.files.formats import read_recording
 
     recording = read_recording(path, added_formats)

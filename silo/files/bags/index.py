@@ -5,8 +5,7 @@ asks for several gets the rest in one more pass. Used by `silo.files.bag_reader`
 """
 
 import struct
-import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -19,8 +18,8 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from silo.core.recording import RecordedElement, Recording, alike, failures_at, lazy_entry
-from silo.errors import FileFormatError, LogWarning
+from silo.core.recording import DamageNotes, RecordedElement, alike, failures_at, lazy_entry
+from silo.errors import FileFormatError
 from silo.files.bags.channels import Values, are_right, channel_readers, logged_dtype, most_samples
 from silo.files.bags.metadata import PlacedElement, RecordingFacts
 from silo.files.mcap.chunks import INDEX_ENTRY, unpack_chunk, walked
@@ -55,28 +54,6 @@ def told_damage(error: BaseException) -> str:
     if isinstance(error, LookupError):
         return f"damaged: it names {text}, which isn't there"
     return f"damaged: {text or type(error).__name__}"
-
-
-class DamageNotes(list[str]):
-    """What is missing or damaged in a file; what is found once it is open is a `LogWarning` too."""
-
-    def __init__(self, file: Path, texts: Iterable[str] = ()) -> None:
-        super().__init__(texts)
-        self.file = file
-        self.loud = False
-
-    def add(self, text: str) -> None:
-        """Tell something, once."""
-        if text not in self:
-            self.append(text)
-            if self.loud:
-                warnings.warn(f"{self.file}: {text}", LogWarning, stacklevel=2)
-
-
-def keep_quiet(recording: Recording) -> None:
-    """Have what is found later stand in the recording's warnings alone, for who prints these himself."""
-    if isinstance(recording.warnings, DamageNotes):
-        recording.warnings.loud = False
 
 
 class BagElements:

@@ -16,7 +16,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from silo.files.bags.index import DAMAGE, DamageNotes, told_damage
+from silo.core.recording import DamageNotes
+from silo.files.bags.index import DAMAGE, told_damage
 from silo.files.mcap.chunks import INDEX_ENTRY, RECORD, records, unpack_chunk, walked
 from silo.files.mcap.index import entries_at, parsed, read_index, record_at
 from silo.files.mcap.writer import MAGIC

@@ -17,11 +17,11 @@ import yaml
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType, Entry
-from silo.core.recording import RecordedElement, Recording, common_axis, lazy_entry
+from silo.core.recording import DamageNotes, RecordedElement, Recording, common_axis, lazy_entry
 from silo.core.yaml_depth import ShallowLoader
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
-from silo.files.bags.index import DamageNotes, damage_told
+from silo.files.bags.index import damage_told
 from silo.files.formats import ROS1_MARK, refuse_others, starts_with
 from silo.files.others import cdr, json_text
 from silo.files.others.keyed import KeyedList, KeyedValues, keyed_list, of_keys
