@@ -43,7 +43,8 @@ class Bode(NamedTuple):
 class StepResponse(NamedTuple):
     """The answer to a step: `times` since it and `values` of the output, then what they come to.
 
-    The `step` is at `at_s` seconds of the run. It goes from `start` to `final`, `gain` is that by the step of the input.
+    The `step` is at `at_s` seconds of the run. It goes from `start` to `final`, `gain` is that by the step of the
+    input.
     `rise_s` is from 10 to 90 %, `overshoot` the share beyond `final`, `settled_s` when it stays within 2 %; NaN where
     there is none.
     """
