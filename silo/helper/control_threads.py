@@ -18,10 +18,10 @@ import zenoh
 from silo.control.authentication import Authentication, attachment_of
 from silo.control.denials import Denials
 from silo.control.lanes import Lanes, Waiting, is_late
-from silo.control.lock import ControlLock
+from silo.control.server import ControlLock
 from silo.helper.servers import Servers
 from silo.net.keys import Root, may_use
-from silo.requests.decoding import decode_ask, decode_do
+from silo.requests import decode_ask, decode_do
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Do, GoesOn, Lane, Request, SlowAsk, spoken
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered

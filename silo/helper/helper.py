@@ -23,7 +23,7 @@ import zenoh
 from silo.conditions.monitor import Judge
 from silo.control.authentication import Authentication
 from silo.control.denials import Denials
-from silo.control.lock import ControlLock
+from silo.control.server import ControlLock
 from silo.core.elements import Conditions, Derived, FileType, State
 from silo.core.quantities.writing import many
 from silo.core.runtime import runtime_dir
@@ -52,8 +52,7 @@ from silo.rpc.declaring import Done, Reply
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from silo.run_index.keeping import IndexKeeper
-from silo.state.event_log import EventLog
-from silo.state.events import EventNotifier, plain
+from silo.state.events import EventLog, EventNotifier, plain
 from silo.state.handover import RobotState
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import LoggerSnapshot, Replica

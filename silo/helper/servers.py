@@ -4,8 +4,7 @@ from typing import Any
 
 from silo.conditions.monitor import Judge
 from silo.conditions.server import ConditionServer
-from silo.control.lock import ControlLock
-from silo.control.server import ControlServer
+from silo.control.server import ControlLock, ControlServer
 from silo.helper.robot_link import RobotLink, ending
 from silo.helper.saver import Saver
 from silo.history.server import HistoryServer

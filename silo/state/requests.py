@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 
 from silo.core.arguments import line, shown, whole
 from silo.core.calls import told_class
-from silo.core.elements import Conditions, Edit, ElementOptions, LoggedEvent, Status, Table
+from silo.core.elements import Conditions, Edit, ElementOptions, LoggedEvent, Problem, Status, Table
 from silo.errors import ElementError
 from silo.rpc.declaring import Ask, Caller, Reply, RobotRequest, ask, change, request_of
 from silo.rpc.published import Summary
-from silo.rpc.refusals import meant
+from silo.rpc.refusals import RefusedWhy, RequestRefusedError, meant
 
 
 class HelloReply(Reply, frozen=True):
@@ -267,3 +267,26 @@ def _status(reply: StatusReply, told: Callable[[str], None] | None) -> Status:
     if reply.text and told is not None:
         told(reply.text)
     return reply.status
+
+
+def refused_running() -> RequestRefusedError:
+    """Return what is raised for an edit of a logger that runs."""
+    return RequestRefusedError(RefusedWhy.RUNNING, "the logger is running: stop it, then apply; nothing was changed")
+
+
+def check_revision(request: ApplyEdits, revision: int) -> None:
+    """Raise RequestRefusedError for edits that are based on another revision than the table's."""
+    if request.revision not in (-1, revision):
+        raise RequestRefusedError(
+            RefusedWhy.CONFLICT,
+            f"somebody changed the table meanwhile (it is at revision {revision}, the edits are based on "
+            f"{request.revision}): read it again; nothing was changed",
+        )
+
+
+def check_none(problems: list[Problem]) -> None:
+    """Raise RequestRefusedError with what is wrong, if something is."""
+    if problems:
+        from silo.settings.options import refusal  # what lists loggers has no use for
+
+        raise RequestRefusedError(RefusedWhy.INVALID, refusal(problems), problems)

@@ -10,8 +10,7 @@ from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server
 from silo.segment.retention import large_text
 from silo.state import requests
-from silo.state.edit_refusals import check_none, check_revision, refused_running
-from silo.state.requests import ApplyEdits, EditsApplied, Unsaved
+from silo.state.requests import ApplyEdits, EditsApplied, Unsaved, check_none, check_revision, refused_running
 
 UnsavedWord = Literal["clear", "save", "refuse"]
 

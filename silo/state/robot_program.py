@@ -10,8 +10,8 @@ from silo.core.elements import State
 from silo.rpc.declaring import Reply, ReplyT, Request
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError, checked, raised
 from silo.rpc.serving import Turn
-from silo.state.edit_refusals import refused_running
 from silo.state.replica import Replica
+from silo.state.requests import refused_running
 
 REPLY_TIMEOUT_S = 5.0
 

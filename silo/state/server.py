@@ -13,10 +13,17 @@ from silo.rpc.serving import Server, Turn
 from silo.rpc.versions import OLDEST, PROTOCOL
 from silo.settings.options import MAX_NAME, edit_problems, shorten
 from silo.state import requests
-from silo.state.edit_refusals import check_none, check_revision
 from silo.state.events import EventNotifier, plain
 from silo.state.replica import LoggerSnapshot, Replica
-from silo.state.requests import ApplyEdits, EditsApplied, StateRequests, StatusReply, Unsaved
+from silo.state.requests import (
+    ApplyEdits,
+    EditsApplied,
+    StateRequests,
+    StatusReply,
+    Unsaved,
+    check_none,
+    check_revision,
+)
 from silo.state.robot_program import RobotProgram
 from silo.version import VERSION
 

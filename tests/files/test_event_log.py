@@ -10,7 +10,7 @@ import pytest
 from silo.core.elements import LoggedEvent
 from silo.files import event_log
 from silo.files.event_log import append_events, event_log_path, loggers_with_events, read_events
-from silo.state.event_log import EventLog
+from silo.state.events import EventLog
 
 
 def line(number, run="r1", text="x"):
@@ -177,7 +177,7 @@ def test_lines_that_waited_while_another_process_wrote_are_numbered_on_and_waite
         assert going.wait(20)
         return append(*batch)
 
-    monkeypatch.setattr("silo.state.event_log.append_events", slow)
+    monkeypatch.setattr("silo.state.events.append_events", slow)
     log.add(line(0, text="a"))
     assert held.wait(20)
     last = log.add(line(0, text="b"))

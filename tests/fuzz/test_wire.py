@@ -19,8 +19,8 @@ import pytest
 
 import silo
 from silo.conditions.monitor import Judge
-from silo.control.lock import ControlLock
 from silo.control.requests import TakeControl
+from silo.control.server import ControlLock
 from silo.core.elements import (
     Derived,
     Edit,
@@ -101,13 +101,13 @@ from silo.requests import (
     Stop,
     StopExcitation,
     TryTrigger,
+    decode_ask,
+    decode_do,
 )
-from silo.requests.decoding import decode_ask, decode_do
 from silo.rpc.declaring import Request, leaves
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered
-from silo.state.event_log import EventLog
-from silo.state.events import EventNotifier
+from silo.state.events import EventLog, EventNotifier
 from silo.state.handover import RobotState, handover_pair
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica

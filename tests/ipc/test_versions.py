@@ -16,8 +16,7 @@ from silo.errors import ConnectionLostError, RefusedError, VersionError
 from silo.fleet.exchange import decode_reply, encoded
 from silo.fleet.fleet import surveyed
 from silo.net.session import close, open_client
-from silo.requests import GetStatus, Start
-from silo.requests.decoding import decode_ask, decode_do
+from silo.requests import GetStatus, Start, decode_ask, decode_do
 from silo.rpc.declaring import Done, Request, leaves
 from silo.rpc.published import Event, EventKind, ViewFrame
 from silo.rpc.refusals import Refused, RefusedWhy, answered, checked

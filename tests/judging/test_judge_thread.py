@@ -10,7 +10,7 @@ from silo.core.elements import LoggedEvent
 from silo.errors import SegmentError
 from silo.logger.serving.answers import robot_state
 from silo.rpc.published import EventKind
-from silo.state.event_log import EventLog
+from silo.state.events import EventLog
 from silo.state.handover import RunOffer
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica

@@ -18,8 +18,7 @@ from silo.core.elements import Present, State, Status
 from silo.net.access.probing import reach
 from silo.net.keys import Root
 from silo.net.session import close, open_client
-from silo.requests import GetStatus, Start, Stop
-from silo.requests.decoding import decode_ask, decode_do
+from silo.requests import GetStatus, Start, Stop, decode_ask, decode_do
 from silo.rpc.declaring import Done
 from silo.rpc.published import Summary
 from silo.rpc.refusals import Refused, RefusedWhy, answered

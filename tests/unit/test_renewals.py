@@ -6,8 +6,8 @@ import msgspec
 
 from silo.client.renewals import ControlLease, Renewals
 from silo.control.authentication import Sender
-from silo.control.lock import CONTROL, ControlLock
 from silo.control.requests import TakeControl
+from silo.control.server import CONTROL, ControlLock
 from silo.rpc.declaring import Done
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import Refused, RefusedWhy
