@@ -228,8 +228,9 @@ def modules_of(names: list[str]) -> list[str]:
 def nearest(module: str) -> list[str]:
     """Return the test files that hold a module."""
     dotted = module.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-    name = dotted.rsplit(".", 1)[-1]
-    pattern = re.compile(rf"^\s*(from {re.escape(dotted)} import|import {re.escape(dotted)}\b)", re.MULTILINE)
+    package, _, name = dotted.rpartition(".")
+    ways = rf"from {re.escape(dotted)} import|import {re.escape(dotted)}\b|from {re.escape(package)} import .*\b{name}\b"
+    pattern = re.compile(rf"^\s*({ways})", re.MULTILINE)
     tests = [path for path in sorted((ROOT / "tests").rglob("test_*.py")) if pattern.search(path.read_text())]
     tests.sort(key=lambda path: (name not in path.name, path.stat().st_size))
     found = [str(path.relative_to(ROOT)) for path in tests[:MOST_FILES]]

@@ -153,7 +153,7 @@ def known(prefix, span_s=1.0, **most):
 
 
 def test_groups_are_told_apart_by_what_both_have_whatever_its_size():
-    these = [known("/a", 2.0, x=3e300, one=1.0, same=0.1 + 0.2, mode=5.0), known("/b", 2.0, x=1e300, same=0.3)]
+    these = [known("/a", 2.0, x=3e300, one=1.0, same=0.1 + 0.2, mode=5.0), known("/b", 2.0, x=1e300, one=2.0, same=0.3)]
     others = [known("/a", 1.0, x=1e300, other=4.0, same=0.3, mode=1.0), known("/a", 1.5, x=None, same=0.3)]
     with warnings.catch_warnings():
         warnings.simplefilter("error")

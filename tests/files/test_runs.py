@@ -67,6 +67,7 @@ def test_the_index_says_what_the_logs_say(root):
     for number, run in enumerate(runs):
         log = run.open()
         facts = run.facts
+        assert run.key == (run.path, -1)
         assert (facts.robot, facts.task, facts.ticks, facts.lost) == (
             "anymal", "walk" if number % 2 else "stand", 20, 0)  # fmt: skip
         assert facts.span_s == pytest.approx(log.duration_s)
