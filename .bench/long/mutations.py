@@ -229,8 +229,8 @@ def nearest(module: str) -> list[str]:
     """Return the test files that hold a module."""
     dotted = module.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
     package, _, name = dotted.rpartition(".")
-    ways = rf"from {re.escape(dotted)} import|import {re.escape(dotted)}\b|from {re.escape(package)} import .*\b{name}\b"
-    pattern = re.compile(rf"^\s*({ways})", re.MULTILINE)
+    own, others = re.escape(dotted), re.escape(package)
+    pattern = re.compile(rf"^\s*(from {own} import|import {own}\b|from {others} import .*\b{name}\b)", re.MULTILINE)
     tests = [path for path in sorted((ROOT / "tests").rglob("test_*.py")) if pattern.search(path.read_text())]
     tests.sort(key=lambda path: (name not in path.name, path.stat().st_size))
     found = [str(path.relative_to(ROOT)) for path in tests[:MOST_FILES]]
