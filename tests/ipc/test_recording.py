@@ -118,9 +118,10 @@ def test_of_a_killed_robot_program_everything_is_recorded(robots, tmp_path) -> N
     from silo.analysis.opening import open_log
 
     assert span(path)[1] == wait_until(lambda: open_log(log).recording.offset)
-    (text,) = happened([path])
+    text, *more = happened([path])
     assert text.startswith("the robot program")
     assert "ended without close()" in text
+    assert all(one.startswith("saved ") for one in more)  # told while the part is ended: it may still come into it
 
 
 @pytest.mark.slow
