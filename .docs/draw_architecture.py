@@ -101,7 +101,7 @@ def draw_processes(graph: grimp.ImportGraph) -> str:
     for name, (module, title, purpose) in PROCESSES.items():
         own = {module} | graph.find_descendants(module)
         loads = {room_of(each) for each in own | graph.find_upstream_modules(module, as_package=True)}
-        folders = sorted(room.split(".")[1] for room in loads if room.startswith("silo.") and graph.find_children(room))
+        folders = sorted(room[5:] for room in loads if room[:5] == "silo." and (ROOT / "silo" / room[5:]).is_dir())
         lines.append(f'  {name}["<b>{title}</b><br/>{purpose}<br/><i>{"<br/>".join(folders)}</i>"]')
     lines.append('  segment[("segment<br/>shared memory")]')
     lines.append('  files[("saved logs")]')

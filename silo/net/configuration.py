@@ -13,7 +13,6 @@ from typing import Any
 import zenoh
 
 from silo.errors import ConnectionLostError
-from silo.net.json5 import read_json5
 from silo.net.remotes import LOCAL, remote_file, remotes
 
 # always, whatever a file says: nobody is looked for by broadcast, and nobody is told of others
@@ -147,3 +146,42 @@ def reason_of(error: Exception | None) -> str:
     """Return Zenoh's words without the places in its sources."""
     text = str(error).split(" at /", 1)[0].strip()
     return text.splitlines()[0][:300] if text else type(error).__name__
+
+
+_TOKEN = re.compile(
+    r"""(?P<skip>\s+|//[^\n]*|/\*.*?\*/)|(?P<text>"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')|(?P<mark>[{}\[\]:,])"""
+    r"""|(?P<word>[^\s{}\[\]:,"'/]+)""",
+    re.DOTALL,
+)
+_NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?")
+
+
+def read_json5(text: str) -> Any:
+    """Return the value of a text, as far as configurations of Zenoh use JSON5. Raises ValueError for what is none."""
+    tokens: list[str] = []
+    place = 0
+    while place < len(text):
+        found = _TOKEN.match(text, place)
+        if found is None:
+            raise ValueError(f"unexpected {text[place]!r}")
+        place = found.end()
+        if found.lastgroup == "text":
+            tokens.append(_quoted(found[0]))
+        elif found.lastgroup == "word":
+            tokens.append(found[0] if _is_value(found[0], text[place:]) else json.dumps(found[0]))
+        elif found.lastgroup == "mark":
+            if found[0] in "}]" and tokens and tokens[-1] == ",":
+                tokens.pop()  # JSON5 lets a comma stand there
+            tokens.append(found[0])
+    return json.loads(" ".join(tokens))
+
+
+def _quoted(text: str) -> str:
+    if text[0] == '"':
+        return text.replace("\\\n", "")
+    return json.dumps(text[1:-1].replace("\\'", "'"))
+
+
+def _is_value(word: str, rest: str) -> bool:
+    """Whether a word stands for itself: a key never does."""
+    return not rest.lstrip().startswith(":") and (word in ("true", "false", "null") or bool(_NUMBER.fullmatch(word)))

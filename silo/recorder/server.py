@@ -27,10 +27,16 @@ from silo.errors import SegmentError
 from silo.files.manifest import RecordedTotals
 from silo.files.naming import check_name
 from silo.recorder import requests
-from silo.recorder.folder import recording_folder
 from silo.recorder.orders import CLOSED, RecordOrder
 from silo.recorder.process import RecorderHandover, RecorderProcess, Spare, close_left, store, stored
-from silo.recorder.requests import RecorderInfo, Recorders, RecorderStarted, StartRecorder, StopRecorder
+from silo.recorder.requests import (
+    RecorderInfo,
+    Recorders,
+    RecorderStarted,
+    StartRecorder,
+    StopRecorder,
+    recording_folder,
+)
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server, Turn

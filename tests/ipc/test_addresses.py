@@ -20,7 +20,7 @@ from silo.core.elements import State
 from silo.errors import ConnectionLostError
 from silo.fleet.discovery import Discovery, SeveralError, discover
 from silo.fleet.fleet import Fleet as Followed
-from silo.logger.serving.identity import drawn_id, machine_digits
+from silo.logger.serving.process import drawn_id, machine_digits
 from silo.net.found import LoggerAddress, is_glob, told_apart
 from silo.net.keys import Root, robot_of, root_of
 from silo.net.sessions import open_configurations

@@ -11,8 +11,8 @@ import silo
 from silo.core.elements import State
 from silo.errors import SaveError
 from silo.link.channel import Beat, Goodbye, LinkChannel
-from silo.logger.serving import patience
-from silo.logger.serving.patience import DEAF_ROUNDS, FROZEN_ROUNDS, Patience
+from silo.logger.serving import process
+from silo.logger.serving.process import DEAF_ROUNDS, FROZEN_ROUNDS, Patience
 from silo.state.handover import RobotState
 from tests.stand_ins.ticking import collect
 from tests.waiting import freeze, wait_until
@@ -66,7 +66,7 @@ def test_a_recording_is_not_stopped_later(served):
 
 @pytest.mark.slow
 def test_a_helper_process_that_works_is_waited_for(served, monkeypatch):
-    monkeypatch.setattr(patience, "FROZEN_ROUNDS", 1)
+    monkeypatch.setattr(process, "FROZEN_ROUNDS", 1)
     beats = served._life.serving._beats
     assert served.save().size_bytes > 0
     wait_until(lambda: served._life.serving._beats > beats)

@@ -19,7 +19,7 @@ from silo.live.requests import OpenView, ViewOpened
 from silo.live.streams import ServedStream
 from silo.live.views import ServedView
 from silo.logger.serving import process, serving
-from silo.logger.serving.down import DownMark
+from silo.logger.serving.process import DownMark
 from silo.rpc.refusals import Refused, answered
 from tests.fuzz.test_wire import Bench as Parts
 from tests.waiting import freeze, wait_until

@@ -14,7 +14,7 @@ from silo.client.client import Client
 from silo.core.elements import BufferType, RecorderState
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError, StateError
 from silo.files.bag_reader import read_bag
-from silo.recorder.folder import recording_folder
+from silo.recorder.requests import recording_folder
 from silo.recovery.parts import left_parts
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered

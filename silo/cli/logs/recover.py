@@ -145,11 +145,11 @@ def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[Left
 def _recording_folders(paths: Sequence[Path], single: Sequence[Path], look_in: Path) -> list[Path]:
     """Where open parts of recordings may be."""
     from silo.journal.folders import RECORDINGS, remembered_folders
-    from silo.recorder.folder import DEFAULT
+    from silo.recorder.requests import DEFAULT_FOLDER
 
     named = [path for path in paths if path not in single and path.is_dir()] if paths else [look_in]
     # `log.record()` records there where nobody names a folder
-    folders = [*named, *(path / DEFAULT for path in named)]
+    folders = [*named, *(path / DEFAULT_FOLDER for path in named)]
     if not paths:
         folders += remembered_folders(RECORDINGS)
     return list(dict.fromkeys(folder.resolve() for folder in folders if folder.is_dir()))

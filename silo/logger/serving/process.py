@@ -1,13 +1,22 @@
-"""One helper process from the robot program's side: started, asked whether it is ready, ended."""
+"""One helper process from the robot program's side: started, asked whether it is ready, waited for, ended.
 
+And what tells of it: the id under which it is served, and the mark that it is down.
+"""
+
+import contextlib
+import hashlib
+import logging
+import os
+import secrets
 import select
 import socket
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from silo.core.child import ENDING_S, ChildProcess
-from silo.errors import ConnectionLostError
+from silo.core.runtime import down_mark, open_unfinished, unopened
+from silo.errors import ConnectionLostError, SegmentError
 from silo.link.channel import LinkChannel, LinkReply
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused
@@ -15,12 +24,19 @@ from silo.state.handover import handover_pair
 
 READY_TIMEOUT_S = 15.0  # without a sign of life; a start takes 0.7 s of processor time, which may be long in coming
 LONGEST_START_S = 300.0  # a computer that takes this long for it serves nobody
+TICK_NS = 10**7  # of processor time: one that wakes up now and then, and no more, does not work
+ROUND_S = 1.0
+FROZEN_ROUNDS = 5  # without an answer, nor any processor time
+DEAF_ROUNDS = 60  # without an answer, though it works
+_NETWORK = Path("/sys/class/net")
 _PROCESS_CLOCK = 2  # of another process, see clock_getcpuclockid(3)
 HELPER_ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
     "PYTHONMALLOC": "malloc",  # gives freed memory back, see silo/recordings/heap.py
 }
+
+log = logging.getLogger("silo")
 
 
 class HelperProcess(ChildProcess):
@@ -57,18 +73,13 @@ class HelperProcess(ChildProcess):
     def _answers(self) -> bool:
         """Wait until there is something to read, as long as it works at it; a busy computer lets it work slowly."""
         began_s = quiet_s = time.monotonic()
-        used = self._used()
+        used = self.worked_ns() // TICK_NS
         while time.monotonic() < min(quiet_s + READY_TIMEOUT_S, began_s + LONGEST_START_S):
             if select.select([self.link], [], [], min(1.0, READY_TIMEOUT_S / 4))[0]:
                 return True
-            if (now := self._used()) > used:
+            if (now := self.worked_ns() // TICK_NS) > used:
                 used, quiet_s = now, time.monotonic()  # it works
         return False
-
-    def _used(self) -> int:
-        """Return the processor time that it had until now, in ticks of the kernel."""
-        fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
-        return int(fields[11]) + int(fields[12])
 
     def worked_ns(self) -> int:
         """Processor time that it and its threads had until now; stands still in one that is frozen, or gone."""
@@ -99,3 +110,82 @@ class HelperProcess(ChildProcess):
             return code
         self.kill()
         return 0
+
+
+class Patience:
+    """How long to wait for a helper process: as long as that shows signs of life. To be asked once a second of a wait.
+
+    It answers a beat of the link, which its main thread does at once; or it works, as one that gets little processor
+    time does. A frozen one (SIGSTOP, a debugger, memory that is swapped out) does neither. Seconds in which this
+    program stood still itself count as one.
+    """
+
+    def __init__(self, beats: Callable[[], int], worked_ns: Callable[[], int]) -> None:
+        self._signs = beats, worked_ns
+        self._beats, self._worked_ns = beats(), worked_ns()
+        self._deaf = self._quiet = 0
+
+    def is_over(self) -> bool:
+        """Whether there was no sign of life for so many rounds."""
+        beats, worked_ns = (sign() for sign in self._signs)
+        self._deaf = 0 if beats != self._beats else self._deaf + 1
+        self._quiet = 0 if (beats, worked_ns) != (self._beats, self._worked_ns) else self._quiet + 1
+        self._beats, self._worked_ns = beats, worked_ns
+        return self._quiet >= FROZEN_ROUNDS or self._deaf >= DEAF_ROUNDS
+
+
+class DownMark:
+    """A file in the runtime folder while the helper process is down, so that `silo ls` can tell.
+
+    It counts as long as this process has it open. By the link thread only.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._file = unopened()
+
+    def set(self) -> None:
+        """Say that the helper process is down, since now unless that was said before."""
+        if not self._file.closed:
+            return
+        try:
+            open_unfinished(down_mark(self._name, os.getpid()), self._file)
+        except (OSError, SegmentError) as error:
+            log.debug("%s: it can't be told that the helper process is down: %s", self._name, error)
+
+    def clear(self) -> None:
+        """It is there again, or wanted no more."""
+        if self._file.closed:
+            return
+        with contextlib.suppress(OSError, SegmentError):
+            down_mark(self._name, os.getpid()).unlink(missing_ok=True)
+        self._file.close()
+
+
+def drawn_id() -> str:
+    """Return an id for a logger of this computer: ten hexadecimal digits, other ones at each call.
+
+    It tells the logger from another of its name on a computer that calls itself the same. Robots of one cloned image
+    share host name and machine id, but not the addresses that their network cards were made with; a computer without
+    such a card is told by its boot.
+    """
+    return machine_digits() + secrets.token_hex(3)
+
+
+def machine_digits() -> str:
+    """Return four digits that stay while this computer does."""
+    cards = sorted(filter(None, map(_made_with, _NETWORK.glob("*"))))
+    facts = [_text(Path("/etc/machine-id")), *cards] if cards else [_text(Path("/proc/sys/kernel/random/boot_id"))]
+    return hashlib.sha256("\n".join(facts).encode()).hexdigest()[:4]
+
+
+def _made_with(card: Path) -> str:
+    """Return the address that a card was made with; empty for one that drew or was given its own."""
+    return _text(card / "address") if _text(card / "addr_assign_type") == "0" and (card / "device").exists() else ""
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text().strip()
+    except OSError:
+        return ""
