@@ -149,10 +149,10 @@ def _what_instead(name: str) -> str:
     for home in ("silo.errors", "silo.types"):
         if hasattr(importlib.import_module(home), name):
             return f"; it is {home}.{name}"
-    from difflib import get_close_matches
+    from silo.core.names import did_you_mean, nearest
 
-    near = [_OTHERS[name]] if name in _OTHERS else get_close_matches(name, __all__, 1, 0.7)
-    return f", did you mean 'silo.{near[0]}'?" if near else "; help(silo) lists what there is"
+    near = [_OTHERS[name]] if name in _OTHERS else nearest(name, __all__, 0.7)
+    return did_you_mean([f"silo.{one}" for one in near], "help(silo) lists what there is")
 
 
 def __dir__() -> list[str]:

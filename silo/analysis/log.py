@@ -33,7 +33,7 @@ from silo.core.calls import no_attribute, told_class
 from silo.core.elements import NO_EXTRAS
 from silo.core.episodes.words import Episode
 from silo.core.kinds import SCALAR
-from silo.core.names import is_glob
+from silo.core.names import did_you_mean, is_glob
 from silo.core.printing import html_table
 from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, read_ahead, stamps_of
 from silo.errors import ElementError, LogWarning, SaveError, UnknownSignalError
@@ -147,8 +147,7 @@ class Log(Mapping[str, Signal]):
         """What is said of a name that there isn't."""
         if inside := self._names.find(name):
             return f"; it is a namespace of {len(inside)}: log.namespace({name!r}), log.glob({name!r})"
-        near = self._names.near(name, scalars=True)
-        return f"; did you mean {', '.join(near)}?" if near else f"; it has {len(self)} elements, see list(log)"
+        return did_you_mean(self._names.near(name, scalars=True), f"it has {len(self)} elements, see list(log)")
 
     def __iter__(self) -> Iterator[str]:
         yield from self._elements

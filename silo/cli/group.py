@@ -121,11 +121,10 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Return the command that the first word names, or an error with the nearest name."""
         if args[0] not in COMMANDS and not args[0].startswith("-"):
-            from difflib import get_close_matches
+            from silo.core.names import did_you_mean, nearest
 
-            near = get_close_matches(args[0], COMMANDS, 1)
-            hint = f"did you mean '{near[0]}'?" if near else "`silo --help` lists them"
-            raise click.UsageError(f"no command '{args[0]}'; {hint}", ctx)
+            hint = did_you_mean(nearest(args[0], COMMANDS), "`silo --help` lists them")
+            raise click.UsageError(f"no command '{args[0]}'{hint}", ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

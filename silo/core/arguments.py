@@ -11,10 +11,10 @@ import operator
 import os
 import re
 from collections.abc import Iterable
-from difflib import get_close_matches
 from pathlib import Path
 from typing import SupportsIndex, TypeVar
 
+from silo.core.names import did_you_mean, nearest
 from silo.errors import ElementError
 
 Word = TypeVar("Word", bound=enum.Enum)
@@ -162,6 +162,5 @@ def word(argument: str, value: object, kind: type[Word]) -> Word:
     if asked in words:
         return words[asked]
     *most, last = (f"'{each}'" for each in words)
-    near = get_close_matches(asked, words, 1, 0.5) if asked else []
-    hint = f"; did you mean {argument}='{near[0]}'?" if near else ""
+    hint = did_you_mean(nearest(asked, words, 0.5))
     raise ElementError(f"{argument} must be {', '.join(most)} or {last}, got {shown(value)}{hint}")

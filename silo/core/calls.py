@@ -7,12 +7,12 @@ left out. Type checkers see the signatures as they are.
 import inspect
 import logging
 from collections.abc import Callable, Container, Iterable, Mapping
-from difflib import get_close_matches
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, NoReturn, ParamSpec, TypeVar, cast
 
 import msgspec
 
+from silo.core.names import did_you_mean, nearest
 from silo.errors import ArgumentError, UnknownNameError
 
 P = ParamSpec("P")
@@ -196,9 +196,8 @@ def unknown_argument(label: str, key: str, known: Iterable[str], examples: Mappi
 
 def unknown_word(what: str, value: object, words: list[str]) -> str:
     """The message for a word that there isn't, with the one that was meant."""
-    near = get_close_matches(value.lower(), words, 1, 0.6) if isinstance(value, str) else []
-    hint = f", did you mean '{near[0]}'?" if near else ""
-    return f"there is no {what} {_shown(value)}{hint}; there are {', '.join(words)}"
+    hint = did_you_mean(nearest(value.lower(), words) if isinstance(value, str) else ())
+    return f"there is no {what} {_shown(value)}; there are {', '.join(words)}{hint}"
 
 
 def no_attribute(what: str, name: str, cls: type, others: Mapping[str, str], way_out: str = "") -> NoReturn:
@@ -213,13 +212,8 @@ def no_attribute(what: str, name: str, cls: type, others: Mapping[str, str], way
     """
     found = others.get(name, "")
     if not found and not name.startswith("_"):
-        near = get_close_matches(
-            name,
-            [known for known in (*dir(cls), *getattr(cls, "__dataclass_fields__", ())) if not known.startswith("_")],
-            1,
-            0.7,
-        )
-        found = f"did you mean '{near[0]}'?" if near else ""
+        known = (*dir(cls), *getattr(cls, "__dataclass_fields__", ()))
+        found = did_you_mean(nearest(name, [one for one in known if not one.startswith("_")], 0.7))[2:]
     found = found or way_out or f"help(silo.{cls.__name__}) lists what there is"
     raise UnknownNameError(f"{what} has no '{name}': {found}", name=name)
 
@@ -230,7 +224,7 @@ def _meant(key: str, known: list[str]) -> str:
     if asked in plain:  # bufferSize, buffersize, BUFFER_SIZE
         return plain[asked]
     synonym = next((name for name, words in SYNONYMS.items() if asked in words and name in known), "")
-    near = [] if synonym else get_close_matches(asked, plain, 1, 0.6)
+    near = [] if synonym else nearest(asked, plain)
     return synonym or (plain[near[0]] if near else "")
 
 

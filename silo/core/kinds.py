@@ -8,13 +8,13 @@ together. Suffixes are those of the original. Knows neither NumPy nor any format
 import math
 import re
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from difflib import get_close_matches
 from typing import Any
 
 import msgspec
 
 from silo.core.arguments import line, shown
 from silo.core.calls import told
+from silo.core.names import did_you_mean, nearest
 from silo.errors import ElementError
 
 _XYZ = ("_x", "_y", "_z")
@@ -256,8 +256,7 @@ def kind_given(name: str) -> tuple[Kind, tuple[str, ...]] | None:
         suffixes = kind.read_name(name) if kind.read_name else None
         if suffixes is not None:
             return kind, suffixes
-    near = get_close_matches(name.lower(), given_names(), 1, 0.6)
-    hint = f"; did you mean '{near[0]}'?" if near else ""
+    hint = did_you_mean(nearest(name.lower(), given_names()))
     raise ElementError(f"unknown kind {shown(name)}; there are {', '.join(given_names())}{hint}")
 
 

@@ -149,20 +149,30 @@ class Names:
 
     def near(self, text: str, most: int = 3, *, scalars: bool = False, more: Iterable[str] = ()) -> list[str]:
         """Return the whole names that are most like one that there isn't."""
-        from difflib import get_close_matches  # commands that find their name don't load it
-
         # without the prefix, which would make all names alike
         known = [*self.places, *(self._scalars if scalars else ()), *more]
         shorts = {name.removeprefix(f"{self.prefix}/"): name for name in known[:MOST_ALIKE]}
         bare = text.removeprefix(f"{self.prefix}/").strip("/*")
-        close = get_close_matches(bare, shorts, most, 0.6)
+        close = nearest(bare, shorts, most=most)
         close = close or [name for name in shorts if bare and bare.lower() in name.lower()][:most]
         return [shorts[name] for name in close]
 
     def hint(self, text: str, otherwise: str) -> str:
         """Return what is said behind an error of a name that there isn't."""
-        near = self.near(text, 1)
-        return f"; did you mean '{near[0]}'?" if near else f"; {otherwise}"
+        return did_you_mean(self.near(text, 1), otherwise)
+
+
+def nearest(asked: str, words: Iterable[str], cutoff: float = 0.6, most: int = 1) -> list[str]:
+    """Return the words that are most like one that there isn't."""
+    from difflib import get_close_matches  # who finds what is asked for doesn't load it
+
+    return get_close_matches(asked, words, most, cutoff)
+
+
+def did_you_mean(near: Iterable[str], otherwise: str = "") -> str:
+    """Return what is said behind an error of a word that there isn't: what was meant, or else what there is."""
+    words = ", ".join(f"'{one}'" for one in near)
+    return f"; did you mean {words}?" if words else f"; {otherwise}" if otherwise else ""
 
 
 def is_glob(text: str) -> bool:

@@ -8,12 +8,11 @@ what `silo.expressions.evaluation` computes.
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 
 import numpy as np
 
 from silo.core import units
-from silo.core.names import is_glob
+from silo.core.names import did_you_mean, is_glob, nearest
 from silo.errors import ElementError, ExpressionError
 from silo.expressions.catalogue import OFF, Catalogue, Known
 from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
@@ -233,17 +232,15 @@ class _Binder:
 
     def _unknown(self, node: Name, labels: Mapping[int, str]) -> str:
         text = node.text
-        near = self._catalogue.near(text)
         if "[" in text and (bare := re.sub(r"\[(\d+)\]", r"_\1", text)) != text:
             return f"no signal matches '{text}'; one scalar of an array is named '{bare}'"
-        close = get_close_matches(text, labels.values(), 1) if labels else []
-        if close:
-            return f"there is no label '{text}'; did you mean {close[0]}?"
+        if close := nearest(text, labels.values()):
+            return f"there is no label '{text}'{did_you_mean(close)}"
         if labels and "/" not in text:
             return f"'{text}' is neither a label ({', '.join(list(labels.values())[:8])}) nor a signal"
         if "/" in text.strip("/") and all(self._catalogue.find(part) for part in text.split("/", 1)):
             return f"no signal '{text}'; a division has blanks on both sides: {text.replace('/', ' / ', 1)}"
-        hint = f"; did you mean {', '.join(near)}?" if near else f"; there are {len(self._catalogue.elements)} elements"
+        hint = did_you_mean(self._catalogue.near(text), f"there are {len(self._catalogue.elements)} elements")
         matches = "matches" if is_glob(text) else "is named"
         return f"no signal {matches} '{text}'{hint}"
 

@@ -10,8 +10,8 @@ import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 
+from silo.core.names import did_you_mean, nearest
 from silo.errors import ExpressionError
 from silo.expressions.tokens import Tokens, tokens
 
@@ -212,10 +212,9 @@ class _Reader:
         at, end = self._span(node)
         name = self._found.names.get(at, "") if isinstance(node.func, ast.Name) else ""
         if name not in self._functions:
-            near = get_close_matches(name, self._functions, 1)
-            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(self._functions)}"
+            hint = did_you_mean(nearest(name, self._functions), f"there are {', '.join(self._functions)}")
             raise self._error(
-                f"there is no function '{name}'; {hint}" if name else "only functions are called", node.func
+                f"there is no function '{name}'{hint}" if name else "only functions are called", node.func
             )
         if node.keywords:
             raise self._error("arguments have no names here", node)

@@ -9,7 +9,6 @@ import contextlib
 import enum
 import re
 from collections.abc import Callable, Iterable
-from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -18,6 +17,7 @@ import msgspec
 
 from silo.core.arguments import shown
 from silo.core.elements import FileType
+from silo.core.names import did_you_mean, nearest
 from silo.errors import ElementError, FileFormatError, LogNotFoundError, SaveError
 
 if TYPE_CHECKING:
@@ -258,7 +258,7 @@ def _type_hint(given: object, call: str) -> str:
         return ""
     word = given.strip().lower()
     if word == "binary":
-        return "; did you mean 'silo'?"
+        return did_you_mean(["silo"])
     several = [part.strip() for part in re.split("[,; +]+", word) if part.strip()]
     if len(several) > 1 and all(file_type(part) is not None for part in several):
         return f"; write {several}"
@@ -267,8 +267,7 @@ def _type_hint(given: object, call: str) -> str:
     other = next((one for one in FORMATS if word.removeprefix(".") in (one.name, one.ending[1:])), None)
     if other is not None:
         return f"; silo.open_log(...).save('run{other.ending}') or `silo convert` writes {other.ending} from those"
-    near = get_close_matches(word, SAVED_NAMES, 1)
-    return f"; did you mean '{near[0]}'?" if near else ""
+    return did_you_mean(nearest(word, SAVED_NAMES))
 
 
 def kind_of(path: "str | os.PathLike[str]") -> FileType | None:

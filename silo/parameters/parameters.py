@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from silo.core.calls import told_class
+from silo.core.names import did_you_mean, nearest
 from silo.core.tuning.excitation import ends_of
 from silo.core.tuning.parameters import (
     WORD_BYTES,
@@ -97,15 +98,9 @@ class Parameters(Mapping[str, Parameter]):
             return found[0]
         if found:
             raise ElementError(f"'{name}' may be {', '.join(found)}: write more of the name; nothing was changed")
-        from difflib import get_close_matches
-
-        near = get_close_matches(name, [*self._known, *(one.rpartition("/")[2] for one in self._known)], 1)
-        hint = (
-            f"did you mean '{near[0]}'?"
-            if near
-            else f"there are {len(self._known)}: {', '.join(list(self._known)[:5])}"
-        )
-        raise ElementError(f"no parameter '{name}'; {hint}")
+        near = nearest(name, [*self._known, *(one.rpartition("/")[2] for one in self._known)])
+        hint = did_you_mean(near, f"there are {len(self._known)}: {', '.join(list(self._known)[:5])}")
+        raise ElementError(f"no parameter '{name}'{hint}")
 
     @property
     def names(self) -> list[str]:

@@ -5,11 +5,11 @@ the functions here. A statement can reach no file, no network and no extension: 
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from difflib import get_close_matches
 from typing import Any
 
 import psutil
 
+from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import size_text
 from silo.errors import ElementError, SiloError
 from silo.files.extras import need
@@ -165,8 +165,8 @@ class _Tables:
 def _near(condition: str, names: Sequence[str]) -> str:
     """What a text in a condition may mean."""
     asked = [text for text in condition.split('"')[1::2] if text not in COLUMNS["samples"]]
-    near = [one for text in asked for one in get_close_matches(text, names, 1)]
-    return f"; did you mean {near[0]}?" if near else "; `select distinct signal from signals` lists them"
+    near = [one for text in asked for one in nearest(text, names)]
+    return did_you_mean(near[:1], "`select distinct signal from signals` lists them")
 
 
 def _parts(condition: Any) -> list[Any]:

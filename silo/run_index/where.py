@@ -9,7 +9,7 @@ import operator
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from silo.core.names import Names
+from silo.core.names import Names, did_you_mean
 from silo.core.units import factor
 from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
 from silo.run_index.facts import RunFacts, SignalFacts
@@ -95,7 +95,7 @@ class Query:
             self._meant[name.text] = [one for some in scalars for one in some]
             if not found and not of_tag and name.text not in FACTS and name.text not in words:
                 near = names.near(name.text, 1, more=[*FACTS, *words])
-                hint = f"; did you mean {near[0]}?" if near else f"; facts of a run are {', '.join(FACTS)}"
+                hint = did_you_mean(near, f"facts of a run are {', '.join(FACTS)}")
                 raise self.expression.error(f"no run has '{name.text}'{hint}", name)
 
     @property

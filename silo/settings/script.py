@@ -13,13 +13,13 @@ import stat
 import textwrap
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 
 import msgspec
 import yaml
 
 from silo.core.elements import NO_EXTRAS, Conditions, ElementInfo, ElementOptions, FieldChange
+from silo.core.names import nearest
 from silo.errors import SaveError, ScriptError
 from silo.settings.options import IN_SCRIPT, OptionValue
 from silo.settings.script_conditions import format_extras, kinds_of, merged
@@ -63,7 +63,7 @@ class UnknownName:
 
     name: str
     line: int
-    suggestion: str
+    suggestion: str = ""
 
     def __str__(self) -> str:
         hint = f" (did you mean '{self.suggestion}'?)" if self.suggestion else ""
@@ -162,15 +162,12 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
     known = set(names)
     missing = [element for element in script.elements if element.name not in known]
     unknown = tuple(
-        UnknownName(element.name, element.line, _nearest(element.name, names) if place < MAX_SUGGESTIONS else "")
+        UnknownName(
+            element.name, element.line, *(nearest(element.name, names, 0.75) if place < MAX_SUGGESTIONS else ())
+        )
         for place, element in enumerate(missing)
     )
     return ScriptPlan(tuple(options), unknown, tuple(rates))
-
-
-def _nearest(name: str, names: Sequence[str]) -> str:
-    near = get_close_matches(name, names, 1, cutoff=0.75)
-    return near[0] if near else ""
 
 
 # ------------------------------------------------------------------------------------------------------------ writing

@@ -20,13 +20,13 @@ was, such as what the program has set.
 
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
-from difflib import get_close_matches
 from typing import Any, Final, Literal, TypeVar
 
 import msgspec
 import yaml
 
 from silo.core.elements import NO_EXTRAS, Conditions, Derived, ElementInfo, FileType, SignalLimits, TriggerOptions
+from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import many
 from silo.settings.options import OPTION, shorten
 from silo.settings.typed import read_word
@@ -134,9 +134,8 @@ def _item(
         report(line_of(item), f"{key}: no key '{name}'; there are {', '.join(fields)}, and {missing[0]} is missing")
         return None
     for pair in unknown:
-        near = get_close_matches(key_name(pair[0]).lower(), fields, 1)
-        hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(fields)}"
-        note(key, name, pair, f"{where}: unknown key '{shorten(key_name(pair[0]))}'; {hint}")
+        hint = did_you_mean(nearest(key_name(pair[0]).lower(), fields), f"known are {', '.join(fields)}")
+        note(key, name, pair, f"{where}: unknown key '{shorten(key_name(pair[0]))}'{hint}")
     if missing:
         report(line_of(item), f"{where}: {missing[0]} is missing")
     return None if missing or not well else kind(**values)

@@ -6,11 +6,11 @@
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 
 import yaml
 
 from silo.core.elements import Conditions
+from silo.core.names import did_you_mean, nearest
 from silo.settings.options import IN_SCRIPT, OPTIONS, ElementOption, OptionValue, shorten
 from silo.settings.script_conditions import KEYS, Kind, given_kinds, read_extras
 from silo.settings.typed import ElementSettings, RelativeValue, UnreadableError, read_text, read_word
@@ -153,9 +153,8 @@ class Reader:
             if name in found:
                 self.report(line_of(key), f"{where}key '{name}' stands twice, first in line {line_of(found[name])}")
             elif name not in known:
-                near = get_close_matches(name.lower(), known, 1)
-                hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(known)}"
-                text = f"{where}unknown key '{shorten(name)}' in {what}; {hint}"
+                hint = did_you_mean(nearest(name.lower(), known), f"known are {', '.join(known)}")
+                text = f"{where}unknown key '{shorten(name)}' in {what}{hint}"
                 place = what if what in _GROUPS else "element" if what == _ELEMENT else "below" if found else "above"
                 self.unknown.append(UnknownKey(line_of(key), element, place, (key, value), text))
             else:

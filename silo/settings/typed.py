@@ -9,7 +9,6 @@ import math
 import re
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from typing import Any
 
 import msgspec
@@ -26,6 +25,7 @@ from silo.core.elements import (
     Problem,
     buffer_size_for,
 )
+from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.reading import AMOUNT, COUNTS, SECONDS, tell_bare_m
 from silo.errors import ElementError
 from silo.settings.options import OPTION, OPTIONS, RANGES, ElementOption, OptionValue, refusal, shorten
@@ -147,9 +147,8 @@ def find_option(key: str, given: Container[str] = ()) -> ElementOption:
     """The option that a key names. Raises UnreadableError with the nearest key, or if it is among those `given`."""
     found = _KEYS.get(present_word(key.strip().lower()))
     if found is None:
-        near = get_close_matches(key.strip().lower(), _KEYS, 1)
-        hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(option.keys[0] for option in OPTIONS)}"
-        raise UnreadableError(f"no setting '{shorten(key)}'; {hint}")
+        there = f"there are {', '.join(option.keys[0] for option in OPTIONS)}"
+        raise UnreadableError(f"no setting '{shorten(key)}'{did_you_mean(nearest(key.strip().lower(), _KEYS), there)}")
     if found.name in given:
         raise UnreadableError(f"{found.name} is given twice")
     return found
@@ -164,9 +163,9 @@ def read_word(option: ElementOption, text: str) -> bool | Action | BufferType | 
 def _near_word(option: ElementOption, text: str) -> str:
     spellings = {spelling: word.word for word in option.words for spelling in word.spellings if len(spelling) > 2}
     folded = text.strip().lower().rsplit(".", 1)[-1]  # `Action.SAVE`
-    near = [folded] if folded in spellings else get_close_matches(folded, spellings, 1, 0.75)
+    near = [folded] if folded in spellings else nearest(folded, spellings, 0.75)
     near = near or ["looping"] * (option.name == "buffer" and folded in ("ring", "circular", "rolling"))
-    return f"; did you mean '{spellings[near[0]]}'?" if near else ""
+    return did_you_mean(spellings[one] for one in near)
 
 
 def read_text(option: ElementOption, text: str, *, relative: bool = True) -> OptionValue | RelativeValue:

@@ -3,10 +3,10 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import many
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
@@ -84,8 +84,7 @@ class CommandRunner:
         command = BY_WORD.get(spelled.word)
         if command is None:
             near = [known for known in sorted(BY_WORD) if known.startswith(spelled.word[:2])]
-            hint = f"; did you mean {', '.join(near)}?" if near else "; `:help` shows what there is"
-            raise ValueError(f"there is no command {spelled.word!r}{hint}")
+            raise ValueError(f"there is no command {spelled.word!r}{did_you_mean(near, '`:help` shows what there is')}")
         if self._on_file and not typed_on_file(command):
             raise RefusedError(f":{spelled.word}: {NOT_EDITED}, no logger to command")
         self._screen_for(command).action_command(command.id, spelled)
@@ -235,9 +234,8 @@ async def control_flow(context: Context, words: Sequence[str]) -> None:
         await session.refresh_status()
         context.say(people_words(session.status, session.identity))
     elif words[0] not in jobs:
-        near = get_close_matches(words[0], jobs, 1)
-        hint = f"did you mean {near[0]}?" if near else CONTROL_WORDS
-        raise RefusedError(f"control: there is no {words[0]!r}; {hint}")
+        hint = did_you_mean(nearest(words[0], jobs), CONTROL_WORDS)
+        raise RefusedError(f"control: there is no {words[0]!r}{hint}")
     elif len(words) != (2 if words[0] == "give" else 1):
         raise RefusedError(f"control: {CONTROL_WORDS}")
     elif context.may_write("Control"):

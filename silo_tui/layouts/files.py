@@ -5,9 +5,9 @@
 
 import os
 import re
-from difflib import get_close_matches
 from pathlib import Path
 
+from silo.core.names import did_you_mean, nearest
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file
 from silo.net.remotes import config_folder
@@ -75,9 +75,8 @@ def load(name: str) -> tuple[KeptLayout, list[str]]:
     file = place(name)
     if not file.exists():
         known = names()
-        near = get_close_matches(name, known, 1)
-        hint = f"{near[0]}?" if near else f"there are {', '.join(known)}" if known else "`:view save NAME` makes one"
-        raise ValueError(f"there is no view {name!r}; {hint}")
+        there = f"there are {', '.join(known)}" if known else "`:view save NAME` makes one"
+        raise ValueError(f"there is no view {name!r}{did_you_mean(nearest(name, known), there)}")
     return load_file(file)
 
 

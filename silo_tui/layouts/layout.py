@@ -3,11 +3,11 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
-from difflib import get_close_matches
 from typing import Any
 
 import yaml
 
+from silo.core.names import did_you_mean, nearest
 from silo.settings.yaml_nodes import describe, is_null, key_name, line_of
 from silo_tui.settings.reading import nodes, pairs
 
@@ -124,8 +124,7 @@ def read(text: str) -> tuple[KeptLayout, list[str]]:
 
 def _reader(name: str) -> Callable[[yaml.Node], Any]:
     if name not in FIELDS:
-        near = get_close_matches(name, FIELDS, 1)
-        raise ValueError(f"is unknown; {near[0]}?" if near else f"is unknown; there are {', '.join(FIELDS)}")
+        raise ValueError("is unknown" + did_you_mean(nearest(name, FIELDS), f"there are {', '.join(FIELDS)}"))
     return FIELDS[name]
 
 

@@ -2,10 +2,10 @@
 
 import re
 import unicodedata
-from difflib import get_close_matches
 
 from textual.keys import KEY_NAME_REPLACEMENTS
 
+from silo.core.names import did_you_mean, nearest
 from silo_tui.actions import BY_ID, KEY_TEXTS, key_text
 
 EATEN = {"h": "Backspace", "i": "Tab", "j": "Enter", "m": "Enter"}
@@ -39,8 +39,8 @@ def read_key(text: str) -> str:
         base = _name_of(last) if len(last) == 1 else _WORDS.get(last)
         if base is not None:
             return f"{modifiers}+{base}"
-    near = get_close_matches(folded, [*_WORDS, *(f"ctrl+{chr(letter)}" for letter in range(97, 123))], 1)
-    raise ValueError(f"{words!r} is no key" + (f"; {near[0]}?" if near else "; for example f, ctrl+f, F5, PgUp"))
+    near = nearest(folded, [*_WORDS, *(f"ctrl+{chr(letter)}" for letter in range(97, 123))])
+    raise ValueError(f"{words!r} is no key{did_you_mean(near, 'for example f, ctrl+f, F5, PgUp')}")
 
 
 def read_path(text: str) -> str:

@@ -3,12 +3,12 @@
 import re
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from silo.core.names import did_you_mean, nearest
 from silo.net.remotes import config_folder
 from silo.settings.yaml_nodes import compose, describe, explain, is_null, key_name, line_of
 from silo_tui.actions import BY_ID, RENAMED, key_text
@@ -156,9 +156,9 @@ def pairs(node: yaml.Node | None) -> Iterator[tuple[yaml.Node, yaml.Node]]:
 
 def _option(name: str) -> Option:
     if name not in OPTION:
-        near = get_close_matches(name.lower(), [*OPTION, "keys"], 1)
-        hint = f"{near[0]}?" if near else f"there are {', '.join([*OPTION, 'keys'])}"
-        raise _MistakeError(f"{name!r} is unknown; {hint}")
+        known = [*OPTION, "keys"]
+        hint = did_you_mean(nearest(name.lower(), known), f"there are {', '.join(known)}")
+        raise _MistakeError(f"{name!r} is unknown{hint}")
     return OPTION[name]
 
 
@@ -186,8 +186,7 @@ def _word(option: Option, node: yaml.Node) -> str:
     typed = str(node.value).casefold() if isinstance(node, yaml.ScalarNode) else ""
     word = typed if typed in option.words else _SAME.get(typed, "")
     if word not in option.words:
-        near = get_close_matches(typed, option.words, 1)
-        hint = f"; {near[0]}?" if near else ""
+        hint = did_you_mean(nearest(typed, option.words))
         raise _MistakeError(f"{option.name} is {option.range_text}, not {describe(node)}{hint}")
     return word
 
@@ -229,8 +228,8 @@ def _keys(node: yaml.Node, problems: list[SettingsProblem], keymap: str) -> dict
 def _known(command: str) -> str:
     known = [each.id for each in BY_ID.values() if each.keys or each.id in TWO_LAYERS]
     if command not in known:
-        near = get_close_matches(command.lower(), known, 1)
-        raise _MistakeError(f"{command!r} is no command" + (f"; {near[0]}?" if near else "; ? shows their names"))
+        hint = did_you_mean(nearest(command.lower(), known), "? shows their names")
+        raise _MistakeError(f"{command!r} is no command{hint}")
     return command
 
 

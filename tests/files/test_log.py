@@ -54,7 +54,7 @@ class TestLog:
         assert "imu/none" not in log
 
     def test_an_unknown_name_suggests_others(self, log):
-        with pytest.raises(UnknownSignalError, match=r"no signal '/log/imu/ac'; did you mean /log/imu/acc"):
+        with pytest.raises(UnknownSignalError, match=r"no signal '/log/imu/ac'; did you mean '/log/imu/acc"):
             log["/log/imu/ac"]
         assert log.get("none") is None
 
@@ -378,7 +378,7 @@ class TestNamesThatAreMeant:
 
     @pytest.mark.parametrize("ask", ["names", "glob", "to_pandas", "to_polars", "to_xarray"])
     def test_nothing_found_is_told_with_names_alike(self, log, ask):
-        with pytest.warns(LogWarning, match=r"no signal that 'jonts/q' means; did you mean .*/log/joints/q"):
+        with pytest.warns(LogWarning, match=r"no signal that 'jonts/q' means; did you mean .*'/log/joints/q"):
             getattr(log, ask)("jonts/q")
 
     def test_a_shell_pattern_means_a_name_without_its_prefix_as_an_expression_does(self):

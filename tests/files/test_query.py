@@ -198,7 +198,7 @@ def test_a_statement_reaches_no_file_no_network_no_extension(runs, tmp_path, sta
 
 
 def test_what_is_wrong_with_a_statement_is_said(runs):
-    with pytest.raises(ElementError, match="did you mean joints/tau_x"):
+    with pytest.raises(ElementError, match="did you mean 'joints/tau_x"):
         runs.sql("select * from samples where signal = 'joint/tau_x'")
     with pytest.raises(ElementError, match=r"samples.*describe wide"):
         runs.sql("select * from sample")

@@ -186,7 +186,7 @@ def test_a_number_of_each_run_is_nan_where_it_is_missing(root):
 @pytest.mark.parametrize(
     ("condition", "words"),
     [
-        ("max(joints/ta) > 1", "no run has 'joints/ta'; did you mean /log/joints/tau"),
+        ("max(joints/ta) > 1", "no run has 'joints/ta'; did you mean '/log/joints/tau"),
         ("mean(joints/tau) > 1", "'joints/tau' means 3 signals .*: name one"),
         ("max(joints/tau) > 1kg", "kg can't be compared with Nm"),
         ("max(joints/tau + 1) > 1", "max takes the name of one signal"),

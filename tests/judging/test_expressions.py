@@ -130,7 +130,7 @@ def test_a_name_that_several_have_is_refused_with_them():
 
 def test_an_unknown_name_is_told_with_the_nearest():
     error = refusal("abs(joints/tua_1) > 3")
-    assert "did you mean joints/tau_1" in error.reason
+    assert "did you mean 'joints/tau_1" in error.reason
     assert pointed_at(error) == "joints/tua_1"
     assert "joints/tau_1" in refusal("joints/tau[1]").reason
 
@@ -143,7 +143,7 @@ def test_labels_are_numbers_beside_their_signal():
     bound = bind("controller/mode == TROT", CATALOGUE)
     assert bound.root.parts[1] == Constant(3.0)
     assert bind("STANCE != mode", CATALOGUE).root.parts[0] == Constant(0.0)
-    assert "did you mean STANCE" in refusal("mode == STANCY").reason
+    assert "did you mean 'STANCE" in refusal("mode == STANCY").reason
     assert "neither a label (STANCE, TROT) nor a signal" in refusal("mode == 2 or mode == QQQQ").reason
 
 

@@ -65,7 +65,7 @@ def test_ticks_at_which_nothing_can_be_told_are_left_out(log):
 
 
 def test_an_error_shows_the_place(log):
-    with pytest.raises(ExpressionError, match=r"did you mean joints/tau"):
+    with pytest.raises(ExpressionError, match=r"did you mean 'joints/tau"):
         log.eval("joints/tua > 3")
     with pytest.raises(silo.ElementError, match="must be a text"):
         log.eval(3)
@@ -191,7 +191,7 @@ class TestLogger:
         assert [one.worst for one in check(found.recording, found.recording.extras.limits)] == ["RED_HIGH"] * 2
 
     def test_mistakes_are_refused_and_nothing_changes(self, log):
-        with pytest.raises(silo.errors.ExpressionError, match="did you mean joints/q"):
+        with pytest.raises(silo.errors.ExpressionError, match="did you mean 'joints/q"):
             log.derive("x", "joints/p + 1")
         with pytest.raises(silo.ElementError, match="is an element already"):
             log.derive("joints/q", "1 + mode")

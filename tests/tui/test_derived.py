@@ -94,7 +94,7 @@ async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_tab
         await screen.press("tab", "tab")
         await screen.type("2 * imu/acelaration")
         await screen.shows("^" * len("imu/acelaration"))  # of all that was typed
-        await screen.shows("did you mean imu/acceleration")
+        await screen.shows("did you mean 'imu/acceleration")
         lines = screen.text.splitlines()
         at = next(place for place, line in enumerate(lines) if "imu/acelaration" in line)
         carets = next(line for line in lines[at:] if "^" in line)

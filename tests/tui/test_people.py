@@ -70,8 +70,8 @@ def test_words_of_who_is_there(fake):
 @pytest.mark.parametrize(
     ("typed", "told"),
     [
-        ("tkae", "control: there is no 'tkae'; did you mean take?"),
-        ("relase", "control: there is no 'relase'; did you mean release?"),
+        ("tkae", "control: there is no 'tkae'; did you mean 'take'?"),
+        ("relase", "control: there is no 'relase'; did you mean 'release'?"),
         ("xyz", "control: there is no 'xyz'; take, force"),
         ("give", "control: take, force"),
     ],

@@ -50,22 +50,22 @@ def test_an_empty_file_sets_nothing(text):
 
 
 MISTAKES = [
-    ("colums: [div]", "'colums' is unknown; columns?"),
+    ("colums: [div]", "'colums' is unknown; did you mean 'columns'?"),
     ("qwertz: 5", "'qwertz' is unknown; there are theme"),
-    ("theme: drak", "theme is dark, light, contrast, 16, not drak; dark?"),
+    ("theme: drak", "theme is dark, light, contrast, 16, not drak; did you mean 'dark'?"),
     ("theme: [dark]", "not a list"),
     ("theme:", "not nothing"),
     ("rate: fast", "rate is 0.5 to 10, not fast"),
     ("rate: 100", "rate is 0.5 to 10, not 100"),
     ("rate: nan", "rate is 0.5 to 10, not nan"),
-    ("columns: [div, sice]", "not sice; size?"),
+    ("columns: [div, sice]", "not sice; did you mean 'size'?"),
     ("theme: 'dark", "not valid YAML"),
     ("rate: *2", "signs need quotes"),
     ("\ttheme: dark", "tab"),
     ("keys: 5", "keys is a group of lines"),
-    ("keys:\n  fliter: f", "'fliter' is no command; filter?"),
+    ("keys:\n  fliter: f", "'fliter' is no command; did you mean 'filter'?"),
     ("keys:\n  set: f", "'set' is no command"),  # it can only be typed
-    ("keys:\n  filter: crtl+f", "'crtl+f' is no key; ctrl+f?"),
+    ("keys:\n  filter: crtl+f", "'crtl+f' is no key; did you mean 'ctrl+f'?"),
     ("keys:\n  filter: alt+f", "terminals keep alt"),
     ("keys:\n  filter: ctrl+i", "terminals send it as Tab"),
     ("keys:\n  filter: shift+f", "write 'F'"),

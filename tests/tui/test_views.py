@@ -56,7 +56,8 @@ def test_what_is_written_is_read_again(layout):
 
 
 MISTAKES = [
-    ("plts: [a]", "line 1: plts is unknown; plots?"), ("plots: a", "line 1: plots is a list such as [a, b], not a"),
+    ("plts: [a]", "line 1: plts is unknown; did you mean 'plots'?"),
+    ("plots: a", "line 1: plots is a list such as [a, b], not a"),
     ("span_s: -1", "line 1: span_s is seconds above 0, not -1"), ("span_s: x", "span_s is a number, not x"),
     ("scales: {a: [2, 1]}", "scales is [bottom, top] for a, not a list"),
     ("filter: [a]", "filter is a text, not a list"), ("plots: [a", "line 1: not valid YAML"),
@@ -292,7 +293,7 @@ async def test_a_view_is_kept_on_the_robot_for_all_who_look_at_it(new_fake, open
 async def test_a_view_that_isnt_there_is_told_with_those_that_are(fake, opened):
     files.save(files.place("walk"), KeptLayout())
     async with opened(fake, view="wlak") as screen:
-        await screen.shows("there is no view 'wlak'; walk?")
+        await screen.shows("there is no view 'wlak'; did you mean 'walk'?")
         assert isinstance(screen.app.screen, TableScreen)
 
 

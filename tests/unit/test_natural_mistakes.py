@@ -98,7 +98,7 @@ MISTAKES = {
     "run[['joints/q', 'x']]": "[log[name] for name in ['joints/q', 'x']] are several",
     "q.resample(hz=10)": "did you mean 'times'?",
     "run.columns": "list(log) has the names",
-    "run['joints/qq']": "did you mean /log/joints/q",
+    "run['joints/qq']": "did you mean '/log/joints/q",
     "q.data": "it is .values",
     "q.fft()": "it is .spectrum()",
     "q.counted_from()": "signal.counted_from() needs start",
