@@ -47,6 +47,7 @@ from silo.state.replica import Replica
 from silo.state.robot_program import RobotProgram
 
 MOST_RECORDERS = 8
+SETTLED_S = 0.5  # for what happened until then to have its number in the event log, by which a recorder looks for it
 MOST_PATTERNS, MOST_PATTERN_LETTERS = 1000, 50_000
 BEGIN_S = 5.0  # how long a client waits for the first report
 END_S = 5.0  # and for a part to be finished
@@ -218,6 +219,7 @@ class EndlessRecordings:
 
     def end(self, request: StopRecorder, *, left_s: Callable[[float], float] = float) -> str:
         """Have a recorder finish its part; waits for that a while, as `begin` does. Raises RequestRefusedError."""
+        newest = self._events.log.settle(left_s(SETTLED_S))
         with self._lock:
             live = [name for name, one in self._recorders.items() if not one.given_up] or list(self._recorders)
             name = request.name or (live[0] if len(live) == 1 else "")
@@ -230,7 +232,7 @@ class EndlessRecordings:
             if recorder.given_up:
                 return f"recording '{name}' is over: {recorder.report.text}"
             why = f"stopped by {request.client}" if request.client else "stopped"
-            recorder.finish(why, self._events.log.newest, last=self._replica.run)
+            recorder.finish(why, newest, last=self._replica.run)
         over = recorder.ended.wait(left_s(END_S))
         with self._lock:
             if over and not recorder.given_up:
@@ -287,13 +289,14 @@ class EndlessRecordings:
         What none of them comes to finish is completed by who comes after, all the same. `died`: the program, without
         a word.
         """
+        newest = self._events.log.settle(SETTLED_S)
         with self._lock:
             self._stopping = True
             self._forgets = forget
             why = CLOSED if forget else "the helper process ends"
             for recorder in self._recorders.values():
                 if not recorder.ending:
-                    recorder.finish(why, self._events.log.newest, died=died, for_good=forget)
+                    recorder.finish(why, newest, died=died, for_good=forget)
             self._store()
         self._poke()
 

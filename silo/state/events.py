@@ -82,7 +82,7 @@ class EventLog:
             known += read_events(folder, logger, run)
         for event in lacking(events, known):
             self.add(event)
-        self.wait_written(self.newest, MOST_WAIT_S)
+        self.settle(MOST_WAIT_S)
 
     def since(self, number: int, limit: int) -> tuple[list[LoggedEvent], int]:
         """Return the newest `limit` lines after a number, oldest first, and how many older ones that leaves out."""
@@ -103,10 +103,22 @@ class EventLog:
         with self._lock:
             return self._waiting[0].number - 1 if self._waiting else self._events[-1].number if self._events else 0
 
-    def wait_written(self, number: int, timeout_s: float) -> bool:
-        """Wait until a line stands in the file; False for a disk that takes longer."""
+    def settled(self, event: LoggedEvent, timeout_s: float) -> LoggedEvent | None:
+        """Wait until a line stands in the file, and return it with its number there; None for a disk that is slower."""
+
+        def is_it(one: LoggedEvent) -> bool:
+            return msgspec.structs.replace(one, number=event.number) == event
+
         with self._lock:
-            return self._written.wait_for(lambda: not self._waiting or self._waiting[0].number > number, timeout_s)
+            if not self._written.wait_for(lambda: not any(map(is_it, self._waiting)), timeout_s):
+                return None
+            return next(filter(is_it, reversed(self._events)), event)
+
+    def settle(self, timeout_s: float) -> int:
+        """Wait likewise for the newest line, and return its number, which is sure then; 0 where there is none."""
+        with self._lock:
+            newest = self._events[-1] if self._events else LoggedEvent("", "", 0)
+        return (self.settled(newest, timeout_s) or newest).number
 
     def of_run(self, run: str) -> list[LoggedEvent]:
         """Return what happened in a run, as far as memory has it."""

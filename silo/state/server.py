@@ -110,8 +110,8 @@ class StateServer(Server, does=[requests]):
         if problem:
             raise RequestRefusedError(RefusedWhy.INVALID, f"{problem}; nothing was marked")
         mark = events.publish(EventKind.MARKER, words, by=turn.by, tick=meant)
-        events.log.wait_written(mark.number, WRITTEN_S)  # what was answered outlives a kill of this process
-        return requests.Marked(mark)
+        # what was answered outlives a kill of this process, and has its number for good
+        return requests.Marked(events.log.settled(mark, WRITTEN_S) or mark)
 
 
 def apply_edits(robot: RobotProgram, turn: Turn, request: ApplyEdits, now: LoggerSnapshot) -> EditsApplied:

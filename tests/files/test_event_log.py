@@ -170,20 +170,25 @@ def test_two_writers_at_once_number_no_line_twice(tmp_path, until):
 def test_lines_that_waited_while_another_process_wrote_are_numbered_on_and_waited_for(tmp_path, monkeypatch):
     """Those that come while a batch is written, too."""
     log, append = EventLog(str(tmp_path), "bot"), event_log.append_events
-    held, going = threading.Event(), threading.Event()
+    begun, going = threading.Semaphore(0), threading.Semaphore(0)
 
     def slow(*batch):
-        held.set()
-        assert going.wait(20)
+        begun.release()
+        assert going.acquire(timeout=20)
         return append(*batch)
 
     monkeypatch.setattr("silo.state.events.append_events", slow)
-    log.add(line(0, text="a"))
-    assert held.wait(20)
+    first = log.add(line(0, text="a"))
+    assert begun.acquire(timeout=20)
     last = log.add(line(0, text="b"))
     append(tmp_path, "bot", [line(1, text="other"), line(2, text="another")])
-    going.set()
-    assert log.wait_written(last.number + 2, 20)
+    going.release()
+    assert begun.acquire(timeout=20)  # the second batch
+    assert log.settled(first, 0).number == 3
+    assert log.settled(last, 0) is None
+    going.release()
+    assert (log.settled(last, 20).number, log.settle(0)) == (4, 4)
+    going.release(9)
     log.stop()
     assert [(event.text, event.number) for event in read_events(tmp_path, "bot")] == [
         ("other", 1), ("another", 2), ("a", 3), ("b", 4),
