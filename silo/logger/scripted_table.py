@@ -303,8 +303,14 @@ class ScriptedTable:
             SourceError: it is no number and no array of numbers.
             ElementError: it has another shape than the first one, or a type that can't be kept in it.
         """
-        given = as_numbers(name, value)
         made = self._values.get((name, options.get("group", "")))
+        if made is not None and (
+            (type(value) is float and not made.shape and made.dtype.char == "d")
+            or (type(value) is np.ndarray and value.shape == made.shape and value.dtype == made.dtype)
+        ):  # as it was before: what follows would say the same, in several times the time
+            made[...] = value
+            return
+        given = as_numbers(name, value)
         if made is None:
             made = self.array(name, given.shape, given.dtype, **options)
             self._values[name, options.get("group", "")] = made

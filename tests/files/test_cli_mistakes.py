@@ -180,7 +180,11 @@ def test_a_closed_or_full_end_is_no_traceback(line, end, folder, runtime_folder)
     assert done.returncode in CODES | {120, 141}
 
 
-def test_who_asks_for_a_type_to_convert_to_is_told_what_says_it(outcome):
-    code, said = outcome("convert", "good.silo", "--type", "csv")
+@pytest.mark.parametrize(
+    ("words", "way"),
+    [("--type csv", "OUT.csv"), ("--to mcap", "OUT.mcap"), ("--to bag", "OUT, a folder without an ending, is a bag")],
+)
+def test_who_asks_for_a_type_to_convert_to_is_told_what_says_it(outcome, words, way):
+    code, said = outcome("convert", "good.silo", "out", *words.split())
     assert code == 2
-    assert "the ending of OUT says the format: silo convert IN OUT.csv" in said
+    assert f"the ending of OUT says the format: silo convert IN {way}" in said

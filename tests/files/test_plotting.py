@@ -81,6 +81,15 @@ class TestText:
         assert len(rows) <= max(height, 8)
         assert max(map(len, rows)) <= max(width, 30)
 
+    def test_many_events_leave_room_for_the_curve(self):
+        x = np.linspace(0, 5, 500)
+        chart = Chart([Curve("q", x, np.sin(x))], "", "s", "rad", events=[(0.01 * i, "hit") for i in range(20)])
+        drawn = draw_text(chart, 70, 8, color=False).split("\n")
+        assert len(drawn) == 8
+        assert sum(bool(re.search("[⠁-⣿]", row)) for row in drawn) == 2
+        assert drawn[-2].startswith("── q")
+        assert drawn[-1] == "   ... and 20 more"
+
     def test_a_spike_of_one_sample_among_a_million_shows(self):
         values = np.zeros(1_000_000)
         values[123_456] = 1.0

@@ -92,6 +92,31 @@ def test_another_shape_or_kind_is_refused_and_the_value_stays(value, words, new_
     assert logged(log, "x") == [[1.0, 2.0]]
 
 
+@pytest.mark.parametrize(
+    ("first", "then"),
+    [
+        (1.0, [2.0, np.float32(3), 4]),
+        (np.zeros(2), [np.ones(2), [2.0, 3.0], np.array([4, 5]), np.ma.array([6.0, 7.0])]),
+        (np.zeros(2, "f4"), [np.ones(2, "f4"), np.array([2.0, 3.0])]),
+    ],
+)
+def test_each_next_value_is_logged_whatever_it_is_made_of(first, then, new_logger):
+    log = new_logger()
+    log.value("x", first)
+    log.start()
+    for value in then:
+        log.value("x", value)
+        log.collect()
+    assert logged(log, "x") == [np.asarray(value).tolist() for value in then]
+
+
+def test_a_whole_number_takes_no_half(new_logger):
+    log = new_logger()
+    log.value("steps", np.int64(1))
+    with pytest.raises(silo.ElementError, match="began with int64"):
+        log.value("steps", 1.5)
+
+
 @pytest.mark.parametrize("value", ["STANCE", object(), [[1], [2, 3]], {"a": 1}])
 def test_what_is_no_number_is_refused_with_what_to_write(value, new_logger):
     log = new_logger()

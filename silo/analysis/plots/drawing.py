@@ -24,6 +24,7 @@ Floats = NDArray[np.float64]
 
 MIN_WIDTH = 30
 MIN_HEIGHT = 8
+LEAST_DRAWN = 6  # rows: frame, ticks, labels, and two of curves
 MOST_EVENTS = 50  # lines of a plot
 _COLORS = (("blue+", 94), ("orange", 33), ("green+", 92), ("magenta+", 95), ("cyan+", 96), ("red+", 91))
 # without colours curves must differ by shape; one alone is drawn finer
@@ -77,9 +78,9 @@ def draw_text(chart: Chart, width: int = 80, height: int = 24, *, color: bool = 
     """
     width, height = max(width, MIN_WIDTH), max(height, MIN_HEIGHT)
     marks = [_mark(index, len(chart.curves), color) for index in range(len(chart.curves))]
-    # a legend of more than half the height leaves no plot
+    # a legend of more than half the height leaves no plot, nor does one that takes the rows of frame, axis and curves
     legend = [*_legend(chart, marks, width, color), *_level_legend(chart, width, color), *_event_legend(chart, width)]
-    room = max(1, height // 2)
+    room = max(1, min(height // 2, height - LEAST_DRAWN))
     if len(legend) > room:
         legend = [*legend[: room - 1], f"   ... and {len(legend) - room + 1} more"]
     return "\n".join([_draw(chart, marks, width, height - len(legend), color), *legend])

@@ -78,9 +78,19 @@ _CONVERT_HELP = f"""Convert a log to another format, chosen by the ending of OUT
     """
 
 
-def _ending_says(_ctx: click.Context, _param: click.Parameter, value: str | None) -> None:
+def _ending_says(_ctx: click.Context | None, _param: click.Parameter | None, value: str | None) -> None:
     if value is not None:
-        raise click.UsageError(f"the ending of OUT says the format: silo convert IN OUT.{value}")
+        way = "OUT, a folder without an ending, is a bag" if "bag" in value else f"OUT.{value}"
+        raise click.UsageError(f"the ending of OUT says the format: silo convert IN {way}")
+
+
+class _DataSetKind(click.Choice[str]):
+    """What `--to` makes; a format of logs is told of."""
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        if value not in self.choices:
+            _ending_says(ctx, param, value)
+        return super().convert(value, param, ctx)
 
 
 def _of_data_sets(command: _Command) -> _Command:
@@ -133,7 +143,7 @@ def _make_data_set(sources: tuple[str, ...], target: Path, force: bool, options:
 @click.argument("sources", type=LogWord(), metavar="IN...", nargs=-1, required=True, shell_complete=_complete_file)
 @click.argument("target", metavar="OUT", type=TypedPath(path_type=Path))
 @click.option("-f", "--force", is_flag=True, help="Replace OUT if it exists.")
-@click.option("--to", "kind", type=click.Choice(["lerobot", "episodes"]),
+@click.option("--to", "kind", type=_DataSetKind(["lerobot", "episodes"]),
               help="Make a data set of all IN, in the folder OUT.")  # fmt: skip
 @_of_data_sets
 @click.option("--rate", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="All signals at this rate.")
