@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 import silo.requests  # noqa: F401  # knows all of them
+from silo.cli.codes import EXIT_CODES
 from silo.cli.group import COMMANDS, cli
 from silo.files.formats import FORMATS, Keeps
 from silo.rpc.declaring import Ask, Do, leaves, reply_type
@@ -126,6 +127,7 @@ def mistakes() -> str:
 
 GENERATED: dict[str, Page] = {
     "commands": commands,
+    "exit_codes": lambda: _table(("code", "means"), ((str(code), means) for code, means in EXIT_CODES.items())),
     "keys": keys,
     "requests": requests,
     "formats": formats,

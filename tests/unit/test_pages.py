@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 import pytest
 
+from silo.cli import codes
 from silo.cli.group import cli
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -64,3 +65,11 @@ def test_the_python_of_a_page_is_python(page):
 
 def test_the_readme_is_read_in_one_sitting():
     assert len((ROOT / "README.md").read_text().split()) <= README_WORDS
+
+
+def test_each_exit_code_is_one_of_the_table_of_the_reference():
+    used = {value for name, value in vars(codes).items() if name.startswith("EXIT_") and isinstance(value, int)}
+    assert {0, *used} == set(codes.EXIT_CODES)
+    modules = [one for one in (ROOT / "silo/cli").rglob("*.py") if one.name != "codes.py"]
+    own = r"^EXIT_\w+ *=|(?:SystemExit|exit)\([1-9]|exit_code = [1-9]"
+    assert not [f"{one}: {line}" for one in modules for line in re.findall(own, one.read_text(), re.M)]

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from silo.conditions.requests import Alarms
     from silo.conditions.standing import LimitStatus
 
-EXIT_VIOLATED = EXIT_FAILED
 FOLLOW_S = 0.5
 
 
@@ -58,7 +57,7 @@ def alarms(logger: str | None, follow: bool, all_limits: bool, seen: bool, as_js
 
 def _code(found: "Alarms") -> int:
     if any(one.violated for one in found.limits):
-        return EXIT_VIOLATED
+        return EXIT_FAILED
     return EXIT_BLIND if any(one.word.value == "~~" for one in found.limits) else 0
 
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from silo.analysis.check import Finding
     from silo.core.elements import SignalLimits
 
-EXIT_VIOLATED = EXIT_FAILED
-
 
 @click.command("check")
 @click.argument("file", type=LogWord())
@@ -80,7 +78,7 @@ def check_command(
     for warning in recording.warnings:
         click.echo(f"warning: {warning}", err=True)
     if any(one.violated for one in found):
-        return EXIT_VIOLATED
+        return EXIT_FAILED
     return EXIT_BLIND if all(one.worst == "UNOBSERVABLE" for one in found) else 0
 
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import click
 
+from silo.cli.codes import EXIT_FAILED
 from silo.cli.common import progress, show_json, show_rows
 from silo.core.quantities.writing import many, size_text
 from silo.errors import SaveError
 
 MOST_ROWS = 100
-EXIT_NOT_ALL = 1
 
 
 @click.command("query")
@@ -87,7 +87,7 @@ def archive(
             wrong = there.check(lambda done, total: tell(done, total) if tell is not None else None)
         _name(wrong)
         click.echo(f"{many(len(there.manifest()), 'run')}, {len(wrong)} not as archived")
-        return EXIT_NOT_ALL if wrong else 0
+        return EXIT_FAILED if wrong else 0
     with progress("archive") as tell:
         found = runs(*folders, where=where, since=since, until=until)
         done = there.add(found, lambda done, total: tell(done, total) if tell is not None else None, name)
@@ -96,7 +96,7 @@ def archive(
         f"{to}: {many(len(done.added), 'run')} added ({size_text(done.bytes)}), {done.kept} there already, "
         f"{len(done.problems)} not archived"
     )
-    return EXIT_NOT_ALL if done.problems else 0
+    return EXIT_FAILED if done.problems else 0
 
 
 def _asked(places: tuple[str, ...], where: str) -> Any:

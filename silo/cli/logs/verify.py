@@ -5,13 +5,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+from silo.cli.codes import EXIT_FAILED
 from silo.cli.common import TypedPath, json_option, show_json, show_rows
 from silo.core.quantities.writing import many
 
 if TYPE_CHECKING:
     from silo.verify.folder import RunCovered, Verified
-
-EXIT_NOT_WHOLE = 1
 
 
 @click.command()
@@ -40,7 +39,7 @@ def verify(folder: Path, as_json: bool) -> int:
         show_json(found)
     else:
         _show(found)
-    return EXIT_NOT_WHOLE if found.problems else 0
+    return EXIT_FAILED if found.problems else 0
 
 
 def _show(found: "Verified") -> None:
