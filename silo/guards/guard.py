@@ -14,7 +14,7 @@ from silo.core.recording import Recording
 from silo.errors import ElementError, ScriptError
 from silo.files.atomic import atomic_file
 from silo.guards.rules import NEW, Bound, Rule
-from silo.run_index.facts import Facts, facts_of
+from silo.run_index.facts import IndexedRun, facts_of
 from silo.run_index.tables import short
 from silo.run_index.where import Query
 
@@ -69,9 +69,9 @@ class _Pair:
 
     def __init__(self, run: Recording, baseline: Recording | None) -> None:
         self.run, self.good = run, baseline
-        self._facts: dict[int, Facts] = {}
+        self._facts: dict[int, IndexedRun] = {}
 
-    def facts(self, recording: Recording) -> Facts:
+    def facts(self, recording: Recording) -> IndexedRun:
         """Return what an index would keep of one of them."""
         if id(recording) not in self._facts:
             self._facts[id(recording)] = facts_of(recording, "", 0, Path())

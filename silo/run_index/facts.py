@@ -95,7 +95,7 @@ class EventFacts(msgspec.Struct, frozen=True, array_like=True):
     who: str
 
 
-class Facts(NamedTuple):
+class IndexedRun(NamedTuple):
     """All that the index keeps of a run; parts: of each signal the numbers of each episode, of shape (episodes, 7)."""
 
     run: RunFacts
@@ -104,7 +104,7 @@ class Facts(NamedTuple):
     parts: Sequence[NDArray[np.float64]] = ()
 
 
-def read_facts(root: Path, name: str, size_bytes: int) -> Facts:
+def read_facts(root: Path, name: str, size_bytes: int) -> IndexedRun:
     """Read a log below a folder as a whole; one that can't be read says why."""
     path = root / name
     try:
@@ -113,10 +113,10 @@ def read_facts(root: Path, name: str, size_bytes: int) -> Facts:
     except (SiloError, OSError, MemoryError) as error:
         begun_ns = path.stat().st_mtime_ns if path.exists() else 0
         problem = str(error) or type(error).__name__
-        return Facts(RunFacts(name, begun_ns=begun_ns, size_bytes=size_bytes, problem=problem))
+        return IndexedRun(RunFacts(name, begun_ns=begun_ns, size_bytes=size_bytes, problem=problem))
 
 
-def facts_of(recording: Recording, name: str, size_bytes: int, path: Path) -> Facts:
+def facts_of(recording: Recording, name: str, size_bytes: int, path: Path) -> IndexedRun:
     """Return what the index keeps of a recording. Raises SiloError, OSError where it can't be read as a whole."""
     facts = _facts(recording, name, size_bytes, path)
     read_ahead(recording.elements)
@@ -136,7 +136,7 @@ def facts_of(recording: Recording, name: str, size_bytes: int, path: Path) -> Fa
         EventFacts((one.at_ns - begin_ns) * 1e-9, one.tick, one.time_ns, one.kind, one.text, one.who)
         for one in recording.events
     ]
-    return Facts(facts, signals, events, parts)
+    return IndexedRun(facts, signals, events, parts)
 
 
 def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunFacts:
@@ -201,7 +201,7 @@ def _of_signal(
 
 
 def signal_facts(name: str, element: str, unit: str, numbers: Sequence[float], kind: str) -> SignalFacts:
-    """Return them of numbers as `Facts.parts` has them; NaN is None."""
+    """Return them of numbers as `IndexedRun.parts` has them; NaN is None."""
     least, most, mean, std, rms, last = (None if math.isnan(one) else float(one) for one in numbers[1:])
     return SignalFacts(name, element, unit, int(numbers[0]), least, most, mean, std, rms, last, kind)
 

@@ -289,11 +289,6 @@ def phrase(name: str, value: OptionValue) -> str:
     return word.phrase or word.word
 
 
-def format_settings(options: ElementOptions) -> str:
-    """Options as `read_settings` takes them: `enabled=on divider=1 action=save buffer=looping size=100`."""
-    return " ".join(f"{option.keys[0]}={typed_form(option.name, getattr(options, option.name))}" for option in OPTIONS)
-
-
 def examples(option: ElementOption) -> str:
     """What may be typed for an option, in a few words."""
     return " ".join(option.examples or [word.word for word in option.words])

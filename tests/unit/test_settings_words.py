@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from silo.core.elements import DEFAULT_OPTIONS, MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, ElementOptions
 from silo.errors import ElementError
 from silo.settings.options import OPTIONS, option_problems, raw_problems
-from silo.settings.typed import apply_settings, completions, format_settings, help_rows, read_options, read_settings
+from silo.settings.typed import apply_settings, completions, help_rows, read_options, read_settings, typed_form
 
 options = st.builds(
     ElementOptions,
@@ -31,7 +31,8 @@ def complaint(*words: str, now: ElementOptions = DEFAULT_OPTIONS) -> str:
 
 @given(options, options)
 def test_options_that_are_written_as_words_read_back(wanted: ElementOptions, now: ElementOptions) -> None:
-    assert made(*format_settings(wanted).split(), now=now) == wanted
+    words = [f"{option.keys[0]}={typed_form(option.name, getattr(wanted, option.name))}" for option in OPTIONS]
+    assert made(*words, now=now) == wanted
 
 
 @given(st.text(max_size=12), st.sampled_from([key for option in OPTIONS for key in option.keys]))

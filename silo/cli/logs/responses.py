@@ -3,7 +3,7 @@
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
@@ -38,16 +38,7 @@ def _words(command: _Command) -> _Command:
 @_words
 @click.option("--segment", type=float, metavar="S", help="How long a window is; a third of it all if not given.")
 def bode(
-    file: str,
-    given: str,
-    output: str,
-    start: float | None,
-    stop: float | None,
-    png: Path | None,
-    width: int | None,
-    height: int | None,
-    as_json: bool,
-    segment: float | None,
+    file: str, given: str, output: str, start: float | None, stop: float | None, segment: float | None, **shown: Any
 ) -> None:
     """Draw the transfer function from one signal to another: magnitude, phase, coherence.
 
@@ -63,26 +54,13 @@ def bode(
 
     log, title = _opened(file, given, output)
     found = log.bode(given, output, start, stop, segment_s=segment)
-    if as_json:
-        show_json({name: values.tolist() for name, values in found._asdict().items()})
-    else:
-        _draw(bode_charts(found, title), png, width, height)
+    _show(found, bode_charts(found, title), **shown)
     _warn(log.recording)
 
 
 @click.command("step")
 @_words
-def step(
-    file: str,
-    given: str,
-    output: str,
-    start: float | None,
-    stop: float | None,
-    png: Path | None,
-    width: int | None,
-    height: int | None,
-    as_json: bool,
-) -> None:
+def step(file: str, given: str, output: str, start: float | None, stop: float | None, **shown: Any) -> None:
     """Draw how one signal answers to the largest step of another, with rise time and overshoot.
 
     Without a window it is that of the last step by which IN was excited (`silo excite`), else of the whole log.
@@ -96,14 +74,9 @@ def step(
 
     log, title = _opened(file, given, output)
     found = log.step(given, output, start, stop)
-    if as_json:
-        facts = found._asdict().items()
-        show_json({name: value.tolist() if hasattr(value, "tolist") else value for name, value in facts})
-    else:
-        unit = log[output].unit
-        _draw([step_chart(found, "" if unit == "-" else unit, title)], png, width, height)
-        for line in step_words(found, log[given].unit, unit):
-            click.echo(line)
+    unit = log[output].unit
+    words = step_words(found, log[given].unit, unit)
+    _show(found, [step_chart(found, "" if unit == "-" else unit, title)], words, **shown)
     _warn(log.recording)
 
 
@@ -114,14 +87,28 @@ def _opened(file: str, given: str, output: str) -> "tuple[Log, str]":
     return Log(_read(path), str(path)), f"{path.name}: {given} to {output}"
 
 
-def _draw(charts: "Sequence[Chart]", png: Path | None, width: int | None, height: int | None) -> None:
+def _show(
+    found: NamedTuple,
+    charts: "Sequence[Chart]",
+    words: Sequence[str] = (),
+    *,
+    png: Path | None,
+    width: int | None,
+    height: int | None,
+    as_json: bool,
+) -> None:
     from silo.analysis.plots.drawing import draw_png, draw_text
 
-    if png is not None:
-        draw_png(charts, png)
-        click.echo(str(png))
+    if as_json:
+        facts = found._asdict().items()
+        show_json({name: value.tolist() if hasattr(value, "tolist") else value for name, value in facts})
         return
     size = shutil.get_terminal_size((80, 24))
     rows = (height or size.lines - 4) // len(charts)
-    for chart in charts:
-        click.echo(draw_text(chart, width or size.columns, rows, color=_wants_color()))
+    if png is not None:
+        draw_png(charts, png)
+        words = [str(png), *words]
+    else:
+        words = [*(draw_text(chart, width or size.columns, rows, color=_wants_color()) for chart in charts), *words]
+    for line in words:
+        click.echo(line)
