@@ -95,6 +95,7 @@ def _follows(names: Sequence[str], place: int, base: str, suffixes: Sequence[str
 
 _AT_POSITION_NAME = re.compile(r"vector_at_position\((?P<vector>[^,]*),(?P<position>[^,]*)\)")
 _AT_POSITION = re.compile(r"(?P<base>.+?)_vector_in_(?P<frame>.+)_frame_x")
+_COMPONENTS = re.compile(r"components\((?P<names>\s*[A-Za-z]\w*\s*(,\s*[A-Za-z]\w*\s*)*)\)")
 _CELL = re.compile(r"(?P<base>.+)_0_0")
 _FIRST = re.compile(r"(?P<base>.+)_0")
 
@@ -130,6 +131,11 @@ def _at_position_suffixes(name: str) -> tuple[str, ...] | None:
         *(f"_vector_in_{vector}_frame{axis}" for axis in _XYZ),
         *(f"_at_position_in_{position}_frame{axis}" for axis in _XYZ),
     )
+
+
+def _component_suffixes(name: str) -> tuple[str, ...] | None:
+    match = _COMPONENTS.fullmatch(name)
+    return None if match is None else tuple(f"_{one.strip()}" for one in match["names"].split(","))
 
 
 def _find_at_position(names: Sequence[str], place: int) -> Found | None:
@@ -185,7 +191,7 @@ VECTOR = Kind(
     array=True,
     find=_find_vector,
 )
-ARRAY = Kind("array", array=True)
+ARRAY = Kind("array", shown="components(NAME, NAME, ...)", read_name=_component_suffixes, array=True)
 MATRIX = Kind("matrix", array=True, sizes=("rows", "cols"), find=_find_matrix)
 COMPLEX = Kind("complex", suffixes=("_real", "_imag"))
 STRUCT = Kind("struct")

@@ -8,6 +8,7 @@ The first that finds something counts:
 | `joints/q`, `/joints/q` | that with the logger's prefix before it |
 | `q`, `log/joints/q` | every name that ends so behind a `/` |
 | `joints/q/x`, `joints/q[0]` | the scalar `joints/q_x`, `joints/q_0`, in bags of others `joints/q/x` |
+| `forward` | every component of this name: `base/command_forward` |
 | `joints` | what is in this namespace: a whole one, one behind the prefix, one anywhere |
 | `*q`, `joints/*` | a glob (`*` crosses `/`), behind any `/` unless it begins with `/` or `*` |
 
@@ -92,6 +93,7 @@ class Names:
             others = _other_spellings(text)
             yield [self._scalars[key] for other in others for key in self.keys(other) if key in self._scalars][:1]
             yield [one for other in others for one in self._ending(other.strip("/"), scalars)]
+            yield self._components.get(bare, [])
         if namespaces and not is_glob(text):
             yield self._inside(tuple(f"{key.rstrip('/')}/" for key in self.keys(text)))
             yield [(place, None) for name, place in self.places.items() if f"/{bare}/" in name]
@@ -128,6 +130,16 @@ class Names:
             for number, name in enumerate(names):
                 if name not in self.places:
                     found.setdefault(name, (place, number))
+        return found
+
+    @cached_property
+    def _components(self) -> dict[str, list[Found]]:
+        """Scalars by the names of components, where they have more than a number or an axis."""
+        found: dict[str, list[Found]] = {}
+        for name, one in self._scalars.items():
+            called = component_name(name.removeprefix(self.names[one[0]]))
+            if is_word(called):
+                found.setdefault(called, []).append(one)
         return found
 
     @cached_property
@@ -175,6 +187,17 @@ def did_you_mean(near: Iterable[str], otherwise: str = "") -> str:
     return f"; did you mean {words}?" if words else f"; {otherwise}" if otherwise else ""
 
 
+def component_name(suffix: str) -> str:
+    """Return what a component is called where it stands below its element: `forward`, `[3]`, `[0,1]`."""
+    bare = suffix.removeprefix("_")
+    return f"[{bare.replace('_', ',')}]" if bare and not bare.strip("_0123456789") else bare
+
+
+def is_word(component: str) -> bool:
+    """Return whether a component has a name that says which one it is; a number or an axis is that of many others."""
+    return len(component) > 1 and not component.startswith("[")
+
+
 def is_glob(text: str) -> bool:
     """Return whether a text is a pattern of names."""
     return any(letter in text for letter in "*?[")
@@ -196,7 +219,7 @@ def begun(names: Sequence[str], incomplete: str) -> list[str]:
 
 
 def _other_spellings(text: str) -> list[str]:
-    """How else a scalar may be named: `q_x`, `q/x` and `q[x]` are the same one."""
+    """How else a scalar may be named: `q_x`, `q/x` and `q[x]` are the same one, `q_0_1` and `q[0,1]`."""
     stem, _, last = text.rpartition("/")
     front, _, end = text.rpartition("_")
     bare, bracket, number = text.removesuffix("]").partition("[")
@@ -205,7 +228,7 @@ def _other_spellings(text: str) -> list[str]:
         for one in (
             stem and last and f"{stem}_{last}",
             front and end and f"{front}/{end}",
-            bracket and f"{bare}_{number}",
+            bracket and f"{bare}_{number.replace(',', '_')}",
         )
         if one
     ]

@@ -157,7 +157,8 @@ class ScriptedTable:
             attr: a dotted path to an attribute of `source`.
             enabled: whether it is logged.
             kind: how numbers belong together, in their order in memory (`quaternion`, `quaternion_wxyz`, `angle_axis`,
-                `pose`, `twist`, `vector_at_position(A, B)`, `array` for plain indices).
+                `pose`, `twist`, `vector_at_position(A, B)`, `array` for plain indices; `components(FL_hip, FL_knee)`
+                names each).
             labels: names of an integer's values: an enumeration, or a mapping.
             description: a line about it, kept in files.
             string_bytes: room for a string, in bytes.

@@ -247,7 +247,7 @@ class ElementsScreen(SiloScreen):
         table, rows, name = self.session.table, self.session.rows, typed.rest
         row = table.row(name)
         if row is None:
-            found = [each for each, folded in enumerate(table.folded) if name.casefold() in folded]
+            found = [at for at, names in enumerate(table.searched) if any(name.casefold() in each for each in names)]
             if not found or not name:
                 raise ValueError(f"no element has {name!r} in its name")
             row = found[0]

@@ -19,6 +19,7 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from silo.core.names import component_name
 from silo_tui.model.samples.live import cells_of_value
 from silo_tui.model.table.cells import ENTRY, Sight
 from silo_tui.model.table.columns import (
@@ -437,9 +438,9 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         quiet = "" if is_cursor else "table--quiet"
         room = self.laid.rest - FLAGS
         if row is not None and entry is not None:
-            suffix = self.session.table.elements[row].entries[entry].suffix
+            called = component_name(self.session.table.elements[row].entries[entry].suffix)
             yield Segment("  ", self._style(*base))
-            yield Segment(fitted(f"{indent or '  '}  {suffix}", room), self._style(*base, quiet))
+            yield Segment(fitted(f"{indent or '  '}  {called}", room), self._style(*base, quiet))
             return
         branch = self.rows.tree.branches[-1 - line]
         pending, conflicts = self._pending[:, branch.rows].any(), self._conflicts[:, branch.rows].any()

@@ -14,6 +14,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from silo.core.elements import ElementInfo
+from silo.core.names import component_name
 from silo.core.quantities.writing import many
 from silo.rpc.published import NOT_LIVE_TEXTS
 from silo_tui.actions import key_of
@@ -263,11 +264,12 @@ class Inspector(Guarded, Widget):
             pane.append(entry_text(entry, float(reading.newest[0]), reading.texts.get(0), 30) + "\n", style=style)
             return
         entries = element.entries[:MAX_VALUES]
-        left = min(18, max(len(entry.suffix) for entry in entries) + 1)
+        called = [component_name(entry.suffix) for entry in entries]
+        left = min(18, max(map(len, called)) + 1)
         room = min(16, max(8, self.content_size.width - left))
         for position, entry in enumerate(entries):
             word = entry_text(entry, float(reading.newest[position]), reading.texts.get(position), room)
-            pane.append(entry.suffix[:left].ljust(left), style=self._quiet)
+            pane.append(called[position][: left - 1].ljust(left), style=self._quiet)
             pane.append(f"{word:>{room}}\n", style=style)
         if len(element.entries) > MAX_VALUES:
             pane.append(
@@ -299,7 +301,7 @@ class Inspector(Guarded, Widget):
             bottom, top, origin = text.axis_ends(*scale, piece.base)
             ends = f"{bottom} … {top}" + (f" from {origin}" if origin else "") if found else signs_of(piece.marks)
             prefix = self.session.table.elements[row].name
-            title = f"{name[len(prefix) :] or 'value'}  {ends}"
+            title = f"{component_name(name[len(prefix) :]) or 'value'}  {ends}"
             span = text.span(min(columns.count, shown_columns) * columns.column_ns / 1e9)
             pane.append(f"{title}  {span}\n", style=self._quiet)
             for line in small_plot(piece, scale, max(8, width), height):

@@ -17,7 +17,10 @@ from silo.files.formats import FORMATS, Keeps, read_recording, writer_for
 
 NUMBERS = ("<f8", "<f4", "<f2", "|i1", "<i2", "<i4", "<i8", "|u1", "<u2", "<u4", "<u8", "|b1")
 TYPES = (*NUMBERS, "<f16", "<M8[ns]", "<M8[D]", "<m8[us]", "|S5", "<U4")
-GIVEN = [name for kind in KINDS for name in kind.orders] + [vector_at_position("world", "base")]
+GIVEN = [name for kind in KINDS for name in kind.orders] + [
+    vector_at_position("world", "base"),
+    "components(FL_hip, knee)",
+]
 SHAPES = [(), (1,), (1, 3), (2,), (3,), (2, 2), (3, 1), (2, 1, 2)]
 READ = [one for one in FORMATS if one.reader and one.writer]
 LETTERS = st.text("aäΩ \"',#-b", max_size=4).map(lambda text: text.rstrip("-"))
@@ -61,7 +64,7 @@ def elements(draw, name, ticks):
     dtype, text, labels = draw(st.sampled_from(TYPES)), "", None
     if sort == "kind":
         kind, layout = kind_given(draw(st.sampled_from(GIVEN)))
-        kind_name, shape, suffixes = kind.name, kind.shape, list(layout)
+        kind_name, shape, suffixes = kind.name, (len(layout),), list(layout)
         types = [dtype] * len(suffixes)
     elif sort == "struct":
         fields = np.dtype([("a", "<f8"), ("b", dtype, (2,)), ("z", "<c8")])

@@ -9,8 +9,8 @@ import pytest
 import silo
 from silo.analysis.plots.curves import pick
 from silo.cli.edits import select
-from silo.core.elements import Table
-from silo.core.names import Names, begun, matching
+from silo.core.elements import ElementInfo, ElementOptions, Entry, Table
+from silo.core.names import Names, begun, component_name, is_word, matching
 from silo.errors import ElementError, LogWarning, UnknownNameError
 from silo.expressions.binding import bind
 from silo.judging.definitions import table_catalogue
@@ -51,6 +51,37 @@ def shown(table, text):
     state.prefix = "/log"
     mask = filters.parse(text).mask(state, np.zeros(len(state), bool))
     return [state.names[row] for row in np.flatnonzero(mask)]
+
+
+@pytest.fixture(scope="module")
+def walker():
+    """A table of elements with named components."""
+    layouts = {"/log/command": ("_forward", "_turn"), "/log/legs/q": ("_FL_hip", "_FR_hip"), "/log/m": ("_0_0", "_0_1")}
+    return [
+        ElementInfo(name, "-", "array", (2,), tuple(Entry(suffix, "<f8") for suffix in suffixes), ElementOptions())
+        for name, suffixes in layouts.items()
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "owner", "suffix"),
+    [
+        ("forward", "/log/command", "_forward"), ("command/turn", "/log/command", "_turn"),
+        ("FR_hip", "/log/legs/q", "_FR_hip"), ("q[FL_hip]", "/log/legs/q", "_FL_hip"), ("m[0,1]", "/log/m", "_0_1"),
+    ],
+)  # fmt: skip
+def test_a_component_is_found_by_its_name_at_every_door(walker, text, owner, suffix):
+    catalogue = table_catalogue(walker, "/log")
+    assert [catalogue.name(*one) for one in catalogue.find(text)] == [owner + suffix]
+    assert named_in(f"abs({text}) > 1", walker, "/log") == [owner]
+    if "[" not in text and "/" not in text:
+        assert shown(Table(1, walker), text.lower()) == [owner]
+
+
+def test_numbers_and_axes_of_components_are_no_names():
+    assert [component_name(suffix) for suffix in ("_3", "_0_1", "_x", "_0_x", "")] == ["[3]", "[0,1]", "x", "0_x", ""]
+    assert not any(map(is_word, ("[3]", "[0,1]", "x", "")))
+    assert is_word("forward")
 
 
 def meant(door, logger, text):

@@ -127,6 +127,16 @@ def test_a_vector_at_a_position_names_both_frames():
     ]
 
 
+def test_components_are_called_by_the_names_that_are_given():
+    kind = "components(FL_hip, knee)"
+    assert suffixes(np.zeros((2, 2)), kind=kind) == ["_0_FL_hip", "_0_knee", "_1_FL_hip", "_1_knee"]
+    for wrong in ("components(a b)", "components()", "components(0, 1)"):
+        with pytest.raises(ElementError, match=r"unknown kind .* components\(NAME, NAME, ...\)"):
+            parts_of(np.zeros(2), kind=wrong)
+    with pytest.raises(ElementError, match="2 of its values are named"):
+        parts_of(np.zeros(2), kind="components(a, a)")
+
+
 def test_a_list_of_quaternions_has_the_kind_in_its_last_dimension():
     assert suffixes(np.zeros((2, 4)), kind="quaternion")[3:5] == ["_0_w", "_1_x"]
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.kinds import KINDS, STRUCT, Kind, kind_named
+from silo.core.kinds import ARRAY, KINDS, STRUCT, Kind, is_complex, kind_named
 from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import SaveError
 
@@ -267,7 +267,8 @@ def _message(element: RecordedElement, indices: list[int], wires: list[_Wire]) -
         value = (f"geometry_msgs/{kind.message.name}", kind.message.field)
         type_ = _stamped(f"geometry_msgs/msg/{kind.message.name}Stamped", value)
         return Channel("", 0, type_, parts, offset + 8 * len(parts))
-    if uniform and kind.array:
+    called = kind is ARRAY and suffixes[0].strip("_0123456789") and not is_complex("", element.shape, suffixes)
+    if uniform and kind.array and not called:
         return _array(element, kind, indices, wires[0])
     return _struct(suffixes, indices, wires)
 

@@ -165,7 +165,7 @@ def judge(log: Logger) -> None:
     """
     if log._extras != NO_EXTRAS or "/log/base/euler" not in log:
         return
-    log.derive("tilt", "hypot(base/euler_0, base/euler_1)", group="base", unit="rad")
+    log.derive("tilt", "hypot(base/euler_roll, base/euler_pitch)", group="base", unit="rad")
     log.limit("base/tilt", (None, None, 0.08, 0.15), hysteresis=0.01)
     log.trigger("slip", "base/tilt > 0.1", pre=1.0, post=1.0, holdoff=2.0, keep=20, armed=False)
 

@@ -174,8 +174,8 @@ _BODY = (
     ),
     DemoSignal("base.twist", "m/s", 1, LIVE, "in the base frame", start=np.zeros(6), kind="twist"),
     DemoSignal("base.acceleration", "m/s^2", 1, LIVE, "in the world", start=np.zeros(3)),
-    DemoSignal("base.euler", "rad", 4, LIVE, "roll, pitch, yaw", start=np.zeros(3), kind="array"),
-    DemoSignal("base.command", "m/s", 4, LIVE, "forward, left, turn", start=np.zeros(3), kind="array"),
+    DemoSignal("base.euler", "rad", 4, LIVE, start=np.zeros(3), kind="components(roll, pitch, yaw)"),
+    DemoSignal("base.command", "m/s", 4, LIVE, start=np.zeros(3), kind="components(forward, left, turn)"),
     DemoSignal("base.centre_of_mass", "m", 4, start=np.zeros(3)),
     DemoSignal("base.inertia", "kg m^2", 400, start=np.diag([1.1, 2.9, 3.2]), buffer=FIXED, size=1),
     DemoSignal("controller.gait", "-", 1, LIVE, start=Gait.STAND),
@@ -236,7 +236,11 @@ _SOFTWARE = (
 
 # all twelve in one element
 _WHOLE = tuple(
-    row._replace(name=f"joints.{row.name}", description="all twelve in one element")
+    row._replace(
+        name=f"joints.{row.name}",
+        description="all twelve in one element",
+        kind=f"components({', '.join(f'{leg}_{joint}' for leg in LEGS for joint in JOINTS)})",
+    )
     for row in _JOINT
     if row.name in ("position", "velocity", "torque")
 )

@@ -11,7 +11,7 @@ from silo.analysis.parameters import LoggedExcitation, ToldExcitation, excitatio
 from silo.analysis.responses import excites
 from silo.analysis.signal import Signal
 from silo.core.elements import ElementInfo, LoggedEvent
-from silo.core.names import Names
+from silo.core.names import Names, component_name
 from silo.errors import ElementError
 from silo_tui.model.words import text
 
@@ -41,7 +41,7 @@ def named_signal(elements: Sequence[ElementInfo], prefix: str, typed: str) -> Si
     place, index = found[0]
     info = elements[place]
     if index is None and len(info.entries) > 1:
-        return SignalName(info.name, info, tuple(entry.suffix.lstrip("_") for entry in info.entries))
+        return SignalName(info.name, info, tuple(component_name(entry.suffix) for entry in info.entries))
     return SignalName(entries[place][index or 0], info)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from silo.core.arrays.values import EXACT
 from silo.core.elements import ElementInfo, Entry
+from silo.core.names import component_name
 from silo.rpc.frames import Frame
 from silo.rpc.published import NotLive
 from silo_tui.model.drawing.columns import Floats
@@ -173,7 +174,8 @@ def component_text(
         norm = float(np.sqrt(np.square(reading.newest).sum())) if math.isnan(told) else told
         return f"|{len(element.entries)}| " + text.number(norm, max(6, width - 4), decimals=decimals)
     entry = element.entries[chosen - 2]
-    label = f"{entry.suffix} " if named and len(entry.suffix) + 7 <= width else ""
+    called = component_name(entry.suffix)
+    label = f"{called} " if named and len(called) + 7 <= width else ""
     word = reading.texts.get(chosen - 2)
     return label + entry_text(entry, float(reading.newest[chosen - 2]), word, max(6, width - len(label)), decimals)
 

@@ -145,10 +145,10 @@ def _by_glob(pattern: str) -> Test:
     """Return a test of names by a pattern, as commands mean it."""
 
     def test(table: TableState, marked: Mask) -> Mask:
-        names = Names(table.folded, table.prefix.casefold())
+        names = Names([found[0] for found in table.searched], table.prefix.casefold(), lambda: table.searched)
         found = np.zeros(len(table), np.bool_)
         anywhere = [] if pattern.startswith("/") else names.part_of(pattern)
-        found[[place for place, _ in names.find(pattern) or anywhere]] = True
+        found[[place for place, _ in names.find(pattern, scalars=True) or anywhere]] = True
         return found
 
     return test
@@ -165,8 +165,10 @@ def _regex(pattern: str) -> Test | str | None:
 
 
 def _by_name(passes: Callable[[str], bool]) -> Test:
-    """Return a test of names in small letters."""
-    return lambda table, marked: np.fromiter((passes(name) for name in table.folded), np.bool_, len(table))
+    """Return a test of names in small letters, of elements and of their components."""
+    return lambda table, marked: np.fromiter(
+        (any(map(passes, names)) for names in table.searched), np.bool_, len(table)
+    )
 
 
 def _flag(word: str) -> Test:

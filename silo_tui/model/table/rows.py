@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from silo.core.arrays.columns import Floats
+from silo.core.names import component_name
 from silo.rpc.quantities import NOT_FINITE
 from silo_tui.model.samples.live import has_norm
 from silo_tui.model.table import filter as filters
@@ -190,7 +191,7 @@ class RowList:
         if chosen == 0:
             del self.components[element.name]
             return "its entries side by side"
-        return f"norm |{len(element.entries)}|" if chosen == 1 else element.entries[chosen - 2].suffix
+        return f"norm |{len(element.entries)}|" if chosen == 1 else component_name(element.entries[chosen - 2].suffix)
 
     def component(self, row: int) -> int:
         """Return what is shown of a vector: 0 its entries side by side, 1 the norm, 2 its first entry, 3 the next ...

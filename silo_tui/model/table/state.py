@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import Edit, ElementInfo, Table
+from silo.core.names import component_name, is_word
 from silo_tui.model.samples.live import has_norm
 from silo_tui.model.table.facts import LIMIT_BITS, NOTHING
 from silo_tui.model.table.fields import Field, Ints, options_of, phrase_for, rows_of
@@ -68,7 +69,7 @@ class TableState:
     def __init__(self) -> None:
         self.elements: list[ElementInfo] = []
         self.names: list[str] = []
-        self.folded: list[str] = []
+        self.searched: list[list[str]] = []  # what each row is found by, in small letters: its name, its components
         self._levels: tuple[list[str], str, frozenset[str]] = ([], "", frozenset())  # of which names and prefix
         self.prefix = ""  # that all names share, without a slash at its end; not shown
         self.facts = NOTHING  # the newest survey
@@ -283,6 +284,13 @@ class TableState:
         if names != self.names:
             self._carry_over(names, server)
         self.elements, self.own = elements, len(table.elements)
+        self.searched = [
+            [
+                each.name.casefold(),
+                *((each.name + one.suffix).casefold() for one in each.entries if is_word(component_name(one.suffix))),
+            ]
+            for each in elements
+        ]
         self.mixed = np.array([len(each.entries) > 1 and not has_norm(each) for each in elements], np.bool_)
         self.revision, self._server = table.revision, server
         self._edited &= self._wanted != server
@@ -309,7 +317,7 @@ class TableState:
         wanted[:, new_rows] = self._wanted[:, old_rows]
         based_on[:, new_rows] = self._based_on[:, old_rows]
         self._edited, self._wanted, self._based_on = edited, wanted, based_on
-        self.names, self.folded = names, [name.casefold() for name in names]
+        self.names = names
         self._row_of = {name: row for row, name in enumerate(names)}
         self.forget_history()  # its steps speak of rows that are no more
 
