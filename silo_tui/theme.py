@@ -1,14 +1,19 @@
 """The colours of silo-tui: calm, few, and never the only sign of a state.
 
-Roles: `foreground` text, `quiet` units and titles, `primary` focus and keys, `success` runs, `warning` pending,
-`error` dead and lost, `secondary` marks, `plot` curves; on `background`, `panel` (bars), `boost` (lines to type in) and
-`line` (under the cursor). Each is told from its grounds by a contrast of 4.5 (WCAG), in `silo-contrast` by 7.
+Roles: `foreground` text, `quiet` units and titles, `primary` focus and keys, `success` runs, `plot` curves, and the
+five of `ROLES`: `alarm` over a red limit, failed, lost, in conflict; `warning` over a yellow one, slow, full, blind,
+stopped; `pending` edits that wait; `dead` what no longer answers, or ended; `selected` what is marked. Their signs
+(`HH`, `H`, `*`, `×` and `~`, `>`) stand beside them without colours too. On `background`, `panel` (bars), `boost`
+(lines to type in) and `line` (under the cursor). Each is told from its grounds by a contrast of 4.5 (WCAG), in
+`silo-contrast` by 7. The colours of curves beside each other: `widgets/series.py`.
 """
 
 import os
-from collections.abc import Container
+from collections.abc import Container, Mapping
 
 from textual.theme import Theme
+
+ROLES = ("alarm", "warning", "pending", "dead", "selected")
 
 
 def _theme(name: str, *, dark: bool, grounds: tuple[str, str, str, str], roles: dict[str, str], lines: str) -> Theme:
@@ -17,11 +22,11 @@ def _theme(name: str, *, dark: bool, grounds: tuple[str, str, str, str], roles: 
     return Theme(
         name=name,
         primary=roles["focus"],
-        secondary=roles["mark"],
-        accent=roles["caution"],
+        secondary=roles["selected"],
+        accent=roles["warning"],
         success=roles["good"],
-        warning=roles["caution"],
-        error=roles["bad"],
+        warning=roles["warning"],
+        error=roles["alarm"],
         foreground=roles["text"],
         background=background,
         surface=background,
@@ -44,6 +49,7 @@ def _theme(name: str, *, dark: bool, grounds: tuple[str, str, str, str], roles: 
             "line": line,
             "quiet": roles["quiet"],
             "plot": roles["data"],
+            **{role: roles[role] for role in ROLES},
         },
     )
 
@@ -53,8 +59,8 @@ DARK = _theme(
     dark=True,
     grounds=("#12161b", "#1b2129", "#232a33", "#243448"),
     roles={
-        "text": "#c5ced8", "quiet": "#8d9aa8", "focus": "#6cabf7", "good": "#6bb36f", "caution": "#e0a458",
-        "bad": "#f08a7f", "mark": "#6bc1c9", "data": "#6cb2eb",
+        "text": "#c5ced8", "quiet": "#8d9aa8", "focus": "#6cabf7", "good": "#6bb36f", "data": "#6cb2eb",
+        "alarm": "#f98377", "warning": "#e0a458", "pending": "#c3a6f2", "dead": "#c9a3a3", "selected": "#6bc1c9",
     },
     lines="#3a4552",
 )  # fmt: skip
@@ -63,8 +69,8 @@ LIGHT = _theme(
     dark=False,
     grounds=("#fbfbfa", "#eeeeec", "#e6e6e3", "#d6e4f5"),
     roles={
-        "text": "#24292f", "quiet": "#56606b", "focus": "#1d559c", "good": "#1f6426", "caution": "#7d4d00",
-        "bad": "#a32d23", "mark": "#0f636b", "data": "#2059a3",
+        "text": "#24292f", "quiet": "#56606b", "focus": "#1d559c", "good": "#1f6426", "data": "#2059a3",
+        "alarm": "#a81d12", "warning": "#7d4d00", "pending": "#6a3fa8", "dead": "#74484f", "selected": "#0f636b",
     },
     lines="#b9bfc6",
 )  # fmt: skip
@@ -73,8 +79,8 @@ CONTRAST = _theme(
     dark=True,
     grounds=("#000000", "#141414", "#262626", "#003a70"),
     roles={
-        "text": "#ffffff", "quiet": "#d6d6d6", "focus": "#8cc8ff", "good": "#7dff7d", "caution": "#ffd75f",
-        "bad": "#ffb3ab", "mark": "#7df0ff", "data": "#8cd5ff",
+        "text": "#ffffff", "quiet": "#d6d6d6", "focus": "#8cc8ff", "good": "#7dff7d", "data": "#8cd5ff",
+        "alarm": "#ffb3ab", "warning": "#ffd75f", "pending": "#e0c8ff", "dead": "#d8cfc0", "selected": "#7df0ff",
     },
     lines="#ffffff",
 )  # fmt: skip
@@ -118,11 +124,26 @@ SIXTEEN = Theme(
         "line": "ansi_default",
         "quiet": "ansi_default",
         "plot": "ansi_bright_cyan",
+        "alarm": "ansi_bright_red",
+        "warning": "ansi_yellow",
+        "pending": "ansi_bright_magenta",
+        "dead": "ansi_red",
+        "selected": "ansi_cyan",
     },
 )
 THEMES = (DARK, LIGHT, CONTRAST, SIXTEEN)
 # themes of Textual's own know nothing of ours
-FALLBACK = {"line": "ansi_default", "quiet": "ansi_default", "plot": "ansi_bright_cyan"}
+FALLBACK = {name: SIXTEEN.variables[name] for name in ("line", "quiet", "plot", *ROLES)}
+
+
+def color(variables: Mapping[str, str], name: str) -> str:
+    """Return a colour of the theme as Rich writes it (`ansi_red` is `red` there)."""
+    return variables.get(name, "").removeprefix("ansi_").replace("default", "") or "none"
+
+
+def bold(variables: Mapping[str, str], name: str) -> str:
+    """Return the style of a word that is to be seen; plain for no name."""
+    return f"bold {color(variables, name)}" if name else ""
 
 
 def theme_name(word: str) -> str:

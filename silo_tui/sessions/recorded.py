@@ -88,7 +88,7 @@ class FileSession(Session):
         name = text.shorten_left(self.name, max(8, width - len(silo) - 5 - len(facts) - len(lost)))
         return [
             (0, silo, "bold"), (0, "FILE", "reverse"), (0, f" {name}{facts}", ""),
-            (0, lost, "error" if report.lost else ""),
+            (0, lost, "alarm" if report.lost else ""),
         ]  # fmt: skip
 
     def trouble(self, room: int) -> str:

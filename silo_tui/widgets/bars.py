@@ -20,6 +20,7 @@ from silo_tui.model.words import text
 from silo_tui.model.words.people import head_words as people_head
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import thin_head
+from silo_tui.theme import ROLES, bold, color
 from silo_tui.unforeseen import Guarded
 
 STATISTICS = ("max", "min", "mean", "std")
@@ -112,9 +113,11 @@ class StatusBar(FittingLine):
         session, status, wide = self.session, self.session.status, self.size.width >= 100
         variables = self.app.theme_variables
         if session.at_s is not None:
-            red = f"bold {color(variables, 'error')}"
             told = session.facts_words(self.content_size.width, wide=wide)
-            return [LinePart(rank, words, red if style == "error" else style) for rank, words, style in told]
+            return [
+                LinePart(rank, words, bold(variables, style) if style in ROLES else style)
+                for rank, words, style in told
+            ]
         host = f"{status.host}/" if status.host and self.size.width >= 60 else ""
         parts = [LinePart(8, "silo ", "bold"), LinePart(0, f"{session.address or host + session.name}  ")]
 
@@ -125,11 +128,11 @@ class StatusBar(FittingLine):
             add(0, "connecting …")
             return parts
         if not session.connected:  # what it was; how it stands now nobody knows
-            add(0, f"~ NO LINK {since_words(session.lost_s)}", f"bold {color(variables, 'error')}")
+            add(0, f"~ NO LINK {since_words(session.lost_s)}", bold(variables, "dead"))
             add(5, f", was {status.state.name}")
         else:
-            name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "error"}[status.state]
-            add(0, STATE_SIGNS[status.state], f"bold {color(variables, name)}")
+            name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "dead"}[status.state]
+            add(0, STATE_SIGNS[status.state], bold(variables, name))
             add(6, f" {clock_text(session.run_seconds)}" if status.started_ns else "")
         if self.mode:
             initials = " ".join(some.split()[0] for some in self.mode.split("  ") if some.strip())
@@ -138,11 +141,11 @@ class StatusBar(FittingLine):
         if session.connected:
             self._add_pace(add, wide=wide)
         if lost := session.lost_total:
-            add(0, f"  lost {text.count(lost)}", f"bold {color(variables, 'error')}")
+            add(0, f"  lost {text.count(lost)}", bold(variables, "alarm"))
         elif session.connected:
             add(4, "  lost 0")
         alarm, is_red, watching = head_words(session.triggers, session.limits)
-        style = f"bold {color(variables, 'error' if is_red else 'warning')}"
+        style = bold(variables, "alarm" if is_red else "warning")
         long, short = (f"  {words}" if words else "" for words in alarm)
         parts.append(LinePart(11, long, style, (short,)))  # an alarm never gives way, its words do
         long, short = (f"  {words}" if words else "" for words in watching)
@@ -155,7 +158,7 @@ class StatusBar(FittingLine):
         session, status, variables = self.session, self.session.status, self.app.theme_variables
         caution = color(variables, "warning")
         if status.recorders:
-            add(0, f"  REC {status.recorders}", f"bold {color(variables, 'error')}")
+            add(0, f"  REC {status.recorders}", bold(variables, "success"))
         if status.durable_ticks >= 0:  # storage="disk"
             add(1, f"  durable to tick {text.count(status.durable_ticks)}", "")
         if not session.may_edit or self._read_only:
@@ -173,9 +176,9 @@ class StatusBar(FittingLine):
             add(3, f"  {status.enabled}/{status.elements}" + (" elements" if wide else ""), "")
         rate = session.measured_hz
         if session.running and is_stalled(session.idle_s, status.frequency_hz):
-            add(0, f"  ‼ {idle_words(session.idle_s)}", f"bold {color(variables, 'error')}")
+            add(0, f"  ‼ {idle_words(session.idle_s)}", bold(variables, "alarm"))
         elif session.loop_slow:
-            caution = f"bold {color(variables, 'warning')}"
+            caution = bold(variables, "warning")
             jittery = session.jitter_s and wide
             jitter = f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}" if jittery else ""
             add(0, f"  {rate:.4g} Hz <<", caution)
@@ -186,11 +189,6 @@ class StatusBar(FittingLine):
             add(5, f"  {rate:.4g} Hz" if measured else f"  {nominal}", "")
         if wide:
             add(1, f"  {text.count(session.ticks)} ticks", "")
-
-
-def color(variables: dict[str, str], name: str) -> str:
-    """Return a colour of the theme as Rich writes it (`ansi_red` is `red` there)."""
-    return variables.get(name, "").removeprefix("ansi_").replace("default", "") or "none"
 
 
 def since_words(seconds: float | None) -> str:
@@ -296,7 +294,7 @@ class KeyBar(Guarded, Widget):
     def render(self) -> RenderResult:
         """Return as many keys as fit, close together before one gives way."""
         if self._instead:
-            style = f"bold {color(self.app.theme_variables, 'foreground')}"
+            style = bold(self.app.theme_variables, "foreground")
             return Text(f" {self._instead}", style, no_wrap=True, overflow="ellipsis")
         self._drawn = self._commands()
         words = {word.plain: (word, rank, command.id) for command, rank in self._drawn if (word := self._word(command))}

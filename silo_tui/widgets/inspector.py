@@ -27,8 +27,8 @@ from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
+from silo_tui.theme import color
 from silo_tui.unforeseen import Guarded
-from silo_tui.widgets.bars import color
 
 MAX_PLOTS = 6
 MAX_VALUES = 16
@@ -193,7 +193,7 @@ class Inspector(Guarded, Widget):
             pane.append(f"{field.label:<12} ", style=quiet)
             if pending[field, row]:
                 pane.append(f"{phrase_for(field, int(server[field, row]))} → ")
-                pane.append(phrase_for(field, int(values[field, row])), style=f"underline {self._warning}")
+                pane.append(phrase_for(field, int(values[field, row])), style=f"underline {self._pending}")
                 pane.append(" ! changed by somebody else" if conflicts[field, row] else "")
             else:
                 pane.append(phrase_for(field, int(values[field, row])))
@@ -212,9 +212,9 @@ class Inspector(Guarded, Widget):
             pane.append(text.bar(share, 4 if self.content_size.width < 34 else 8), style=self._plot)
             pane.append(f" {share:.0%}\n")
             if reading.lost:
-                pane.append(f"{'lost':<12} {text.count(reading.lost)}\n", style=self._error)
+                pane.append(f"{'lost':<12} {text.count(reading.lost)}\n", style=self._alarm)
             if reading.failed:
-                pane.append(f"{'not read':<12} at {many(reading.failed, 'tick')}\n", style=self._error)
+                pane.append(f"{'not read':<12} at {many(reading.failed, 'tick')}\n", style=self._alarm)
 
     def _facts_of_file(self, pane: InspectorLines, element: ElementInfo) -> None:
         report = self.session.rows_of[element.name]
@@ -230,7 +230,7 @@ class Inspector(Guarded, Widget):
         if report.failures.count:
             facts.append(("not read", f"at {many(report.failures.count, 'tick')}"))
         for label, words in facts:
-            style = self._error if label == "not read" or (label == "lost" and report.lost) else ""
+            style = self._alarm if label == "not read" or (label == "lost" and report.lost) else ""
             pane.append(f"{label:<9} ", style=self._quiet)
             pane.append(words + "\n", style=style)
         if report.labels:
@@ -312,12 +312,12 @@ class Inspector(Guarded, Widget):
         return color(self.app.theme_variables, "quiet")
 
     @property
-    def _warning(self) -> str:
-        return color(self.app.theme_variables, "warning")
+    def _pending(self) -> str:
+        return color(self.app.theme_variables, "pending")
 
     @property
-    def _error(self) -> str:
-        return color(self.app.theme_variables, "error")
+    def _alarm(self) -> str:
+        return color(self.app.theme_variables, "alarm")
 
     @property
     def _plot(self) -> str:

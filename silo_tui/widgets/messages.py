@@ -11,7 +11,8 @@ from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.table.columns import STEADY
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
-from silo_tui.widgets.bars import LONG, STATISTICS, FittingLine, LinePart, color
+from silo_tui.theme import bold
+from silo_tui.widgets.bars import LONG, STATISTICS, FittingLine, LinePart
 
 
 class MessageLine(FittingLine):
@@ -61,7 +62,7 @@ class MessageLine(FittingLine):
     def below(self, room: int) -> Text:
         """Return facts and the answer, or the answer alone where the line has no room for more."""
         if self._failed:
-            return Text(self.said, style=f"bold {color(self.app.theme_variables, 'error')}")
+            return Text(self.said, style=bold(self.app.theme_variables, "alarm"))
         return Text(self.said) if len(self.said) > room else self.line(room)
 
     def parts(self) -> list[LinePart]:

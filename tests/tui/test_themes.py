@@ -1,6 +1,7 @@
 """Every theme: text is told from its ground (WCAG contrast), and of the sixteen none that can't be seen is used."""
 
 import re
+from pathlib import Path
 
 import pytest
 from textual.color import Color
@@ -10,7 +11,7 @@ from silo_tui.commands.runner import CommandRunner
 from silo_tui.settings.options import OPTION, Settings
 
 GROUNDS = ("background", "panel", "boost")
-TEXTS = ("foreground", "quiet", "primary", "success", "warning", "error", "secondary", "plot")
+TEXTS = ("foreground", "quiet", "primary", "success", "plot", *theme.ROLES)
 TRUE = [each for each in theme.THEMES if not each.ansi]
 
 
@@ -50,8 +51,30 @@ def test_text_is_told_from_the_line_under_the_cursor(of, role):
 
 @pytest.mark.parametrize("of", TRUE, ids=lambda each: each.name)
 def test_a_banner_is_read(of):
-    mixed = Color.parse(of.background).blend(Color.parse(of.error), 0.25)  # as silo.tcss mixes it
+    mixed = Color.parse(of.background).blend(Color.parse(value(of, "dead")), 0.25)  # as silo.tcss mixes it
     assert contrast(of.foreground, mixed.hex) >= 4.5
+
+
+@pytest.mark.parametrize("of", theme.THEMES, ids=lambda each: each.name)
+def test_the_roles_are_told_from_each_other_and_from_text(of):
+    told = [value(of, role) for role in ("foreground", "success", *theme.ROLES)]
+    assert len(set(told)) == len(told)
+    if not of.ansi:
+        apart = [
+            sum(abs(a - b) for a, b in zip(Color.parse(one).rgb, Color.parse(other).rgb, strict=True))
+            for place, one in enumerate(told)
+            for other in told[place + 1 :]
+        ]
+        assert min(apart) >= 45
+
+
+def test_colours_are_named_in_one_place_only():
+    folder = Path(theme.__file__).parent
+    sheets = [*folder.rglob("*.tcss"), *(set(folder.rglob("*.py")) - {folder / "theme.py"})]
+    literal = re.compile(r"#[0-9a-f]{6}\b|bold (?:red|yellow|green|cyan|magenta)|\$(?:error|secondary|accent)\b")
+    assert [
+        (path.name, found) for path in sheets if path.stem != "series" and (found := literal.findall(path.read_text()))
+    ] == []
 
 
 def test_the_sixteen_are_the_terminals_own_without_those_that_are_not_seen():

@@ -18,8 +18,11 @@ STATES = {
 }  # fmt: skip
 WIDE = 110  # from which on there is room for the size of what is left
 STATE_WIDTH, LEAST_WHO = 9, 4
-BAD = (Stands.DEAD, Stands.SILENT, Stands.STALLED, Stands.RED)
-CAUTION = (Stands.MUTE, Stands.FULL, Stands.YELLOW, Stands.SLOW, Stands.LOST)
+ROLE = {
+    **dict.fromkeys((Stands.DEAD, Stands.SILENT), "dead"),
+    **dict.fromkeys((Stands.STALLED, Stands.RED, Stands.LOST), "alarm"),
+    **dict.fromkeys((Stands.MUTE, Stands.FULL, Stands.YELLOW, Stands.SLOW), "warning"),
+}  # as what each of them is drawn, by `silo_tui.theme.ROLES`
 
 
 @dataclass(frozen=True)

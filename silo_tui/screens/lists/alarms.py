@@ -17,7 +17,7 @@ from silo_tui.screens.dialogs.limits import LimitsDialog, LimitsWish
 from silo_tui.screens.lists.conditions import ConditionsScreen
 from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.sessions.live_source import LiveSource
-from silo_tui.widgets.bars import color
+from silo_tui.theme import bold
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -69,7 +69,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         line = Text(limit_row(one, self._names[one.name], width))
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
         if one.is_over or one.word is LimitWord.BLIND:
-            line.stylize(f"bold {color(self.app.theme_variables, 'error' if red else 'warning')}", 0, 2)
+            line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 0, 2)
         return line
 
     def words(self) -> str:

@@ -18,7 +18,7 @@ from silo_tui.actions import key_of
 from silo_tui.model.lists import fleet
 from silo_tui.screens.lists.list_screen import ListScreen
 from silo_tui.sessions.finder import FoundLogger
-from silo_tui.widgets.bars import color
+from silo_tui.theme import bold
 
 WAITING = """No logger is running for this user on this computer; looking again every second.
 
@@ -127,14 +127,12 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
         line = Text(row)
         if not member.here:
             line.stylize("dim")
-        name = "error" if member.stands in fleet.BAD else "warning" if member.stands in fleet.CAUTION else ""
-        if not name and member.running:
-            name = "success"
+        name = fleet.ROLE.get(member.stands, "success" if member.running else "")
         begin = row.find(fleet.STATES.get(member.word, member.word))
         if name and begin >= 0:
-            line.stylize(f"bold {color(variables, name)}", begin, begin + fleet.STATE_WIDTH)
+            line.stylize(bold(variables, name), begin, begin + fleet.STATE_WIDTH)
         if name and member.sign and not one.answer and (at := row.find(f" {member.sign}", begin)) >= 0:
-            line.stylize(f"bold {color(variables, name)}", at, at + 6)
+            line.stylize(bold(variables, name), at, at + 6)
         return line
 
     @property

@@ -26,7 +26,8 @@ from silo_tui.screens.files.opened import open_recording, overlay_recording
 from silo_tui.screens.lists.list_screen import ListScreen
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recordings import Fetching, GivenUpError, here
-from silo_tui.widgets.bars import Banner, StatusBar, color
+from silo_tui.theme import bold
+from silo_tui.widgets.bars import Banner, StatusBar
 
 FOLLOW_S = 0.25
 FIRST, MOST = 200, 10_000  # how many are asked for
@@ -155,8 +156,8 @@ class RecordingsScreen(ListScreen[SavedRecording]):
             line = Text(row, no_wrap=True, overflow="ellipsis")
             full = one.keep_bytes and one.size_bytes >= recorders.FULL_SHARE * one.keep_bytes
             caution = one.state in recorders.CAUTION or full or one.lost
-            name = "error" if one.state in recorders.LOUD else "warning" if caution else "success"
-            line.stylize(f"bold {color(self.app.theme_variables, name)}", 2, 6)
+            name = "alarm" if one.state in recorders.LOUD else "warning" if caution else "success"
+            line.stylize(bold(self.app.theme_variables, name), 2, 6)
             found.append(line)
         return found
 

@@ -21,7 +21,7 @@ from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.screens.dialogs.trigger_editor import TriggerEditor
 from silo_tui.screens.files.opened import open_saved
 from silo_tui.screens.lists.conditions import MOST_PLOTS, ConditionsScreen
-from silo_tui.widgets.bars import color
+from silo_tui.theme import bold
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -70,10 +70,10 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         return f"{one.state.value} {one.options.name} {one.options.when} {one.why}"
 
     def row_of(self, one: TriggerStatus, width: int) -> Text:
-        name = "error" if one.state in LOUD else "warning" if one.state in CAUTION else "success"
+        name = "alarm" if one.state in LOUD else "warning" if one.state in CAUTION else "success"
         line = Text(trigger_row(one, width, name=self._names[one.options.name]))
         quiet = one.state in (TriggerWord.OFF, TriggerWord.WAITING)
-        line.stylize("" if quiet else f"bold {color(self.app.theme_variables, name)}", 2, 12)
+        line.stylize(bold(self.app.theme_variables, "" if quiet else name), 2, 12)
         return line
 
     def words(self) -> str:
