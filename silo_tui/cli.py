@@ -119,7 +119,7 @@ def _address(target: str) -> str:
     if not target.startswith("silo://"):
         return target
     from silo.errors import SiloError
-    from silo.net.addresses import logger_of
+    from silo.net.found import logger_of
 
     try:
         return logger_of(target)

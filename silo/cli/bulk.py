@@ -28,8 +28,7 @@ def many_meant(verb: str, logger: str | None, *, everyone: bool) -> "list[Logger
     ConnectionLostError where there is none.
     """
     from silo.fleet.discovery import not_found_text
-    from silo.net.addresses import logger_of
-    from silo.net.found import is_glob, told_apart
+    from silo.net.found import is_glob, logger_of, told_apart
 
     pattern = logger_of(logger or "")
     if not everyone and not is_glob(pattern):

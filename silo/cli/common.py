@@ -237,8 +237,7 @@ def split_logger(words: Sequence[str], *, or_pattern: bool = False) -> tuple[str
     plain word that names no logger is a pattern too, as long as only one logger can be meant. A URL names its logger,
     and perhaps an element.
     """
-    from silo.net.addresses import is_url, parse_url
-    from silo.net.found import ADDRESS
+    from silo.net.found import ADDRESS, is_url, parse_url
 
     if words and is_url(words[0]):
         url = parse_url(words[0])

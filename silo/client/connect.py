@@ -12,8 +12,7 @@ from silo.core.arguments import text
 from silo.core.calls import told
 from silo.errors import ElementError
 from silo.fleet.discovery import Discovery, discover
-from silo.net.addresses import parse_url
-from silo.net.found import LoggerAddress
+from silo.net.found import LoggerAddress, parse_url
 from silo.rpc.declaring import Ask
 
 if TYPE_CHECKING:

@@ -9,9 +9,8 @@ from silo.errors import ConnectionLostError
 from silo.fleet.fleet import FleetNow, FleetQuestion, looked, who_is_there
 from silo.fleet.near import down_text, near_loggers
 from silo.net import keys
-from silo.net.addresses import logger_of
 from silo.net.folders import ForbiddenFolder
-from silo.net.found import LoggerAddress, is_glob, told_apart
+from silo.net.found import LoggerAddress, is_glob, logger_of, told_apart
 from silo.net.remotes import remotes
 from silo.net.sessions import borrowed
 

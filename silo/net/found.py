@@ -1,17 +1,22 @@
 """A logger that was found, and the words for it: `anymal`, `anymal.4711`, `robot3/anymal`, `robot3~3fa977b2e0/anymal`.
 
-The first two may fit several loggers, the third two robots of one cloned image; the last fits one.
+The first two may fit several loggers, the third two robots of one cloned image; the last fits one. As URLs:
+`silo://robot3/anymal/log/joints/q` is one element of one logger, wherever it is asked for; without a host
+(`silo:///anymal/log/joints/q`) the name alone decides, as everywhere.
 """
 
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from typing import NamedTuple
 
+from silo.errors import ConnectionLostError
 from silo.net.keys import Root
 
 # a host, perhaps with the id that a logger has drawn, and a logger, perhaps with a process id
 ADDRESS = re.compile(r"(?:[A-Za-z0-9][A-Za-z0-9_.-]*(?:~[0-9a-f]+)?/)?[A-Za-z0-9][A-Za-z0-9_.-]*")
+SCHEME = "silo://"
 
 
 @dataclass(frozen=True)
@@ -98,3 +103,52 @@ def told_apart(found: Iterable[LoggerAddress]) -> list[str]:
         return next((address for address in (*here, *mine, one.name) if address not in others), one.label)
 
     return [of(place) for place in range(len(all_found))]
+
+
+class Address(NamedTuple):
+    """What a URL names: a logger (`robot3/anymal`), and an element of it, empty for none."""
+
+    logger: str
+    element: str = ""
+
+
+def is_url(text: str) -> bool:
+    """Return whether this is meant as a URL of ours."""
+    return text.startswith(SCHEME)
+
+
+def parse_url(text: str) -> Address:
+    """Return what a URL names; its element has a leading slash.
+
+    Raises ConnectionLostError for one that names no logger.
+    """
+    host, _, path = text.removeprefix(SCHEME).partition("/")
+    name, _, element = path.partition("/")
+    logger = f"{host}/{name}" if host else name
+    if not is_url(text) or not ADDRESS.fullmatch(logger):
+        raise ConnectionLostError(
+            f"{text}: is no address of a logger: write {SCHEME}HOST/LOGGER or {SCHEME}HOST/LOGGER/ELEMENT, "
+            f"like {SCHEME}robot3/anymal/log/joints/q ({SCHEME}/anymal/... without a host); nothing was asked"
+        )
+    return Address(logger, f"/{element}" if element else "")
+
+
+def logger_of(text: str) -> str:
+    """Return the logger that a word means, a URL or an address.
+
+    Raises ConnectionLostError for a URL that names an element: the whole logger would be more than it says.
+    """
+    if not is_url(text):
+        return text
+    address = parse_url(text)
+    if address.element:
+        raise ConnectionLostError(
+            f"{text}: names an element, and this is for a whole logger: {SCHEME}{address.logger}; nothing was asked"
+        )
+    return address.logger
+
+
+def url_of(address: str, element: str = "") -> str:
+    """Return the URL of a logger's address (`robot3/anymal`, `anymal`), or of one of its elements."""
+    logger = address if "/" in address else f"/{address}"
+    return f"{SCHEME}{logger}{'/' if element else ''}{element.strip('/')}"

@@ -23,7 +23,9 @@ from silo.net.access.probing import Reached, explain
 from silo.net.configuration import (
     FORCED,
     LINK,
+    PATHS,
     SLOW_ACCEPT,
+    find_file,
     from_file,
     insert,
     listened,
@@ -31,6 +33,7 @@ from silo.net.configuration import (
     scaled,
     written,
 )
+from silo.net.found import LoggerAddress
 from silo.net.keys import Root
 from silo.net.lingering import releasing
 
@@ -338,6 +341,31 @@ def leading_to(socket: Path) -> dict[str, Any]:
         user, password = secret.read_text().strip().split(":", 1)
         found["transport"] = {"auth": {"usrpwd": {"user": user, "password": password}}}
     return found
+
+
+def zenoh_settings(found: LoggerAddress) -> dict[str, Any]:
+    """Return a configuration of Zenoh by which a program in any language reaches this logger, ready for JSON.
+
+    Raises ConnectionLostError for a remote whose file is gone.
+    """
+    scouting = FORCED["scouting"]
+    if found.config:
+        file = find_file(found.config)
+        given = written(file)
+        absolute = from_file(file)
+        for key in PATHS:
+            _make_absolute(given, key.split("/"), json.loads(absolute.get_json(key)))
+        return {**given, "mode": "client", "scouting": scouting}
+    return {"mode": "client", **leading_to(Path(found.socket)), "scouting": scouting}
+
+
+def _make_absolute(settings: dict[str, Any], names: list[str], path: str | None) -> None:
+    """Put a path where the file has one."""
+    *above, last = names
+    for name in above:
+        settings = settings.get(name, {})
+    if last in settings and path:
+        settings[last] = path
 
 
 def forget(path: Path) -> None:

@@ -37,7 +37,8 @@ def address(words: tuple[str, ...], zenoh: bool, to: Path | None, as_json: bool)
       silo address demo --to demo.json5        (Rust: Config::from_file, C: zc_config_from_file)
       silo watch silo://robot3/demo/log/joints/torque
     """
-    from silo.net.addresses import url_of, zenoh_settings
+    from silo.net.found import url_of
+    from silo.net.session import zenoh_settings
     from silo.rpc.words import full_name
 
     logger, rest = split_logger(words)

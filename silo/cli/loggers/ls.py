@@ -50,7 +50,7 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
       silo ls --json | jq '.[].logger'
       silo ls --follow                       (state, rate, losses, disk, alarms, who is there, until Ctrl-C)
     """
-    from silo.net.addresses import logger_of
+    from silo.net.found import logger_of
 
     pattern = logger_of(pattern)
     if follow:
