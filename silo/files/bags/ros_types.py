@@ -260,7 +260,7 @@ def _message(element: RecordedElement, indices: list[int], wires: list[_Wire]) -
         return _scalar(entries[0], indices[0], wires[0])
     kind = kind_named(element.kind) or STRUCT
     if uniform and kind.message and wires[0].ros.startswith("float") and sorted(kind.suffixes) == sorted(suffixes):
-        offset = _align(HEADER_END, 8)
+        offset = aligned(HEADER_END, 8)
         parts = tuple(
             FieldPlace(indices[suffixes.index(suffix)], offset + 8 * k, "<f8") for k, suffix in enumerate(kind.suffixes)
         )
@@ -274,7 +274,7 @@ def _message(element: RecordedElement, indices: list[int], wires: list[_Wire]) -
 
 
 def _scalar(entry: RecordedEntry, index: int, wire: _Wire) -> Channel:
-    offset = _align(HEADER_END, _SIZES[wire.ros])
+    offset = aligned(HEADER_END, _SIZES[wire.ros])
     field = (wire.ros_field, "value")
     constants = tuple(_constants(wire.ros, entry.entry.labels or {})) if entry.values.dtype.kind in "iu" else ()
     if constants:
@@ -295,13 +295,13 @@ def _array(element: RecordedElement, kind: Kind, indices: list[int], wire: _Wire
     camel = _CAMEL[wire.ros]
     fixed: tuple[tuple[int, int], ...] = ()
     if kind.sizes and len(element.shape) == len(kind.sizes) and math.prod(element.shape) == count:
-        at = _align(HEADER_END, 4)
+        at = aligned(HEADER_END, 4)
         fixed = tuple((at + 4 * axis, length) for axis, length in enumerate(element.shape))
-        offset = _align(at + 4 * len(fixed), size)
+        offset = aligned(at + 4 * len(fixed), size)
         shown = f"{kind.name.capitalize()}{'x'.join(map(str, element.shape))}"
         type_ = _stamped(f"{PACKAGE}{camel}{shown}Stamped", *(("uint32", name) for name in kind.sizes), value)
     else:
-        offset = _align(HEADER_END, size)
+        offset = aligned(HEADER_END, size)
         type_ = _stamped(f"{PACKAGE}{camel}Array{count}Stamped", value)
     parts = tuple(FieldPlace(index, offset + k * size, wire.numpy) for k, index in enumerate(indices))
     return Channel("", 0, type_, parts, offset + count * size, fixed)
@@ -313,7 +313,7 @@ def _struct(suffixes: Iterable[str], indices: list[int], wires: list[_Wire]) -> 
     parts: list[FieldPlace] = []
     end = HEADER_END
     for suffix, index, wire in zip(suffixes, indices, wires, strict=True):
-        offset = _align(end, _SIZES[wire.ros])
+        offset = aligned(end, _SIZES[wire.ros])
         fields.append((wire.ros_field, unique(suffix)))
         parts.append(FieldPlace(index, offset, wire.numpy, wire.count))
         end = offset + _SIZES[wire.ros] * wire.count
@@ -322,7 +322,7 @@ def _struct(suffixes: Iterable[str], indices: list[int], wires: list[_Wire]) -> 
 
 
 def _string_message(index: int) -> Channel:
-    offset = _align(HEADER_END, 4)
+    offset = aligned(HEADER_END, 4)
     # + 4 bytes of length, + the NUL that ends it
     return Channel(
         "", 0, _stamped(f"{PACKAGE}StringStamped", (STRING, "value")), (FieldPlace(index, offset, STRING),), offset + 5
@@ -333,8 +333,8 @@ def _stamped(name: str, *fields: tuple[str, str], constants: tuple[str, ...] = (
     return MessageType(name, (("std_msgs/Header", "header"), *fields), constants)
 
 
-def _align(offset: int, size: int) -> int:
-    # CDR aligns to the start of the data, 4 bytes into the message
+def aligned(offset: int, size: int) -> int:
+    """Return where in a message the next value of this size may stand: CDR counts from behind its 4 bytes of head."""
     return -(-(offset - len(ENCAPSULATION)) // size) * size + len(ENCAPSULATION)
 
 

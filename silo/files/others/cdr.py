@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.recording import masked
+from silo.files.bags.ros_types import aligned
 from silo.files.others.message_types import MOST_VALUES, MessageFields, Node, NumberField, Path, Repeated, Stamp, Text
 from silo.files.others.topics import Bad, Equal
 
@@ -87,7 +88,7 @@ def _walk(node: Node, row: bytes, at: int, path: Path | None, made: MessageLayou
     """Walk from a byte on, return where it ends. Of what has no path, no place is kept."""
     if isinstance(node, NumberField):
         size = np.dtype(node.dtype).itemsize
-        at = _aligned(at, size)
+        at = aligned(at, size)
         if path is not None:
             made.places[path] = Place(at, made.order + node.dtype, -1)
         return _inside(row, at + size)
@@ -97,7 +98,7 @@ def _walk(node: Node, row: bytes, at: int, path: Path | None, made: MessageLayou
             made.places[path] = Place(at, f"S{max(length - 1, 0)}", -1)  # a NUL ends it
         return _inside(row, at + length)
     if isinstance(node, Stamp):
-        at = _aligned(at, 4)
+        at = aligned(at, 4)
         if path is not None:
             made.places[path] = Place(at, "duration" if node.duration else "time", -1)
         return _inside(row, at + _STAMP.itemsize)
@@ -114,7 +115,7 @@ def _walk_repeated(node: Repeated, row: bytes, at: int, path: Path | None, made:
         count, at = _length(row, at, made)
     if isinstance(inner, NumberField):
         size = np.dtype(inner.dtype).itemsize
-        at = _aligned(at, size) if count else at
+        at = aligned(at, size) if count else at
         if path is not None:
             made.places[path] = Place(at, made.order + inner.dtype, count)
         return _inside(row, at + size * count)
@@ -145,16 +146,12 @@ def _walk_repeated(node: Repeated, row: bytes, at: int, path: Path | None, made:
 
 
 def _length(row: bytes, at: int, made: MessageLayout) -> tuple[int, int]:
-    at = _aligned(at, 4)
+    at = aligned(at, 4)
     (length,) = struct.unpack_from(f"{made.order}I", row, at)
     made.lengths.append((at, length))
     if len(made.lengths) > _MOST_PARTS:
         raise ValueError(f"it has more than {_MOST_PARTS:,} texts and lists")
     return length, at + 4
-
-
-def _aligned(at: int, size: int) -> int:
-    return at + (_HEAD - at) % size
 
 
 def _inside(row: bytes, at: int) -> int:
