@@ -39,7 +39,7 @@ class ConditionServer(Server, does=[requests]):
         return Alarms(found.run, found.tick, worst_first(list(found.limits)))
 
     def try_trigger(self, trigger: TriggerOptions) -> TriggerTried:
-        from silo.conditions.trials import try_trigger
+        from silo.conditions.segment_judge import try_trigger
 
         now = self.replica.now
         return try_trigger(trigger, self.replica.open_reader(), now.table.elements, now.robot.extras.derived)

@@ -8,8 +8,7 @@ import pytest
 
 import silo
 import silo.core.elements
-from silo.conditions.segment_judge import MOST_SPOOL_BYTES, SegmentJudge
-from silo.conditions.trials import try_trigger
+from silo.conditions.segment_judge import MOST_SPOOL_BYTES, SegmentJudge, try_trigger
 from silo.segment.reader import SegmentReader
 
 
