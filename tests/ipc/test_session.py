@@ -15,8 +15,10 @@ import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
+from silo.client.client import Client
 from silo.errors import ConnectionLostError
 from silo.net import keys
+from silo.net.found import LoggerAddress
 from silo.net.session import close, open_client, open_server, owner_is_gone, socket_path
 
 PID = 4711
@@ -131,6 +133,13 @@ def test_client_that_was_closed_out_by_a_starved_server_comes_again(
 ) -> None:
     starved = Starved(runtime / "starved.sock", server[1], lambda client: False)
     close(open_client(starved.path, open_s=60.0))
+    assert starved.count == 2
+
+
+def test_a_client_comes_again_while_it_may_wait(bench, runtime: Path) -> None:
+    starved = Starved(runtime / "starved.sock", Path(bench.serving.socket_path), lambda client: False)
+    with Client.connect(LoggerAddress("bot", os.getpid(), str(starved.path), ""), timeout_s=60.0) as client:
+        assert client.status().logger == "bot"
     assert starved.count == 2
 
 
