@@ -25,6 +25,7 @@ from silo.settings.typed import (
     ElementSettings,
     apply_settings,
     completions,
+    diff_options,
     help_rows,
     is_setting,
     rate_words,
@@ -125,7 +126,6 @@ def _set(
     client: "Client", patterns: Sequence[str], settings: ElementSettings, *, dry_run: bool, restart: bool, keep: str
 ) -> None:
     from silo.core.elements import Edit
-    from silo.settings.script import diff_options
 
     status, table = client.status(), client.table()
     _refuse_derived(table, patterns)

@@ -261,6 +261,7 @@ MARKER = "marker"  # the kind of an event that somebody set
 PARAMETER = "parameter"  # of one that tells what parameters were, or became
 NOTED = (MARKER, PARAMETER)  # what the program notes in its segment
 DAMAGED = "damaged"  # that of one in place of lines of the event log that can't be read
+CUT = "cut"  # that of one with which a run goes on in another stretch
 UNHELD = "unheld"  # and of one that tells of an array that nobody but silo holds any more
 
 

@@ -4,6 +4,7 @@ The segment's reader makes a `Recording` (a snapshot), every file writer takes o
 It knows no logger, no file and no process.
 """
 
+import re
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -315,6 +316,21 @@ def places_on(axis: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[np.
     """Where rising stamps stand on an axis that `common_axis` made of them, and of others."""
     again = np.arange(len(stamps)) - np.searchsorted(stamps, stamps)  # the how many-th of equal ones
     return np.searchsorted(axis, stamps) + again
+
+
+_CUT = "cut"  # what stands in `about` of a stretch
+_STRETCH = re.compile(r"part (\d+) of run (\w+)")
+
+
+def as_stretch(recording: Recording, run: str, part: int) -> Recording:
+    """The recording as what it is: stretch `part` (from 1) of a run that was cut, by the id of its first."""
+    return replace(recording, about={**recording.about, _CUT: f"part {part} of run {run}"})
+
+
+def stretch_of(recording: Recording) -> tuple[str, int]:
+    """Of which run that was cut a recording is which stretch, from 1; an empty id, and 0, of one that was never cut."""
+    found = _STRETCH.fullmatch(recording.about.get(_CUT, ""))
+    return (found[2], int(found[1])) if found else ("", 0)
 
 
 MOST_SPANS = 15  # of failures: the first ones, and the last

@@ -59,6 +59,12 @@ def custom_path(folder: str | os.PathLike[str], name: str, ending: str) -> Path:
     return Path(folder) / (check_name(stem) + ending)
 
 
+def with_part(path: Path, part: int) -> Path:
+    """A name that says which stretch it is of a run that was cut; that of one that was not (0) as it is."""
+    ending = f"_part{part}"
+    return path if not part or path.stem.endswith(ending) else path.with_name(f"{path.stem}{ending}{path.suffix}")
+
+
 def check_name(name: str) -> str:
     """The name, if it is one for a file: no `/`, no dot in front, no control character, at most 200 bytes.
 

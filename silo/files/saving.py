@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
 from silo.core.quantities.writing import size_text
-from silo.core.recording import Progress, Recording, with_events
+from silo.core.recording import Progress, Recording, stretch_of, with_events
 from silo.errors import SaveError
 from silo.files.atomic import reason
 from silo.files.event_log import with_happened
 from silo.files.formats import SAVED, file_types, savable
-from silo.files.naming import custom_path, log_path, next_run_number
+from silo.files.naming import custom_path, log_path, next_run_number, with_part
 
 
 class PartlySavedError(SaveError):
@@ -61,7 +61,7 @@ def write(
         raise SaveError(
             f"can't make the folder '{folder}': {reason(error)}; choose another one; the log is still in memory"
         ) from error
-    paths = _paths(Path(folder), logger, chosen, name)
+    paths = _paths(Path(folder), logger, chosen, name, stretch_of(recording)[1])
     recording = replace(recording, why=why) if why else recording
     if recording.extras.derived:
         from silo.expressions.derived_samples import with_derived
@@ -118,12 +118,12 @@ def size_of(path: Path) -> int:
         return 0
 
 
-def _paths(folder: Path, logger: str, types: list[FileType], name: str | None) -> dict[FileType, Path]:
+def _paths(folder: Path, logger: str, types: list[FileType], name: str | None, part: int) -> dict[FileType, Path]:
     if name is None:
         now = datetime.now()
         run = next_run_number(folder, logger)
-        return {kind: log_path(folder, logger, run, now, SAVED[kind].ending) for kind in types}
-    paths = {kind: custom_path(folder, name, SAVED[kind].ending) for kind in types}
+        return {kind: with_part(log_path(folder, logger, run, now, SAVED[kind].ending), part) for kind in types}
+    paths = {kind: with_part(custom_path(folder, name, SAVED[kind].ending), part) for kind in types}
     taken = [str(path) for path in paths.values() if path.exists()]
     if taken:
         raise SaveError(f"'{', '.join(taken)}' exists already; remove it or choose another name; nothing was saved")

@@ -7,8 +7,10 @@ import contextlib
 import logging
 import time
 from collections.abc import Sequence
+from pathlib import Path
 
-from silo.core.elements import LoggedEvent, SavedFile
+from silo.core.elements import LoggedEvent, SavedFile, Storage
+from silo.core.runtime import list_segments
 from silo.errors import SegmentError, SiloError
 from silo.files.event_log import CRASHED
 from silo.journal.format import remove_journals
@@ -16,6 +18,7 @@ from silo.journal.holdings import segment_holdings
 from silo.recovery.left import BusyError, SavedMeanwhileError, death_text, log_end, save_reader, saved_text
 from silo.recovery.segments import claimed, discard, mark_saved
 from silo.rpc.published import EventKind
+from silo.segment.held_runs import number_of, readers
 from silo.segment.reader import SegmentReader
 from silo.state.events import EventNotifier
 from silo.state.replica import Replica
@@ -62,6 +65,9 @@ def after_crash(replica: Replica, events: EventNotifier) -> bool:
 
 
 def _after_crash(replica: Replica, events: EventNotifier, who: str) -> bool:
+    for cut_off in _cut_off(replica):
+        with contextlib.closing(cut_off):
+            _save(replica, events, cut_off, who)
     reader = replica.open_reader()
     if reader is None or not reader.ticks or replica.is_saved():
         kept = "all that it logged was saved before" if reader and reader.ticks else "it had logged nothing"
@@ -73,6 +79,18 @@ def _after_crash(replica: Replica, events: EventNotifier, who: str) -> bool:
     events.publish(EventKind.SAVING, replica.now.died)
     _save(replica, events, reader, who)
     return True
+
+
+def _cut_off(replica: Replica) -> list[SegmentReader]:
+    """Stretches before the present one that are in no file yet, oldest first."""
+    options, found = replica.now.options, []
+    folder = Path(options.folder) if options.storage is Storage.FILE else None
+    for reader in readers(sorted(list_segments(folder), key=number_of), options.name, options.id):
+        if reader.schema.run == replica.run or not reader.is_cut or replica.is_saved_of(reader):
+            reader.close()
+        else:
+            found.append(reader)
+    return found
 
 
 def _tell(replica: Replica, events: EventNotifier, text: str, files: Sequence[SavedFile] = ()) -> None:

@@ -360,6 +360,7 @@ def _take_state(message: RobotState, runs: Runs, events: EventNotifier) -> None:
     runs.take_state(now)
     _tell_changes(events, before, now)
     if now.robot.segment != before.robot.segment:
+        runs.tell_cut()
         runs.look()
 
 

@@ -96,7 +96,8 @@ class Journaling:
         schema = reader.schema
         folder = Path(schema.folder)
         folder.mkdir(parents=True, exist_ok=True)
-        _remove_earlier_runs(schema)
+        if schema.cut is None:  # a run that it goes on may be in no file yet
+            _remove_earlier_runs(schema)
         writer = JournalWriter(free_name(folder, schema), Head(str(reader.path), schema), Disk())
         try:
             remember_folder(folder)  # once a journal is there: links to folders without are removed by others

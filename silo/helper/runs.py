@@ -18,7 +18,7 @@ from silo.link.channel import LetGo
 from silo.recorder.server import EndlessRecordings
 from silo.state.events import EventNotifier
 from silo.state.handover import RunOffer, taken_runs
-from silo.state.held_runs import HeldRuns, tell_left
+from silo.state.held_runs import HeldRuns, tell_cut, tell_left
 from silo.state.replica import LoggerSnapshot, Replica
 
 log = logging.getLogger("silo.helper")
@@ -76,6 +76,14 @@ class Runs:
         if now.robot.state is State.STOPPED:
             self._marks.take()  # nothing of a run is told after its end
         self.recording.follow_present()
+
+    def tell_cut(self) -> None:
+        """Tell that the present run goes on another one, if it does."""
+        with contextlib.suppress(SegmentError):
+            reader = self.replica.open_reader()
+            if reader is not None:
+                with contextlib.closing(reader):
+                    tell_cut(reader, self._events)
 
     def look(self, *, at_end: bool = False) -> None:
         """Let go of runs that nobody needs any more, and take in those that came by no message."""

@@ -88,7 +88,8 @@ class Saver:
             raise RequestRefusedError(
                 RefusedWhy.FAILED, f"{MAX_WAITING} saves are waiting already; try again when they are done"
             )
-        reader = self._replica.open_reader()
+        cut_off = request.segment if for_robot else ""
+        reader = SegmentReader(cut_off) if cut_off else self._replica.open_reader()
         if reader is None or not reader.ticks:
             raise RequestRefusedError(RefusedWhy.FAILED, "nothing was logged yet: start the logger first")
         robot = self._replica.now.robot

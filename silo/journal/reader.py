@@ -41,7 +41,7 @@ from silo.segment.layout import STAMP_WORDS, ElementSchema, RingSchema, decode_d
 from silo.segment.parameter_changes import image_event
 from silo.segment.reasons import LostWhy
 from silo.segment.rows import Rows
-from silo.segment.snapshot import snapshot
+from silo.segment.snapshot import in_chain, snapshot
 
 READ_BYTES = 1 << 20
 SPOOL_BYTES = 16 << 20  # rows that take more are read into a file
@@ -231,7 +231,7 @@ class JournalReader:
 
     def snapshot(self) -> Recording:
         """All elements that are saved, as far as they are proven."""
-        return snapshot(self)
+        return in_chain(snapshot(self), self.schema, cut_off=False)
 
     @property
     def proven_text(self) -> str:

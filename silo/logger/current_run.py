@@ -1,23 +1,33 @@
 """The run that a logger has: how the next one takes its place, and how much of it stands in files.
 
-A run that holds unsaved data is let go of only by a decision: the program's (`clear`), or after it was saved.
+A run that holds unsaved data is let go of only by a decision: the program's (`clear`), or after it was saved. A cut
+has another one go on it, tick by tick, while the loop turns: the stretches before that one stay until they are saved.
 """
 
 import contextlib
+import gc
 import logging
+import sys
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from silo.core.elements import Conditions, LoggerOptions, Storage
+from silo.core.elements import Conditions, ElementInfo, LoggerOptions, Storage
 from silo.errors import NoRoomError, StateError, UnsavedError
+from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings
 from silo.logger.unclosed import save_run
 from silo.loop.run import Run
 from silo.segment.held_runs import bytes_of, trim
+from silo.segment.reasons import StopReason
 
 log = logging.getLogger("silo")
 
+SWITCH_S = 0.0002  # how long a tick may wait for the interpreter while a stretch is prepared: 5 ms otherwise
+MOST_ELEMENTS = 500  # of a run that is cut: to prepare 10,000 makes ticks late by 5 - 40 ms
+MOST_CUT_OFF = 16  # stretches that no file has yet
+LAST_TICK_S = 1.0  # longer than a tick takes: a loop that has stopped ticking has none under way
 FREEING_S = 3.0  # how long other processes may take to unmap what was deleted
 
 
@@ -33,8 +43,11 @@ class CurrentRun:
         self.number = 0
         self._own: list[Run] = []
         self._begun = 0  # runs before the present one
+        self.cut_off: list[Run] = []  # stretches before the present one, until they are saved
+        self._ticks_before, self._lost_before, self._failed_before = 0, Counter[str](), Counter[str]()
         self._held: list[Path] = []  # runs before this one that somebody still has to read
         self.saved_before = ""  # where the run before this one was saved, if that was done at the start of this one
+        self._wanted: Callable[[Run], bool] = lambda _: False
         self._lost_at_end: dict[str, int] = {}
         self._gone = self._gone_first = 0  # of those, since each start does so, and at the first of these
 
@@ -58,12 +71,14 @@ class CurrentRun:
         Raises SegmentError, SaveError: the present run stays.
         """
         in_memory = options.storage is not Storage.FILE
+        self._wanted = wanted
         self._let_go_of_others(wanted)  # that an interrupt left
         try:
             made = self._begin(make)
         except NoRoomError as error:
             made = self._made_room(error, make, options, extras, let_go, wanted)
         self._begun, self.run = self.runs, made
+        self._forget_stretches()
         hand_over()
         self._let_go_of_others(wanted)
         self._trim(in_memory=in_memory, room_bytes=made.segment.size_bytes)
@@ -74,15 +89,62 @@ class CurrentRun:
         """How many runs began."""
         return max(self._begun, self.run.number if self.run is not None else 0)
 
-    def _begin(self, make: Callable[[], Run]) -> Run:
+    def _begin(self, make: Callable[[], Run], begin: Callable[[Run], None] = Run.begin) -> Run:
         made = make()
         self._own.append(made)
         try:
-            made.begin()
+            begin(made)
         except BaseException:
             self._let_go(made)
             raise
         return made
+
+    def prepare(self, make: Callable[[], Run]) -> Run:
+        """Make a run ready that is to go on the present one, whose loop turns meanwhile. Raises SegmentError."""
+        with _unhurried():
+            return self._begin(make, Run.prepare)
+
+    def withdraw(self, made: Run) -> None:
+        """Let go of a run that was made ready, and is not to go on the present one after all."""
+        self._let_go(made)
+
+    def go_on(self, made: Run) -> None:
+        """Have a run that was made ready be the present one; the one before it stays until it is saved."""
+        before = self.run
+        assert before is not None
+        self.cut_off.append(before)  # first: what is in neither place is let go of
+        self._begun, self.run = self.runs, made
+        made.go_live()
+
+    def settle_cut(self) -> None:
+        """Let go of stretches that are saved. A stretch is over once the next one has a tick, or has ended, too."""
+        runs = [*self.cut_off, self.run]
+        for run, following in zip(self.cut_off.copy(), runs[1:], strict=True):
+            assert following is not None
+            if following.segment.ticks or not following.segment.is_running:
+                if run.segment.is_running:
+                    run.segment.stop(StopReason.CUT)
+                if run.saved_ticks >= run.segment.ticks:
+                    self._count(run)
+                    remove_journals(run.segment.schema)
+                    self.cut_off.remove(run)
+                    self._let_go(run, held=self._wanted(run))
+
+    def wait_over(self, run: Run) -> None:
+        """Wait until no tick of a stretch is under way, as far as the next one tells: for a thread of its own."""
+        runs, until_s = self.stretches, time.monotonic() + LAST_TICK_S
+        following = runs[runs.index(run) + 1] if run in runs[:-1] else run
+        while following.segment.is_running and not following.segment.ticks and time.monotonic() < until_s:
+            time.sleep(0.002)  # the end of another thread's tick can only be polled: a tick tells nobody
+
+    def _count(self, run: Run) -> None:
+        self._ticks_before += run.segment.ticks
+        self._lost_before.update(_lost(run))
+        self._failed_before.update(run.segment.failures)
+
+    def _forget_stretches(self) -> None:
+        self.cut_off = []
+        self._ticks_before, self._lost_before, self._failed_before = 0, Counter(), Counter()
 
     def _patiently(self, make: Callable[[], Run]) -> Run:
         """Begin a run as soon as there is room: memory is free when the last process has let go of it."""
@@ -120,12 +182,13 @@ class CurrentRun:
         let_go(False)
         self._lost_at_end, self._begun = self.lost, self.runs
         self.run = None
+        self._forget_stretches()
         self._let_go_of_others(wanted)
         self._trim(in_memory=in_memory, room_bytes=error.needed_bytes)
         return self._patiently(make)
 
     def _let_go_of_others(self, wanted: Callable[[Run], bool]) -> None:
-        for run in [run for run in self._own if run is not self.run]:
+        for run in [run for run in self._own if run is not self.run and run not in self.cut_off]:
             self._let_go(run, held=wanted(run))
 
     def _let_go(self, run: Run, *, held: bool = False) -> None:
@@ -159,40 +222,45 @@ class CurrentRun:
 
         Returns whether the last one is.
         """
+        self._lost_at_end = self.lost
+        for run in self.cut_off:
+            self._count(run)
+        self.cut_off = []
         self._let_go_of_others(wanted)
         self._tell_gone(0)
         if self.run is None or self.run not in self._own:
             return False
-        self._lost_at_end = self.lost
         held = wanted(self.run)
         self._let_go(self.run, held=held)
         return held
 
     def forget(self) -> None:
         """Have no run, in a forked child: those of its parent stay as they are."""
-        if self.run is not None:
-            self.run.forget()
+        for run in self.stretches:
+            run.forget()
         vars(self).update(vars(CurrentRun()))
 
     @property
     def ticks(self) -> int:
         """Ticks logged since the last start."""
-        return self.run.segment.ticks if self.run else 0
+        return self._ticks_before + sum(run.segment.ticks for run in self.stretches)
+
+    @property
+    def stretches(self) -> list[Run]:
+        """The present run, behind those that it goes on and that are in no file."""
+        return [*self.cut_off, self.run] if self.run is not None else []
 
     @property
     def lost(self) -> dict[str, int]:
         """How many samples of each element could not be kept since the last start, also of a run that was dropped."""
-        if self.run is None or not self.run.segment.lost_rows:
-            return {}
-        if not self.run.segment.size_bytes:
+        if self.run is not None and self.run.segment.lost_rows and not self.run.segment.size_bytes:
             return self._lost_at_end
-        reader = self.run.reader
-        return {element.info.name: reader.ring_lost(element.ring) for element in reader.schema.elements}
+        return dict(sum(map(_lost, self.stretches), self._lost_before.copy()))
 
     @property
     def failures(self) -> dict[str, int]:
         """At how many ticks each element could not be read since the last start."""
-        return self.run.segment.failures if self.run else {}
+        return dict(sum((Counter(run.segment.failures) for run in self.stretches), self._failed_before.copy()))
 
     @property
     def path(self) -> str:
@@ -207,22 +275,28 @@ class CurrentRun:
     @property
     def unsaved_ticks(self) -> int:
         """How many of its ticks stand in no file."""
-        return max(0, self.ticks - (self.run.saved_ticks if self.run else 0))
+        return sum(map(unsaved_of, self.stretches))
+
+    @property
+    def unsaved_before(self) -> int:
+        """How many ticks of the stretches before the present one stand in no file."""
+        return sum(map(unsaved_of, self.cut_off))
 
     def mark_saved(self, run: Run, ticks: int) -> None:
-        """Remember that the first `ticks` of a run stand in files, unless it is the present one no more."""
-        if run is self.run and ticks > run.saved_ticks:
+        """Remember that the first `ticks` of a run stand in files, unless it is none of those that are there."""
+        if run in self.stretches and ticks > run.saved_ticks:
             run.saved_ticks = ticks
             run.segment.mark_saved(ticks)
 
     def _save(self, options: LoggerOptions, extras: Conditions) -> None:
         """Save in this process: the link thread, which an answer of the helper comes by, may wait for the caller."""
-        assert self.run is not None
-        run, ticks = self.run, self.run.segment.ticks
-        why, held = "saved before the next start", run.reader.snapshot()
-        paths = ", ".join(file.path for file in save_run(held, run.id, options, why, extras))
-        self.mark_saved(run, ticks)
-        self.saved_before = f"the last run was saved before it is cleared: {paths}"
+        paths = []
+        for run in filter(unsaved_of, self.stretches):
+            ticks, held = run.segment.ticks, run.reader.snapshot()
+            saved = save_run(held, run.id, options, "saved before the next start", extras)
+            paths += [file.path for file in saved]
+            self.mark_saved(run, ticks)
+        self.saved_before = f"the last run was saved before it is cleared: {', '.join(paths)}"
         log.warning("%s: %s", options.name, self.saved_before)
 
     def settle(self, unsaved: str, options: LoggerOptions, extras: Conditions) -> None:
@@ -244,3 +318,49 @@ class CurrentRun:
             f"logger '{options.name}' holds {held}, and what is new of it is in no file; a start clears it: save it "
             "first, or say what is to become of it (save or discard); nothing was changed"
         )
+
+
+def check_cut(present: CurrentRun, run: Run, table: Sequence[ElementInfo], *, exciting: bool) -> None:
+    """Raise StateError where a run can't be cut now, with the way out."""
+    enabled = sum(info.options.enabled for info in table)
+    if enabled > MOST_ELEMENTS:
+        why = (
+            f"{enabled} elements are too many for a cut ({MOST_ELEMENTS} at most), which would make ticks late: "
+            "stop, change, start"
+        )
+    elif exciting:
+        why = "a parameter is being excited, which a cut would end: wait for its end, or stop it"
+    elif not run.segment.ticks:
+        why = "it had no tick yet, or none since its last cut: collect() comes first; change all at once"
+    elif len(present.cut_off) >= MOST_CUT_OFF:
+        why = f"{MOST_CUT_OFF} stretches before this one wait to be saved: save() first"
+    else:
+        return
+    raise StateError(f"can't cut: {why}; nothing was changed")
+
+
+def unsaved_of(run: Run) -> int:
+    """How many ticks of a run stand in no file."""
+    return max(0, run.segment.ticks - run.saved_ticks)
+
+
+def _lost(run: Run) -> Counter[str]:
+    """How many samples of each element of a run could not be kept, if any."""
+    if not run.segment.lost_rows or not run.segment.size_bytes:
+        return Counter()
+    reader = run.reader
+    return Counter({element.info.name: reader.ring_lost(element.ring) for element in reader.schema.elements})
+
+
+@contextlib.contextmanager
+def _unhurried() -> Iterator[None]:
+    """Let the loop's thread have the interpreter at once, and no collection of garbage hold it up."""
+    switch_s, collects = sys.getswitchinterval(), gc.isenabled()
+    sys.setswitchinterval(min(switch_s, SWITCH_S))
+    gc.disable()
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(switch_s)
+        if collects:
+            gc.enable()

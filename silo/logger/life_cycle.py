@@ -1,6 +1,7 @@
 """Whether a logger runs, is closed, is served: what all its parts look at before they change something."""
 
 import threading
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from silo.core.elements import State
@@ -20,6 +21,7 @@ class LifeCycle:
         self.closed = False
         self.reason = ""  # of the last stop
         self.serving: Serving | None = None
+        self.cut: Callable[[str, str], None] = _never_started  # what changed, who asked: go on with another stretch
 
     @property
     def state(self) -> State:
@@ -60,3 +62,7 @@ class LifeCycle:
         """Be closed, in a forked child: all of it belongs to the parent, which may hold the lock."""
         self.lock = threading.RLock()
         self.running, self.closed, self.serving = False, True, None
+
+
+def _never_started(_what: str, _who: str) -> None:
+    raise StateError("there is nothing to cut: the logger was never started")

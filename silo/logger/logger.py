@@ -41,7 +41,7 @@ from silo.logger.arguments.other_names import (
     with_other_names,
 )
 from silo.logger.conditions import LoggerConditions
-from silo.logger.current_run import CurrentRun
+from silo.logger.current_run import CurrentRun, check_cut, unsaved_of
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 from silo.logger.results import Elements, LoggedElement, as_html
@@ -67,6 +67,7 @@ from silo.parameters.parameter import Parameter
 from silo.parameters.parameters import Parameters
 from silo.recovery.runs import look_back
 from silo.segment.held_runs import is_due
+from silo.segment.layout import Cut
 from silo.segment.marks import NO_WORDS, Mark, no_mark
 from silo.segment.reasons import STOP_TEXTS, StopReason
 from silo.state.robot import UnsavedWord
@@ -320,32 +321,62 @@ class Logger(metaclass=HidesOtherNames):
             if self._present.number == 0:
                 look_back(self.options, served=self._life.helper_is_up)
             self._present.number += 1
-            stopped = functools.partial(self._stop_by_itself, self._present.number)
-            make = functools.partial(
-                Run,
-                self.options,
-                self._table.elements,
-                self._clock,
-                stopped,
-                self._collect_now,
-                self._extras,
-                self._present.run,
-                number=self._present.runs + 1,
-                served=self._life.serving is not None,
-                landing=self.parameters.landing if self.parameters else None,
-            )
+            self._life.cut = self._cut
             run = self._present.replace(
-                make, self.options, self._extras, self._let_go, self._hand_over, self._is_wanted
+                self._make_run, self.options, self._extras, self._let_go, self._hand_over, self._is_wanted
             )
             self._life.reason = ""
             self._ignored = 0
             self._life.running = True
             warn_of_end(self.options, self._table.infos)
             self._set_mark(run.mark)
-            self._set_collect(
-                timed(run.collect, self._times, self.options.frequency_hz) if self._times else run.collect
-            )
+            self._set_collect(self._collect_of(run))
             self._life.tell()
+
+    def _make_run(self, cut: Cut | None = None) -> Run:
+        return Run(
+            self.options,
+            self._table.elements,
+            self._clock,
+            self._stop_by_itself,
+            self._collect_now,
+            self._extras,
+            self._present.run,
+            number=self._present.runs + 1,
+            served=self._life.serving is not None,
+            landing=self.parameters.landing if self.parameters else None,
+            cut=cut,
+        )
+
+    def _collect_of(self, run: Run) -> Callable[[], None]:
+        return timed(run.collect, self._times, self.options.frequency_hz) if self._times else run.collect
+
+    def _cut(self, what: str, who: str) -> None:
+        """Go on with another stretch, of the table as it is now: the loop's next tick is its first. `what` changed.
+
+        Raises StateError, SegmentError: the run goes on as it was.
+        """
+        present, run = self._present, self._present.run
+        assert run is not None
+        check_cut(present, run, self._table.infos, exciting=self.parameters.excitations.running is not None)
+        schema = run.segment.schema
+        chain, part = (schema.cut.chain, schema.cut.part) if schema.cut is not None else (schema.run, 1)
+        made = present.prepare(functools.partial(self._make_run, Cut(chain, part + 1, what, who)))
+        # who comes by the one before goes on here, from its next tick on
+        self._collect = collect = self._collect_of(made)
+        if not run.end_by_cut():
+            self._set_collect(None)
+            present.withdraw(made)
+            raise StateError(
+                f"logger '{self.options.name}' {self._life.reason or 'stopped by itself'}, just when it was to be cut: "
+                "nothing was changed"
+            )
+        present.go_on(made)
+        self._set_mark(made.mark)
+        self._set_collect(collect)
+        self._hand_over()
+        self._life.tell()
+        self._data.save_cut_off()
 
     def _hand_over(self) -> None:
         if self._life.serving is not None:
@@ -375,6 +406,7 @@ class Logger(metaclass=HidesOtherNames):
                 self._set_collect(None)
                 self._data.look_for_unheld()
                 self._present.run.end(StopReason.ASKED)
+                self._present.settle_cut()
                 self._life.reason = STOP_TEXTS[StopReason.ASKED]
                 self._life.tell()
 
@@ -396,10 +428,11 @@ class Logger(metaclass=HidesOtherNames):
             self.stop()
             self.start(unsaved="save" if unsaved == "save" else "clear")
 
-    def _stop_by_itself(self, run_number: int, reason: StopReason) -> None:
-        """Called by the tick with which the logger stops: time buffer, memory limit or folder full. Takes no lock."""
-        if run_number != self._present.number:
-            return  # a tick that was under way while another thread restarted
+    def _stop_by_itself(self, reason: StopReason) -> None:
+        """Called by the tick with which the logger stops: time buffer, memory limit or folder full. Takes no lock.
+
+        Not called by one that was under way while another thread restarted, or cut.
+        """
         self._set_collect(None)
         self._life.running = False
         self._life.reason = STOP_TEXTS[reason]
@@ -562,14 +595,16 @@ class Logger(metaclass=HidesOtherNames):
         self._data.look_for_unheld()
         self._life.closed = True
         if self._life.serving is not None:
+            left = self._present.path, run.segment.ticks
             if self._life.serving.is_up:
-                self._life.serving.abandon(self._present.path, self.ticks)
+                self._life.serving.abandon(*left)
             else:
                 self._life.serving.close()
-            if self._life.serving.left == (self._present.path, self.ticks):
+            if self._life.serving.left == left:
                 return  # the helper process saves them and deletes the segment
         self._set_mark(no_mark)
-        if save_at_end(run, self.options, self._extras):
+        unsaved = filter(unsaved_of, self._present.stretches)
+        if not [one for one in unsaved if not save_at_end(one, self.options, self._extras)]:
             self._drop()
             drop_journals(self.options)
 
@@ -581,7 +616,8 @@ class Logger(metaclass=HidesOtherNames):
         if run is not None and self.has_unsaved and (self._life.serving is None or not self._life.serving.is_up):
             self.stop()
             self._life.closed = True
-            say_where_it_is(run, self.options)  # the collector may run in any thread: no place to write files
+            for one in filter(unsaved_of, self._present.stretches):
+                say_where_it_is(one, self.options)  # the collector may run in any thread: no place to write files
         else:
             self._abandon()
 

@@ -78,6 +78,15 @@ class Registrations:
         self.pending = []
 
     @property
+    def state(self) -> tuple[tuple[Element, ...], int]:
+        """The elements and the revision, as they are put back where a change comes to nothing."""
+        return self.elements, self.revision
+
+    @state.setter
+    def state(self, state: tuple[tuple[Element, ...], int]) -> None:
+        self.elements, self.revision = state
+
+    @property
     def infos(self) -> list[ElementInfo]:
         """The rows of the table."""
         return [element.info for element in self.elements]

@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import logging
 import os
+import threading
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -11,9 +12,9 @@ from silo.core.arguments import path, text, texts
 from silo.core.calls import told_class
 from silo.core.elements import FileType, FileTypes, LoggerOptions, SavedFile
 from silo.core.recording import Recording
-from silo.errors import SegmentError, StateError
+from silo.errors import SegmentError, SiloError, StateError
 from silo.logger.conditions import LoggerConditions
-from silo.logger.current_run import CurrentRun
+from silo.logger.current_run import CurrentRun, unsaved_of
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 from silo.logger.results import LoggedElement, NewValues, NewValuesReader, SavedFiles, look_at
@@ -39,6 +40,7 @@ class RunData:
         self._options, self._table, self._conditions = options, table, conditions
         self._life, self._present = life, present
         self._new_values = NewValuesReader()
+        self._saving = threading.Lock()  # of stretches before the present one
 
     def look_for_unheld(self, run: Run | None = None, found: Sequence[int] | None = None) -> None:
         """Tell of arrays that nobody but silo holds any more.
@@ -139,6 +141,7 @@ class RunData:
         run = self._present.run
         if run is None:
             raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
+        before = self._save_cut_off(chosen, name, where)
         ticks = run.segment.ticks
         if not ticks:
             log.warning("%s: nothing was collected since start(), the file holds no samples", self._options.name)
@@ -153,16 +156,57 @@ class RunData:
             saved = save_run(recording, run.id, self._options, why, extras, chosen, name, where)
         with self._life.lock:
             self._present.mark_saved(run, ticks)
-        return SavedFiles(saved)
+        return SavedFiles([*before, *saved])
 
-    def _saved_by_helper(self, types: list[FileType], name: str, folder: str) -> list[SavedFile] | None:
+    def save_cut_off(self) -> None:
+        """Have the helper process save the stretches before the present one, if it is there; nobody waits for it."""
+        if self._life.helper_is_up and any(map(unsaved_of, self._present.cut_off)):
+            threading.Thread(target=self._save_alone, name="silo-cut", daemon=True).start()
+
+    def _save_alone(self) -> None:
+        """What can't be saved is told, and stays for the next save."""
+        try:
+            self._save_cut_off([FileType.SILO], "", Path(self._options.folder))
+        except SiloError as error:
+            if not self._life.closed:
+                log.warning(
+                    "%s: what was logged before a cut is in no file yet: %s; it stays in memory, save() tries again",
+                    self._options.name, error,
+                )  # fmt: skip
+
+    def _save_cut_off(self, types: list[FileType], name: str, where: Path) -> list[SavedFile]:
+        """Save the stretches before the present one that are in no file, each to its own, and let go of them."""
+        files: list[SavedFile] = []
+        with self._saving:
+            for run in self._present.cut_off.copy():
+                self._present.wait_over(run)
+                if not unsaved_of(run):
+                    continue
+                ticks = run.segment.ticks
+                saved = self._saved_by_helper(types, name, str(where.resolve()), run)
+                if saved is None:
+                    with self._life.lock:
+                        if run not in self._present.cut_off:
+                            continue  # another thread started, or closed
+                        recording, extras = run.reader.snapshot(), self._conditions.extras
+                    saved = save_run(recording, run.id, self._options, "saved at a cut", extras, types, name, where)
+                files += saved
+                with self._life.lock:
+                    self._present.mark_saved(run, ticks)
+            with self._life.lock:
+                self._present.settle_cut()
+        return files
+
+    def _saved_by_helper(
+        self, types: list[FileType], name: str, folder: str, run: Run | None = None
+    ) -> list[SavedFile] | None:
         """The files that the helper process wrote; None where there is none, or one that is frozen."""
         if self._life.serving is None or not self._life.serving.is_up:
             return None
         from silo.logger.serving.serving import HelperFrozenError
 
         try:
-            return self._life.serving.save(types, name, folder)
+            return self._life.serving.save(types, name, folder, run)
         except HelperFrozenError as error:
             log.warning("%s: %s; saving in this process", self._options.name, error)
             return None
@@ -240,6 +284,7 @@ class RunData:
             ticks: how many of its ticks stand in a file.
         """
         with self._life.lock:
-            run = self._present.run
-            if run is not None and run.id == run_id:
+            for run in [run for run in self._present.stretches if run.id == run_id]:
                 self._present.mark_saved(run, ticks)
+                if run is self._present.run:
+                    self.save_cut_off()  # a save is of all stretches: of those, too, that could not be saved before

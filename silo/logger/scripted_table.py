@@ -4,10 +4,11 @@ The part of `Logger` that knows nothing of runs, segments and helper processes. 
 and are refused while the logger runs.
 """
 
+import contextlib
 import logging
 import os
 import threading
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsIndex
 
@@ -41,7 +42,7 @@ from silo.loop.sources import VariableSet
 from silo.loop.types import as_numbers, describe, kind_of, label_map
 from silo.segment.retention import large_text
 from silo.settings.options import refusal
-from silo.settings.typed import ElementSettings, apply_settings, rate_words, read_options
+from silo.settings.typed import ElementSettings, apply_settings, diff_options, rate_words, read_options
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack  # known to type checkers without being installed
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("silo")
 
 MOST_TOLD_NAMES = 100  # that `log.q` tells of: each changes the class, 15 us, and who has more looks them up
+MOST_TOLD_CHANGES = 3  # of options, in the words of a cut
 DEFAULT_SCRIPT = "logger.yaml"  # that nobody asked for by name
 
 
@@ -348,25 +350,30 @@ class ScriptedTable:
 
     # ------------------------------------------------------------------------------------------------- options
 
-    def set(self, name: str = "/", **options: "Unpack[OptionKeywords]") -> int:
+    def set(self, name: str = "/", *, cut: bool = False, **options: "Unpack[OptionKeywords]") -> int:
         """Change options of an element or of a whole namespace, all or none.
 
         `log.set("joints", divider="50Hz", size="10s", action="both")`
 
+        With `cut=True` also while the logger runs: from its next tick on it goes on as changed, in another stretch
+        with buffers of its own. What was logged until then is a file of its own (`..._part1`), which the helper
+        process saves at once, or the next `save()`; `silo.open_log` reads all stretches as one log.
+
         Args:
             name: an element or a namespace; all elements if it is left out.
+            cut: change it while the logger runs, too.
             **options: enabled, divider, action, buffer, size, as values or as words that `silo set` takes.
 
         Returns:
             How many elements changed.
 
         Raises:
-            StateError: the logger runs.
+            StateError: the logger runs (without `cut`), or can't be cut now.
+            SegmentError: there is no room for another stretch; nothing was changed.
             ElementError: an unknown name, a value out of range; nothing was changed.
         """
         text("the element's or namespace's name", name, 'log.set("joints", divider=5), one call for each')
-        with self._life.lock:
-            self._life.check_stopped("change elements")
+        with self._changing(cut=switch("cut", cut)):
             places = self._table.select(name)
             rows = [(info.name, info.options) for info in (self._table.elements[place].info for place in places)]
             settings = read_options(options, rows[0][0] if rows else "")
@@ -375,8 +382,28 @@ class ScriptedTable:
             if made:
                 self._tell_rate(rows[0][0], settings, made[0].divider)
             self._warn_of_size(changed)
-            self._life.tell()
             return changed
+
+    @contextlib.contextmanager
+    def _changing(self, who: str = "", *, cut: bool) -> Iterator[None]:
+        """Have the table changed by what is done within: of a logger that stands still, or else (`cut`) at a cut."""
+        with self._life.lock:
+            runs, before = cut and self._life.running, self._table.state
+            if not runs:
+                self._life.check_stopped("change elements")
+            infos = self._table.infos
+            try:
+                yield
+                if runs and self._table.state != before:
+                    new = [info.options for info in self._table.infos]
+                    told = [f"{one.name} {one.field} {one.old} -> {one.new}" for one in diff_options(infos, new)]
+                    more = [f"and {len(told) - MOST_TOLD_CHANGES} more"] if len(told) > MOST_TOLD_CHANGES else []
+                    self._life.cut("; ".join(told[:MOST_TOLD_CHANGES] + more), who or self._options.name)
+            except BaseException:
+                if runs:
+                    self._table.state = before
+                raise
+            self._life.tell()
 
     def _warn_of_size(self, changed: int) -> None:
         if changed and (large := large_text(self._table.infos)):
@@ -406,22 +433,26 @@ class ScriptedTable:
             self._life.tell()
             return gone
 
-    def apply(self, edits: Sequence[Edit], extras: Conditions | None = None) -> int:
+    def apply(
+        self, edits: Sequence[Edit], extras: Conditions | None = None, *, cut: bool = False, who: str = ""
+    ) -> int:
         """Apply edits as one transaction, all or none.
 
         Args:
             edits: what to change.
             extras: derived signals, limits and triggers in the place of all that there are; None: they stay.
+            cut: change it while the logger runs, too, as `set`; `extras` can't be changed so.
+            who: asked for it.
 
         Returns:
             How many elements changed.
 
         Raises:
-            StateError: the logger runs.
+            StateError: the logger runs (without `cut`), or can't be cut now.
+            SegmentError: there is no room for another stretch; nothing was changed.
             ElementError: an edit can't be applied, with a line for each reason; nothing was changed.
         """
-        with self._life.lock:
-            self._life.check_stopped("change elements")
+        with self._changing(who, cut=cut and extras is None):
             edits = edits_given(edits, self._table.infos, self._options.frequency_hz)
             problems = self._table.problems(edits)
             if problems:
@@ -430,7 +461,6 @@ class ScriptedTable:
                 self._conditions.apply_extras(extras, edits)
             changed = self._table.apply(edits)
             self._warn_of_size(changed)
-            self._life.tell()
             return changed
 
     def load_script(self, path: str | os.PathLike[str] | None = None) -> list[str]:

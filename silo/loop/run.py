@@ -33,7 +33,7 @@ from silo.loop.orphaned_arrays import Unheld, Watched
 from silo.loop.pieces import words_at
 from silo.loop.plan import Element, Plan, make_plan
 from silo.segment.held_runs import held_name
-from silo.segment.layout import SegmentSchema
+from silo.segment.layout import Cut, SegmentSchema
 from silo.segment.marks import Mark, no_mark
 from silo.segment.reader import SegmentReader
 from silo.segment.reasons import StopReason
@@ -60,12 +60,13 @@ class Run:
         *,
         served: bool = False,
         landing: LandsChanges | None = None,
+        cut: Cut | None = None,
     ) -> None:
         """Lay out the buffers. Raises SegmentError where there can be none.
 
         before: the logger's last run, whose layout is taken where the table is the same; number: of this one; served:
         whether its logger has a helper process, or is to get one again; landing: where changes of parameters wait, of a
-        logger that has any.
+        logger that has any; cut: how it goes on another run.
         """
         unchanged = before is not None and before._elements is elements
         plan = before.plan.again() if before and unchanged else _laid_out(options, elements)
@@ -79,17 +80,18 @@ class Run:
         self._reader: SegmentReader | None = None
         self.segment = Segment(
             path,
-            self._schema(options, plan, extras, number, served=served, landing=landing),
+            self._schema(options, plan, extras, number, served=served, landing=landing, cut=cut),
             plan.first_rows,
             options.memory_limit_mb * 1_000_000,
             in_memory=options.storage is not Storage.FILE,
             elements_json=plan.elements_json,
         )
         self._unheld = Unheld(self._watched, self.segment)
+        self._goes_on = [True]  # taken by what ends it: one takes it, whichever threads they are
         self._generate = functools.partial(
             generate,
             clock=looked_at(clock, options.name, options.frequency_hz),
-            on_stop=on_stop,
+            on_stop=functools.partial(_by_itself, self._goes_on, on_stop),
             after_end=after_end,
             serialized=options.threads is Threads.SERIALIZED,
             landing=landing,
@@ -100,6 +102,11 @@ class Run:
         self.mark: Mark = no_mark
 
     def begin(self) -> None:
+        """Make it ready, and the present one. Raises SegmentError where there is no room for its buffers."""
+        self.prepare()
+        self.go_live()
+
+    def prepare(self) -> None:
         """Allocate and touch the buffers, and make `collect`. Raises SegmentError where there is no room for them.
 
         After an error or an interrupt, `drop` lets go of whatever there is until then.
@@ -112,6 +119,9 @@ class Run:
         generated = self._generate(self.plan, self.segment)
         self.collect, self._retire = generated.collect, generated.retire
         self.mark = self.segment.mark
+
+    def go_live(self) -> None:
+        """Be the one whose ticks come next."""
         if self._landing is not None:
             self._landing.begin_run(self.segment.changes, self._next_row)
         self._unheld.tell_at_start()
@@ -143,6 +153,7 @@ class Run:
         *,
         served: bool,
         landing: LandsChanges | None,
+        cut: Cut | None,
     ) -> SegmentSchema:
         pid = os.getpid()
         return SegmentSchema(
@@ -171,6 +182,7 @@ class Run:
             about=options.about,
             served=served,
             parameters=tuple(landing.described()) if landing is not None else (),
+            cut=cut,
         )
 
     @property
@@ -197,8 +209,17 @@ class Run:
             self._unheld.without_anybody() if found is None else found, lambda: self.reader, during=during, last=last
         )
 
+    def end_by_cut(self) -> bool:
+        """No more ticks but the one that is under way; False where it has ended, or that one ends it."""
+        self._retire()
+        cut = _taken(self._goes_on)
+        if cut:
+            self.segment.say_cut()
+        return cut
+
     def end(self, reason: StopReason) -> None:
         """No more ticks; a `collect` that somebody kept goes to the logger's present one from now on."""
+        _taken(self._goes_on)
         self._retire()
         self.segment.stop(reason)
 
@@ -228,6 +249,20 @@ class Run:
             self._reader.close()
             self._reader = None
         return kept
+
+
+def _taken(once: list[bool]) -> bool:
+    """Whether it is the caller who takes the only item of a list: one step, of two threads one."""
+    try:
+        return once.pop()
+    except IndexError:
+        return False
+
+
+def _by_itself(goes_on: list[bool], on_stop: Callable[[StopReason], None], reason: StopReason) -> None:
+    """Called by the tick with which a run ends by itself, unless something else has ended it."""
+    if _taken(goes_on):
+        on_stop(reason)
 
 
 def _laid_out(options: LoggerOptions, elements: Sequence[Element]) -> Plan:

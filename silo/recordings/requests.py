@@ -107,7 +107,7 @@ class Save(Do[SaveStarted], frozen=True):
 
     `name` replaces the usual file name (a plain name: no `/`, no leading dot). `folder` (absolute) replaces the
     logger's own; only the robot program may choose it, and send its present `extras`. `why` is kept in the files;
-    without it, who asked.
+    without it, who asked. `segment` is that of a stretch before the present one, which the robot program alone names.
     """
 
     timeout_s: ClassVar[float] = 2.0
@@ -117,6 +117,7 @@ class Save(Do[SaveStarted], frozen=True):
     folder: str = ""
     why: str = ""
     extras: Conditions | None = None
+    segment: str = ""
 
 
 @told_class("client")

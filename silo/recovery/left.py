@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
+from silo.core.elements import CUT, Conditions, FileType, LoggedEvent, SavedFile
 from silo.core.runtime import is_at, open_own
 from silo.errors import StateError
 from silo.journal.holdings import Holdings, recording_holdings
@@ -94,7 +94,9 @@ def log_end(reader: RunReader, saved: str = "", log: Callable[..., object] | Non
         stamp_ns = reader.last_time_ns
     ends = {STOPPED: stopped, CRASHED: death_text(schema.pid), "recovered": saved}
     at = time.time_ns(), reader.ticks - 1, stamp_ns, schema.logger, schema.run
-    lines = [_start(reader), *noted, *(LoggedEvent(kind, text, *at) for kind, text in ends.items() if text)]
+    cut = schema.cut
+    went_on = [LoggedEvent(CUT, cut.text, schema.started_ns, 0, 0, cut.who, schema.run)] if cut is not None else []
+    lines = [_start(reader), *went_on, *noted, *(LoggedEvent(kind, text, *at) for kind, text in ends.items() if text)]
     (log or add_missing)(schema.folder, schema.logger, schema.run, lines)
 
 

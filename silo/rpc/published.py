@@ -115,6 +115,7 @@ class EventKind(Word):
 
     STARTED = "started"
     STOPPED = "stopped"
+    CUT = "cut"  # it goes on in another stretch, with other options
     EDITED = "edited"
     SAVING = "saving"  # progress
     SAVED = "saved"

@@ -41,7 +41,8 @@ class ScriptServer(Server, does=[requests]):
 
     def diff_script(self, path: str) -> ScriptDiff:
         from silo.settings.conditions_diff import diff_extras
-        from silo.settings.script import apply_script, diff_options, parse_script
+        from silo.settings.script import apply_script, parse_script
+        from silo.settings.typed import diff_options
 
         found = script_folder.resolve(path, self._own_script)
         table = self.replica.now.table.elements

@@ -142,6 +142,18 @@ class ElementSchema(msgspec.Struct, frozen=True, gc=False):
         return self.entries if ring == self.ring else self.live_entries
 
 
+class Cut(msgspec.Struct, frozen=True):
+    """How a run goes on one before it, without a tick between: its stretch `part` (from 1) of the run `chain`.
+
+    `text` says what changed, and `who` asked for it.
+    """
+
+    chain: str
+    part: int
+    text: str = ""
+    who: str = ""
+
+
 class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     """What the segment holds and who writes it. `pid_start` and `boot_id` tell the writer from a reused pid.
 
@@ -181,6 +193,7 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     about: dict[str, str] = {}
     parameters: tuple[ParameterInfo, ...] = ()  # with their values at the start of the run
     parameter_changes: int = -1  # the word position of their changes, -1 where there are none
+    cut: Cut | None = None  # where it goes on another run
 
 
 def page_up(size_bytes: int) -> int:

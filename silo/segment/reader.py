@@ -44,7 +44,7 @@ from silo.segment.marks import SLOT_WORDS, read_marks
 from silo.segment.parameter_changes import AREA_BYTES, image_event, read_changes
 from silo.segment.reasons import STOP_TEXTS, LostWhy, StopReason
 from silo.segment.rows import Rows
-from silo.segment.snapshot import snapshot
+from silo.segment.snapshot import in_chain, snapshot
 
 # the writer may be filling the row after the head, whose slot holds an old row; elsewhere than on x86 one row further
 UNSAFE_ROWS = 1 if ORDERED_STORES else 2
@@ -238,6 +238,11 @@ class SegmentReader:
         """Why collection ended, fit to show; empty while it runs."""
         code = self._control_word(ControlWord.STOP_REASON)
         return STOP_TEXTS[StopReason(code)] if code in StopReason._value2member_map_ else ""
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether another run goes on this one."""
+        return self._control_word(ControlWord.STOP_REASON) == StopReason.CUT
 
     @property
     def ticks(self) -> int:
@@ -468,4 +473,4 @@ class SegmentReader:
         """All elements that are saved, cut at one tick; collection goes on meanwhile."""
         if not ORDERED_STORES:
             self.alive()  # of a writer that was killed, the newest row counts too
-        return snapshot(self)
+        return in_chain(snapshot(self), self._written, cut_off=self.is_cut)

@@ -11,6 +11,7 @@ class StopReason(enum.IntEnum):
     TIME_FULL = 2
     MEMORY_LIMIT = 3
     NO_ROOM = 4
+    CUT = 5
 
 
 STOP_TEXTS = {
@@ -22,6 +23,7 @@ STOP_TEXTS = {
         "stopped by itself: the folder of the buffers is full; save the log, then free or enlarge it, "
         "or take smaller buffers"
     ),
+    StopReason.CUT: "cut: it was changed, and goes on in its next stretch",
 }
 
 

@@ -5,7 +5,7 @@ from collections import defaultdict
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import BufferType
+from silo.core.elements import CUT, BufferType, LoggedEvent
 from silo.core.recording import (
     KEPT_ALIKE,
     NEVER_CHANGED,
@@ -13,11 +13,13 @@ from silo.core.recording import (
     RecordedEntry,
     Recording,
     alike,
+    as_stretch,
     failures_text,
     stamped,
     unheld_text,
+    with_events,
 )
-from silo.segment.layout import TIME_RING, ElementSchema
+from silo.segment.layout import TIME_RING, Cut, ElementSchema, SegmentSchema
 from silo.segment.reasons import LOST_TEXTS
 from silo.segment.retention import kept_rows
 from silo.segment.rows import Rows, RowSource, lost_samples
@@ -53,6 +55,15 @@ def snapshot(source: RowSource) -> Recording:
         warnings=_warnings(source, elements, ticks),
         events=stamped([*source.marks(), *source.changes()], stamps, ticks),
     )
+
+
+def in_chain(recording: Recording, schema: SegmentSchema, *, cut_off: bool) -> Recording:
+    """The recording of a stretch that says so, in `about` and by an event: that it goes on another, or is gone on."""
+    if schema.cut is None and not cut_off:
+        return recording
+    cut = schema.cut or Cut(schema.run, 1)
+    told = [LoggedEvent(CUT, cut.text, schema.started_ns, 0, 0, cut.who, schema.run)] if cut.text else []
+    return with_events(as_stretch(recording, cut.chain, cut.part), told)
 
 
 def _time_stamps(source: RowSource, ticks: int) -> NDArray[np.int64]:

@@ -261,6 +261,10 @@ class Segment:
         """Whether rows may still come."""
         return not self._counted and self.words[self._control // 8 + ControlWord.STATE] == SegmentState.RUNNING
 
+    def say_cut(self) -> None:
+        """Note that another run goes on this one, whose last tick may still be under way."""
+        self._set(ControlWord.STOP_REASON, StopReason.CUT)
+
     def stop(self, reason: StopReason) -> None:
         """Mark that no more rows will come."""
         self._set(ControlWord.STOP_REASON, reason)

@@ -18,13 +18,13 @@ from pathlib import Path
 import msgspec
 import yaml
 
-from silo.core.elements import NO_EXTRAS, Conditions, ElementInfo, ElementOptions, FieldChange
+from silo.core.elements import NO_EXTRAS, Conditions, ElementInfo, ElementOptions
 from silo.core.names import nearest
 from silo.errors import SaveError, ScriptError
 from silo.settings.options import IN_SCRIPT, OptionValue
 from silo.settings.script_conditions import format_extras, kinds_of, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
-from silo.settings.typed import ElementSettings, phrase, rate_words
+from silo.settings.typed import ElementSettings, rate_words
 from silo.settings.yaml_nodes import Pair, collector_paused, compose, explain, text_of
 
 MAX_SCRIPT_BYTES = 8 * 2**20  # about 60,000 elements; libyaml reads 1 - 2 MB/s
@@ -289,21 +289,3 @@ def kept_text(kept: Sequence[str]) -> str:
         return ""
     more = f" and {len(kept) - 5} more" if len(kept) > 5 else ""
     return f"; kept what silo doesn't know: {', '.join(kept[:5])}{more}"
-
-
-# ---------------------------------------------------------------------------------------------------------- comparing
-
-
-def diff_options(table: Sequence[ElementInfo], options: Sequence[ElementOptions]) -> list[FieldChange]:
-    """What changes when the elements of `table` get `options` (same order and length), one entry per field."""
-    changes: list[FieldChange] = []
-    for info, new in zip(table, options, strict=True):
-        old = info.options
-        if new == old:
-            continue
-        changes.extend(
-            FieldChange(info.name, field, phrase(field, getattr(old, field)), phrase(field, getattr(new, field)))
-            for field in ElementOptions.__struct_fields__
-            if getattr(old, field) != getattr(new, field)
-        )
-    return changes

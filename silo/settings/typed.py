@@ -22,6 +22,7 @@ from silo.core.elements import (
     Edit,
     ElementInfo,
     ElementOptions,
+    FieldChange,
     Problem,
     buffer_size_for,
 )
@@ -319,3 +320,18 @@ def completions(start: str) -> list[str]:
     option = _KEYS.get(key.lower())
     words = option.words if option else ()
     return [f"{key}={word.word}" for word in words if word.word.startswith(value) and word.word != value]
+
+
+def diff_options(table: Sequence[ElementInfo], options: Sequence[ElementOptions]) -> list[FieldChange]:
+    """What changes when the elements of `table` get `options` (same order and length), one entry per field."""
+    changes: list[FieldChange] = []
+    for info, new in zip(table, options, strict=True):
+        old = info.options
+        if new == old:
+            continue
+        changes.extend(
+            FieldChange(info.name, field, phrase(field, getattr(old, field)), phrase(field, getattr(new, field)))
+            for field in ElementOptions.__struct_fields__
+            if getattr(old, field) != getattr(new, field)
+        )
+    return changes

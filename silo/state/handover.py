@@ -45,6 +45,7 @@ class RobotState(msgspec.Struct, frozen=True, tag=True):
     table: Table | None = None
     extras: Conditions = NO_EXTRAS
     saved: str = ""  # where the run before this one was saved, if its start did that; fit to show
+    cut_off: int = 0  # ticks of stretches before the present one that are in no file
 
 
 _decoder = msgspec.msgpack.Decoder(RunOffer)

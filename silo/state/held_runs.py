@@ -177,6 +177,15 @@ def tell_start(reader: SegmentReader, events: EventNotifier) -> None:
     run, begun_ns = reader.schema.run, reader.schema.started_ns
     if not events.log.texts(EventKind.STARTED.value, run):
         events.publish(EventKind.STARTED, "started", tick=0, stamp_ns=reader.stamp_of(0), run=run, time_ns=begun_ns)
+    tell_cut(reader, events)
+
+
+def tell_cut(reader: SegmentReader, events: EventNotifier) -> None:
+    """Tell that a run goes on another one, if it does and nobody told: what changed, and who asked for it."""
+    run, begun_ns, cut = reader.schema.run, reader.schema.started_ns, reader.schema.cut
+    if cut is not None and not events.log.texts(EventKind.CUT.value, run):
+        stamp_ns = reader.stamp_of(0)
+        events.publish(EventKind.CUT, cut.text, by=cut.who, tick=0, stamp_ns=stamp_ns, run=run, time_ns=begun_ns)
 
 
 def _held(reader: SegmentReader) -> Path:

@@ -100,7 +100,7 @@ class Replica:
         self.held = HeldNow()  # set by the main thread
         self.clients: tuple[Present, ...] = ()  # who is connected; set by the publisher
         self._generation = 0
-        self._saved: tuple[str, int] = ("", 0)
+        self._saved: dict[str, int] = {}  # by the paths of segments, how many of their ticks stand in files
         self._lock = threading.Lock()
         self._reader: SegmentReader | None = None  # of the present run, for the status
         self._descriptor = -1  # its file, as it was handed over
@@ -243,14 +243,18 @@ class Replica:
     def mark_saved(self, segment: str, ticks: int) -> None:
         """Remember how much of a segment stands in a file."""
         with self._lock:
-            if self._saved[0] != segment or self._saved[1] < ticks:
-                self._saved = (segment, ticks)
+            self._saved[segment] = max(ticks, self._saved.get(segment, 0))
 
     def is_saved(self) -> bool:
         """Return whether every tick of the present segment stands in a file; not of one that somebody cut short."""
         with self._lock, contextlib.suppress(SegmentError):
             return self._reader is None or self._reader.ticks <= self._saved_ticks(self._reader)
         return False
+
+    def is_saved_of(self, reader: SegmentReader) -> bool:
+        """Return whether every tick of a run stands in a file, as far as is known here."""
+        with self._lock:
+            return reader.ticks <= self._saved_ticks(reader)
 
     def durable_ticks(self, run: str) -> int:
         """Return how many ticks of a run would survive a power cut now."""
@@ -289,8 +293,7 @@ class Replica:
         return now_s - since_s
 
     def _saved_ticks(self, reader: SegmentReader) -> int:
-        own = self._saved[1] if self._saved[0] == self.segment else 0
-        return max(own, reader.saved_ticks)
+        return max(self._saved.get(str(reader.path), 0), reader.saved_ticks)
 
     def status(self) -> Status:
         """Return the logger at a glance."""
@@ -303,7 +306,7 @@ class Replica:
             size_bytes, started_ns = (reader.size_bytes, reader.schema.started_ns) if reader else (0, 0)
             try:
                 read = _read(reader, self._kept)
-                saved = reader is None or read.ticks <= self._saved_ticks(reader)
+                saved = reader is None or (read.ticks <= self._saved_ticks(reader) and not robot.cut_off)
             except SegmentError as error:  # somebody cut it short
                 read, saved, problem = _read(None, []), False, str(error)
         return Status(

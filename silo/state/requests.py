@@ -3,7 +3,7 @@
 import enum
 from collections.abc import Callable, Sequence
 
-from silo.core.arguments import line, shown, whole
+from silo.core.arguments import line, shown, switch, whole
 from silo.core.calls import told_class
 from silo.core.elements import Conditions, Edit, ElementOptions, LoggedEvent, Problem, Status, Table
 from silo.errors import ElementError
@@ -85,11 +85,15 @@ class EditsApplied(Reply, frozen=True):
 
 
 class ApplyEdits(RobotRequest[EditsApplied], frozen=True):
-    """All or nothing, and only while stopped. `revision` is the table's that the edits are based on (-1: any)."""
+    """All or nothing, and only while stopped, or at a `cut` of the run, which goes on in another stretch.
+
+    `revision` is the table's that the edits are based on (-1: any).
+    """
 
     revision: int
     edits: list[Edit]
     extras: Conditions | None = None  # derived signals, limits and triggers of a script, None: they stay
+    cut: bool = False
 
 
 class Events(Reply, frozen=True):
@@ -182,19 +186,22 @@ class TableRequests(Caller):
     def _table(self) -> TableReply:
         """Which elements are there, with which options?"""
 
-    def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
+    def apply(self, edits: Sequence[Edit], revision: int, *, cut: bool = False) -> EditsApplied:
         """Apply edits as one transaction, all or none.
 
         Args:
             edits: what to change.
             revision: that of the table they are based on; -1: whichever.
+            cut: while the logger runs, too: from its next tick on it goes on as changed, in another stretch. What was
+                logged until then is saved to a file of its own.
 
         Returns:
             The new revision, and how many elements changed.
 
         Raises:
             ElementError: they are no list of edits.
-            RefusedError: the logger runs, the table has changed since, or an edit can't be; nothing was changed.
+            RefusedError: the logger runs (without `cut`) or can't be cut now, the table has changed since, or an edit
+                can't be; nothing was changed.
         """
         if isinstance(edits, str) or not isinstance(edits, Sequence):
             raise ElementError(f"edits must be a list of silo.Edit, got {shown(edits)}; nothing was changed")
@@ -206,7 +213,7 @@ class TableRequests(Caller):
             edits = whole_edits(
                 edits, table.elements, self._call(request_of(StateRequests._get_status)).status.frequency_hz
             )
-        return self._call(ApplyEdits(revision=revision, edits=list(edits)))
+        return self._call(ApplyEdits(revision=revision, edits=list(edits), cut=switch("cut", cut)))
 
 
 @told_class("client")

@@ -29,7 +29,9 @@ class TableOfLogger(Protocol):
     def elements(self) -> list[ElementInfo]: ...
 
     def problems(self, edits: list[Edit], /) -> list[Problem]: ...
-    def apply(self, edits: list[Edit], extras: Conditions | None = ..., /) -> int: ...
+    def apply(
+        self, edits: list[Edit], extras: Conditions | None = ..., /, *, cut: bool = ..., who: str = ...
+    ) -> int: ...
 
 
 class StateOfLogger(Protocol):
@@ -54,11 +56,12 @@ class StateRobot(Server, does=[requests], robot=True):
     def apply_edits(self, request: ApplyEdits) -> EditsApplied:
         table = self.table
         with table.lock:
-            if self.logger.is_running:
+            cut = request.cut and request.extras is None
+            if self.logger.is_running and not cut:
                 raise refused_running()
             check_revision(request, table.revision)
             check_none(table.problems(request.edits))
-            changed = table.apply(request.edits, request.extras)
+            changed = table.apply(request.edits, request.extras, cut=cut, who=request.client)
             large = large_text(table.elements) if changed else ""
             return EditsApplied(table.revision, changed, warnings=[large] if large else [])
 

@@ -86,7 +86,8 @@ class StateServer(Server, does=[requests]):
 
     def apply_edits(self, turn: Turn, request: ApplyEdits) -> EditsApplied:
         self.robot.must_live()
-        self.robot.must_stop()
+        if not request.cut:
+            self.robot.must_stop()
         return apply_edits(self.robot, turn, request, self.replica.now)
 
     def get_events(self, since: int, limit: int) -> requests.Events:

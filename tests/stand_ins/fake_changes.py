@@ -29,7 +29,8 @@ from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
 from silo.settings.conditions_diff import diff_extras
 from silo.settings.options import edit_problems, refusal
-from silo.settings.script import Script, ScriptPlan, apply_script, diff_options, format_script, parse_script
+from silo.settings.script import Script, ScriptPlan, apply_script, format_script, parse_script
+from silo.settings.typed import diff_options
 from silo.state.requests import EditsApplied, Unsaved
 from tests.stand_ins.fake_signals import FOLDER, HZ, OWN_NAME, refused
 

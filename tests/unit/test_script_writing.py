@@ -6,7 +6,8 @@ import pytest
 
 from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, Entry, FieldChange
 from silo.errors import ScriptError
-from silo.settings.script import apply_script, diff_options, format_script, parse_script, read_script, write_script
+from silo.settings.script import apply_script, format_script, parse_script, read_script, write_script
+from silo.settings.typed import diff_options
 
 FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "fixtures"
 USUAL = ElementOptions(True, 2, Action.PUBLISH, BufferType.FIXED, 30)

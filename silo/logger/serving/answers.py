@@ -69,6 +69,7 @@ def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
             table=Table(revision, logger._scripted.elements) if revision != table_sent else None,
             extras=logger._conditions.extras,
             saved=logger._present.saved_before,
+            cut_off=logger._present.unsaved_before,
         )
 
 

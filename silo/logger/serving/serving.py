@@ -27,6 +27,7 @@ from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, Li
 from silo.logger.serving.answers import Served, answer, robot_state
 from silo.logger.serving.process import FROZEN_ROUNDS, ROUND_S, DownMark, HelperProcess, Patience, drawn_id
 from silo.logger.serving.viewers import FoxgloveProcess
+from silo.loop.run import Run
 from silo.parameters.requests import ParametersSet
 from silo.parameters.robot import ended
 from silo.recorder.requests import RecorderStarted, StartRecorder, StopRecorder
@@ -391,13 +392,14 @@ class Serving:
         except OSError:
             log.debug("a helper process that is gone holds nothing")
 
-    def save(self, types: list[FileType], name: str, folder: str = "") -> list[SavedFile]:
+    def save(self, types: list[FileType], name: str, folder: str = "", run: Run | None = None) -> list[SavedFile]:
         """Save in the helper process; waits without holding the GIL.
 
         Args:
             types: file types.
             name: a file name without ending; empty: the usual one.
             folder: where to; empty: the logger's folder.
+            run: a stretch before the present one, instead of that.
 
         Returns:
             The files: path, size in bytes.
@@ -408,7 +410,10 @@ class Serving:
         logger = self._logger_ref()
         # what was derived just now may not have been told yet
         extras = logger._conditions.extras if logger is not None else None
-        request = Save(types=types, name=name, folder=folder, extras=extras, client="the robot program")
+        segment, why = ("", "") if run is None else (str(run.segment.path), "saved at a cut")
+        request = Save(
+            types=types, name=name, folder=folder, extras=extras, segment=segment, why=why, client="the robot program"
+        )
         _, saving = self._asked(request, SaveStarted, "it saves nothing later")
         return self._wait(saving, "it had begun to save, and goes on when it wakes")
 
@@ -525,4 +530,5 @@ class Serving:
         if kind is None or logger is None or not logger.has_unsaved:
             self.close()
         else:
-            self.abandon(logger._present.path, logger.ticks)
+            run = logger._present.run
+            self.abandon(logger._present.path, run.segment.ticks if run is not None else 0)
