@@ -8,31 +8,36 @@ Nothing but the header is read before a signal is asked for; of JSON in bags all
 
 import numbers
 import os
+import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Literal
 
 from silo.analysis.log import Log
+from silo.analysis.stretches import joined
 from silo.core.arguments import path as file_path
-from silo.core.arguments import shown, whole
+from silo.core.arguments import shown, switch, whole
 from silo.core.calls import told
-from silo.core.recording import has_own_stamps
+from silo.core.recording import Recording, has_own_stamps, stretch_of
 from silo.errors import ElementError, LogWarning
 from silo.files.added import added_formats
 from silo.files.formats import read_recording
 from silo.files.naming import find_log, find_logs
 
 MOST_RUNS = 10**9
+_OF_RUN = re.compile(r"\d+ parts of run (\w+)")
 
 __all__ = ["open_log", "open_logs"]
 
 
 @told("silo.open_log")
 def open_log(
-    which: str | os.PathLike[str] | int,
+    which: str | os.PathLike[str] | int | Sequence[str | os.PathLike[str]],
     folder: str | os.PathLike[str] = ".",
     *,
     stamps: Literal["log", "header"] = "log",
+    alone: bool = False,
 ) -> Log:
     """Open a saved log.
 
@@ -45,10 +50,13 @@ def open_log(
     Args:
         which: a path, the start of a file name (the newest such is meant), or a run number. A folder or a glob
             (`logs/*.silo`) means the newest run there; what a trigger captured has its own name, and where one is
-            newer, a `LogWarning` says what was taken. `open_logs` opens all.
+            newer, a `LogWarning` says what was taken. `open_logs` opens all. Or a list of the parts of a run that was
+            cut.
         folder: where names and run numbers are looked for.
         stamps: of bags of others, `"log"`: when a message was recorded, which rises and is of one clock; or `"header"`:
             the stamp in its header, when it was measured, where it has one. Logs of silo have those of their ticks.
+        alone: of a run that was cut (`log.set(..., cut=True)`) this file only. Else all of its parts that lie beside
+            one another are read as one log, with an event of kind `cut` where one goes on another.
 
     Returns:
         The log; what is large in it is read when it is asked for.
@@ -60,6 +68,8 @@ def open_log(
     """
     if stamps not in ("log", "header"):
         raise ElementError(f"unknown stamps {stamps!r}: choose 'log' (when recorded) or 'header' (when measured)")
+    if isinstance(which, list | tuple):
+        return _of_files([open_log(one, folder, stamps=stamps, alone=True) for one in which])
     if not isinstance(which, str | bytes | os.PathLike):
         if not isinstance(which, numbers.Integral):
             raise ElementError(
@@ -75,6 +85,8 @@ def open_log(
         from silo.files.others.recording import stamped_by_header
 
         recording = stamped_by_header(recording)
+    if stretch_of(recording)[0] and not switch("alone", alone):
+        recording = _whole_run(path, recording)
     for warning in recording.warnings:
         warnings.warn(f"{path}: {warning}", LogWarning, stacklevel=3)
     return Log(recording, os.fspath(path))
@@ -96,7 +108,35 @@ def open_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".
         LogNotFoundError: there is none.
     """
     paths = find_logs(file_path("which logs", which), file_path("folder", folder), _told_by(4), captures=False)
-    return [open_log(path) for path in paths]
+    logs: dict[object, Log] = {}
+    for path in paths:
+        log = open_log(path)
+        run = _OF_RUN.fullmatch(log.recording.about.get("cut", ""))  # the parts of one are one log
+        logs.setdefault(run[1] if run else path, log)
+    return list(logs.values())
+
+
+def _of_files(logs: Sequence[Log]) -> Log:
+    """The run of which logs are the parts. Raises ElementError where they are of several, or of none."""
+    runs = {stretch_of(log.recording)[0] for log in logs}
+    if len(runs) != 1 or "" in runs:
+        raise ElementError(
+            "a list of files must be parts of one run that was cut; silo.open_logs opens logs side by side"
+        )
+    return Log(joined([log.recording for log in logs]), logs[0].path)
+
+
+def _whole_run(path: Path, recording: Recording) -> Recording:
+    """The run that was cut of which a recording is a stretch: with those that lie beside it."""
+    run, part = stretch_of(recording)
+    found = {part: recording}
+    for other in [other for other in find_logs(path.parent) if "_part" in other.stem and other != path]:
+        one = read_recording(other, added_formats)
+        of, number = stretch_of(one)
+        # of one that was saved more than once what has most
+        if of == run and (number not in found or one.offset > found[number].offset):
+            found[number] = one
+    return joined(list(found.values())) if len(found) > 1 else recording
 
 
 def _told_by(level: int) -> Callable[[str], None]:

@@ -1,8 +1,9 @@
-"""Parts of a recording, and the same at other times: what `Log.clip` and `Log.resample` give.
+"""Parts of a recording, and the same at other times: what `Log.clip` and `Log.resample` give; a run that was cut.
 
 Pure functions on a `Recording`; values stay views of the file where they can.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from silo.core.arguments import INT64
 from silo.core.elements import BufferType
 from silo.core.recording import (
+    Failures,
     RecordedElement,
     RecordedEntry,
     Recording,
@@ -21,6 +23,7 @@ from silo.core.recording import (
     falls,
     lazy_entry,
     stamps_of,
+    stretch_of,
     within,
 )
 
@@ -96,6 +99,89 @@ def _cut(element: RecordedElement, kept: slice | NDArray[np.bool_], count: int) 
         return entry.values[kept]
 
     return tuple(lazy_entry(e.name, e.entry, partial(values, e), e.dtype, count) for e in element.entries)
+
+
+def joined(stretches: Sequence[Recording]) -> Recording:
+    """Return the stretches of a run that was cut as one: each sample, event and mark at its own time stamp.
+
+    An element that was changed between two has time stamps of its own.
+    """
+    parts = sorted(stretches, key=lambda one: stretch_of(one)[1])
+    run, last = stretch_of(parts[0])[0], parts[-1]
+    places = np.cumsum([0, *(len(part.time_ns) for part in parts)]).tolist()
+    time_ns = np.concatenate([part.time_ns for part in parts])
+    begin = parts[0].offset - len(parts[0].time_ns)
+    by_name: dict[str, list[tuple[int, RecordedElement]]] = {}
+    for place, part in zip(places, parts, strict=False):
+        for element in part.elements:
+            by_name.setdefault(element.name, []).append((place, element))
+    own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]] = {}
+    elements = tuple(_as_one(pieces, time_ns, own) for pieces in by_name.values())
+    events = [
+        msgspec.structs.replace(event, tick=begin + place + max(event.tick - (part.offset - len(part.time_ns)), 0))
+        if place and event.tick >= 0
+        else event
+        for place, part in zip(places, parts, strict=False)
+        for event in part.events
+    ]
+    numbers = [stretch_of(part)[1] for part in parts]
+    missing = [number for number in range(1, numbers[-1]) if number not in numbers]
+    told = [f"part {number} of this run, which was cut, is missing: its samples are not here" for number in missing]
+    for number, part in zip(numbers, parts, strict=True):
+        lost = part.offset - len(part.time_ns) if number > 1 else 0
+        told += [f"part {number}: its oldest {lost} ticks were overwritten"] if lost else []
+        told += [f"part {number}: {text}" for text in part.warnings]
+    return replace(
+        last,
+        time_ns=time_ns,
+        offset=begin + len(time_ns),
+        elements=elements,
+        started_ns=parts[0].started_ns,
+        time_looping=parts[0].time_looping,
+        warnings=tuple(told),
+        events=tuple(sorted(events, key=lambda event: (event.time_ns, event.number))),
+        about={**last.about, "cut": f"{len(parts)} parts of run {run}"},
+    )
+
+
+def _as_one(
+    pieces: list[tuple[int, RecordedElement]],
+    time_ns: NDArray[np.int64],
+    own: dict[tuple[tuple[int, int, int], ...], NDArray[np.int64]],
+) -> RecordedElement:
+    """An element of several stretches; `own` are time stamps that others have, too, by where they stand."""
+    begin, last = pieces[0][0] + pieces[0][1].first, pieces[-1][1]
+    if len(pieces) == 1:
+        return replace(last, first=begin)
+    layout = tuple((place + one.first, one.divider, one.count) for place, one in pieces)
+    follows, steps = begin, True
+    for first, divider, count in layout:
+        steps = steps and first == follows and divider == last.divider
+        follows = first + count * divider
+    if not steps and layout not in own:
+        own[layout] = time_ns[np.concatenate([first + np.arange(count) * step for first, step, count in layout])]
+    failed = [(place, one.failures) for place, one in pieces]
+    spans = tuple((low + place, high + place) for place, one in failed for low, high in one.spans)
+    return alike(
+        RecordedElement,
+        last,
+        first=begin if steps else 0,
+        own_ns=None if steps else own[layout],
+        entries=tuple(_one_entry([one.entries[number] for _, one in pieces]) for number in range(len(last.entries))),
+        lost=sum(one.lost for _, one in pieces),
+        failures=Failures(sum(one.count for _, one in failed), spans),
+        buffer_type=BufferType.GROWING,
+    )
+
+
+def _one_entry(entries: list[RecordedEntry]) -> RecordedEntry:
+    def values() -> NDArray[Any]:
+        found: NDArray[Any] = np.concatenate([entry.values for entry in entries])
+        return found
+
+    return lazy_entry(
+        entries[-1].name, entries[-1].entry, values, entries[-1].dtype, sum(entry.count for entry in entries)
+    )
 
 
 def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) -> Recording:

@@ -65,7 +65,7 @@ class ListedRun:
 
     def open(self) -> "Log":
         """Open the log. Raises as `silo.open_log`."""
-        return open_log(self.path)
+        return open_log(self.path, alone=True)
 
     def tag(self, *tags: str) -> None:
         """Give it tags. Raises ElementError for one that is no word, SaveError."""

@@ -1,0 +1,261 @@
+"""A run that is cut: changed while it goes on, tick by tick, in another stretch."""
+
+import itertools
+import threading
+
+import numpy as np
+import pytest
+
+import silo
+from silo.core.elements import Edit
+from silo.errors import ElementError, SegmentError, StateError
+from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
+from tests.waiting import wait_until
+
+
+class Loop:
+    """A logger with a counter, and `collect` as a program calls it."""
+
+    def __init__(self, logger, kept=False) -> None:
+        self.logger, self.ticks = logger, 0
+        self.counter = logger.array("n", (), "int64", buffer="growing")
+        self.other = logger.array("x", buffer="growing")
+        logger.start()
+        self._collect = logger.collect if kept else (lambda: logger.collect())
+
+    def turn(self, times=1) -> None:
+        for _ in range(times):
+            self.counter[...] = self.ticks
+            self.other[...] = self.ticks
+            self._collect()
+            self.ticks += 1
+
+    def whole(self, folder):
+        """What the files hold, as one log: each tick once."""
+        log = silo.open_log(folder)
+        assert log["n"].values.tolist() == list(range(self.ticks))
+        assert log["x"].values.tolist() == np.sort(log["x"].values).tolist()
+        assert not log.recording.warnings
+        return log
+
+
+def held(logger):
+    """What a refused cut must leave as it is."""
+    return logger._table.state, logger._present.run, logger._present.stretches, logger.ticks, logger.is_running
+
+
+@pytest.mark.parametrize("options", [{}, {"timing": True}, {"threads": "serialized"}, {"storage": "file"}], ids=str)
+@pytest.mark.parametrize("kept", [False, True])
+def test_a_loop_that_is_cut_again_and_again_has_every_tick_once(new_logger, tmp_path, options, kept):
+    logger = new_logger(frequency=1000, **options)
+    loop, ended = Loop(logger, kept), threading.Event()
+    thread = threading.Thread(target=lambda: [loop.turn() for _ in iter(lambda: ended.wait(0.0005), True)])
+    thread.start()
+    for cut in range(3 * MOST_CUT_OFF + 5):
+        ticks = loop.ticks
+        wait_until(lambda ticks=ticks: loop.ticks > ticks + 2)
+        if len(logger._present.cut_off) == MOST_CUT_OFF:
+            logger.save()
+        assert logger.set("x", divider=2 + cut % 2, cut=True) == 1
+    ended.set()
+    thread.join()
+    assert logger.ticks == loop.ticks
+    logger.save()
+    assert not logger.has_unsaved
+    log = loop.whole(tmp_path)
+    told = [event.text for event in log.recording.events if event.kind == "cut"]
+    assert len(told) == 3 * MOST_CUT_OFF + 5
+    assert told[:3] == ["/log/x divider 1 -> 2", "/log/x divider 2 -> 3", "/log/x divider 3 -> 2"]
+
+
+def test_a_cut_within_a_tick_counts_that_tick_once(new_logger, tmp_path):
+    asked, loggers = [], []
+
+    def clock():
+        ticks = loggers[0].ticks if loggers else 0
+        if ticks == 3 and not asked:
+            asked.append(threading.Thread(target=lambda: logger.set("x", size=7, cut=True)))
+            asked[0].start()
+            asked[0].join()
+        return 1000 * ticks
+
+    logger = new_logger(clock=clock)
+    loggers.append(logger)
+    loop = Loop(logger)
+    loop.turn(6)
+    assert [run.segment.ticks for run in logger._present.stretches] == [4, 2]
+    logger.save()
+    loop.whole(tmp_path)
+
+
+def test_a_tick_that_fills_the_buffers_while_it_is_cut_ends_nothing(new_logger, tmp_path):
+    asked, loggers = [], []
+
+    def clock():
+        ticks = loggers[0].ticks if loggers else 0
+        if ticks == 3 and not asked:
+            asked.append(threading.Thread(target=lambda: logger.set("/", buffer="growing", cut=True)))
+            asked[0].start()
+            asked[0].join()
+        return 1000 * ticks
+
+    logger = new_logger(clock=clock)
+    loggers.append(logger)
+    logger.add(lambda: 0.0, "y", size=4, buffer="fixed")
+    logger.add(lambda: 0.0, "z", size=4, buffer="fixed")
+    logger.start()
+    for _ in range(6):
+        logger.collect()
+    assert (logger.is_running, logger.ticks) == (True, 6)
+    logger.save()
+    assert len(silo.open_log(tmp_path)["y"].values) == 6
+
+
+def test_a_run_that_stops_by_itself_just_before_the_cut_stays_stopped_and_whole(new_logger, tmp_path, monkeypatch):
+    logger = new_logger()
+    logger.add(lambda: 0.0, "y", size=4, buffer="fixed")
+    logger.start()
+    logger.collect()
+    prepare = CurrentRun.prepare
+
+    def meanwhile(present, make):
+        made = prepare(present, make)
+        for _ in range(3):
+            logger.collect()
+        return made
+
+    monkeypatch.setattr(CurrentRun, "prepare", meanwhile)
+    state = logger._table.state
+    with pytest.raises(StateError, match="stopped by itself.*nothing was changed"):
+        logger.set("y", size=9, cut=True)
+    logger.collect()
+    assert (logger._table.state, logger.is_running, logger.ticks) == (state, False, 4)
+    assert "stopped by itself" in logger.stop_reason
+    logger.save()
+    (file,) = tmp_path.glob("*.silo")
+    assert len(silo.open_log(file)["y"].values) == 4
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "error", "words"),
+    [
+        ("x", {"divider": 0}, ElementError, "divider"),
+        ("nobody", {"divider": 2}, ElementError, "nobody"),
+        ("x", {"size": 10**9, "buffer": "fixed"}, SegmentError, ""),
+        ("x", {"divider": 2}, StateError, "excited"),
+    ],
+)
+def test_a_cut_that_is_refused_changes_nothing(new_logger, monkeypatch, name, options, error, words):
+    logger = new_logger()
+    loop = Loop(logger)
+    loop.turn(3)
+    if words == "excited":
+        monkeypatch.setattr(type(logger.parameters.excitations), "running", True)
+    before = held(logger)
+    with pytest.raises(error, match=words):
+        logger.set(name, **options, cut=True)
+    assert held(logger) == before
+    loop.turn(2)
+    assert logger.snapshot().elements[0].entries[0].values.tolist() == [0, 1, 2, 3, 4]
+
+
+def test_a_cut_waits_for_a_tick_and_for_files(new_logger):
+    logger = new_logger()
+    loop = Loop(logger)
+    with pytest.raises(StateError, match="no tick yet"):
+        logger.set("x", divider=2, cut=True)
+    for cut in range(MOST_CUT_OFF):
+        loop.turn()
+        logger.set("x", divider=2 + cut, cut=True)
+    with pytest.raises(StateError, match="no tick yet"):
+        logger.set("x", divider=99, cut=True)
+    loop.turn()
+    with pytest.raises(StateError, match="save\\(\\) first"):
+        logger.set("x", divider=99, cut=True)
+    logger.save()
+    logger.set("x", divider=99, cut=True)
+
+
+def test_too_many_elements_are_refused_with_the_way_out(new_logger):
+    logger = new_logger()
+    for number in range(MOST_ELEMENTS + 1):
+        logger.array(f"a{number}", size=2)
+    logger.start()
+    logger.collect()
+    with pytest.raises(StateError, match=f"{MOST_ELEMENTS + 1} elements.*stop, change, start"):
+        logger.set("a0", divider=2, cut=True)
+
+
+def test_what_changes_nothing_cuts_nothing_and_a_stopped_logger_is_just_changed(new_logger):
+    logger = new_logger()
+    loop = Loop(logger)
+    loop.turn(2)
+    assert logger.set("x", divider=1, cut=True) == 0
+    assert len(logger._present.stretches) == 1
+    with pytest.raises(StateError, match="while logger 'test' runs"):
+        logger.set("x", divider=2)
+    logger.stop()
+    assert logger.set("x", divider=2, cut=True) == 1
+    assert len(logger._present.stretches) == 1
+
+
+@pytest.mark.parametrize("unsaved", ["clear", "save"])
+def test_counts_are_of_all_stretches_and_a_start_begins_anew(new_logger, tmp_path, unsaved):
+    logger = new_logger()
+    loop = Loop(logger)
+    for _ in range(3):
+        loop.turn(4)
+        logger.set("x", enabled=not logger["x"].options.enabled, cut=True)
+    loop.turn()
+    assert (logger.ticks, logger._present.unsaved_ticks, logger.has_unsaved) == (13, 13, True)
+    logger.stop()
+    logger.start(unsaved=unsaved)
+    assert (logger.ticks, logger.has_unsaved, logger._present.cut_off) == (0, False, [])
+    if unsaved == "save":
+        loop.whole(tmp_path)
+    assert len(list(tmp_path.glob("*_part?.silo"))) == (4 if unsaved == "save" else 0)
+
+
+def test_an_edit_by_a_client_says_who_asked(new_logger, tmp_path):
+    logger = new_logger()
+    loop = Loop(logger)
+    loop.turn(2)
+    info = logger.elements[1]
+    logger._scripted.apply([Edit(info.name, silo.ElementOptions(divider=5))], cut=True, who="alice@laptop")
+    loop.turn()
+    logger.save("silo", name="walk")
+    assert sorted(path.name for path in tmp_path.glob("walk*")) == ["walk_part1.silo", "walk_part2.silo"]
+    (event,) = [event for event in loop.whole(tmp_path).recording.events if event.kind == "cut"]
+    assert (event.tick, event.who) == (2, "alice@laptop")
+    assert "/log/x divider 1 -> 5" in event.text
+
+
+def test_the_parts_of_a_run_are_one_log_with_the_stamps_of_each(new_logger, tmp_path):
+    stamps = itertools.count(0, 1000)
+    logger = new_logger(clock=lambda: next(stamps))
+    loop = Loop(logger)
+    for divider in (3, 1, 1):
+        loop.turn(7)
+        logger.mark(f"at {loop.ticks}")
+        if divider > 1 or loop.ticks > 7:
+            logger.set("x", divider=divider + loop.ticks % 2, cut=True)
+    loop.turn(7)
+    logger.save()
+    log = loop.whole(tmp_path)
+    x = log["x"]
+    assert x.time_ns.tolist() == [1000 * (int(value) + 1) for value in x.values]
+    assert log["n"].time_ns.tolist() == [1000 * (tick + 1) for tick in range(loop.ticks)]
+    marks = [event for event in log.recording.events if event.kind == "marker"]
+    assert [(f"at {event.tick + 1}", event.stamp_ns) for event in marks] == [
+        (event.text, 1000 * (event.tick + 1)) for event in marks
+    ]
+    assert len(marks) == 3
+    paths = sorted(tmp_path.glob("*_part*.silo"))
+    assert len(silo.open_logs(tmp_path)) == 1
+    assert silo.open_log(paths[::-1])["x"].values.tolist() == x.values.tolist()
+    assert silo.open_log(paths[1], alone=True)["n"].values[0] == 7
+    paths[1].unlink()
+    with pytest.warns(silo.LogWarning, match="part 2 of this run, which was cut, is missing"):
+        assert len(silo.open_log(paths[0])["n"].values) == loop.ticks - 7
+    with pytest.raises(ElementError, match="parts of one run"):
+        silo.open_log([])
