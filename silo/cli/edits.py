@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 MOST_CHANGES = 100  # of 10,000 elements, nobody reads each; `--dry-run` shows all
 
-_HELP = """Change how elements are logged: all of them or none, and only while the logger is stopped.
+_HELP = """Change how elements are logged: all of them or none, and only while the logger is stopped, or at a cut.
 
 PATTERN is an element, a namespace or a glob. SETTING is one of
 
@@ -50,6 +50,7 @@ PATTERN is an element, a namespace or a glob. SETTING is one of
 Examples:
   silo set demo /log/base '*/torque' divider=5 size=10s
   silo set '*/encoder_count' off --dry-run
+  silo set demo '*/torque' divider=1 --cut
 """.format(settings="\n".join(f"  {example:<16}  {meaning}" for example, meaning in help_rows()))
 
 
@@ -107,8 +108,11 @@ def _scalar_names(elements: "Sequence[ElementInfo]") -> list[list[str]]:
 @click.argument("words", nargs=-1, required=True, metavar="[LOGGER] PATTERN... SETTING...", shell_complete=complete_set)
 @click.option("-n", "--dry-run", is_flag=True, help="Only show what would change.")
 @click.option("--restart", is_flag=True, help="If it runs: stop it, change, start again (this clears the buffers).")
+@click.option("--cut", is_flag=True, help="If it runs: apply and go on, without a tick between.")
 @unsaved_options
-def set_command(words: tuple[str, ...], dry_run: bool, restart: bool, save_first: bool, discard: bool) -> None:
+def set_command(
+    words: tuple[str, ...], dry_run: bool, restart: bool, cut: bool, save_first: bool, discard: bool
+) -> None:
     """Change how elements are logged; for the shell, `_HELP` says how."""
     logger, rest = split_logger(words, or_pattern=True)
     patterns, settings_words = split_settings(rest)
@@ -116,14 +120,23 @@ def set_command(words: tuple[str, ...], dry_run: bool, restart: bool, save_first
         raise unknown_logger(logger) or click.UsageError(
             "give a pattern and a setting: silo set demo '*/torque' divider=5"
         )
+    if cut and restart:
+        raise click.UsageError("--cut goes on with the run, --restart ends it: give one of them")
     settings = read_settings(settings_words)
     chosen = unsaved(save_first=save_first, discard=discard)
     with connect(logger) as client:
-        _set(client, patterns, settings, dry_run=dry_run, restart=restart, keep=chosen)
+        _set(client, patterns, settings, dry_run=dry_run, restart=restart, keep=chosen, cut=cut)
 
 
 def _set(
-    client: "Client", patterns: Sequence[str], settings: ElementSettings, *, dry_run: bool, restart: bool, keep: str
+    client: "Client",
+    patterns: Sequence[str],
+    settings: ElementSettings,
+    *,
+    dry_run: bool,
+    restart: bool,
+    keep: str,
+    cut: bool,
 ) -> None:
     from silo.core.elements import Edit
 
@@ -144,14 +157,15 @@ def _set(
         show_changes(changes)
         click.echo(f"would change {what}")
         return
-    applied = _apply(client, edits, table.revision)
+    applied = _apply(client, edits, table.revision, cut=cut)
     runs = applied is None
     if applied is None:
         tell_viewers(client)
         if not restart:
             raise RefusedError(
                 f"logger '{status.logger}' is running: `silo stop {status.logger}` first, or add --restart "
-                "(its buffers are cleared by a start: `silo save` before); nothing was changed"
+                "(its buffers are cleared by a start: `silo save` before), or --cut (it goes on as changed); "
+                "nothing was changed"
             )
         if keep == "refuse" and status.ticks and not status.saved:
             raise RefusedError(
@@ -173,14 +187,14 @@ def _set(
     click.echo(f"changed {what} (revision {applied.revision}){'; logging again' if runs else ''}")
 
 
-def _apply(client: "Client", edits: "Sequence[Edit]", revision: int) -> "EditsApplied | None":
+def _apply(client: "Client", edits: "Sequence[Edit]", revision: int, *, cut: bool) -> "EditsApplied | None":
     """Return what became of edits; None where the logger runs, which it alone knows: it may have started just now."""
     from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
     try:
-        return client.apply(edits, revision)
+        return client.apply(edits, revision, cut=cut)
     except RequestRefusedError as refused:
-        if refused.why is not RefusedWhy.RUNNING:
+        if cut or refused.why is not RefusedWhy.RUNNING:
             raise
         return None
 

@@ -19,6 +19,7 @@ from silo.cli.loggers.watch import show_clock
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import Action, BufferType
+from silo.errors import RefusedError
 from tests.waiting import DEADLINE_S, wait_until
 
 pytestmark = pytest.mark.slow
@@ -252,6 +253,53 @@ def test_one_that_was_started_since_it_was_looked_at_is_told_of_and_restarted_li
     assert "logger 'arm' is running: `silo stop arm` first, or add --restart" in shown.err
     shown = command("set", "*", "divider=2", "--restart", "--discard")
     assert (shown.code, "logging again" in shown.out, log.is_running) == (0, True, True)
+
+
+def test_two_clients_change_a_running_logger_at_cuts_and_no_tick_is_lost(log: silo.Logger, command: Run) -> None:
+    log.set(buffer="growing")
+    log.start()
+    names = [element.name for element in log.elements]
+    wait_until(lambda: log.ticks)
+    with Client.connect("arm") as one, Client.connect("arm") as other:
+        cut_by = [
+            threading.Thread(target=_cut_often, args=(client, names[place], divider))
+            for client, place, divider in ((one, 0, 2), (other, -1, 15))
+        ]
+        for each in cut_by:
+            each.start()
+        for each in cut_by:
+            each.join()
+        shown = command("set", "*", "divider=9", "--cut")
+        assert (shown.code, log.is_running) == (0, True), shown.err
+        with pytest.raises(RefusedError, match="running"):
+            one.apply([silo.Edit(names[0], divider=3)], -1)
+        wait_until(lambda: not log._present.cut_off)
+    log.stop()
+    log.save()
+    whole = silo.open_log(log.options.folder)
+    assert len(whole.time_ns) == log.ticks
+    assert (np.diff(whole.time_ns) > 0).all()
+    told = [event for event in whole.recording.events if event.kind == "cut"]
+    assert len(told) == 2 * CUTS + 1
+    assert all("@" in event.who for event in told)
+
+
+CUTS = 4
+
+
+def _cut_often(client: Client, name: str, divider: int) -> None:
+    """Cut several times; who comes while another cut has had no tick yet, or after another edit, asks again."""
+    for number in range(CUTS):
+        edits = [silo.Edit(name, divider=divider + number)]
+        wait_until(lambda edits=edits: _is_done(client, edits))
+
+
+def _is_done(client: Client, edits: list[silo.Edit]) -> bool:
+    try:
+        return client.apply(edits, -1, cut=True).changed == 1
+    except RefusedError as refused:
+        assert "no tick yet" in str(refused) or "meanwhile" in str(refused)
+        return False
 
 
 def test_restart_stops_changes_and_starts_again(log: silo.Logger, command: Run) -> None:
