@@ -68,7 +68,7 @@ def open_log(
     """
     if stamps not in ("log", "header"):
         raise ElementError(f"unknown stamps {stamps!r}: choose 'log' (when recorded) or 'header' (when measured)")
-    if isinstance(which, list | tuple):
+    if isinstance(which, list | tuple) and len(which) > 1:
         return _of_files([open_log(one, folder, stamps=stamps, alone=True) for one in which])
     if not isinstance(which, str | bytes | os.PathLike):
         if not isinstance(which, numbers.Integral):

@@ -257,5 +257,8 @@ def test_the_parts_of_a_run_are_one_log_with_the_stamps_of_each(new_logger, tmp_
     paths[1].unlink()
     with pytest.warns(silo.LogWarning, match="part 2 of this run, which was cut, is missing"):
         assert len(silo.open_log(paths[0])["n"].values) == loop.ticks - 7
+    other = new_logger("other")
+    Loop(other).turn()
+    plain = other.save().path
     with pytest.raises(ElementError, match="parts of one run"):
-        silo.open_log([])
+        silo.open_log([paths[0], plain])
