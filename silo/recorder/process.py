@@ -131,7 +131,7 @@ class RecorderProcess:
         self._handed = set()
         self._is_told = False  # in this life that it is to end
         self.has_recorded = False  # likewise
-        self._send(encode(msgspec.structs.replace(order, runs=tuple(self.runs))))
+        self._send(msgspec.structs.replace(order, runs=tuple(self.runs)))
 
     @property
     def goes_on(self) -> bool:
@@ -157,29 +157,18 @@ class RecorderProcess:
         """Hand a run over, with the limits and triggers that it has now, None: those that it had last."""
         self._handed.add(reader.schema.run)
         self._extras = extras or NO_EXTRAS
-        self._hand_over(Follow(str(reader.path)), extras, reader.fileno())
+        self._send(Follow(str(reader.path)), reader.fileno(), extras=extras)
 
     def change(self, extras: Conditions) -> None:
         """Tell limits and triggers of the run that was handed over, if they have changed."""
         if not self.ending and not self.again_s and _recorded(self._extras) != _recorded(extras):
             self._extras = extras
-            self._hand_over(NewConditions(), extras)
+            self._send(NewConditions(), extras=extras)
 
     def done(self, run: str) -> None:
         """It has all of a run in files."""
         if run in self.runs:
             self.runs.remove(run)
-
-    def _hand_over(self, command: Follow | NewConditions, extras: Conditions | None, *descriptors: int) -> None:
-        with contextlib.suppress(OSError):  # gone: its end is noticed, and it is started again
-            if extras is None:
-                socket.send_fds(self.socket, [encode(command)], [*descriptors])
-                return
-            file = extras_file(extras)
-            try:
-                socket.send_fds(self.socket, [encode(command)], [*descriptors, file])
-            finally:
-                os.close(file)
 
     def finish(self, why: str, events: int, *, died: bool = False, for_good: bool = True, last: str = "") -> None:
         """Have it finish what is there and end; `events` is the newest of the event log. One that dies is told anew.
@@ -195,11 +184,15 @@ class RecorderProcess:
         all_there = all(run in self._handed for run in self.runs)
         if self._ending is not None and all_there and not self.again_s and not self._is_told:
             self._is_told = True
-            self._send(encode(self._ending))
+            self._send(self._ending)
 
-    def _send(self, packet: bytes) -> None:
-        with contextlib.suppress(OSError):
-            self.socket.send(packet)
+    def _send(self, message: msgspec.Struct, *descriptors: int, extras: Conditions | None = None) -> None:
+        """Say something, with open files, of which `extras` become the last one."""
+        with contextlib.ExitStack() as closing, contextlib.suppress(OSError):  # gone: its end is noticed
+            files = [] if extras is None else [extras_file(extras)]
+            for file in files:
+                closing.callback(os.close, file)
+            socket.send_fds(self.socket, [encode(message)], [*descriptors, *files])
 
     def receive(self) -> Report | None:
         """Return its next report, None at its end. Raises BlockingIOError where there is none."""
