@@ -266,7 +266,7 @@ class LimitJudge:
         silent = self._rows.silent
         found = []
         for one in self._limited.values():
-            if one.why or not one.expressions:
+            if one.why:
                 continue
             why = self._rows.silent_why(one.expressions) if not silent.isdisjoint(one.expressions[0].sources) else ""
             if why and not one.silent:

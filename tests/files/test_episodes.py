@@ -30,7 +30,7 @@ def root(tmp_path_factory):
         log.array("slow", divider=7)
         word = np.array("abc", "U5")
         log.add(word, "word")
-        log.array("last", size=30, buffer="looping")
+        log.array("last", size=20, buffer="looping")  # that it holds all of the episode that was cut, and no more
         log.start()
 
         def ticks(count, log=log, q=q, success=success, word=word):

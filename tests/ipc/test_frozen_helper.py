@@ -11,7 +11,7 @@ import silo
 from silo.core.elements import State
 from silo.errors import SaveError
 from silo.link.channel import Beat, Goodbye, LinkChannel
-from silo.logger.serving import process
+from silo.logger.serving import process, serving
 from silo.logger.serving.process import DEAF_ROUNDS, FROZEN_ROUNDS, Patience
 from silo.state.handover import RobotState
 from tests.stand_ins.ticking import collect
@@ -29,18 +29,28 @@ def served(runtime, tmp_path):
     logger.close()
 
 
-@contextlib.contextmanager
-def frozen(pid):
-    freeze(pid)
-    try:
-        yield
-    finally:
-        os.kill(pid, signal.SIGCONT)
+@pytest.fixture
+def frozen(served, monkeypatch):
+    """Its helper process stands still, and is waited for as shortly as can be told."""
+
+    @contextlib.contextmanager
+    def stand_still():
+        pid = served._life.serving.helper_pid
+        freeze(pid)
+        try:
+            with monkeypatch.context() as patch:
+                patch.setattr(process, "FROZEN_ROUNDS", 1)
+                patch.setattr(serving, "LISTENED_S", process.ROUND_S)
+                yield
+        finally:
+            os.kill(pid, signal.SIGCONT)
+
+    return stand_still
 
 
 @pytest.mark.slow
-def test_a_save_is_done_by_the_program_itself_and_only_once(served, tmp_path, caplog):
-    with frozen(served._life.serving.helper_pid):
+def test_a_save_is_done_by_the_program_itself_and_only_once(served, frozen, tmp_path, caplog):
+    with frozen():
         saved = served.save()
         assert len(silo.open_log(saved.path)["q"]) == 5
     assert "shows no sign of life" in caplog.text
@@ -49,17 +59,17 @@ def test_a_save_is_done_by_the_program_itself_and_only_once(served, tmp_path, ca
 
 
 @pytest.mark.slow
-def test_recording_is_refused_and_not_begun_later(served, tmp_path):
-    with frozen(served._life.serving.helper_pid), pytest.raises(SaveError, match="shows no sign of life: it is frozen"):
+def test_recording_is_refused_and_not_begun_later(served, frozen, tmp_path):
+    with frozen(), pytest.raises(SaveError, match="shows no sign of life: it is frozen"):
         served.record(name="walk")
     served.save()  # behind it
     assert not (tmp_path / "recordings").exists()
 
 
 @pytest.mark.slow
-def test_a_recording_is_not_stopped_later(served):
+def test_a_recording_is_not_stopped_later(served, frozen):
     served.record(name="walk")
-    with frozen(served._life.serving.helper_pid), pytest.raises(SaveError, match="shows no sign of life: it is frozen"):
+    with frozen(), pytest.raises(SaveError, match="shows no sign of life: it is frozen"):
         served.stop_recording()
     assert "walk" in served.stop_recording("walk")
 
