@@ -76,7 +76,8 @@ def test_edits_on_an_old_table_conflict_and_change_nothing(side, client, edit):
 
 def test_a_running_logger_takes_no_edits(client, edit):
     client.start()
-    assert refusal(client.apply, [edit(client, X, divider=4)], -1).why is RefusedWhy.RUNNING
+    error = refusal(client.apply, [edit(client, X, divider=4)], -1)
+    assert (error.why, "stop it" in str(error)) == (RefusedWhy.RUNNING, True)
     assert options(client, X).divider == 1
 
 
@@ -84,12 +85,14 @@ def test_one_wrong_edit_refuses_all_and_names_the_field(client, edit):
     error = refusal(client.apply, [edit(client, Q, divider=2), edit(client, X, divider=0)], -1)
     assert error.why is RefusedWhy.INVALID
     assert [(problem.name, problem.field) for problem in error.problems] == [(X, "divider")]
+    assert f"'{X}': divider must be a whole number from 1 to 2147483647, got 0; nothing was changed" in str(error)
     assert options(client, Q).divider == 1
 
 
 def test_an_edit_of_an_element_that_is_not_there_is_refused(client):
     error = refusal(client.apply, [Edit("/log/nix", ElementOptions())], -1)
     assert (error.why, [problem.name for problem in error.problems]) == (RefusedWhy.INVALID, ["/log/nix"])
+    assert "the table has no such element" in str(error)
 
 
 # ------------------------------------------------------------------------------------------- starting, stopping
@@ -389,18 +392,22 @@ def test_samples_are_taken_between_ticks_rows_and_times(side, client):
     stamps = client.samples([X])[X].time_ns
     assert client.samples([X], 3, 6, "tick")[X].ticks.tolist() == [3, 4, 5]
     assert client.samples([WORD], 1, 3, "row")[WORD].ticks.tolist() == [4, 8]
+    assert client.samples([X], 10, 99, "tick")[X].ticks.tolist() == [10, 11]
     assert client.samples([X], int(stamps[2]), int(stamps[4]))[X].ticks.tolist() == [2, 3]
+    assert client.samples([X], int(stamps[2]) + 1, int(stamps[4]) + 1)[X].ticks.tolist() == [3, 4]
 
 
 def test_samples_of_an_element_that_is_off_are_none_and_say_why(side, client, edit):
     client.apply([edit(client, KEPT, enabled=False)], -1)
     client.start()
     side.ticks(4)
-    assert (len(client.samples([KEPT])[KEPT]), client.samples([KEPT])[KEPT].why) == (0, "it is off")
+    found = client.samples([KEPT, X])
+    assert (len(found[KEPT]), found[KEPT].why, len(found[X])) == (0, "it is off", 4)
 
 
 def test_samples_of_a_name_that_is_nowhere_are_refused(client):
-    assert refusal(client.samples, ["/log/nix"]).why is RefusedWhy.NOT_FOUND
+    error = refusal(client.samples, ["/log/nix"])
+    assert (error.why, "/log/nix" in str(error)) == (RefusedWhy.NOT_FOUND, True)
 
 
 def test_a_pin_keeps_what_the_buffers_overwrite(side, client, edit):
@@ -424,7 +431,8 @@ def test_a_pin_is_no_more_when_it_was_closed(side, client):
     pin = client.pin([X], 0, 2**61)
     assert client.samples([Q], pin=pin)[Q].why == "it is not in this pin"
     pin.close()
-    assert refusal(lambda: client.samples([X], pin=pin)).why is RefusedWhy.NOT_FOUND
+    error = refusal(lambda: client.samples([X], pin=pin))
+    assert (error.why, "no more" in str(error)) == (RefusedWhy.NOT_FOUND, True)
 
 
 @pytest.mark.parametrize("what", ["highest", "lowest", "crossing", "change", "hole", "not finite"])

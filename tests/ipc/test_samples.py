@@ -50,17 +50,6 @@ def test_samples_have_the_type_and_shape_of_their_element(bench, client):
     assert (found["/log/q_y"].tolist(), found["/log/mixed_n"].dtype) == ([2, 2], np.int32)
 
 
-@pytest.mark.parametrize(
-    ("by", "start", "end", "ticks"),
-    [("tick", 10, 20, range(10, 20)), ("row", 10, 12, range(10, 12)), ("tick", 35, 99, range(35, 40)),
-     ("time", 1_700_000_000_050_000_001, 1_700_000_000_080_000_001, range(6, 9))],
-)  # fmt: skip
-def test_samples_between_times_ticks_or_rows(bench, client, by, start, end, ticks):
-    client.start()
-    bench.ticks(40)
-    assert client.samples(["/log/x"], start, end, by)["/log/x"].ticks.tolist() == list(ticks)
-
-
 def test_samples_in_small_replies_are_those_of_one(bench, client):
     client.start()
     bench.ticks(600)
@@ -85,20 +74,6 @@ def test_a_published_buffer_that_ends_or_is_short_goes_on_with_what_passes(bench
     assert ticks[0] <= first + 1
     if kind is FIXED:
         assert set(range(50)) <= set(ticks.tolist())
-
-
-def test_samples_of_what_is_off_say_why_there_are_none(bench, client):
-    client.apply([Edit("/log/kept", ElementOptions(enabled=False))], -1)
-    client.start()
-    bench.ticks(3)
-    found = client.samples(["/log/kept", "/log/x"])
-    assert (len(found["/log/kept"]), found["/log/kept"].why, len(found["/log/x"])) == (0, "it is off", 3)
-
-
-def test_samples_of_a_name_that_nothing_has_are_refused(bench, client):
-    with pytest.raises(RefusedError, match="/log/nix") as error:
-        client.samples(["/log/nix"])
-    assert error.value.why is RefusedWhy.NOT_FOUND
 
 
 def test_samples_of_two_runs_are_never_mixed(bench, client, monkeypatch):
@@ -193,23 +168,6 @@ def test_two_clients_have_streams_of_their_own(bench, client):
 # -------------------------------------------------------------------------------------------------------------- pins
 
 
-def test_a_pin_keeps_what_looping_buffers_overwrite(bench, client):
-    buffer(client, "/log/kept", 100, LOOPING)
-    client.start()
-    bench.ticks(300)
-    held = client.samples(["/log/kept", "/log/q"])
-    with client.pin(["/log/kept", "/log/q"], 0, bench.now_ns) as pin:
-        assert (pin.opened.text, pin.opened.missing, pin.opened.end_ns) == ("", {}, bench.now_ns - bench.tick_ns)
-        bench.ticks(3000)
-        found = client.samples(["/log/kept", "/log/q"], pin=pin)
-        for name in ("/log/kept", "/log/q"):
-            np.testing.assert_array_equal(found[name].ticks, held[name].ticks)
-            np.testing.assert_array_equal(found[name].values, held[name].values)
-        past = client.history(["/log/q_y", "/log/kept"], pin.opened.begin_ns, pin.opened.end_ns + 1, 50_000_000, pin)
-        assert past.low.shape[1] >= 20
-        assert not np.isnan(past.low[0]).any()
-
-
 def test_a_pin_survives_a_new_start(bench, client):
     client.start()
     bench.ticks(20)
@@ -217,23 +175,6 @@ def test_a_pin_survives_a_new_start(bench, client):
         client.restart("discard")
         bench.ticks(5)
         assert client.samples(["/log/x"], pin=pin)["/log/x"].values.tolist() == list(range(1, 21))
-
-
-def test_what_a_pin_does_not_hold_is_told(bench, client):
-    client.start()
-    bench.ticks(20)
-    with client.pin(["/log/x"], 0, bench.now_ns) as pin:
-        assert client.samples(["/log/q", "/log/x"], pin=pin)["/log/q"].why == "it is not in this pin"
-
-
-def test_a_pin_that_was_closed_is_no_more(bench, client):
-    client.start()
-    bench.ticks(20)
-    pin = client.pin(["/log/x"], 0, bench.now_ns)
-    pin.close()
-    with pytest.raises(RefusedError, match="no more") as error:
-        client.samples(["/log/x"], pin=pin)
-    assert error.value.why is RefusedWhy.NOT_FOUND
 
 
 def test_a_pin_that_its_helper_process_does_not_know_is_not_asked_for_again_and_again(bench, client):

@@ -20,7 +20,6 @@ from silo.net.keys import ANY_ALIVE
 from silo.net.session import close, open_client
 from silo.recordings.requests import Save
 from silo.rpc.published import EventKind
-from silo.rpc.refusals import RefusedWhy
 from silo.state.requests import ApplyEdits
 from tests.examples import examples
 from tests.waiting import DEADLINE_S
@@ -34,36 +33,19 @@ def edit(client: Client, name: str, **changes: object) -> Edit:
     return Edit(name, msgspec.structs.replace(options(client, name), **changes))
 
 
-def test_hello_says_who_serves_and_that_this_user_may_edit(bench, client) -> None:
+def test_its_process_version_table_and_last_tick_are_told_and_who_changed_it(bench, client, heard) -> None:
+    """What a logger does that a stand-in of it does as well is in `tests/contract`."""
     hello = client._hello()
-    assert hello.may_edit
-    assert (hello.status.logger, hello.status.pid) == ("bot", os.getpid())
-    assert hello.version == silo.__version__
-
-
-def test_table_has_the_elements_in_the_order_of_registration(bench, client) -> None:
+    assert (hello.status.logger, hello.status.pid, hello.version) == ("bot", os.getpid(), silo.__version__)
     assert client.table().elements == bench.logger.elements
-
-
-def test_status_counts_ticks_while_running(bench, client) -> None:
-    client.start()
-    bench.ticks(7)
-    status = client.status()
-    assert (status.state, status.ticks, status.saved) == (State.RUNNING, 7, False)
-
-
-def test_status_has_the_time_stamp_of_the_last_tick(bench, client) -> None:
+    client.apply([edit(client, "/log/x", divider=2)], -1)
+    assert bench.logger.elements[0].options.divider == 2
     client.start()
     bench.ticks(3)
     assert client.status().last_tick_ns == bench.now_ns - 10_000_000
-
-
-def test_edits_change_the_robot_and_the_revision(bench, client) -> None:
-    before = client.table().revision
-    applied = client.apply([edit(client, "/log/x", divider=4)], before)
-    assert applied.changed == 1
-    assert client.table().revision == applied.revision != before
-    assert bench.logger.elements[0].options.divider == 4
+    edited, started = heard.wait(EventKind.EDITED), heard.wait(EventKind.STARTED)
+    assert started.number == edited.number + 1
+    assert edited.by.endswith(str(os.getpid()))
 
 
 def test_an_edit_of_some_options_leaves_the_others_of_the_table_as_they_are(bench, client):
@@ -72,73 +54,13 @@ def test_an_edit_of_some_options_leaves_the_others_of_the_table_as_they_are(benc
     client.apply([Edit("/log/x", size="*2")], -1)
     (now,) = (one.options for one in client.table().elements if one.name == "/log/x")
     assert (now.divider, now.buffer, now.size) == (4, BufferType.FIXED, 100)
-    with pytest.raises(RefusedError):
+    with pytest.raises(RefusedError, match="somebody changed the table"):
         client.apply([Edit("/log/x", divider=9)], before)
-
-
-def test_edits_are_refused_while_running(bench, client) -> None:
-    client.start()
-    with pytest.raises(RefusedError, match="stop it") as refused:
-        client.apply([edit(client, "/log/x", divider=4)], -1)
-    assert refused.value.why is RefusedWhy.RUNNING
-    assert bench.logger.elements[0].options.divider == 1
-
-
-def test_edits_based_on_an_old_table_conflict(bench, client) -> None:
-    old = client.table().revision
-    client.apply([edit(client, "/log/x", divider=4)], old)
-    with pytest.raises(RefusedError, match="somebody changed the table") as refused:
-        client.apply([edit(client, "/log/q", divider=9)], old)
-    assert refused.value.why is RefusedWhy.CONFLICT
-    assert bench.logger.elements[1].options.divider == 1
-
-
-def test_of_two_clients_that_edit_the_same_table_one_wins(bench, client) -> None:
-    with Client.connect("bot") as other:
-        revision = client.table().revision
-        assert client.apply([edit(client, "/log/x", divider=2)], revision).changed == 1
-        with pytest.raises(RefusedError) as refused:
-            other.apply([edit(other, "/log/x", divider=3)], revision)
-    assert refused.value.why is RefusedWhy.CONFLICT
-    assert bench.logger.elements[0].options.divider == 2
-
-
-def test_one_wrong_edit_spoils_the_transaction(bench, client) -> None:
-    wrong = Edit("/log/nix", ElementOptions())
-    with pytest.raises(RefusedError, match="the table has no such element") as refused:
-        client.apply([edit(client, "/log/x", divider=4), wrong], -1)
-    assert [problem.name for problem in refused.value.problems] == ["/log/nix"]
-    assert bench.logger.elements[0].options.divider == 1
-
-
-def test_value_out_of_range_is_told_with_element_field_and_value(bench, client) -> None:
-    with pytest.raises(
-        RefusedError, match=r"'/log/x': divider must be a whole number from 1 to 2147483647, got 0; nothing was changed"
-    ) as refused:
-        client.apply([edit(client, "/log/x", divider=0)], -1)
-    assert [(problem.name, problem.field) for problem in refused.value.problems] == [("/log/x", "divider")]
 
 
 def test_element_edited_twice_is_refused(bench, client) -> None:
     with pytest.raises(RefusedError, match="edited twice"):
         client.apply([edit(client, "/log/x", divider=2), edit(client, "/log/x", divider=3)], -1)
-
-
-def test_stopping_a_stopped_logger_succeeds(client) -> None:
-    assert client.stop().state is State.STOPPED
-
-
-def test_starting_a_running_logger_is_refused(client) -> None:
-    client.start()
-    with pytest.raises(RefusedError) as refused:
-        client.start()
-    assert refused.value.why is RefusedWhy.RUNNING
-
-
-def test_restart_clears_the_buffers(bench, client) -> None:
-    client.start()
-    bench.ticks(5)
-    assert client.restart("discard").ticks == 0
 
 
 def test_what_the_robot_program_does_itself_reaches_clients(bench, client, heard) -> None:
@@ -147,14 +69,6 @@ def test_what_the_robot_program_does_itself_reaches_clients(bench, client, heard
     heard.wait(EventKind.STARTED)
     bench.logger.stop()
     assert heard.wait(EventKind.STOPPED).status.state is State.STOPPED
-
-
-def test_events_are_numbered_and_say_who_did_it(bench, client, heard) -> None:
-    client.apply([edit(client, "/log/x", divider=2)], -1)
-    client.start()
-    edited, started = heard.wait(EventKind.EDITED), heard.wait(EventKind.STARTED)
-    assert started.number == edited.number + 1
-    assert edited.by.endswith(str(os.getpid()))
 
 
 # --------------------------------------------------------------------------------------------------------- garbage
