@@ -14,6 +14,7 @@ from silo_tui.actions import BY_ID, Command, key_of
 from silo_tui.model.table import derived
 from silo_tui.model.table.columns import STEADY
 from silo_tui.model.table.fields import Field, next_value, parse_change, phrase_for
+from silo_tui.model.words import text
 from silo_tui.model.words.command_line import Spelled
 from silo_tui.screens.dialogs.derive import ask_derived, forget
 from silo_tui.screens.dialogs.questions import Choice, Question
@@ -99,7 +100,7 @@ class Editing(ElementsScreen):
         short = self.session.short_name(name).lstrip("/")
         reading = self.session.live.readings.get(self.session.table.names[row])
         value = reading.newest[entry] if reading is not None and entry < len(reading.newest) else 0.0
-        level = f"{value:.6g}" if math.isfinite(value) else "0"
+        level = text.short(value, 6) if math.isfinite(value) else "0"
         made = TriggerOptions(short.rpartition("/")[2], f"{short} > {level}", 1.0, 1.0)
         choices = [
             Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l"),

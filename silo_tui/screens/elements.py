@@ -320,7 +320,7 @@ class ElementsScreen(SiloScreen):
         if rows.anchor is not None:
             return (("range", "Mark the range"), ("back", "Leave it"))
         if rows.filter.text:
-            return (("filter", "Filter"), ("back", "All again"))
+            return (("filter", "Filter"), ("back", "All"))
         return ()
 
     def command_back(self) -> None:

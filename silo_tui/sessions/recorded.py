@@ -81,7 +81,7 @@ class FileSession(Session):
         report = self.report
         facts = f"  {text.span(report.duration_s)}  {text.count(report.ticks)} ticks"
         facts += f"  {many(len(report.elements), 'element')}" if wide else ""
-        facts += f"  {report.rate_hz:.4g} Hz" if report.rate_hz else ""
+        facts += f"  {text.short(report.rate_hz)} Hz" if report.rate_hz else ""
         facts += f"  {size_text(report.size_bytes)}" if wide and report.size_bytes else ""
         lost = f"  lost {text.count(report.lost)}"
         silo = "silo " if wide else ""  # on a small screen the file's name is worth more

@@ -6,6 +6,8 @@ Plain arithmetic: once per live frame the app says whether the terminal lags. Ba
 from collections import deque
 from dataclasses import dataclass
 
+from silo_tui.model.words import text
+
 LAG_S = 0.15  # what a key may wait behind live values
 FAT_BYTES_PER_S = 250_000  # what carries that much is not thin: late frames are those of a busy computer
 JUDGED_S = 1.0
@@ -68,7 +70,7 @@ class Painted:
         hz = sum(painted for _, painted in list(self._asked_s)[1:]) / span_s if span_s else 0.0
         if span_s < RATE_S - 1 / self._wished_hz or hz >= BELOW * self._wished_hz:
             return ""
-        return f"{hz:.2g} of {self._wished_hz:.2g} Hz"
+        return f"{text.short(hz, 2)} of {text.short(self._wished_hz, 2)} Hz"
 
 
 class Thinness:
@@ -96,7 +98,7 @@ class Thinness:
         if not self.step:
             return ""
         pace, value_hz = self.pace, self.value_hz(wished_hz)
-        parts = [f"values {value_hz:.2g} of {wished_hz:.2g} Hz"] if value_hz < wished_hz else []
+        parts = [f"values {text.short(value_hz, 2)} of {text.short(wished_hz, 2)} Hz"] if value_hz < wished_hz else []
         what = "trends and statistics" if pace.statistics_s > 1.0 else "trends"
         parts.append(f"{what} every {pace.trend_s:.0f} s")
         if pace.digits_fewer:

@@ -180,13 +180,17 @@ class StatusBar(FittingLine):
         elif session.loop_slow:
             caution = bold(variables, "warning")
             jittery = session.jitter_s and wide
-            jitter = f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}" if jittery else ""
-            add(0, f"  {rate:.4g} Hz <<", caution)
-            add(2, f" of {status.frequency_hz:.4g}{jitter}", caution)
+            jitter = f", jitter {text.span(session.jitter_s, 2)}" if jittery else ""
+            add(0, f"  {text.short(rate)} Hz <<", caution)
+            add(2, f" of {text.short(status.frequency_hz)}{jitter}", caution)
         else:
             measured = session.running and rate
-            nominal = f"of {status.frequency_hz:.4g} Hz" if session.running else f"{status.frequency_hz:.4g} Hz"
-            add(5, f"  {rate:.4g} Hz" if measured else f"  {nominal}", "")
+            nominal = (
+                f"of {text.short(status.frequency_hz)} Hz"
+                if session.running
+                else f"{text.short(status.frequency_hz)} Hz"
+            )
+            add(5, f"  {text.short(rate)} Hz" if measured else f"  {nominal}", "")
         if wide:
             add(1, f"  {text.count(session.ticks)} ticks", "")
 

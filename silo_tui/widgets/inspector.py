@@ -203,7 +203,7 @@ class Inspector(Guarded, Widget):
             divider, size = int(values[Field.DIVIDER, row]), int(values[Field.SIZE, row])
             holds = text.span(size * divider / frequency)
             pane.append(f"{'which holds':<12} ", style=quiet)
-            pane.append(f"{holds} at {frequency / divider:.4g} Hz\n")
+            pane.append(f"{holds} at {text.short(frequency / divider)} Hz\n")
         if reading is not None:
             size = reading.size or int(server[Field.SIZE, row])
             share = fill_share(reading.held, size)
@@ -224,7 +224,7 @@ class Inspector(Guarded, Widget):
             ("kind", element.kind), ("type", type_word(element, report)), ("unit", element.unit),
             ("divider", str(report.divider)), ("samples", text.count(report.samples)),
             ("span s", span_words(report, wide=True)),
-            ("rate", f"{report.rate_hz:.5g} Hz" if report.rate_hz else "-"),
+            ("rate", f"{text.short(report.rate_hz, 5)} Hz" if report.rate_hz else "-"),
             ("buffer", report.buffer), ("lost", text.count(report.lost)),
         ]  # fmt: skip
         if report.failures.count:
@@ -251,7 +251,7 @@ class Inspector(Guarded, Widget):
 
     def _values(self, pane: InspectorLines, element: ElementInfo, row: int, reading: Reading | None) -> None:
         at_s = self.session.at_s
-        pane.append("\n" if at_s is None else f"\nat {at_s:.6g} s:\n", style=self._quiet)
+        pane.append("\n" if at_s is None else f"\nat {text.short(at_s, 6)} s:\n", style=self._quiet)
         why = self._why_no_value(element, row, reading)
         if why or reading is None:
             pane.append(f"{why}\n", style=self._quiet)

@@ -24,7 +24,7 @@ class RecordedStack(PlotStack):
         words = f"= {self.facts.now(plotted)}"
         report = self._file.rows_of[plotted.element.name]
         if not facts.samples and report.start_s is not None and self._file.seconds < report.start_s:
-            return f"{words}  begins at {report.start_s:.6g} s"
+            return f"{words}  begins at {text.short(report.start_s, 6)} s"
         if not facts.samples or self.size.width < 60:
             return words
         ends = [offset_text(plotted.entry, end, facts.base, 12) for end in (facts.smallest, facts.largest)]

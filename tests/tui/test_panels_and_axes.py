@@ -112,6 +112,9 @@ def test_a_scale_holds_its_values_and_its_ticks_are_even_and_round(low, extent, 
     [
         (-12.9, 13.8, 17, ["15.0", "7.5", "0.0", "-7.5", "-15.0"]),
         (0, 1, 3, ["1.0", "0.5", "0.0"]),
+        (0, 0, 6, ["1", "-1"]),  # nothing but zeros lies in the middle
+        (0, 0, 8, ["1", "-1"]),
+        (0, 0, 9, ["1.0", "0.5", "0.0", "-0.5", "-1.0"]),
         (0, 3.5e6, 8, None),
         (-1e-300, 1e-300, 9, None),
         (1e300, 2e300, 9, None),

@@ -115,6 +115,29 @@ async def test_space_again_lets_go_and_shows_what_comes(fake, opened):
         await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns > held.end_ns, "it goes on")
 
 
+@pytest.mark.parametrize(
+    ("keys", "steps"),
+    [
+        (("find", "h"), ["Live"]),
+        (("home",), ["Live"]),
+        (("space", "h"), ["No cursor", "Live"]),
+        (("h",), ["No cursor"]),
+    ],
+)
+async def test_what_one_key_entered_escape_leaves_in_one(fake, opened, keys, steps):
+    fake.run(60)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        shown = monitor(screen)
+        await screen.do(*keys)
+        await screen.until(lambda: shown.window.cursor is not None, "the cursor is there")
+        for step in steps:
+            await screen.until(lambda step=step: shown.way_back()[0] == step, step)
+            await screen.press("escape")
+        await screen.until(lambda: shown.window.cursor is None and not shown.window.paused, "all is left")
+        assert screen.app.screen is shown
+
+
 async def test_leaving_the_plots_lets_go_of_the_pin(fake, opened):
     fake.run(60)
     async with opened(fake) as screen:

@@ -4,6 +4,7 @@ from silo.core.elements import FileType
 from silo.recordings.requests import RecordingFile, SavedRecording
 from silo_tui.model.lists import recordings as rows
 from silo_tui.model.lists.ordering import arranged, passes
+from silo_tui.model.words import text
 
 BEGIN = 1_790_000_000 * 10**9
 
@@ -41,7 +42,7 @@ def test_a_filter_takes_words_in_any_order_either_and_not():
 
 
 def test_a_span_has_three_digits():
-    assert [rows.span_text(s) for s in (0.0123, 5.7612, 433.0, 40_000.0)] == ["12.3 ms", "5.76 s", "7.22 min", "11.1 h"]
+    assert [text.span(s, 3) for s in (0.0123, 5.7612, 433.0, 40_000.0)] == ["12.3 ms", "5.76 s", "7.22 min", "11.1 h"]
 
 
 def test_of_two_that_began_at_once_the_later_name_comes_first():

@@ -17,7 +17,7 @@ _EXTREME = 1e290  # beyond, and below its inverse, there is no room for powers o
 
 def round_scale(smallest: float, largest: float, lines: int) -> Scale:
     """Return a range that holds both values, with ticks that are round and an even number of lines apart."""
-    extent = largest / 2 - smallest / 2
+    extent, is_zero = largest / 2 - smallest / 2, smallest == largest == 0
     if braille.is_constant(smallest, largest):
         smallest, largest = braille.room_around(largest)
         extent = largest / 2 - smallest / 2
@@ -26,6 +26,7 @@ def round_scale(smallest: float, largest: float, lines: int) -> Scale:
         return braille.nice_range(smallest, largest)
     plain = braille.nice_range(smallest, largest)
     found = [ends for apart in _distances(lines) if (ends := _range_of(smallest, largest, lines, apart))]
+    found = [ends for ends in found if not is_zero or ends[0] == -ends[1]]  # nothing but zeros lies in the middle
     best = min(found, key=lambda ends: ends[1] - ends[0], default=plain)
     # a curve in the lower half of its plot costs more than the numbers in between are worth
     return best if best[1] - best[0] <= WASTE * (plain[1] - plain[0]) else plain

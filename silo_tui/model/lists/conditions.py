@@ -42,7 +42,7 @@ def trigger_row(one: TriggerStatus, width: int, now_ns: int | None = None, name:
     last = ago(since) if one.last_ns else "never"
     when, room = text.clean(options.when), _when_width(width, len(name))
     when = when if len(when) <= room else f"{when[: room - 1]}…"
-    pre, post = (text.span(float(f"{value:.4g}")) if value else "0 s" for value in (options.pre_s, options.post_s))
+    pre, post = (text.span(value) if value else "0 s" for value in (options.pre_s, options.post_s))
     return f"  {state:<10} {name} {when:<{room}} {pre:>6} {post:>6} {one.fires:>5}  {last}"
 
 
@@ -91,20 +91,19 @@ def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = Non
     if one.is_over and one.since_ns:
         since = clock_text((now - one.since_ns) / 1e9)
     elif one.count and one.last_ns >= one.since_ns > 0:
-        since = f"was {text.span(max(float(f'{(one.last_ns - one.since_ns) / 1e9:.2g}'), 1e-3))}"
+        since = f"was {text.span(max((one.last_ns - one.since_ns) / 1e9, 1e-3), 2)}"
     else:
         since = ""
     seen = "NEW" if one.alarm else one.seen_by.split("@")[0]
     count = one.count + one.stale_count
-    limit = f"{one.limit:.4g} s" if one.word is LimitWord.STALE and one.limit is not None else _number(one.limit)
+    stale = one.word is LimitWord.STALE
+    told = {number for number in (one.value, one.worst, None if stale else one.limit) if number is not None}
+    words: dict[float | None, str] = dict(zip(told, text.told_apart(*told, digits=5, write=text.short), strict=True))
+    limit = text.span(one.limit) if stale and one.limit is not None else words.get(one.limit, "")
     return (
-        f"{one.word.value:<2} {short:<{room}} {_number(one.value):>9} {limit:>8} "
-        f"{_number(one.worst):>9} {since:>8} {count or '':>5}  {seen}"
+        f"{one.word.value:<2} {short:<{room}} {words.get(one.value, ''):>9} {limit:>8} "
+        f"{words.get(one.worst, ''):>9} {since:>8} {count or '':>5}  {seen}"
     )
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.5g}"
 
 
 def alarms_words(found: Sequence[LimitStatus]) -> str:
@@ -148,7 +147,7 @@ def fields_of(one: TriggerOptions) -> dict[str, str]:
     times = {"pre": one.pre_s, "post": one.post_s, "persist": one.persist_s, "holdoff": one.holdoff_s}
     return {
         "name": one.name, "when": one.when, "rearm": one.rearm,
-        **{name: text.span(float(f"{value:.6g}")) if value else "0" for name, value in times.items()},
+        **{name: text.span(value, 6) if value else "0" for name, value in times.items()},
         "mode": one.mode if one.slope == "rising" else f"{one.mode} {one.slope}",
         "save": " ".join(kind.name.lower() for kind in one.save), "keep": str(one.keep),
     }  # fmt: skip
@@ -188,8 +187,8 @@ def tried_lines(tried: TriggerTried, width: int, keep: int, verb: str = "fired")
         return [f"blind: {tried.why}"]
     held_s = (tried.end_ns - tried.begin_ns) / 1e9
     blind = f"; blind at {100 * tried.blind / tried.judged:.0f} % of it" if tried.blind else ""
-    first = f"would have {verb} {tried.fires} × in the last {held_s:.3g} s (all that is held){blind}"
-    left, right = f"-{held_s:.3g} s ", " now"
+    first = f"would have {verb} {tried.fires} × in the last {text.short(held_s, 3)} s (all that is held){blind}"
+    left, right = f"-{text.short(held_s, 3)} s ", " now"
     room = max(8, width - len(left) - len(right))
     cells = ["·"] * room
     for time_ns in tried.time_ns:

@@ -81,7 +81,7 @@ def _of(part: int, whole: int) -> str:
         ((unit, 10.0**power) for unit, power in (("GB", 9), ("MB", 6)) if whole >= 10**power), ("kB", 1e3)
     )
     some = part / scale
-    return f"{some:.1f}".removesuffix(".0") + f" of {whole / scale:.3g} {unit}"
+    return f"{some:.1f}".removesuffix(".0") + f" of {text.short(whole / scale, 3)} {unit}"
 
 
 def _since(seconds: float) -> str:

@@ -61,13 +61,6 @@ def begun_text(time_ns: int, now_s: float) -> str:
     return f"{when:%d %b %H:%M}" if when.year == now.year else f"{when:%Y-%m-%d}"
 
 
-def span_text(seconds: float) -> str:
-    """Return a span in three digits: `24.3 s`, `7.22 min`."""
-    if seconds < 120:
-        return text.span(float(f"{seconds:.3g}"))
-    return f"{seconds / 60:.3g} min" if seconds < 7200 else f"{seconds / 3600:.3g} h"
-
-
 def marks_text(one: SavedRecording) -> str:
     """Return `T` for a capture of a trigger, and how many markers there are."""
     return " ".join(
@@ -86,7 +79,7 @@ def row(one: SavedRecording, own: str, width: int, now_s: float | None = None) -
     why = "not looked into yet" if one.unread else one.why or ("" if one.logger else "of another program")
     if one.unfinished:
         why = "being written, or cut off"
-    span = span_text(one.span_s) if one.span_s else "-"
+    span = text.span(one.span_s, 3) if one.span_s else "-"
     cells = (
         short_stem(one, own, name_width), text.clean(why), " ".join(file.type.name.lower() for file in one.files),
         begun_text(begun_ns(one), time.time() if now_s is None else now_s), span,

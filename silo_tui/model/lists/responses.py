@@ -149,7 +149,7 @@ def bode_words(found: Bode) -> str:
     """How much of the answer the input explains, and where it doesn't."""
     lowest = int(np.argmin(found.coherence))
     words = f"coherence {np.median(found.coherence):.2f}, lowest {found.coherence[lowest]:.2f}"
-    words += f" at {found.frequency_hz[lowest]:.3g} Hz"
+    words += f" at {text.short(found.frequency_hz[lowest], 3)} Hz"
     poor = found.coherence < GOOD
     return f"{words}; below {GOOD:g} at {poor.mean():.0%}, where the curve says little" if poor.any() else words
 

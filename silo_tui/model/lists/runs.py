@@ -17,7 +17,7 @@ from silo.core.recording import RecordedElement, Recording, has_own_stamps
 from silo.errors import ElementError
 from silo.run_index.listed import ListedRun
 from silo_tui.model.lists.ordering import Order
-from silo_tui.model.lists.recordings import begun_text, span_text
+from silo_tui.model.lists.recordings import begun_text
 from silo_tui.model.words import text
 
 Key = Callable[[ListedRun], float]
@@ -58,12 +58,12 @@ def row(one: ListedRun, width: int, values: Sequence[float] = (), now_s: float |
     said = f"can't be read: {facts.problem}" if facts.problem else ""
     cells = (
         text.shorten_left(facts.path, _name_width(width, len(values))),
-        begun_text(facts.begun_ns, time.time() if now_s is None else now_s), span_text(facts.span_s),
+        begun_text(facts.begun_ns, time.time() if now_s is None else now_s), text.span(facts.span_s, 3),
         text.count(facts.lost) if facts.lost else "", str(facts.limits or ""),
         f"{good}/{len(facts.episodes)}" if facts.episodes else "", text.clean(facts.task),
         said or " ".join([*(f"#{tag}" for tag in one.tags), *one.notes[-1:]]),
     )  # fmt: skip
-    return _line(cells, ["-" if math.isnan(value) else f"{value:.5g}" for value in values], width)
+    return _line(cells, ["-" if math.isnan(value) else text.short(value, 5) for value in values], width)
 
 
 def _name_width(width: int, columns: int) -> int:

@@ -81,7 +81,7 @@ class PlotFacts:
         return "at cursor " + " … ".join(words)
 
 
-def extremes(plotted: Plotted, picture: Picture) -> tuple[str, str]:
+def extremes(plotted: Plotted, picture: Picture) -> tuple[str, ...]:
     """Return the smallest and the largest value of a picture, so that they can be told apart."""
     if picture.base or plotted.entry.dtype[1:2] == "M":
         smallest, largest = (
@@ -97,4 +97,4 @@ def missing(piece: ColumnPiece, store: ColumnStore, width: int) -> str:
     seconds: dict[Gap, float] = {}
     for hole in braille.holes(piece.low, piece.marks, width):
         seconds[hole.why] = seconds.get(hole.why, 0.0) + (hole.stop - hole.start) * cell_s
-    return ", ".join(f"{text.span(float(f'{some:.2g}'))} {HOLE_TEXTS[why]}" for why, some in seconds.items())
+    return ", ".join(f"{text.span(some, 2)} {HOLE_TEXTS[why]}" for why, some in seconds.items())

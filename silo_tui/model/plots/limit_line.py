@@ -7,6 +7,7 @@ from silo.core.elements import SignalLimits
 from silo.errors import ElementError
 from silo.judging.definitions import MOST_STALE_S, seconds
 from silo_tui.model.plots.limits import WORDS
+from silo_tui.model.words import text
 
 HOW = "red low, yellow low, yellow high, red high"
 
@@ -18,10 +19,12 @@ _WORD = re.compile(r"[\s,]*\b(\w+)\s*=\s*([^\s,]+)\s*$")
 
 def fields_of(limits: SignalLimits) -> dict[str, str]:
     """Return limits as lines to edit, by label: their bounds, and what differs from limits that say no more."""
-    fields = {word: f"{bound:.12g}" for word, bound in zip(WORDS, limits.bounds, strict=True) if bound is not None}
+    fields = {
+        word: text.short(bound, 12) for word, bound in zip(WORDS, limits.bounds, strict=True) if bound is not None
+    }
     fields["persist"] = str(limits.persistence) if limits.persistence != 1 else ""
-    fields["hyst"] = f"{limits.hysteresis:.12g}" if limits.hysteresis else ""
-    fields["stale"] = f"{limits.stale_s:.12g}s" if limits.stale_s else ""
+    fields["hyst"] = text.short(limits.hysteresis, 12) if limits.hysteresis else ""
+    fields["stale"] = f"{text.short(limits.stale_s, 12)}s" if limits.stale_s else ""
     return {**fields, "when": limits.when}
 
 

@@ -15,6 +15,7 @@ from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.drawing.window import SECOND_NS, SPANS_S
 from silo_tui.model.samples.recorded import SHORT_SPANS_S
 from silo_tui.model.samples.source import Samples
+from silo_tui.model.words import text
 
 SPANS = (*SHORT_SPANS_S, *SPANS_S)
 SAMPLES = 200  # in a picture at first
@@ -57,7 +58,7 @@ class Scope:
     def words(self) -> str:
         """The settings as they are read."""
         way = "↑ rising" if self.direction > 0 else "↓ falling"
-        return f"{way} through {self.level:.6g}   pre {self.pre:.0%}"
+        return f"{way} through {text.short(self.level, 6)}   pre {self.pre:.0%}"
 
 
 def fitting_span(period_ns: int) -> float:

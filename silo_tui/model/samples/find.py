@@ -16,6 +16,7 @@ from silo.core.elements import Sought
 from silo.expressions.search import Looking, Places, places
 from silo_tui.model.lists.happened import in_plots, letter, words
 from silo_tui.model.samples.source import PlotSource
+from silo_tui.model.words import text
 
 
 class What(enum.Enum):
@@ -107,7 +108,7 @@ class Search:
         if self.what is not What.CROSSING:
             return WORDS[self.what]
         way = {1: " rising", -1: " falling", 0: ""}[self.direction]
-        return f"crossing of {self.level:.6g}{way}"
+        return f"crossing of {text.short(self.level, 6)}{way}"
 
 
 def parse_crossing(words: str) -> Search:

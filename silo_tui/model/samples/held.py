@@ -21,6 +21,7 @@ from silo_tui.model.samples.live import Reading
 from silo_tui.model.samples.pinned import PinnedSource
 from silo_tui.model.samples.searching import find_here, joined, measure_here, reading_of
 from silo_tui.model.samples.source import PlotSource, Samples
+from silo_tui.model.words import text
 
 MOST_PIECES = 12  # a helper process has 64 pins for all its clients
 NAMES_AT_ONCE = 64  # that a helper process looks through
@@ -134,7 +135,7 @@ class HeldSource:
         """How much is pinned; empty while that isn't known."""
         if not self._pins:
             return "only the picture" if self.main.problem else ""
-        return self.main.held_text if len(self._pieces) == 1 else _text_of(self.held_s)
+        return self.main.held_text if len(self._pieces) == 1 else text.span(self.held_s, 2)
 
     @property
     def text(self) -> str:
@@ -142,7 +143,7 @@ class HeldSource:
         others = self._pieces if len(self._pieces) > 1 else ()
         if not others or self.main.problem or not self._pins:
             return self.main.text
-        here = "all here" if all(piece.complete for piece in others) else f"{_text_of(self.fetched_s)} of it here"
+        here = "all here" if all(piece.complete for piece in others) else f"{text.span(self.fetched_s, 2)} of it here"
         return f"{self.held_text} held, {here}"
 
     def covers(self, time_ns: int) -> bool:
@@ -396,7 +397,3 @@ def _room(names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> C
     store = ColumnStore(names, stop - first, column_ns)
     store.advance_to(stop)
     return store
-
-
-def _text_of(seconds: float) -> str:
-    return f"{float(f'{seconds:.2g}'):g} s"

@@ -27,11 +27,11 @@ from silo.core.arrays.columns import (
     grid_of,
 )
 from silo.core.elements import ElementInfo, LoggedEvent
-from silo.core.quantities.writing import duration
 from silo.errors import SiloError
 from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.drawing.window import SECOND_NS
 from silo_tui.model.samples.source import PlotSource, Samples
+from silo_tui.model.words import text
 
 SLICES = 32  # the span is fetched in so many pieces
 QUICK_S = 10.0  # what isn't looked at is fetched too where all of it comes within that time
@@ -102,7 +102,7 @@ class PinnedSource:
     @property
     def held_text(self) -> str:
         """The span that is pinned, to two digits."""
-        return duration(float(f"{self.held_s:.2g}"))
+        return text.span(self.held_s, 2)
 
     @property
     def fetched_s(self) -> float:
@@ -123,7 +123,7 @@ class PinnedSource:
             return "pinning …"
         if self._reader is not None and self.complete:
             return f"{held} held, all here"
-        here = f"{float(f'{self.fetched_s:.2g}'):g} s of {held} here" if self._slices else "only columns here"
+        here = f"{text.span(self.fetched_s, 2)} of {held} here" if self._slices else "only columns here"
         if self._coarse is None and not self._slices:
             here = "only the picture here"
         return f"{here}, no more: {self.problem}" if self.problem else f"{held} held, {here}"

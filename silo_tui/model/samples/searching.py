@@ -8,12 +8,12 @@ import numpy as np
 
 from silo.core.arrays.values import newest_values
 from silo.core.elements import ElementInfo, Sought
-from silo.core.quantities.writing import duration
 from silo.expressions.search import Finder, FoundMoments, Looking
 from silo.expressions.span import HELD_PERIODS, NAN, Between, between
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.samples.pinned import PinnedSource
 from silo_tui.model.samples.source import PlotSource, Samples
+from silo_tui.model.words import text
 
 
 def found_in(looking: Looking, samples: Samples, around_ns: int, most: int) -> FoundMoments:
@@ -90,4 +90,4 @@ def joined(parts: Sequence[Samples]) -> Samples:
 
 
 def _only(widest_ns: int, *, pinned: bool) -> str:
-    return f"{'columns' if pinned else 'picture'} only, to {duration(float(f'{widest_ns / 1e9:.2g}'))}"
+    return f"{'columns' if pinned else 'picture'} only, to {text.span(widest_ns / 1e9, 2)}"

@@ -88,7 +88,7 @@ def number(field: Field) -> Callable[[Sight, int, int], Cell]:
         if _left_out(sight, row, field):
             return "-", ""
         value = int(sight.table.values[field, row])
-        shorter = str(value), text.compact(float(value)), f"{value:.0e}".replace("e+0", "e")
+        shorter = str(value), text.compact(float(value)), text.short(value, 1)
         return next((word for word in shorter if len(word) <= width), shorter[-1]), ""
 
     return draw
@@ -114,8 +114,8 @@ def span_words(report: "ElementReport", *, wide: bool) -> str:
     if report.start_s is None or report.end_s is None:
         return "-"
     if wide:
-        return f"{report.start_s:.5g} … {report.end_s:.5g}"
-    return f"{report.end_s - report.start_s:.4g}"
+        return " … ".join(text.told_apart(report.start_s, report.end_s, digits=5, write=text.short))
+    return text.short(report.end_s - report.start_s)
 
 
 def type_word(element: ElementInfo, report: "ElementReport") -> str:
@@ -285,7 +285,7 @@ def _number(sight: Sight, name: str, quantity: str, entry: Entry | None, width: 
 def rate(sight: Sight, row: int, width: int) -> Cell:
     """Return how often samples come, in Hz."""
     found = sight.table.facts.detail(sight.table.names[row], "rate")
-    return ("" if math.isnan(found) else f"{found:.4g}"), "quiet"
+    return ("" if math.isnan(found) else text.short(found)), "quiet"
 
 
 def share(sight: Sight, row: int, width: int) -> Cell:
@@ -302,6 +302,6 @@ def time(quantity: str) -> Callable[[Sight, int, int], Cell]:
         seconds = facts.detail(sight.shown_name(row), quantity)
         if math.isnan(seconds):
             seconds = facts.detail(sight.table.names[row], quantity)
-        return ("" if math.isnan(seconds) else text.span(float(f"{seconds:.2g}"))), "quiet"
+        return ("" if math.isnan(seconds) else text.span(seconds, 2)), "quiet"
 
     return draw

@@ -28,6 +28,7 @@ from silo_tui.model.table.terms import (
     read_share,
     text_term,
 )  # fmt: skip
+from silo_tui.model.words import text
 
 WIDE_FROM = 96  # cells of a table from which columns take their wide width
 NAME_ROOM = 16  # columns are left out rather than that names get less
@@ -178,7 +179,7 @@ COLUMNS: tuple[TableColumn, ...] = (
             _measured("|value|", "a", "value", of_norm=True, of=np.abs),
         ),
         terms=(fact_term(("value",), "value"), fact_term(("|value|", "abs"), "value", of=np.abs)),
-        head=lambda sight, width: "value" if sight.at_s is None else f"at {sight.at_s:.6g} s",
+        head=lambda sight, width: "value" if sight.at_s is None else f"at {text.short(sight.at_s, 6)} s",
     ),
     _statistic("min", "i", falling=False), _statistic("max", "m"), _statistic("mean", "e"),
     _statistic("std", "t", example="1"),

@@ -1,6 +1,7 @@
 """Numbers, times, sizes and names as short text that fits a column."""
 
 import math
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import PurePosixPath
 
@@ -46,7 +47,7 @@ def _fitting(value: float, width: int, most: int = 4) -> str:
     """Write in engineering notation, with as many decimals as fit, at most `most`; else in the shortest one."""
     mantissa, power = _parts(value)
     texts = [f"{mantissa:.{digits}f}e{power}" for digits in range(most, -1, -1)]
-    texts += [f"{value:.{digits}e}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-") for digits in (2, 1, 0)]
+    texts += [_short_power(f"{value:.{digits}e}") for digits in (2, 1, 0)]
     return next((text for text in texts if len(text) <= width), texts[-1])
 
 
@@ -104,22 +105,31 @@ def axis_ends(bottom: float, top: float, base: int = 0, width: int = 9) -> tuple
 
 def _step(size: float, width: int) -> str:
     words = (f"+{engineering(size, digits)}" for digits in (3, 2, 1))
-    return next((word for word in words if len(word) <= width), f"+{size:.0e}")
+    return next((word for word in words if len(word) <= width), f"+{_short_power(f'{size:.0e}')}")
 
 
-def told_apart(smallest: float, largest: float) -> tuple[str, str]:
-    """Return two numbers in a few characters, in more where they would read the same."""
-    words = compact(smallest), compact(largest)
-    for digits in range(4, 18):
-        if words[0] != words[1] or not smallest < largest:
-            break
-        words = engineering(smallest, digits), engineering(largest, digits)
-    return words
+def short(value: float, digits: int = 4) -> str:
+    """Return a number in so many digits, no more than it needs."""
+    return _short_power(f"{value:.{digits}g}")
 
 
-def compact(value: float) -> str:
+def _short_power(words: str) -> str:
+    return words.replace("e+0", "e").replace("e+", "e").replace("e-0", "e-")
+
+
+def compact(value: float, digits: int = 3) -> str:
     """Return a number in a few characters, for lists and axes."""
-    return f"{value:.0f}" if 1e3 <= abs(value) < 1e4 else engineering(value)
+    return f"{value:.0f}" if digits <= 4 and 1e3 <= abs(value) < 1e4 else engineering(value, digits)
+
+
+def told_apart(*values: float, digits: int = 3, write: Callable[[float, int], str] = compact) -> tuple[str, ...]:
+    """Return numbers in so many digits, in more where some would read the same."""
+    words: tuple[str, ...] = ()
+    for more in range(digits, 18):
+        words = tuple(write(value, more) for value in values)
+        if len(set(words)) == len(set(values)):
+            break
+    return words
 
 
 def brief(value: float, beside: float = 0.0) -> str:
@@ -133,16 +143,17 @@ def brief(value: float, beside: float = 0.0) -> str:
     if math.isnan(value) or size >= 1e5:
         return compact(value)
     if 0 < size < 0.005:
-        return f"{value:.0e}".replace("e-0", "e-")
+        return _short_power(f"{value:.0e}")
     return f"{value + 0.0:.{2 if size < 10 else 1 if size < 100 else 0}f}"
 
 
-def span(seconds: float) -> str:
+def span(seconds: float, digits: int = 4) -> str:
     """Return a time span in its natural unit: `50 us`, `2 ms`, `10 s`, `5 min`."""
+    seconds = float(short(seconds, digits))
     for limit, unit, scale in ((1e-3, "us", 1e6), (1.0, "ms", 1e3), (120.0, "s", 1.0), (7200.0, "min", 1 / 60)):
         if abs(seconds) < limit:
-            return f"{seconds * scale:.4g} {unit}"
-    return f"{seconds / 3600:.4g} h"
+            return f"{short(seconds * scale, max(4, digits))} {unit}"
+    return f"{short(seconds / 3600, max(4, digits))} h"
 
 
 def short_span(seconds: float) -> str:

@@ -147,7 +147,8 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             begin_ns, end_ns = self.source.begin_ns, self.source.end_ns
             begin = max(0.0, (self.end_ns - begin_ns) / SECOND_NS - self.window.span_s)
             end = min((end_ns - begin_ns) / SECOND_NS, begin + self.window.span_s)
-            return f"{begin:.6g} … {end:.6g} s ({text.span(self.window.span_s)})"
+            ends = text.told_apart(begin, end, digits=6, write=text.short)
+            return f"{' … '.join(ends)} s ({text.span(self.window.span_s)})"
         back = (self.source.end_ns - self.end_ns) / SECOND_NS
         return text.span(self.window.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
 
@@ -203,7 +204,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         notes = [f"peak {words[0]}", *words[1:]] if words else ["no peak stands out"]
         rate = 1 / first.period_s
         notes.append(f"{text.compact(step)} Hz a line")
-        notes.append(f"{duration(first.seconds)} of {rate:.4g} Hz, jitter {text.span(float(f'{first.jitter_s:.2g}'))}")
+        notes.append(f"{duration(first.seconds)} of {text.short(rate)} Hz, jitter {text.span(first.jitter_s, 2)}")
         if first.left_out:
             notes.append(first.left_out)
         notes.append(f"0 dB = 1 {unit}" if self.level == "dB" else f"unit {unit}")
@@ -299,7 +300,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         else:
             words = ["highest peak", *(f"peak {number}" for number in range(2, len(self._peaks) + 1))]
             choices = [
-                Choice(str(at), f"{word}, {peak.frequency_hz:.6g} Hz", "h" if at == 0 else str(at + 1))
+                Choice(str(at), f"{word}, {text.short(peak.frequency_hz, 6)} Hz", "h" if at == 0 else str(at + 1))
                 for at, (word, peak) in enumerate(zip(words, self._peaks, strict=True))
             ]
             self.app.push_screen(Question("Find in the spectrum", "", choices), self._peak_chosen)
@@ -334,7 +335,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             return
         peak = self._peaks[self._peak]
         level = big_plot.level_words(peak.amplitude, self.level, self.plots[0].element.unit)
-        self.say(f"peak {self._peak + 1}: {peak.frequency_hz:.6g} Hz, {level}")
+        self.say(f"peak {self._peak + 1}: {text.short(peak.frequency_hz, 6)} Hz, {level}")
         self.draw_soon()
 
     def _move_cursor(self, cells: int) -> None:
@@ -358,7 +359,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         """Where the cursor is in the spectrum."""
         if self.plot.cursor is None or self.mode != "spectrum":
             return []
-        return [f"A {(self.plot.cursor + 0.5) / self.plot.plot_size[0] * self._top_hz:.5g} Hz"]
+        return [f"A {text.short((self.plot.cursor + 0.5) / self.plot.plot_size[0] * self._top_hz, 5)} Hz"]
 
     def command_detail_swap(self) -> None:
         if len(self.plots) > 1:

@@ -49,7 +49,7 @@ class SearchResult:
         """Return what to say when nothing was found."""
         if not self.held_s and self.partly:
             return f"{self.search.words}: none, {self.partly}"
-        words = f"{self.search.words}: none in {text.span(float(f'{self.held_s:.3g}'))} held"
+        words = f"{self.search.words}: none in {text.span(self.held_s, 3)} held"
         return f"{words}; not looked through further: {self.partly}" if self.partly else words
 
     def place(self, now_ns: int, step: int) -> int | None:
@@ -126,7 +126,7 @@ class _Told:
 
     def __call__(self) -> str:
         if self.what is What.HOLE:
-            return f"{text.span(float(f'{int(self.value[0]) / 1e9:.3g}'))} without sample"
+            return f"{text.span(int(self.value[0]) / 1e9, 3)} without sample"
         return value_words(self.entry, self.value)
 
 

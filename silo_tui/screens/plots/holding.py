@@ -54,7 +54,7 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
         if waited >= TELLS_AFTER_S and self.is_active:
             line = self.query_one("#waiting", Static)
             line.display = True
-            line.update(f"waiting for {self._what} {text.span(float(f'{waited:.1f}'))}   Esc lets it go on")
+            line.update(f"waiting for {self._what} {text.span(round(waited, 1))}   Esc lets it go on")
 
     def on_screen_suspend(self) -> None:
         """Make room for the dialog that came."""

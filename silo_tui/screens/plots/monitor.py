@@ -129,6 +129,7 @@ class MonitorScreen(PlotScreen):
                 self.say("that is the oldest that is held")
                 return
             self.stand_still()
+            self.paused_alone = True
         if self._looking_back and self.end_ns + direction * span_ns // 2 >= newest_ns:
             self.go_on()
             return
@@ -180,7 +181,9 @@ class MonitorScreen(PlotScreen):
         if self.pause.source is not None:
             self.go_on()
         else:
+            ran = not self.window.paused
             self.pause_here()
+            self.paused_alone = self.paused_alone or ran
 
     def command_export_plots(self) -> None:
         self.pause_here()
@@ -267,14 +270,18 @@ class MonitorScreen(PlotScreen):
         return (*paused, ("cursor_left", "Cursor"), ("back", back)) if back else paused
 
     def way_back(self) -> tuple[str, Callable[[], None]]:
-        """Return what Esc leaves, in words for the key bar, and how: B, the cursor, the pause; empty: the screen."""
+        """Return what Esc leaves, in words for the key bar, and how: B, the cursor, the pause; empty: the screen.
+
+        What one key entered, as a find its pause and its cursor, is left by one.
+        """
         if self.file is not None:
             return "", self.context.leave_screen
         if self.window.other_ns is not None:
             return "No B", self.command_cursor_b
-        if self.window.cursor is not None:
+        held = self.window.paused and self.pause.possible
+        if self.window.cursor is not None and (self.paused_alone or not held):
             return "No cursor", self._lift_cursor
-        if self.window.paused and self.pause.possible:
+        if held:
             return "Live", self.go_on
         return "", self.context.leave_screen
 

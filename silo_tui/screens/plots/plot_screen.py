@@ -61,6 +61,7 @@ class PlotScreen(SiloScreen):
         places = [place for place, plotted in enumerate(self.stack.plots) if plotted.element.name == chosen]
         self.stack.chosen = places[0] if places else 0
         self._asked = self.stack.store  # where the live columns should go
+        self.paused_alone = True  # not by a key that took the cursor there too
         self._mending = False
         self._happened = session.happened
         self._timer: Timer | None = None
@@ -261,7 +262,7 @@ class PlotScreen(SiloScreen):
         words = [self.pause.text] if self.pause.text else []
         if self.file is not None:
             clock = f" ({self.file.clock})" if self.file.clock and self.size.width >= 100 else ""
-            words.append(f"cursor at {self.file.seconds:.9g} s{clock}")
+            words.append(f"cursor at {text.short(self.file.seconds, 9)} s{clock}")
         elif self.window.paused and self.window.at_ns is not None:
             words.append(f"A {self.moment_words(self.window.at_ns)}")
         elif self.window.cursor is not None:
@@ -333,7 +334,7 @@ class PlotScreen(SiloScreen):
         """Let the window stand where it is; the cursor is a moment from now on."""
         if self.window.paused:
             return
-        store = self.stack.store
+        store, self.paused_alone = self.stack.store, False
         self.window.paused_end_ns = store.end * store.column_ns - 1 if not store.empty else self.source.end_ns
         if self.window.cursor is not None:
             self.window.at_ns = (store.end - self.window.cursor) * store.column_ns - 1
@@ -401,8 +402,8 @@ class PlotScreen(SiloScreen):
             for plotted in self.stack.plots
         ]
         seconds = (b_ns - a_ns) / SECOND_NS
-        times = f"A {self.moment_words(a_ns)}   B {self.moment_words(b_ns)}   B-A {seconds:.6g} s"
-        hertz = f"  {abs(1 / seconds):.4g} Hz" if seconds else ""
+        times = f"A {self.moment_words(a_ns)}   B {self.moment_words(b_ns)}   B-A {text.short(seconds, 6)} s"
+        hertz = f"  {text.short(abs(1 / seconds))} Hz" if seconds else ""
         times += hertz if len(times + hertz) + 2 <= self.size.width else ""
         self.between.show(times, facts, partly)
 

@@ -220,8 +220,8 @@ class ScopeScreen(SiloScreen):
             return "AUTO no edge yet" if self.settings.mode is Mode.AUTO and self._samples else "ARMED"
         ago_s = max(0.0, (self.live.end_ns - self.caught_ns) / 1e9)
         if self.settings.mode is Mode.AUTO and time.monotonic() - self._waits_since_s > AUTO_S:
-            return f"AUTO no edge for {text.span(float(f'{time.monotonic() - self._waits_since_s:.0f}'))}"
-        return f"CAUGHT {text.span(float(f'{ago_s:.2g}'))} ago"
+            return f"AUTO no edge for {text.span(round(time.monotonic() - self._waits_since_s))}"
+        return f"CAUGHT {text.span(ago_s, 2)} ago"
 
     def _state(self) -> str:
         return "waiting" if self.waits else "standing still"
@@ -279,12 +279,13 @@ class ScopeScreen(SiloScreen):
     def _move_level(self, step: int) -> None:
         bottom, top = self.stack.scale_of_first()
         height = (top - bottom) if top > bottom else max(abs(self.settings.level), 1.0)
-        level = float(f"{self.settings.level + step * height / LEVEL_STEPS:.4g}")
+        level = float(text.short(self.settings.level + step * height / LEVEL_STEPS))
         self._set(replace(self.settings, level=level), "")
 
     def command_scope_settings(self) -> None:
         now = self.settings
-        typed = f"{'rising' if now.direction > 0 else 'falling'} {now.level:.6g} pre {100 * now.pre:g} {now.mode.value}"
+        way = "rising" if now.direction > 0 else "falling"
+        typed = f"{way} {text.short(now.level, 6)} pre {100 * now.pre:g} {now.mode.value}"
         body = "rising or falling, the level, pre and its share in %, normal, single or auto"
 
         def take(typed: str | None) -> None:
@@ -335,7 +336,7 @@ class ScopeScreen(SiloScreen):
         from silo_tui.screens.dialogs.trigger_editor import ask_trigger
 
         name = self.session.short_name(self.stack.plots[0].name).lstrip("/")
-        when = f"{name} {'>' if self.settings.direction > 0 else '<'} {self.settings.level:.6g}"
+        when = f"{name} {'>' if self.settings.direction > 0 else '<'} {text.short(self.settings.level, 6)}"
         around_s = self.settings.pre_ns / 1e9, self.settings.post_ns / 1e9
         made = TriggerOptions(name.rpartition("/")[2], when, *around_s)
         self.context.run_flow(ask_trigger(self.context, made))

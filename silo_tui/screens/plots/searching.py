@@ -33,7 +33,7 @@ def value_here(plotted: Plotted, readings: Mapping[str, Reading]) -> str:
     reading = readings.get(plotted.element.name)
     if reading is None or plotted.position >= len(reading.newest) or np.isnan(reading.newest[plotted.position]):
         return ""
-    return f"{reading.newest[plotted.position]:.6g}"
+    return text.short(reading.newest[plotted.position], 6)
 
 
 class MomentSearch:
@@ -177,7 +177,7 @@ class MomentSearch:
             self.screen.say(f"events: {error}")
             return
         if not found.moments:
-            held = text.span(float(f"{found.held_s:.3g}"))
+            held = text.span(found.held_s, 3)
             self.screen.say(f"events: no hole, trigger, marker or start in {held} held")
             return
         await self._go_to_found(found, step, "event")
