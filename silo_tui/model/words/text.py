@@ -149,11 +149,10 @@ def brief(value: float, beside: float = 0.0) -> str:
 
 def span(seconds: float, digits: int = 4) -> str:
     """Return a time span in its natural unit: `50 us`, `2 ms`, `10 s`, `5 min`."""
-    seconds = float(short(seconds, digits))
-    for limit, unit, scale in ((1e-3, "us", 1e6), (1.0, "ms", 1e3), (120.0, "s", 1.0), (7200.0, "min", 1 / 60)):
-        if abs(seconds) < limit:
-            return f"{short(seconds * scale, max(4, digits))} {unit}"
-    return f"{short(seconds / 3600, max(4, digits))} h"
+    size, unit, scale = abs(float(short(seconds, digits))), "h", 1 / 3600
+    for limit, smaller, its in ((7200.0, "min", 1 / 60), (120.0, "s", 1.0), (1.0, "ms", 1e3), (1e-3, "us", 1e6)):
+        unit, scale = (smaller, its) if size < limit else (unit, scale)
+    return f"{short(float(short(seconds * scale, digits)), max(4, digits))} {unit}"  # 200 us, not 2e2
 
 
 def short_span(seconds: float) -> str:
