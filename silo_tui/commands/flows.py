@@ -167,11 +167,12 @@ async def apply(context: Context) -> None:
             session.table.discard(list(range(len(session.table))))
             context.table_changed()
             context.say(f"all pending edits discarded; {key_of('undo')} brings them back")
-        if answer not in {"apply", "save", "drop"}:
+        if answer not in {"apply", "cut", "save", "drop", "go"}:
             return
         if answer == "save" and not await _stop_and_save(context):
             return
-        if await _carry_out(context, around=answer != "apply", unsaved=_decided(answer)):
+        around = answer not in {"apply", "cut"}
+        if await _carry_out(context, around=around, cut=answer == "cut", unsaved=_decided(answer)):
             return
 
 
@@ -182,8 +183,9 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     body = Text()
     if context.session.running:
         body.append_text(_what_changes(context, changes))
-        body.append(f"\nThe logger runs, and a running logger takes no edits. {SPLIT}", style="bold")
-        return await _ask_around(context, title, body, keep, "stop, apply, start again", "a", [discard])
+        body.append(f"\nThe logger runs, and a running logger takes no edits but at a cut. {SPLIT}", style="bold")
+        go_on = Choice("cut", "Apply and go on: no tick is lost, what it has is saved as a part", "g")
+        return await _ask_around(context, title, body, keep, "stop, apply, start again", "a", [go_on, discard])
     body.append_text(_what_changes(context, changes))
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
 
@@ -201,13 +203,13 @@ def _what_changes(context: Context, changes: Sequence[PendingChange]) -> Text:
     )
 
 
-async def _carry_out(context: Context, *, around: bool, unsaved: Unsaved) -> bool:
+async def _carry_out(context: Context, *, around: bool, cut: bool, unsaved: Unsaved) -> bool:
     """Apply; False when somebody else was faster and the edits are to be looked at again."""
     session = context.session
     try:
         if around and session.running:
             await session.stop()
-        applied = await session.apply()
+        applied = await session.apply(cut=cut)
     except RefusedError as refused:
         context.table_changed()
         if around:
@@ -215,7 +217,7 @@ async def _carry_out(context: Context, *, around: bool, unsaved: Unsaved) -> boo
         if why(refused) is RefusedWhy.CONFLICT:
             context.say("somebody else changed the table meanwhile: look again")
             return False
-        if why(refused) is RefusedWhy.RUNNING:
+        if why(refused) is RefusedWhy.RUNNING and not cut:
             await session.refresh_status()
             context.status_changed()
             return False
@@ -224,7 +226,10 @@ async def _carry_out(context: Context, *, around: bool, unsaved: Unsaved) -> boo
         await session.start(unsaved)
     context.table_changed()
     context.status_changed()
-    context.say(f"applied to {many(applied.changed, 'element')}" + (", logging again" if around else ""))
+    context.say(
+        f"applied to {many(applied.changed, 'element')}"
+        + (", logging again" if around else ", it goes on" if cut else "")
+    )
     _warn(context, applied)
     return True
 

@@ -266,15 +266,17 @@ class Session:
                 found.setdefault(elements.get(one.name, one.name), one.word.value)
         return found
 
-    async def apply(self) -> EditsApplied:
+    async def apply(self, *, cut: bool = False) -> EditsApplied:
         """Apply the pending edits as one transaction and return how many elements changed, and what is to be told.
+
+        `cut`: while the logger runs, too; it goes on as changed.
 
         RefusedError says why not; when somebody else changed the table meanwhile it was read again and the edits are
         rebased, so that the caller can show the conflicts or try again.
         """
         edits, revision = self.table.edits(), self.table.revision
         try:
-            applied = await self._link.call(lambda client: client.apply(edits, revision))
+            applied = await self._link.call(lambda client: client.apply(edits, revision, cut=cut))
         except RefusedError as refused:
             if why(refused) is RefusedWhy.CONFLICT:
                 await self.reload()

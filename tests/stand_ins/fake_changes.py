@@ -81,9 +81,9 @@ class FakeChanges:
         known = {one.options: one for one in self.trigger_statuses}
         self.trigger_statuses = [known.get(one, TriggerStatus(one, TriggerWord.ARMED)) for one in extras.triggers]
 
-    def _check(self, revision: int) -> None:
+    def _check(self, revision: int, *, stopped: bool = True) -> None:
         self._ask()
-        if self.state is State.RUNNING:
+        if stopped and self.state is State.RUNNING:
             raise refused(RefusedWhy.RUNNING, "the logger runs: stop it first")
         if revision not in {self.revision, -1}:
             raise refused(RefusedWhy.CONFLICT, "the table was changed by bob@lab meanwhile")
@@ -97,10 +97,10 @@ class FakeChanges:
         self.revision += changed > 0
         return changed
 
-    def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
+    def apply(self, edits: Sequence[Edit], revision: int, *, cut: bool = False) -> EditsApplied:
         self._ask()
-        self.calls.append(("apply", list(edits), revision))
-        self._check(revision)
+        self.calls.append(("cut" if cut else "apply", list(edits), revision))
+        self._check(revision, stopped=not cut)
         wanted = {info.name: info.options for info in self.elements}
         if problems := edit_problems(edits, wanted):
             raise refused(RefusedWhy.INVALID, refusal(problems), problems)

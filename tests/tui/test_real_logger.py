@@ -50,6 +50,12 @@ async def test_a_real_logger_is_found_watched_stopped_edited_and_started(logger,
         await screen.shows("logging again")
         assert logger.elements[0].options.divider == 4
         assert logger._life.state.value == "running"
+        began = logger._present.number
+        await screen.press("d", "5", "enter", "a")
+        await screen.shows("Apply and go on")
+        await screen.press("g")
+        await screen.shows("it goes on")
+        assert (logger.elements[0].options.divider, logger._present.number, logger.is_running) == (5, began, True)
 
 
 async def test_an_element_that_could_not_be_read_says_so_in_the_inspector(tmp_path, runtime_folder, screen_of):

@@ -158,7 +158,9 @@ async def test_apply_shows_the_difference_and_sends_one_transaction(fake, opened
 async def test_buffers_of_gigabytes_are_told_of_when_they_are_applied_as_in_the_shell(fake, opened, monkeypatch):
     large = "these buffers take 9.6 GB [and a start of them some seconds]"
     apply = fake.apply
-    monkeypatch.setattr(fake, "apply", lambda *edits: msgspec.structs.replace(apply(*edits), warnings=[large]))
+    monkeypatch.setattr(
+        fake, "apply", lambda *edits, **cut: msgspec.structs.replace(apply(*edits, **cut), warnings=[large])
+    )
     async with opened(fake) as screen:
         await screen.do("edit_divider", "5", "enter", "a")
         await screen.shows("1 → 5")
