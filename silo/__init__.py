@@ -129,12 +129,13 @@ _ELSEWHERE = dict.fromkeys(("list", "ls", "loggers", "discover", "find"), "`silo
 
 
 def _no_such_name(name: str) -> Exception:
-    if name.startswith("_") or any(os.path.exists(f"{__path__[0]}/{name}{end}") for end in ("", ".py")):  # noqa: PTH110
+    importing = sys._getframe(2).f_globals.get("__name__") == "importlib._bootstrap"
+    is_module = any(os.path.exists(f"{__path__[0]}/{name}{end}") for end in ("", ".py"))  # noqa: PTH110
+    if name.startswith("_") or (importing and is_module):
         # a module of silo that is imported now: nobody reads this
         return AttributeError(f"module 'silo' has no attribute {name!r}", name=name)
     words = f"module 'silo' has no attribute '{name}'{_what_instead(name)}"
-    # of an AttributeError the import statement keeps no word
-    if sys._getframe(2).f_globals.get("__name__") == "importlib._bootstrap":
+    if importing:  # of an AttributeError this statement keeps no word
         return ImportError(words, name="silo", path=__file__)
     from silo.errors import UnknownNameError
 
