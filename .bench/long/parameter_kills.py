@@ -4,7 +4,8 @@ A program at 1 kHz has two parameters, `kd = -kp`, which a client sets as one ch
 the three is killed at a moment drawn by the seed; the program (`silo recover`, where it was killed) then leaves a file.
 
 - half: rows of the file in which one of the two holds without the other.
-- untold: changes that the client was told of, from tick t on, whose value isn't in row t.
+- untold: changes that the client was told of which the file's record lacks, or whose value isn't in the row from which
+  it was to hold, if there came one.
 - unrecorded: values in rows that no recorded change of both explains.
 
 Each kill is told by its number: `--seed S --only N` does one again. Exits with 1 if any figure is not 0.
@@ -106,8 +107,10 @@ def kill(number: int, seed: int) -> Counter[str]:
         recorded = {tuple(new for _, _, new in one.change.values) for one in log.parameters.changes} | {(1.0, -1.0)}
         found["changes"] += len(told_of)
         found["half"] += int(np.count_nonzero(kp != -kd))
-        found["untold"] += sum(tick < len(kp) and kp[tick] != value for value, tick in told_of if tick >= 0)
-        found["untold"] += sum(tick >= len(kp) for _, tick in told_of)
+        found["untold"] += sum(
+            (value, -value) not in recorded or (0 <= tick < len(kp) and float(kp[tick]) != value)
+            for value, tick in told_of
+        )
         found["unrecorded"] += sum((value, -value) not in recorded for value in np.unique(kp))
     return found
 
