@@ -164,7 +164,7 @@ async def test_n_steps_through_norm_and_entries_of_a_vector(fake, opened):
         await screen.press("enter", "n")
         await screen.shows("|3| ")
         await screen.press("n", "n")
-        await screen.shows("_y ")
+        await screen.shows(" y ")
 
 
 async def test_zero_begins_the_statistics_anew(fake, opened):
@@ -201,9 +201,9 @@ async def test_a_narrow_screen_has_the_inspector_below_the_table_with_values_and
         assert sum(shown[0] in line for line in screen.text.splitlines()) == 2
         await screen.type("//imu/acceleration")
         await screen.press("enter")
-        for words in ("vector 3 f8 [m/s2]", "_x ", "_y ", "_z ", "which holds  10 s at 400 Hz"):
+        for words in ("vector 3 f8 [m/s2]", "x ", "y ", "z ", "which holds  10 s at 400 Hz"):
             await screen.shows(words)
-        await screen.until(lambda: re.search(r"logging +on +_", screen.text), "an entry beside the facts")
+        await screen.until(lambda: re.search(r"logging +on +x ", screen.text), "an entry beside the facts")
         if size[1] >= 24:
             await screen.until(lambda: set("⣿⡇⢸⠉⣀⠃⠘") & set(screen.text), "a plot")
         await screen.press("i")
@@ -293,7 +293,7 @@ async def test_of_a_pose_there_is_no_norm(new_fake, opened):
     fake.facts = {"value": {pose: 77.0}, "max": {pose: 77.0}, "most": {pose: 77.0}}
     async with opened(fake, size=(120, 24)) as screen:
         await screen.press("C", "n")
-        await screen.shows("_position_x")
+        await screen.shows(" position_x ")
         await screen.press("o", "v")
         await screen.until(lambda: screen.session.table.facts.of("value", 1) is not None)
         assert "77." not in screen.text

@@ -403,6 +403,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             return "No cursor", self._lift_own_cursor
         with_cursor = self.window.other_ns is not None or self.window.cursor is not None
         if self.file is None and self.mode == MODES[0] and with_cursor:
+            self.paused_alone = True  # the pause stays with the monitor
             return super().way_back()
         return "", self._leave
 
