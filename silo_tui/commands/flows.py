@@ -184,7 +184,8 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     if context.session.running:
         body.append_text(_what_changes(context, changes))
         body.append(f"\nThe logger runs, and a running logger takes no edits but at a cut. {SPLIT}", style="bold")
-        go_on = Choice("cut", "Apply and go on: no tick is lost, what it has is saved as a part", "g")
+        go_on = Choice("cut", "Apply and go on: no tick is lost, what it has is saved", "g")
+        discard = Choice("discard", discard.label, loses=True)  # no letter: here D drops what was logged
         return await _ask_around(context, title, body, keep, "stop, apply, start again", "a", [go_on, discard])
     body.append_text(_what_changes(context, changes))
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))

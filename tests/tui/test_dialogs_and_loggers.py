@@ -320,7 +320,7 @@ def test_every_command_has_its_method():
     from silo_tui.app import SiloApp
     from silo_tui.commands.runner import CommandRunner
 
-    names = [one.name for one in pkgutil.iter_modules(every_screen.__path__, f"{every_screen.__name__}.")]
+    names = [one.name for one in pkgutil.walk_packages(every_screen.__path__, f"{every_screen.__name__}.")]
     found = [one for name in names for one in vars(importlib.import_module(name)).values()]
     classes = {one for one in found if isinstance(one, type) and "scope" in vars(one)}
     screens = {one.scope: one for one in classes if one.scope}

@@ -21,7 +21,7 @@ from silo_tui.model.table.state import PendingChange
 
 MAX_LINES = 400
 MAX_GROUPS = 60
-LARGEST = 3  # groups: at 80x24 what they cost stands below them
+LARGEST = 2  # groups: at 80x24 what they cost stands below them
 BORDER_AND_TITLE_ROWS = 5
 
 
