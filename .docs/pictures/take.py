@@ -153,7 +153,7 @@ def cast(path: Path, command: list[str]) -> None:
                 os.write(screen, ANSWERED)
             if due_s == float("inf") and SHOWN in text:
                 due_s = time.monotonic() + play[0][0]
-            pieces.append([round(time.monotonic() - begin_s, 3), "o", text])
+            pieces.append([round(time.monotonic() - begin_s, 3), "o", text.replace(str(Path.cwd()), "~")])
         if play and time.monotonic() >= due_s:
             os.write(screen, play.pop(0)[1].encode())
             due_s = time.monotonic() + (play[0][0] if play else DEADLINE_S)
