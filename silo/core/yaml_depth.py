@@ -3,6 +3,7 @@
 import yaml
 
 MAX_DEPTH = 16  # a script is five levels deep, the metadata of a bag six; the C parser recurses on the C stack
+TOO_DEEP = f"nested deeper than {MAX_DEPTH} levels"
 
 
 class ShallowLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]  # the C one takes an eighth
@@ -14,7 +15,7 @@ class ShallowLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ign
         """Count a level that begins."""
         self.depth += 1
         if self.depth > MAX_DEPTH:
-            raise yaml.MarkedYAMLError(problem=f"nested deeper than {MAX_DEPTH} levels")
+            raise yaml.MarkedYAMLError(problem=TOO_DEEP)
 
     def ascend_resolver(self) -> None:
         """Count it no more."""

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import yaml
 
-from silo.core.yaml_depth import ShallowLoader
+from silo.core.yaml_depth import TOO_DEEP, ShallowLoader
 from silo.settings.options import shorten
 
 
@@ -53,6 +53,8 @@ def explain(error: yaml.YAMLError, text: str) -> tuple[int, str]:
         if "\t" in lines[line - 1][: mark.column + 1]:
             return line, "a tab stands where YAML wants spaces; indent with two spaces"
         reason = " ".join(part for part in (getattr(error, "context", ""), getattr(error, "problem", "")) if part)
+        if "maximum nesting depth" in reason:  # libyaml from 0.2.6 on looks ahead, and is there before us
+            reason = TOO_DEEP
         if "expected a single document" in reason:
             return line, "a second document starts here (`---`); a script is one document"
         return line, f"not valid YAML: {reason}"
