@@ -166,9 +166,9 @@ def cli(ctx: click.Context, config: str, read_only: bool) -> None:
 
     \b
     Exit codes:
-      0  done            1  refused, failed, or beyond its limits
+      0  done            1  refused, failed, or unreadable
       2  wrong usage     3  no such logger, or it can't be reached
-      4  two logs, or a script and a logger, differ
+      4  something was found: beyond limits, not whole, different
       5  some of it, or all, could not be judged
     """
     ctx.obj = config

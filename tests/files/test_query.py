@@ -255,7 +255,7 @@ def test_the_shell_prints_writes_and_counts(written, tmp_path):
     assert "4 runs, 0 not as archived" in ran("archive", "--check", tmp_path / "kept")
     assert "run3.silo" in ran("query", asked, "--in", tmp_path / "kept")
     next((tmp_path / "kept").rglob("run=run2.silo/run.parquet")).write_bytes(b"PAR1")
-    assert "run2.silo: it isn't what was archived" in ran("archive", "--check", tmp_path / "kept", code=1)
+    assert "run2.silo: it isn't what was archived" in ran("archive", "--check", tmp_path / "kept", code=4)
 
 
 def test_an_archived_run_is_the_run(archive, runs):

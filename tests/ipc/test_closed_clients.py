@@ -2,6 +2,7 @@
 
 import pytest
 
+import silo
 from silo.cli import codes
 from silo.cli.conditions.alarms import _code
 from silo.cli.loggers.ls import _reasons
@@ -31,6 +32,21 @@ def test_a_closed_client_says_that_it_is_closed_and_how_to_have_another(bench) -
 def test_no_two_meanings_share_an_exit_code() -> None:
     numbers = [value for name, value in vars(codes).items() if name.startswith("EXIT_") and isinstance(value, int)]
     assert len(set(numbers)) == len(numbers)
+
+
+def test_what_is_found_ends_otherwise_than_what_fails(tmp_path, monkeypatch, runtime_folder) -> None:
+    monkeypatch.chdir(tmp_path)
+    log = silo.Logger("bot", folder=".")
+    log.add(lambda: 5.0, "x", unit="m")
+    log.start()
+    log.collect()
+    log.stop()
+    log.save("silo", name="run")
+    assert run(["check", "run.silo", "--limit", "x=-,-,2,3"]) == codes.EXIT_FOUND
+    assert run(["check", "run.silo", "--limit", "x=-,-,8,9"]) == 0
+    for words in (["check", "none.silo"], ["check", "run.silo", "--never", "x +"], ["diff", "run.silo", "none.silo"]):
+        assert run(words) == codes.EXIT_FAILED
+    assert run(["check", "run.silo"]) == codes.EXIT_USAGE
 
 
 def test_blind_limits_end_otherwise_than_a_logger_that_is_not_there(runtime_folder) -> None:

@@ -319,9 +319,9 @@ class TestCommands:
         assert run(["alarms"]) == 0
         bench.ticks(30)
         alarm(client, word=LimitWord.YELLOW_HIGH)
-        assert run(["alarms", "bot"]) == 1
+        assert run(["alarms", "bot"]) == 4
         assert "H" in capsys.readouterr().out
-        assert run(["alarms", "--json"]) == 1
+        assert run(["alarms", "--json"]) == 4
         assert '"word":"H"' in capsys.readouterr().out
 
 

@@ -164,7 +164,7 @@ def test_a_restart_is_recorded_from_its_first_tick_and_the_program_may_record_to
         assert found == [[float(k) for k in range(1, 101)], [float(k) for k in range(101, 151)]]
         assert "fell" in happened(parts(place)[:1])
         assert "started" in happened(parts(place)[1:])
-        assert run(["check", str(parts(place)[-1])]) == 1
+        assert run(["check", str(parts(place)[-1])]) == 4
     assert "recording 'bot'" in heard.wait(EventKind.RECORDING).text
 
 

@@ -11,7 +11,7 @@ from silo.analysis.check import check
 from silo.analysis.compute.expressions import BATCH_TICKS
 from silo.analysis.log import Log
 from silo.analysis.plots.curves import pick
-from silo.cli.codes import EXIT_BLIND
+from silo.cli.codes import EXIT_BLIND, EXIT_FAILED, EXIT_FOUND
 from silo.cli.main import run
 from silo.core.elements import BufferType, Conditions, Derived, Entry, SignalLimits
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
@@ -152,20 +152,20 @@ class TestCheck:
     def test_the_command_ends_with_a_code_for_scripts(self, spiky, tmp_path, capsys, monkeypatch):
         write(spiky, tmp_path, "robot", ["silo"], "run")
         file = str(tmp_path / "run.silo")
-        assert run(["check", file, "--limit", "x=-,-,10,50"]) == 1
+        assert run(["check", file, "--limit", "x=-,-,10,50"]) == EXIT_FOUND
         assert "red high" in capsys.readouterr().out
         assert run(["check", file, "--limit", "x_0=-,-,10,50", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)[0]["worst"] == "GREEN"
-        assert run(["check", file, "--never", "nothing > 3"]) == 2
+        assert run(["check", file, "--never", "nothing > 3"]) == EXIT_FAILED
         assert "^^^^^^^" in capsys.readouterr().err
         for words in (["check", file], ["check", file, "--limit", "x"], ["check", file, "--limit", "x=a,b,c,d"]):
             assert run(words) == 2
-        assert run(["check", file, "--limit", "x=4,3,2,1"]) == 2
+        assert run(["check", file, "--limit", "x=4,3,2,1"]) == EXIT_FAILED
 
     def test_limits_in_the_log_need_no_arguments(self, spiky, tmp_path):
         extras = Conditions((Derived("/log/twice", "2 * x"),), (SignalLimits("twice", (None, None, 150, None)),))
         write(Recording(**{**vars(spiky), "extras": extras}), tmp_path, "robot", ["silo"], "run")
-        assert run(["check", str(tmp_path / "run.silo")]) == 1
+        assert run(["check", str(tmp_path / "run.silo")]) == EXIT_FOUND
 
 
 class TestLogger:
@@ -276,7 +276,7 @@ def test_limits_of_what_is_not_in_a_log_are_unobservable_and_the_others_are_judg
     assert "/log/off" in gone.why
     assert (found.worst, found.samples) == ("RED_HIGH", 4)
     write(log, tmp_path, "robot", ["silo"], "run")
-    assert run(["check", str(tmp_path / "run.silo")]) == 1
+    assert run(["check", str(tmp_path / "run.silo")]) == EXIT_FOUND
     assert "/log/off can't be told" in capsys.readouterr().out
 
 

@@ -208,7 +208,7 @@ def test_limits_and_triggers_stand_in_every_part(robot, tmp_path, truth, capsys)
     found = open_log(parts(tmp_path)[0]).recording.extras
     assert [one.name for one in found.limits] == ["x"]
     assert [one.name for one in found.triggers] == ["high"]
-    assert run(["check", str(parts(tmp_path)[0])]) == 1
+    assert run(["check", str(parts(tmp_path)[0])]) == 4
     assert "RED" in capsys.readouterr().out.upper()
 
 

@@ -81,7 +81,7 @@ def test_ticks_that_were_collected_after_the_last_part_are_missing(kept, capsys)
     kept.recorded(300, stopped=False)
     kept.happens("stopped", "stopped", 339)
     assert kept.found() == [[("missing", ((300, 339),))], []]
-    assert run(["verify", "--json", str(kept.folder)]) == 1
+    assert run(["verify", "--json", str(kept.folder)]) == 4
     (problem,) = json.loads(capsys.readouterr().out)["problems"]
     assert "40 ticks (300-339) of run" in problem["text"]
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.codes import EXIT_BLIND, EXIT_FAILED
+from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
 from silo.cli.common import connect, json_option, logger_argument, show_json, show_rows
 from silo.core.quantities.writing import clock_text
 
@@ -35,7 +35,7 @@ def alarms(logger: str | None, follow: bool, all_limits: bool, seen: bool, as_js
 
     \b
     Exit codes:
-      0  nothing was violated in this run        1  something was
+      0  nothing was violated in this run        4  something was
       5  nothing was that could be judged, but some limits are blind        3  no such logger
     """
     with connect(logger) as client:
@@ -57,7 +57,7 @@ def alarms(logger: str | None, follow: bool, all_limits: bool, seen: bool, as_js
 
 def _code(found: "Alarms") -> int:
     if any(one.violated for one in found.limits):
-        return EXIT_FAILED
+        return EXIT_FOUND
     return EXIT_BLIND if any(one.word.value == "~~" for one in found.limits) else 0
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.codes import EXIT_DIFFERENT
+from silo.cli.codes import EXIT_FOUND
 from silo.cli.verbs import Listing, LoggerFirst, Target, Words, verb
 from silo.core.elements import PARAMETER
 from silo.core.tuning.parameters import range_text, value_text
@@ -121,4 +121,4 @@ def diff(client: "Client", file: str) -> None:
     for name in differs:
         click.echo(f"{name}: {value_text(known[name].value)} now, {value_text(preset[name])} in {file}")
     if differs:
-        click.get_current_context().exit(EXIT_DIFFERENT)
+        click.get_current_context().exit(EXIT_FOUND)

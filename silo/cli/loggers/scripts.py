@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.bulk import carry_out, everyone_option, many_meant
-from silo.cli.codes import EXIT_DIFFERENT
+from silo.cli.codes import EXIT_FOUND
 from silo.cli.common import (
     TypedPath,
     complete_logger,
@@ -177,7 +177,7 @@ def diff(words: Target, exit_code: bool, as_json: bool) -> int:
             differs = bool(found.changes or found.extras)
         else:
             differs = _diff(client, path)
-        return EXIT_DIFFERENT if exit_code and differs else 0
+        return EXIT_FOUND if exit_code and differs else 0
 
 
 def _diff(client: "Client", path: str) -> bool:

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.codes import EXIT_BLIND, EXIT_FAILED, EXIT_USAGE
+from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
 from silo.cli.common import LogWord, TypedPath, find_saved, show_json, show_rows
-from silo.errors import SiloError
 
 if TYPE_CHECKING:
     from silo.analysis.check import Finding
@@ -48,8 +47,8 @@ def check_command(
 
     \b
     Exit codes:
-      0  nothing was violated        1  something was
-      5  nothing could be judged     2  the file or an expression can't be read
+      0  nothing was violated        4  something was
+      5  nothing could be judged     1  the file or an expression can't be read
     """
     from silo.analysis.check import check
     from silo.files.added import added_formats
@@ -57,28 +56,24 @@ def check_command(
     from silo.guards.guard import guard, junit
     from silo.guards.rules import read_rules
 
-    try:
-        recording = read_recording(find_saved(file), added_formats)
-        baseline = None if against is None else read_recording(find_saved(against), added_formats)
-        held = [] if rules is None else read_rules(rules)
-        asked = [*recording.extras.limits, *(_limits(text, when) for text in limits)]
-        if baseline is not None:  # what it broke, too, is nothing new
-            asked = asked[len(recording.extras.limits) :]
-        if not (asked or never or always or held or baseline):
-            raise click.UsageError(
-                "the log has no limits: give some, --limit joints/tau=-40,-30,30,40 or --never 'abs(base/roll) > 0.6'"
-            )
-        found = check(recording, asked, never, always) + guard(recording, held, baseline)
-        if report is not None:
-            junit(report, file, found)
-    except SiloError as error:
-        click.echo(f"silo: {error}", err=True)
-        return EXIT_USAGE
+    recording = read_recording(find_saved(file), added_formats)
+    baseline = None if against is None else read_recording(find_saved(against), added_formats)
+    held = [] if rules is None else read_rules(rules)
+    asked = [*recording.extras.limits, *(_limits(text, when) for text in limits)]
+    if baseline is not None:  # what it broke, too, is nothing new
+        asked = asked[len(recording.extras.limits) :]
+    if not (asked or never or always or held or baseline):
+        raise click.UsageError(
+            "the log has no limits: give some, --limit joints/tau=-40,-30,30,40 or --never 'abs(base/roll) > 0.6'"
+        )
+    found = check(recording, asked, never, always) + guard(recording, held, baseline)
+    if report is not None:
+        junit(report, file, found)
     _show(found, as_json=as_json)
     for warning in recording.warnings:
         click.echo(f"warning: {warning}", err=True)
     if any(one.violated for one in found):
-        return EXIT_FAILED
+        return EXIT_FOUND
     return EXIT_BLIND if all(one.worst == "UNOBSERVABLE" for one in found) else 0
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.codes import EXIT_DIFFERENT
+from silo.cli.codes import EXIT_FOUND
 from silo.cli.common import LogWord, TypedPath, find_saved, progress, show, show_json, show_rows
 from silo.errors import SiloError
 from silo.files.formats import readable, writable
@@ -239,7 +239,7 @@ def diff_command(first: str, second: str, tolerance: float, by: Literal["start",
     _warn(a)
     _warn(b)
     if not equal:
-        raise SystemExit(EXIT_DIFFERENT)
+        raise SystemExit(EXIT_FOUND)
 
 
 @click.command("compare")
@@ -292,7 +292,7 @@ def compare_command(
     if png is not None and found.rows:
         click.echo(found.plot(path=png), err=as_json)
     if found:
-        raise SystemExit(EXIT_DIFFERENT)
+        raise SystemExit(EXIT_FOUND)
 
 
 def _compare_many(
@@ -319,7 +319,7 @@ def _compare_many(
         others = [row.b for _, one in found for row in one.rows if row.name == worst.name]
         click.echo(worst.a.plot(*others, path=png, title=worst.name), err=as_json)
     if any(one for _, one in found):
-        raise SystemExit(EXIT_DIFFERENT)
+        raise SystemExit(EXIT_FOUND)
 
 
 @click.command("plot")

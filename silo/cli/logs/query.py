@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from silo.cli.codes import EXIT_FAILED
+from silo.cli.codes import EXIT_FAILED, EXIT_FOUND
 from silo.cli.common import progress, show_json, show_rows
 from silo.core.quantities.writing import many, size_text
 from silo.errors import SaveError
@@ -74,7 +74,7 @@ def archive(
 
     \b
     Exit codes:
-      0  all is in the archive        1  something is not, and was named
+      0  all is in the archive        1  something is not, and was named        4  it is not as archived (--check)
     """
     from silo.run_index.archive import Archive
     from silo.run_index.runs import runs
@@ -87,7 +87,7 @@ def archive(
             wrong = there.check(lambda done, total: tell(done, total) if tell is not None else None)
         _name(wrong)
         click.echo(f"{many(len(there.manifest()), 'run')}, {len(wrong)} not as archived")
-        return EXIT_FAILED if wrong else 0
+        return EXIT_FOUND if wrong else 0
     with progress("archive") as tell:
         found = runs(*folders, where=where, since=since, until=until)
         done = there.add(found, lambda done, total: tell(done, total) if tell is not None else None, name)

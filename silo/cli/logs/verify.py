@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.codes import EXIT_FAILED
+from silo.cli.codes import EXIT_FOUND
 from silo.cli.common import TypedPath, json_option, show_json, show_rows
 from silo.core.quantities.writing import many
 
@@ -30,7 +30,7 @@ def verify(folder: Path, as_json: bool) -> int:
 
     \b
     Exit codes:
-      0  whole, or what is missing was told        1  something is missing, twice, damaged, or disagrees
+      0  whole, or what is missing was told        4  something is missing, twice, damaged, or disagrees
     """
     from silo.verify.folder import verify as held_against
 
@@ -39,7 +39,7 @@ def verify(folder: Path, as_json: bool) -> int:
         show_json(found)
     else:
         _show(found)
-    return EXIT_FAILED if found.problems else 0
+    return EXIT_FOUND if found.problems else 0
 
 
 def _show(found: "Verified") -> None:
