@@ -20,10 +20,9 @@ from silo.errors import SegmentError
 from silo.files.formats import read_recording
 from silo.helper.left_logs import recover
 from silo.journal import writer as journal_writer
-from silo.journal.disk import Disk
 from silo.journal.format import Head
 from silo.journal.reader import JournalReader
-from silo.journal.writer import JournalWriter
+from silo.journal.writer import Disk, JournalWriter
 from silo.logger.logger import Logger
 from silo.recovery.journals import is_journal
 from silo.segment.reader import SegmentReader

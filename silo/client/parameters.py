@@ -1,13 +1,15 @@
 """The parameters of a logger, from its client: a mapping of names to values that asks the robot."""
 
+import contextlib
 import secrets
+import time
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from silo.core.arguments import real, word
-from silo.core.tuning.excitation import LONGEST_S, element_of, usual_ramp_s
+from silo.core.tuning.excitation import LEASE_S, LONGEST_S, element_of, usual_ramp_s
 from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterValue, Wave
-from silo.errors import ElementError
+from silo.errors import ElementError, SiloError
 from silo.parameters.requests import ExcitationState, ParameterRequests, ParametersSet
 
 if TYPE_CHECKING:
@@ -114,7 +116,7 @@ class ClientParameters(MutableMapping[str, ParameterValue]):
             RefusedError: it would leave the bounds, or may not be begun by this client; nothing was changed.
             ConnectionLostError: nobody answers; the robot program ends it within 2 s.
         """
-        from silo.client.exciting import excite
+        from silo.client.parameters import excite
 
         name, index = element_of(name)
         kind = word("wave", wave, Wave)
@@ -162,3 +164,41 @@ def _plain(value: Any) -> ParameterValue:
 def _items(value: Any) -> "tuple[ParameterScalar, ...]":
     plain = _plain(value)
     return plain if isinstance(plain, tuple) else (plain,)
+
+
+KEEP_S = LEASE_S / 5  # between two signs of life
+STOP_S = 10.0  # for its way back, which takes as long as its program's `rate=` wants
+
+Wait = Callable[[ExcitationState, float], bool | None]
+
+
+def excite(client: ParameterRequests, what: Excitation, wait: Wait | None) -> ExcitationState:
+    """Have a parameter excited, and return how it ended; whatever interrupts this ends it."""
+    name = secrets.token_hex(8)
+    wait = wait or _sleep
+    try:
+        state = client._excite(what, name)
+        while not state.ended:
+            if wait(state, KEEP_S):
+                return _stopped(client, name)
+            state = client._keep_excitation(name)
+    except BaseException:
+        with contextlib.suppress(SiloError):  # else it ends because nobody says that it should go on
+            client._stop_excitation(name)
+        raise
+    return state
+
+
+def _stopped(client: ParameterRequests, name: str) -> ExcitationState:
+    """End it, and return when the value is back."""
+    client._stop_excitation(name)
+    until_s = time.monotonic() + STOP_S
+    while True:
+        state = client._keep_excitation(name)
+        if state.ended or time.monotonic() > until_s:
+            return state
+        time.sleep(KEEP_S / 4)
+
+
+def _sleep(_: ExcitationState, seconds: float) -> None:
+    time.sleep(seconds)

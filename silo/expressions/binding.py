@@ -1,4 +1,4 @@
-"""Expressions bound to signals: names looked up, labels and units replaced by numbers, widths checked.
+"""Expressions bound to signals: what they may name looked up, labels and units replaced by numbers, widths checked.
 
 A name is an element, a scalar of one (with its suffix), or either without the prefix, from behind any `/`; a pattern
 names several. What an element of several scalars gives is a vector. The result knows where each value stands, and is
@@ -8,14 +8,76 @@ what `silo.expressions.evaluation` computes.
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 
 import numpy as np
 
 from silo.core import units
-from silo.core.names import did_you_mean, is_glob, nearest
+from silo.core.elements import Derived, Entry
+from silo.core.names import Found, Names, did_you_mean, is_glob, nearest
 from silo.errors import ElementError, ExpressionError
-from silo.expressions.catalogue import OFF, Catalogue, Known
 from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
+
+OFF = -1  # the source of an element that isn't logged
+
+
+@dataclass(frozen=True)
+class Known:
+    """An element that an expression may name. Elements of one `source` have their samples at the same ticks.
+
+    `source` is OFF where it isn't logged: what depends on it is unobservable.
+    """
+
+    name: str
+    entries: tuple[Entry, ...]
+    unit: str
+    source: int
+    divider: int
+
+
+class Catalogue:
+    """The elements that expressions may name, in the order of the table. Made once for many expressions."""
+
+    def __init__(self, elements: Sequence[Known], prefix: str = "/log", derived: Sequence[Derived] = ()) -> None:
+        self.elements = elements
+        self.prefix = prefix
+        self.derived = derived
+
+    def before(self, name: str) -> tuple[Derived, "Catalogue"] | None:
+        """Return the derived signal of this name, and what its expression may name: elements, and those before it."""
+        found = Names((one.name for one in self.derived), self.prefix).find(name, namespaces=False)
+        if not found or is_glob(name):
+            return None
+        place = found[0][0]
+        made = Catalogue(self.elements, self.prefix, self.derived[:place])
+        if "_names" in vars(self):
+            vars(made)["_names"] = self._names
+        return self.derived[place], made
+
+    @cached_property
+    def _names(self) -> Names:
+        return Names((one.name for one in self.elements), self.prefix, partial(_scalar_names, self.elements))
+
+    def find(self, text: str) -> list[Found]:
+        """Return what a name or a pattern names: one thing, or several where the name isn't unique."""
+        return self._names.find(text, scalars=True, namespaces=False)
+
+    def name(self, place: int, entry: int | None) -> str:
+        """Return the full name of an element or of a scalar."""
+        element = self.elements[place]
+        return element.name if entry is None else element.name + element.entries[entry].suffix
+
+    def near(self, text: str) -> list[str]:
+        """Return the three names nearest to one that is not there, as short as they may be written."""
+        if inside := self._names.find(text):  # a namespace
+            text = self._names.name(inside[0])
+        near = self._names.near(text, scalars=True, more=[one.name for one in self.derived])
+        return [name.removeprefix(f"{self._names.prefix}/") for name in near]
+
+
+def _scalar_names(elements: Sequence[Known]) -> list[list[str]]:
+    return [[element.name + entry.suffix for entry in element.entries] for element in elements]
+
 
 __all__ = [
     "OFF",

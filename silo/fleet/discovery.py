@@ -9,9 +9,9 @@ from silo.errors import ConnectionLostError
 from silo.fleet.fleet import FleetNow, FleetQuestion, looked, who_is_there
 from silo.fleet.near import down_text, near_loggers
 from silo.net import keys
+from silo.net.configuration import remotes
 from silo.net.folders import ForbiddenFolder
 from silo.net.found import LoggerAddress, is_glob, logger_of, told_apart
-from silo.net.remotes import remotes
 from silo.net.sessions import borrowed
 
 

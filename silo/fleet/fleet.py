@@ -26,9 +26,8 @@ from silo.fleet.near import Near, down_text, near_loggers
 from silo.fleet.routers import AskedRouters, RouterTold, told_of
 from silo.net import keys
 from silo.net.access.probing import REACH_S, Layer, LayerError
-from silo.net.configuration import find_file, from_file, user_of
+from silo.net.configuration import LOCAL, find_file, from_file, remotes, user_of
 from silo.net.found import LoggerAddress
-from silo.net.remotes import LOCAL, remotes
 from silo.net.sessions import SessionLease, borrowed, undeclare
 from silo.rpc.declaring import Ask
 from silo.rpc.foreign import NOT_UNDERSTOOD

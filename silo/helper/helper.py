@@ -28,15 +28,13 @@ from silo.core.elements import Conditions, Derived, FileType, State
 from silo.core.quantities.writing import many
 from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError
-from silo.helper.control_threads import RequestThreads
-from silo.helper.dead_robot import after_crash, log_death, stays_s
+from silo.helper.control_threads import RequestThreads, Servers
+from silo.helper.dead_robot import OrphanRecovery, after_crash, log_death, stays_s
 from silo.helper.journaling import Journaling
 from silo.helper.marks import MarkReader
-from silo.helper.orphans import OrphanRecovery
 from silo.helper.robot_link import RobotLink, ending
 from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver
-from silo.helper.servers import Servers
 from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.live.publisher import Publisher
 from silo.net.access.logins import asks_for_passwords, watch_logins

@@ -10,10 +10,9 @@ from pathlib import Path
 
 from silo.core.elements import Storage
 from silo.errors import SegmentError
-from silo.journal.disk import Disk
 from silo.journal.folders import remember_folder
 from silo.journal.format import Head, free_name, is_written, list_journals, remove_journal, remove_journals
-from silo.journal.writer import JournalWriter
+from silo.journal.writer import Disk, JournalWriter
 from silo.rpc.published import EventKind
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader

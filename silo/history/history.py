@@ -1,8 +1,7 @@
 """History: past samples of some entries in columns, straight from the buffers in shared memory."""
 
 from silo.core.arrays.columns import MAX_COLUMNS, MIN_COLUMN_NS, ColumnGrid, Gap, bins_of
-from silo.history.picking import RingSource, first_row
-from silo.history.pinned_rows import PinnedRows
+from silo.history.picking import PinnedRows, RingSource, first_row
 from silo.history.requests import By, Columns, GetHistory
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.segment.layout import TIME_RING, ElementSchema, EntrySchema

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from silo.core.quantities.writing import duration
-from silo.history.picking import RingGroup, RowSelection, bounds, pick, unknown_name
-from silo.history.pinned_rows import PinnedRows
+from silo.history.picking import PinnedRows, RingGroup, RowSelection, bounds, pick, unknown_name
 from silo.history.requests import By, OpenPin, PinOpened
 from silo.history.samples import MAX_NAMES, unknown
 from silo.net.keys import VIEW_ID

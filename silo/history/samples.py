@@ -1,7 +1,6 @@
 """Raw samples of any enabled element: rows straight from the buffers, as many as a reply may hold."""
 
-from silo.history.picking import RingSource, RowSelection, bounds, pick, unknown_name
-from silo.history.pinned_rows import PinnedRows
+from silo.history.picking import PinnedRows, RingSource, RowSelection, bounds, pick, unknown_name
 from silo.history.requests import GetSamples, SampledRows, SampleRows
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.state.replica import LoggerSnapshot

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from silo.expressions.search import Finder, Looking
 from silo.expressions.span import HELD_PERIODS, Between, Measuring
-from silo.history.picking import RingGroup, RingSource, RowSelection, bounds, pick, unknown_name
-from silo.history.pinned_rows import PinnedRows
+from silo.history.picking import PinnedRows, RingGroup, RingSource, RowSelection, bounds, pick, unknown_name
 from silo.history.requests import By
 from silo.history.samples import unknown
 from silo.history.search_requests import FindMoments, FoundIn, MeasureSpan, MomentsFound, SpanFacts, SpanMeasured

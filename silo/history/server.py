@@ -6,7 +6,7 @@ from typing import Protocol
 
 from silo.history import requests, search_requests
 from silo.history.history import check_history, history
-from silo.history.pinned_rows import PinnedRows
+from silo.history.picking import PinnedRows
 from silo.history.pins import Pins
 from silo.history.samples import check_samples, samples
 from silo.history.search import check_moments, check_span, find_moments, measure_span

@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import os
 import time
 import zlib
 from collections.abc import Sequence
@@ -12,8 +13,7 @@ import msgspec
 import numpy as np
 
 from silo.core.elements import BufferType
-from silo.core.runtime import is_at, lock_as_writer
-from silo.journal.disk import Disk
+from silo.core.runtime import is_at, lock_as_writer, sync
 from silo.journal.format import (
     HEADER_WORDS,
     KEEP_FILE,
@@ -30,6 +30,45 @@ from silo.journal.format import (
 )
 from silo.segment.layout import RingSchema
 from silo.segment.reader import SegmentReader
+
+
+class Disk:
+    """Files and folders as the system has them. Every method raises OSError where it refuses."""
+
+    def make_folder(self, path: Path) -> None:
+        """Make a folder of one's own."""
+        path.mkdir(mode=0o700)
+
+    def create(self, path: Path) -> int:
+        """Make a file that isn't there yet; return its descriptor."""
+        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+
+    def write(self, descriptor: int, data: bytes, offset: int) -> None:
+        """Write all of the data."""
+        while data:
+            written = os.pwrite(descriptor, data, offset)
+            data, offset = data[written:], offset + written
+
+    def truncate(self, descriptor: int, size_bytes: int) -> None:
+        """Cut a file."""
+        os.ftruncate(descriptor, size_bytes)
+
+    def sync(self, descriptor: int) -> None:
+        """Return when a file's data, and its length, would survive a power cut."""
+        os.fdatasync(descriptor)
+
+    def sync_folder(self, path: Path) -> None:
+        """Return when the names in a folder would survive a power cut."""
+        sync(path)
+
+    def remove(self, path: Path) -> None:
+        """Delete a file."""
+        path.unlink()
+
+    def close(self, descriptor: int) -> None:
+        """Let go of a file."""
+        os.close(descriptor)
+
 
 BLOCK_BYTES = 1 << 20  # payload of a record at most, so that a copy never takes much memory
 

@@ -6,6 +6,7 @@ and are refused while the logger runs.
 
 import contextlib
 import logging
+import math
 import os
 import threading
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -29,16 +30,15 @@ from silo.core.elements import (
     join_name,
 )
 from silo.core.kinds import STRUCT, struct_text
-from silo.errors import ArgumentError, ElementError, ScriptError
+from silo.errors import ArgumentError, ElementError, ScriptError, SourceError
 from silo.logger.arguments.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
 from silo.logger.arguments.options import array_layout, edits_given, element_name, new_options, string_room
 from silo.logger.arguments.other_names import tell_of_element
 from silo.logger.conditions import LoggerConditions
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
-from silo.loop.arena import Arena
 from silo.loop.plan import Element
-from silo.loop.sources import VariableSet
+from silo.loop.sources import OwnMemory, VariableSet
 from silo.loop.types import as_numbers, describe, kind_of, label_map
 from silo.segment.retention import large_text
 from silo.settings.options import refusal
@@ -46,6 +46,31 @@ from silo.settings.typed import ElementSettings, apply_settings, diff_options, r
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack  # known to type checkers without being installed
+
+BLOCK_BYTES = 1 << 18  # pages that are never used are never touched
+
+
+class Arena:
+    """Grows by blocks; what was handed out never moves."""
+
+    def __init__(self) -> None:
+        self._block: OwnMemory | None = None
+        self._size = self._used = 0
+
+    def array(self, sizes: tuple[int, ...], kind: np.dtype[Any]) -> NDArray[Any]:
+        """Zeros of this shape and type, aligned to 8 bytes. Raises SourceError where there is no memory for them."""
+        count = math.prod(sizes) * kind.itemsize
+        size = max(8, -(-count // 8) * 8)
+        if self._block is None or self._used + size > self._size:
+            try:
+                self._block, self._size = OwnMemory(max(BLOCK_BYTES, size)), max(BLOCK_BYTES, size)
+            except (OSError, OverflowError):
+                raise SourceError(f"no memory for an array of shape {sizes} and type {kind}: {count} bytes") from None
+            self._used = 0
+        array: NDArray[Any] = np.ndarray(sizes, kind, self._block, self._used)
+        self._used += size
+        return array
+
 
 log = logging.getLogger("silo")
 
@@ -113,11 +138,7 @@ class ScriptedTable:
         return self._table.infos
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
-        """Return why edits can't be applied, one per field; empty when they can.
-
-        Args:
-            edits: what would be changed.
-        """
+        """Return why edits can't be applied, one per field; empty when they can."""
         return self._table.problems(edits_given(edits, self._table.infos, self._options.frequency_hz))
 
     # --------------------------------------------------------------------------------------------- registering
@@ -436,21 +457,10 @@ class ScriptedTable:
     def apply(
         self, edits: Sequence[Edit], extras: Conditions | None = None, *, cut: bool = False, who: str = ""
     ) -> int:
-        """Apply edits as one transaction, all or none.
+        """Apply edits as one transaction, all or none, with `extras` in the place of all conditions; how many changed.
 
-        Args:
-            edits: what to change.
-            extras: derived signals, limits and triggers in the place of all that there are; None: they stay.
-            cut: change it while the logger runs, too, as `set`; `extras` can't be changed so.
-            who: asked for it.
-
-        Returns:
-            How many elements changed.
-
-        Raises:
-            StateError: the logger runs (without `cut`), or can't be cut now.
-            SegmentError: there is no room for another stretch; nothing was changed.
-            ElementError: an edit can't be applied, with a line for each reason; nothing was changed.
+        `cut`: also while the logger runs, as `set`, for whom is `who`; no conditions then. Raises StateError,
+        SegmentError, ElementError with a line for each reason: nothing was changed.
         """
         with self._changing(who, cut=cut and extras is None):
             edits = edits_given(edits, self._table.infos, self._options.frequency_hz)

@@ -13,7 +13,31 @@ from typing import Any
 import zenoh
 
 from silo.errors import ConnectionLostError
-from silo.net.remotes import LOCAL, remote_file, remotes
+
+LOCAL = "local"  # in place of a configuration: the loggers of this computer alone
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+_SUFFIX = ".json5"
+
+
+def config_folder() -> Path:
+    """Return `~/.config/silo`, or as `XDG_CONFIG_HOME` says (an absolute path, as its standard has it)."""
+    base = Path(os.environ.get("XDG_CONFIG_HOME", ""))
+    return (base if base.is_absolute() else Path.home() / ".config") / "silo"
+
+
+def remote_file(name: str) -> Path:
+    """Return where the configuration of a remote stands; XDG_CONFIG_HOME moves the folder."""
+    return config_folder() / "remotes" / f"{name}{_SUFFIX}"
+
+
+def remotes() -> list[str]:
+    """Return the names of this user's remotes: networks of robots, where every command looks for loggers, too."""
+    try:
+        found = [path.name.removesuffix(_SUFFIX) for path in remote_file("x").parent.glob(f"*{_SUFFIX}")]
+    except (OSError, RuntimeError):  # no home
+        return []
+    return sorted(name for name in found if NAME.fullmatch(name))
+
 
 # always, whatever a file says: nobody is looked for by broadcast, and nobody is told of others
 FORCED: dict[str, Any] = {

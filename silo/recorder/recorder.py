@@ -26,6 +26,7 @@ from silo.files.manifest import ClosedPart, Ledger, RunEntry
 from silo.files.parts.metadata import EVENTS_RING
 from silo.journal.derived_rows import with_derived
 from silo.recorder.event_tail import EventTail
+from silo.recorder.layout import ending, layout_of
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
     TEXT_BYTES,
@@ -38,7 +39,6 @@ from silo.recorder.orders import (
     encode,
     extras_of,
 )
-from silo.recorder.parts.layout import ending, layout_of
 from silo.recorder.ring_cursor import DROPPED, MOST_PERIOD_S, Drained, RingCursor
 from silo.recorder.writing import RecorderDisk, Writing
 from silo.recovery.parts import close_parts, fewer_rows, left_rows

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.elements import BufferType
-from silo.recorder.parts.layout import ChannelLayout
+from silo.recorder.layout import ChannelLayout
 from silo.segment.layout import ORDERED_STORES, STAMP_WORDS
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows

@@ -13,14 +13,16 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from silo.core.elements import CUT, Conditions, FileType, LoggedEvent, SavedFile
 from silo.core.runtime import is_at, open_own
 from silo.errors import StateError
 from silo.journal.holdings import Holdings, recording_holdings
 from silo.journal.reader import JournalReader
-from silo.recovery.damage import damage
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
+from silo.segment.rows import Rows
 
 DIED = "program died"  # why its log was saved
 STOPPED = "stopped"  # a kind of events: as of CRASHED, nothing of a run but what became of it is told after it
@@ -170,3 +172,45 @@ def save_reader(
 def missing(reader: RunReader) -> tuple[str, ...]:
     """What is damaged, or lost, in what a dead process left; fit to show."""
     return damage(reader) if isinstance(reader, SegmentReader) else (reader.proven_text,)
+
+
+BLOCK_BYTES = 4 << 20
+
+
+def damage(reader: SegmentReader) -> tuple[str, ...]:
+    """A line for each ring of a dead writer's segment that holds rows of another tick than theirs; fit to show.
+
+    Each row begins with its tick, which is known. Pages that a file system lost read as zeros and would be taken for
+    values. What a page lost in the midst of a row that is wider than it can't be seen.
+    """
+    return tuple(text for ring in range(len(reader.schema.rings)) if (text := _damage(reader, ring)))
+
+
+def _damage(reader: SegmentReader, ring: int) -> str:
+    divider = reader.schema.rings[ring].divider
+    wrong, first, last, count = 0, -1, -1, 0
+    for rows in _blocks(reader, ring):
+        numbers = np.arange(rows.first, rows.first + len(rows))
+        differing = numbers[rows.ticks != numbers * divider]
+        if len(differing):
+            first = int(differing[0]) * divider if first < 0 else first
+            last = int(differing[-1]) * divider
+        wrong += len(differing)
+        count += len(rows)
+    if not wrong:
+        return ""
+    names = [element.info.name for element in reader.schema.elements if element.ring == ring]
+    shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    what = shown if ring else "the time stamps"
+    return (
+        f"{wrong} of {count} rows of {what} are damaged, the first at tick {first}, the last at {last}: "
+        "what stands there in the file is not what was logged"
+    )
+
+
+def _blocks(reader: SegmentReader, ring: int) -> Iterator[Rows]:
+    limit = max(1, BLOCK_BYTES // (8 * reader.schema.rings[ring].row_words))
+    since = 0
+    while len(rows := reader.rows(ring, since, limit)):
+        yield rows
+        since = rows.first + len(rows)

@@ -10,7 +10,7 @@ from pathlib import Path
 from silo.core.names import did_you_mean, nearest
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file
-from silo.net.remotes import config_folder
+from silo.net.configuration import config_folder
 from silo_tui.layouts.layout import KeptLayout, read, write
 from silo_tui.sessions.kept import lives
 from silo_tui.settings.reading import read_text

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from silo.core.names import did_you_mean, nearest
-from silo.net.remotes import config_folder
+from silo.net.configuration import config_folder
 from silo.settings.yaml_nodes import compose, describe, explain, is_null, key_name, line_of
 from silo_tui.actions import BY_ID, RENAMED, key_text
 from silo_tui.keymap import TWO_LAYERS, clashes

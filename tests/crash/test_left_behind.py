@@ -24,7 +24,7 @@ from silo.errors import SegmentError
 from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
 from silo.helper.left_logs import recover
 from silo.net.session import owner_is_gone, sweep
-from silo.recovery.damage import damage
+from silo.recovery.left import damage
 from silo.recovery.segments import find_stale, sweep_segments
 from silo.rpc.published import EventKind
 from silo.segment.layout import ControlWord

@@ -30,10 +30,9 @@ from silo.core.runtime import boot_id, lock_as_writer, pid_namespace
 from silo.files.event_log import add_missing, append_events, event_log_path, read_events
 from silo.files.formats import read_recording
 from silo.files.parts.scan import scan_part
-from silo.helper.orphans import OrphanRecovery
-from silo.journal.disk import Disk
+from silo.helper.dead_robot import OrphanRecovery
 from silo.journal.format import Head, free_name
-from silo.journal.writer import JournalWriter
+from silo.journal.writer import Disk, JournalWriter
 from silo.logger.logger import Logger
 from silo.recordings import writing
 from silo.recovery.left import save_reader

@@ -12,7 +12,7 @@ from silo.core.elements import BufferType, Entry, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.core.tuning.parameters import Excitation, ParameterChange, Wave
 from silo.errors import ElementError
-from silo.parameters.courses import course_of
+from silo.parameters.excited import course_of
 
 HZ = 500
 REST_S, DURATION_S = 10.0, 30.0

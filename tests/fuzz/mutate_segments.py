@@ -20,7 +20,7 @@ from silo.core.runtime import boot_id
 from silo.errors import SaveError, SegmentError
 from silo.helper.left_logs import recover
 from silo.journal.holdings import segment_holdings
-from silo.recovery.damage import damage
+from silo.recovery.left import damage
 from silo.recovery.segments import find_stale
 from silo.segment.layout import LINE_WORDS, HeaderWord
 from silo.segment.reader import SegmentReader

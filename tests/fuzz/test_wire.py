@@ -36,9 +36,9 @@ from silo.core.elements import (
 from silo.core.tuning.parameters import Excitation, Wave
 from silo.errors import SiloError
 from silo.fleet.exchange import decode_reply, encoded
+from silo.helper.control_threads import Servers
 from silo.helper.robot_link import RobotLink
 from silo.helper.saver import Saver
-from silo.helper.servers import Servers
 from silo.history.requests import (
     By,
     ClosePin,

@@ -21,7 +21,7 @@ from silo.core.elements import State
 from silo.fleet.discovery import discover
 from silo.fleet.fleet import Fleet
 from silo.fleet.member import Member
-from silo.live.summary import differs, room_of
+from silo.live.publisher import differs, room_of
 from silo.net.session import close, open_router
 from silo.net.sessions import open_configurations
 from silo.rpc.published import MOST_REASON, Summary

@@ -11,7 +11,7 @@ from silo.client.client import Client
 from silo.core.elements import State
 from silo.core.stalls import idle_words, is_stalled
 from silo.fleet.member import Member, Stands
-from silo.live.summary import differs
+from silo.live.publisher import differs
 from silo.net.found import LoggerAddress
 from silo.rpc.published import Summary
 from tests.waiting import freeze, wait_until

@@ -20,8 +20,7 @@ from silo.errors import RefusedError, SiloError
 from silo.fleet.examining import examine
 from silo.net.access.probing import Layer, LayerError, endpoint_of, reach
 from silo.net.access.rights import access_control
-from silo.net.configuration import find_file, from_file, read_json5, scaled
-from silo.net.remotes import remote_file, remotes
+from silo.net.configuration import find_file, from_file, read_json5, remote_file, remotes, scaled
 from silo.net.session import open_client
 from silo.rpc.versions import PROTOCOL
 

@@ -15,7 +15,7 @@ from silo.conditions.requests import ConditionRequests
 from silo.conditions.robot import ConditionRobot
 from silo.core.elements import Problem, TriggerOptions
 from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, SaveError, StateError, UnsavedError
-from silo.helper import servers
+from silo.helper import control_threads
 from silo.logger.serving import answers
 from silo.net.access import rights
 from silo.rpc.declaring import (
@@ -39,10 +39,11 @@ ROBOT_CONDITIONS = list(ConditionRobot.handlers.values())
 
 
 def of(module):
-    return [kind for server in vars(module).values() if hasattr(server, "handlers") for kind in server.handlers]
+    servers = [one for one in vars(module).values() if isinstance(one, type) and issubclass(one, Server)]
+    return [kind for server in servers for kind in server.handlers]
 
 
-HANDLED, AT_THE_ROBOT = of(servers), of(answers)
+HANDLED, AT_THE_ROBOT = of(control_threads), of(answers)
 
 
 @pytest.mark.parametrize("kind", REQUESTS)

@@ -14,8 +14,8 @@ import silo
 from silo.cli.group import cli
 from silo.cli.main import run
 from silo.errors import ConnectionLostError, ElementError
+from silo.net.configuration import remote_file
 from silo.net.found import Address, LoggerAddress, logger_of, parse_url, url_of
-from silo.net.remotes import remote_file
 from silo.net.session import zenoh_settings
 
 PROTOCOL = Path(__file__).parents[2] / ".docs" / "protocol.md"

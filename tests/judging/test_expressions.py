@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from silo.core.elements import Entry
 from silo.errors import ExpressionError
 from silo.expressions.binding import OFF, BoundSignal, Catalogue, Constant, Known, bind
-from silo.expressions.parsing import MOST_NODES, Call, Name, Operation, parse
-from silo.expressions.tokens import MOST_CHARACTERS
+from silo.expressions.parsing import MOST_CHARACTERS, MOST_NODES, Call, Name, Operation, parse
 
 
 def known(name, *suffixes, unit="-", dtype="<f8", labels=None, source=0):

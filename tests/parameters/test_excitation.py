@@ -11,10 +11,9 @@ import silo
 from silo.core.tuning.excitation import ends_of, number_at, steepest
 from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterKind, Wave, Writable, fitting
 from silo.errors import ElementError
-from silo.parameters.excitations import STALLED
 from silo.parameters.excited import GONE
 from silo.parameters.landing import CLOSED, SET, STANDS_STILL
-from silo.parameters.parameters import Parameters
+from silo.parameters.parameters import STALLED, Parameters
 
 HZ = 1000
 CHIRP = Excitation("tau", Wave.CHIRP, 2.0, 8.0, 1.0, 50.0, 0.5)

@@ -13,11 +13,10 @@ from silo.core.elements import BufferType
 from silo.errors import SegmentError
 from silo.files.formats import read_recording
 from silo.helper.left_logs import recover
-from silo.journal.disk import Disk
 from silo.journal.format import Head
 from silo.journal.holdings import recording_holdings, segment_holdings
 from silo.journal.reader import JournalReader
-from silo.journal.writer import JournalWriter
+from silo.journal.writer import Disk, JournalWriter
 from silo.logger.logger import Logger
 from silo.segment.reader import SegmentReader
 from tests.examples import examples

@@ -18,6 +18,7 @@ from silo.core.recording import Recording
 from silo.files.manifest import Ledger
 from silo.logger.logger import Logger
 from silo.recorder.event_tail import EventTail
+from silo.recorder.layout import layout_of
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
     Finish,
@@ -29,7 +30,6 @@ from silo.recorder.orders import (
     encode,
     extras_file,
 )
-from silo.recorder.parts.layout import layout_of
 from silo.recorder.ring_cursor import RingCursor
 from silo.recorder.writing import RecorderDisk, Writing
 from silo.segment.reader import SegmentReader

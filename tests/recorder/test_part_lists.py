@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from silo.files.manifest import PartEntry, RecordedTotals, Written, written_path
-from silo.recordings.recorded_parts import part_named, parts_below
+from silo.recordings.folder import part_named, parts_below
 
 MANY = 50
 

@@ -14,8 +14,8 @@ import silo
 from silo.core.elements import BufferType
 from silo.core.recording import Failures, failures_text
 from silo.errors import SourceError
+from silo.loop.generated_code import SlowReads
 from silo.loop.scratch import fitting
-from silo.loop.slow_reads import SlowReads
 from silo.segment.failures import BLOCK_WORDS, read_failures, record_failure
 
 

@@ -10,10 +10,9 @@ import pytest
 
 from silo.core.recording import NO_FAILURES
 from silo.errors import SegmentError
-from silo.journal.disk import Disk
 from silo.journal.format import Head
 from silo.journal.reader import JournalReader
-from silo.journal.writer import JournalWriter
+from silo.journal.writer import Disk, JournalWriter
 from silo.segment.layout import LAYOUT_VERSION, HeaderWord
 from silo.segment.reader import SegmentReader
 

@@ -27,8 +27,7 @@ UP, CLEAR_LINE, CLEAR_BELOW = "\x1b[{}A", "\x1b[K", "\x1b[J"
 def follow_fleet(pattern: str, *, as_json: bool) -> None:
     """Show the loggers that a pattern means until Ctrl-C. Raises ConnectionLostError for no such configuration."""
     from silo.fleet.fleet import Fleet
-    from silo.net.configuration import find_file
-    from silo.net.remotes import LOCAL
+    from silo.net.configuration import LOCAL, find_file
 
     config = configuration()
     if config not in ("", LOCAL):

@@ -19,7 +19,7 @@ from silo.cli.common import (
 from silo.core.printing import printable
 from silo.core.quantities.writing import clock_text, many, size_text
 from silo.errors import ConnectionLostError
-from silo.net.remotes import LOCAL
+from silo.net.configuration import LOCAL
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,7 +9,7 @@ from click.shell_completion import CompletionItem
 from silo.cli.common import TypedPath, json_option, show_json, show_rows
 from silo.core.runtime import write_private
 from silo.errors import ConnectionLostError, SiloError
-from silo.net.remotes import LOCAL, NAME, remote_file, remotes
+from silo.net.configuration import LOCAL, NAME, remote_file, remotes
 
 PORT = 7447
 

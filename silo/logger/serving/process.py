@@ -1,6 +1,7 @@
 """One helper process from the robot program's side: started, asked whether it is ready, waited for, ended.
 
-And what tells of it: the id under which it is served, and the mark that it is down.
+And what tells of it: the id under which it is served, and the mark that it is down. Bridges to other people's viewers
+that end with the logger are processes, too, never a thread of the robot's.
 """
 
 import contextlib
@@ -14,7 +15,8 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from silo.core.child import ENDING_S, ChildProcess
+from silo.bridges.listening import bound, check_installed
+from silo.core.child import ENDING_S, PIPE, ChildProcess
 from silo.core.runtime import down_mark, open_unfinished, unopened
 from silo.errors import ConnectionLostError, SegmentError
 from silo.link.channel import LinkChannel, LinkReply
@@ -189,3 +191,37 @@ def _text(path: Path) -> str:
         return path.read_text().strip()
     except OSError:
         return ""
+
+
+class FoxgloveProcess(ChildProcess):
+    """Serves a logger to Foxglove, Lichtblick and PlotJuggler on a port of this computer, for reading alone."""
+
+    def __init__(self, logger: str, port: int) -> None:
+        """Start it; it listens, and waits for `begin`.
+
+        Args:
+            logger: its name.
+            port: of 127.0.0.1; 0: one that is free.
+
+        Raises:
+            SiloError: the port is taken, or `websockets` is missing.
+            OSError: no process can be started.
+        """
+        check_installed("websockets", "foxglove")
+        with bound("127.0.0.1", port) as listening:
+            self.port: int = listening.getsockname()[1]
+            arguments: list[str | int] = ["--fd", listening.fileno(), "--logger", f"{logger}.{os.getpid()}"]
+            # standard input is a pipe that ends with this process, whatever ends it
+            super().__init__("silo.bridges.foxglove", arguments, [listening.fileno()], stdin=PIPE)
+
+    def begin(self) -> None:
+        """Let it connect to the logger, which can be reached now."""
+        with contextlib.suppress(BrokenPipeError):  # it ended; what it said stands in the program's standard error
+            self.stdin.write(b"\n")
+            self.stdin.flush()
+
+    def close(self) -> None:
+        """End it; closing twice is fine."""
+        with contextlib.suppress(BrokenPipeError):
+            self.stdin.close()
+        self.end()

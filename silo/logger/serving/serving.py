@@ -25,8 +25,15 @@ from silo.core.elements import FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
 from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
 from silo.logger.serving.answers import Served, answer, robot_state
-from silo.logger.serving.process import FROZEN_ROUNDS, ROUND_S, DownMark, HelperProcess, Patience, drawn_id
-from silo.logger.serving.viewers import FoxgloveProcess
+from silo.logger.serving.process import (
+    FROZEN_ROUNDS,
+    ROUND_S,
+    DownMark,
+    FoxgloveProcess,
+    HelperProcess,
+    Patience,
+    drawn_id,
+)
 from silo.loop.run import Run
 from silo.parameters.requests import ParametersSet
 from silo.parameters.robot import ended
