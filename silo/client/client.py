@@ -5,7 +5,7 @@ Views, streams, pins and control are leases that it renews; the connection comes
 
 import contextlib
 import secrets
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
@@ -15,11 +15,12 @@ from silo.client.connection import Connection
 from silo.client.parameters import ClientParameters
 from silo.client.renewals import ControlLease, Renewals
 from silo.client.saves import Saves
+from silo.conditions.given import TakesConditions
 from silo.conditions.requests import ConditionRequests
 from silo.control.requests import LONGEST_LEASE_S, ControlRequests, TakeControl
 from silo.core.arguments import path, real, shown, switch, text, texts, whole
 from silo.core.calls import no_attribute, told_class
-from silo.core.elements import FileType, SavedFile
+from silo.core.elements import SavedFile
 from silo.core.printing import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SiloError
 from silo.fleet.discovery import discover
@@ -68,10 +69,10 @@ LEASE_S = 15.0  # of control that is renewed: seven renewals, or 15 s of a link 
 LONGEST_S = 1e6  # that anybody waits
 
 
-@told_class("client", make="Client")
+@told_class("client", make="Client", shared=TakesConditions, returns=str)
 class Client(
     StateRequests, TableRequests, EventRequests, ScriptRequests, ControlRequests, ConditionRequests, SearchRequests,
-    RecordingRequests, RecorderRequests, ParameterRequests,
+    RecordingRequests, RecorderRequests, ParameterRequests, TakesConditions[str],
 ):  # fmt: skip
     """A connection to one logger. A context manager."""
 
@@ -135,111 +136,13 @@ class Client(
         with ExitStack() as holding:
             return cls(discover(timeout_s, config, holding).one(logger), timeout_s, read_only=read_only)
 
-    def limit(
-        self,
-        name: str,
-        bounds: Sequence[float | None] | None,
-        *,
-        persistence: int = 1,
-        hysteresis: float = 0.0,
-        stale: float | str = 0.0,
-        when: str = "",
-    ) -> str:
-        """Give a signal limits, as `Logger.limit` does, also while the logger runs.
-
-            client.limit("joints/tau", (-40, -30, 30, 40))
-
-        Args:
-            name: an element, one scalar of it, or a derived signal.
-            bounds: (red_low, yellow_low, yellow_high, red_high), None for one that there isn't. None in place of all
-                four forgets its limits, of exactly the name that they were given to.
-            persistence: so many samples in a row make a state.
-            hysteresis: how far inside a bound its state ends.
-            stale: a value that stays the same for so long is one too (`"0.5s"`).
-            when: an expression that must hold, else nothing is judged.
-
-        Returns:
-            What was done, in words.
-
-        Raises:
-            ElementError: the bounds or a time make no sense; nothing was asked.
-            RefusedError: there is no such signal, a number or its condition makes no sense, or the robot program has
-                ended; nothing was changed.
-            GoesOnError: the robot program takes longer.
-        """
-        from silo.conditions.given import limits_given
-
-        if bounds is None:
-            return self._remove_limits(name)
-        return self._set_limits(
-            limits_given(name, bounds, persistence=persistence, hysteresis=hysteresis, stale=stale, when=when)
-        )
-
-    def trigger(
-        self,
-        name: str,
-        when: str | None,
-        *,
-        pre: float | str = 0.0,
-        post: float | str = 0.0,
-        edge: str = "rising",
-        rearm: str = "",
-        persist: float | str = 0.0,
-        holdoff: float | str = 0.0,
-        mode: str = "normal",
-        save: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
-        keep: int = 0,
-        armed: bool = True,
-    ) -> str:
-        """Capture what all saved elements did around a condition, as `Logger.trigger` does, also while it runs.
-
-            client.trigger("fall", "abs(base/roll) > 0.6", pre="5s", post="1s")
-
-        Args:
-            name: stands in the names of its files; a trigger of this name is replaced.
-            when: the condition; None forgets the trigger, and a capture that is under way goes on.
-            pre: how long before the fire; times are seconds, or texts such as `"20ms"`.
-            post: how long after it.
-            edge: `"rising"`, `"falling"`, or `"level"`.
-            rearm: what must be true before it fires again.
-            persist: it must stay so for so long.
-            holdoff: it ignores what follows for so long.
-            mode: `"normal"`, or `"single"`.
-            save: file types; without any it captures nothing: `triggers` tells when it fired.
-            keep: so many captures of it stay on the disk, 0 for all.
-            armed: False: it waits until it is armed.
-
-        Returns:
-            What was done, in words, with what its captures will lack.
-
-        Raises:
-            ElementError: a number, a word or a time makes no sense; nothing was asked.
-            RefusedError: a condition makes no sense, `pre` is longer than what buffers hold, there is no such trigger
-                to be forgotten, or the robot program has ended; nothing was changed.
-            GoesOnError: the robot program takes longer.
-        """
-        from silo.conditions.given import trigger_given
-
-        if when is None:
-            return self._remove_trigger(name)
-        return self._set_trigger(
-            trigger_given(
-                name, when, pre=pre, post=post, edge=edge, rearm=rearm, persist=persist, holdoff=holdoff, mode=mode,
-                save=save, keep=keep, armed=armed,
-            )
-        )  # fmt: skip
-
     @property
     def parameters(self) -> ClientParameters:
         """The parameters of the logger, by name: `client.parameters["kp"] = 50.0` waits until that holds."""
         return ClientParameters(self)
 
     def _act_for(self, caller: str) -> None:
-        """Say of changes for whom they are made: as a bridge does, whose own users the robot can't know.
-
-        Args:
-            caller: in words; events have them behind the name of who is connected.
-        """
+        """Say of changes for whom they are made, in words that events have: as a bridge does."""
         self._name = f"{client_name()} for {caller}"
 
     if not TYPE_CHECKING:  # which know what there is
@@ -702,25 +605,12 @@ class Client(
         some: Sequence[str] = (),
         some_quantities: Sequence[str] = (),
     ) -> Survey:
-        """Return quantities of elements or entries, with statistics over all samples since this client asked first.
+        """Return quantities (of `silo.rpc.quantities.QUANTITIES`) of elements or entries; without names of all.
 
-        The statistics end when it hasn't asked for a minute.
-
-        Args:
-            quantities: one or several of `silo.rpc.quantities.QUANTITIES`, such as `"mean"`, `"std"`, `"rate"` (Hz).
-            names: elements or entries, at most 20 000; all elements of the table where it is empty.
-            reset: begin the statistics anew.
-            derived: without names, the table's derived signals follow its elements.
-            some: elements or entries of which more is wanted, of the same samples as the others.
-            some_quantities: what is wanted of these.
-
-        Returns:
-            The survey; its `values` are the bytes of float64 of shape `(quantities, names)`, NaN where a quantity isn't
-            known; `some` those of `(some_quantities, some)`.
-
-        Raises:
-            RefusedError: a quantity is unknown, there are too many names, or too many clients have statistics.
-            ElementError: one of both is no list of texts; nothing was asked.
+        Statistics are over all samples since this client asked first (`reset`: anew), and end when it hasn't asked for
+        a minute. `derived`: without names, derived signals follow. `some` are those of which `some_quantities` are
+        wanted, too, of the same samples. `values` are the bytes of float64 of shape `(quantities, names)`, NaN where
+        one isn't known.
         """
         request = GetSurvey(
             quantities=texts("quantities", quantities, "['mean', 'std']"),

@@ -1,38 +1,144 @@
-"""Limits and triggers as programs write them: one way for `log.limit`, `client.limit` and `silo trigger`."""
+"""Limits and triggers as programs give them: the methods that a logger and its clients have in common."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, Generic, TypeVar
 
 from silo.core.arguments import line, switch, text, whole
-from silo.core.elements import SignalLimits, TriggerOptions
-from silo.files.formats import file_types
-from silo.judging.definitions import MOST_STALE_S, MOST_TRIGGER_S, bounds_given, seconds
+from silo.core.elements import FileType, SignalLimits, TriggerOptions
 
 MOST_KEPT = 1_000_000
+_TRIGGER = 'trigger("fall", "abs(base/roll) > 0.6")'
+
+DoneT = TypeVar("DoneT")  # what they return: a client what was done, in words, a logger nothing
 
 
-def limits_given(name: str, bounds: Sequence[float | None], *, stale: float | str, **given: Any) -> SignalLimits:
-    """Return limits of what `Logger.limit` was given. Raises ElementError."""
-    name = text("the signal's name", name, 'limit("joints/tau", (-40, -30, 30, 40))')
-    text("when", given["when"], 'when="controller/mode == STANCE"')
-    return SignalLimits(name, bounds_given(name, bounds), stale_s=seconds("stale", stale, MOST_STALE_S), **given)
+class TakesConditions(Generic[DoneT]):
+    """Takes limits and triggers by what is written in a call; which ones there are is known to who sets them."""
 
+    def _set_limits(self, limits: SignalLimits) -> DoneT:
+        raise NotImplementedError
 
-def trigger_given(name: str, when: str, **given: Any) -> TriggerOptions:
-    """Return a trigger of what `Logger.trigger` was given. Raises ElementError."""
-    example = 'trigger("fall", "abs(base/roll) > 0.6")'
-    name = line("the trigger's name", name, example)
-    times: dict[str, Any] = {
-        f"{time}_s": seconds(time, given[time], MOST_TRIGGER_S) for time in ("pre", "post", "persist", "holdoff")
-    }
-    return TriggerOptions(
-        name,
-        text("when", when, example),
-        slope=text("edge", given["edge"], 'edge="falling"'),
-        rearm=text("rearm", given["rearm"], 'rearm="abs(base/roll) < 0.3"'),
-        mode=text("mode", given["mode"], 'mode="single"'),
-        save=tuple(file_types(given["save"])),
-        keep=whole("keep", given["keep"], 0, MOST_KEPT),
-        armed=switch("armed", given["armed"]),
-        **times,
-    )
+    def _remove_limits(self, name: str) -> DoneT:
+        raise NotImplementedError
+
+    def _set_trigger(self, trigger: TriggerOptions) -> DoneT:
+        raise NotImplementedError
+
+    def _remove_trigger(self, name: str) -> DoneT:
+        raise NotImplementedError
+
+    def limit(
+        self,
+        name: str,
+        bounds: Sequence[float | None] | None,
+        *,
+        persistence: int = 1,
+        hysteresis: float = 0.0,
+        stale: float | str = 0.0,
+        when: str = "",
+    ) -> DoneT:
+        """Give a signal limits, also while the logger runs: `log.limit("joints/tau", (-40, -30, 30, 40))`.
+
+        The helper process of `serve()` judges them; they are kept in saved files, which `silo check` judges.
+
+        Args:
+            name: an element (each of its values is judged), one scalar of it, or a derived signal.
+            bounds: (red_low, yellow_low, yellow_high, red_high), None for one that there isn't; a value at a bound is
+                within it. None in place of all four forgets its limits, of exactly the name that they were given to.
+            persistence: so many samples in a row make a state; each violation is counted all the same.
+            hysteresis: how far inside a bound its state ends.
+            stale: a value that stays the same for so long is one too (`"0.5s"`).
+            when: an expression that must hold, else nothing is judged.
+
+        Returns:
+            Of a client what was done, in words.
+
+        Raises:
+            ElementError: the bounds, a number or a time make no sense, or the logger has no such signal; nothing was
+                changed.
+            ExpressionError: `when` makes no sense to the logger; the message shows the place.
+            RefusedError: what the logger raises comes to a client so, and that the robot program has ended; nothing was
+                changed.
+            GoesOnError: of a client: the robot program takes longer.
+        """
+        from silo.judging.definitions import MOST_STALE_S, bounds_given, seconds
+
+        if bounds is None:
+            return self._remove_limits(name)
+        name = text("the signal's name", name, 'limit("joints/tau", (-40, -30, 30, 40))')
+        text("when", when, 'when="controller/mode == STANCE"')
+        four, stale_s = bounds_given(name, bounds), seconds("stale", stale, MOST_STALE_S)
+        return self._set_limits(SignalLimits(name, four, persistence, hysteresis, stale_s, when))
+
+    def trigger(
+        self,
+        name: str,
+        when: str | None,
+        *,
+        pre: float | str = 0.0,
+        post: float | str = 0.0,
+        edge: str = "rising",
+        rearm: str = "",
+        persist: float | str = 0.0,
+        holdoff: float | str = 0.0,
+        mode: str = "normal",
+        save: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        keep: int = 0,
+        armed: bool = True,
+    ) -> DoneT:
+        """Capture what all saved elements did around the moments at which a condition turns true.
+
+            log.trigger("fall", "abs(base/roll) > 0.6", pre="5s", post="1s", rearm="abs(base/roll) < 0.3")
+
+        The helper process of `serve()` judges every row, and writes ticks k - pre to k + post of each fire at tick k to
+        files `<logger>_<date>_<run>_<name>_<number>`; a fire within `post` makes the capture longer. The control loop
+        has no part in it. Also while the logger runs. Times are seconds, or texts such as `"20ms"`.
+
+        Args:
+            name: stands in the names of its files; a trigger of this name is replaced.
+            when: the condition; None forgets the trigger, and a capture that is under way goes on.
+            pre: how long before the fire.
+            post: how long after it.
+            edge: `"rising"`: the condition turns true, `"falling"`: false, `"level"`: is true; `"enter"` and `"leave"`
+                are the first two.
+            rearm: what must be true before it fires again; without, the condition must have been false.
+            persist: it must stay so for so long.
+            holdoff: it ignores what follows for so long.
+            mode: `"normal"`, or `"single"`: the first only.
+            save: file types; without any it captures nothing: `client.triggers()` tells when it fired.
+            keep: of its captures on the disk, of this run and earlier ones, the newest so many stay, 0 for all; removed
+                is only what the logger's own list says that it wrote.
+            armed: False: it waits until it is armed (`silo trigger arm`, silo-tui).
+
+        Returns:
+            Of a client what was done, in words, with what its captures will lack.
+
+        Raises:
+            ElementError: a number, a word, a time or a name makes no sense; to the logger also a `pre` that is longer
+                than what buffers hold, with the size that would do, or a trigger to be forgotten that there isn't.
+            ExpressionError: a condition makes no sense to the logger; the message shows the place.
+            RefusedError: what the logger raises comes to a client so, and that the robot program has ended; nothing was
+                changed.
+            GoesOnError: of a client: the robot program takes longer.
+        """
+        from silo.files.formats import file_types
+        from silo.judging.definitions import MOST_TRIGGER_S, seconds
+
+        if when is None:
+            return self._remove_trigger(name)
+        name = line("the trigger's name", name, _TRIGGER)
+        given = {"pre": pre, "post": post, "persist": persist, "holdoff": holdoff}
+        times: dict[str, Any] = {f"{key}_s": seconds(key, time, MOST_TRIGGER_S) for key, time in given.items()}
+        return self._set_trigger(
+            TriggerOptions(
+                name,
+                **times,
+                when=text("when", when, _TRIGGER),
+                slope=text("edge", edge, 'edge="falling"'),
+                rearm=text("rearm", rearm, 'rearm="abs(base/roll) < 0.3"'),
+                mode=text("mode", mode, 'mode="single"'),
+                save=tuple(file_types(save)),
+                keep=whole("keep", keep, 0, MOST_KEPT),
+                armed=switch("armed", armed),
+            )
+        )

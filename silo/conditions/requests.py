@@ -81,36 +81,14 @@ class ConditionRequests(Caller):
     def _set_trigger(self, trigger: TriggerOptions, lease_s: float = 0.0) -> str:
         """Add a trigger or replace the one of its name; judged from now on, also while the logger runs.
 
-        Args:
-            trigger: its condition and what it captures, times in s; `Logger.trigger` tells what they mean. Without any
-                file type in `save` it captures nothing: `triggers` tells when it fired. In mode auto, which has no
-                files, it fires by itself `patience_s` after the end of a capture.
-            lease_s: 0: it is one of the logger's from now on. 0.5 to 600: the helper process holds it for so long,
-                unless the same is set again meanwhile; it is in no script and no saved file.
-
-        Returns:
-            What was done, in words, with what its captures will lack.
-
-        Raises:
-            RefusedError: a name, condition or number makes no sense, `pre_s` is longer than what buffers hold (the
-                message has the size that would do), or the robot program has ended; nothing was changed.
-            GoesOnError: the robot program takes longer.
+        With a lease of 0.5 to 600 s the helper process holds it for so long, unless the same is set again meanwhile; it
+        is in no script and no saved file. In mode auto, which has no files, it fires by itself `patience_s` after the
+        end of a capture.
         """
 
     @change(robot=True)
     def _remove_trigger(self, name: str) -> str:
-        """Forget a trigger, also while the logger runs; a capture that is under way goes on.
-
-        Args:
-            name: of the trigger.
-
-        Returns:
-            What was done, in words.
-
-        Raises:
-            RefusedError: there is none of that name, or the robot program has ended; nothing was changed.
-            GoesOnError: the robot program takes longer.
-        """
+        """Forget a trigger, also while the logger runs; a capture that is under way goes on."""
 
     @change(lane=Lane.ROBOT)
     def arm_trigger(self, name: str, *, armed: bool = True) -> str:
@@ -176,34 +154,11 @@ class ConditionRequests(Caller):
 
     @change(robot=True)
     def _set_limits(self, limits: SignalLimits) -> str:
-        """Give a signal limits, or other ones than it has; judged from now on, also while the logger runs.
-
-        Args:
-            limits: the signal's name and its bounds, in the signal's unit; `Logger.limit` tells what they mean.
-
-        Returns:
-            What was done, in words.
-
-        Raises:
-            RefusedError: there is no such signal, its bounds, a number or its condition make no sense, or the robot
-                program has ended; nothing was changed.
-            GoesOnError: the robot program takes longer.
-        """
+        """Give a signal limits, or other ones than it has; judged from now on, also while the logger runs."""
 
     @change(robot=True)
     def _remove_limits(self, name: str) -> str:
-        """Forget the limits of a signal, also while the logger runs.
-
-        Args:
-            name: exactly the one that they were given to.
-
-        Returns:
-            What was done, in words.
-
-        Raises:
-            RefusedError: no limits were given to it, or the robot program has ended; nothing was changed.
-            GoesOnError: the robot program takes longer.
-        """
+        """Forget the limits of a signal, also while the logger runs."""
 
     def derive(self, name: str, expression: str | None, unit: str = "") -> str:
         """Have a signal computed from others wherever rows are read, also while the logger runs.
@@ -239,17 +194,5 @@ class ConditionRequests(Caller):
 
     @change(robot=True)
     def _remove_derived(self, name: str) -> str:
-        """Forget a derived signal on which nothing stands, also while the logger runs.
-
-        Args:
-            name: with or without the prefix of the logger.
-
-        Returns:
-            What was done, in words.
-
-        Raises:
-            RefusedError: there is none, or something uses it, or the robot program has ended; nothing was changed.
-            ElementError: the name is no text; nothing was changed.
-            GoesOnError: the robot program takes longer.
-        """
+        """Forget a derived signal on which nothing stands, also while the logger runs."""
         return given(name=text("the signal's name", name, 'client.derive("power", None)'))

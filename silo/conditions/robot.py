@@ -28,12 +28,12 @@ class ConditionsOfLogger(Protocol):
     @property
     def extras(self) -> Conditions: ...
 
-    def set_trigger(self, one: TriggerOptions, /) -> None: ...
-    def remove_trigger(self, name: str, /) -> None: ...
-    def set_limits(self, one: SignalLimits, /) -> None: ...
-    def remove_limits(self, name: str, /) -> None: ...
+    def _set_trigger(self, trigger: TriggerOptions, /) -> None: ...
+    def _remove_trigger(self, name: str, /) -> None: ...
+    def _set_limits(self, limits: SignalLimits, /) -> None: ...
+    def _remove_limits(self, name: str, /) -> None: ...
     def derive(self, name: str, expression: str, *, unit: str = "") -> None: ...
-    def remove_derived(self, name: str, /) -> None: ...
+    def _remove_derived(self, name: str, /) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -48,22 +48,22 @@ class ConditionRobot(Server, does=[requests], robot=True):
 
         logger = self.logger
         known = trigger.name in {one.name for one in logger.extras.triggers}
-        logger.set_trigger(trigger)
+        logger._set_trigger(trigger)
         running = "" if logger.is_running else "; it is judged when the logger is started"
         off = off_problem(trigger, logger.elements, logger.options.prefix, logger.extras.derived)
         notes = "".join(f"; {note}" for note in (off and f"it {off}", fixed_text(logger.elements)) if note)
         return f"trigger '{trigger.name}' is {'replaced' if known else 'set'}{running}{notes}"
 
     def remove_trigger(self, name: str) -> str:
-        self.logger.remove_trigger(name)
+        self.logger._remove_trigger(name)
         return f"trigger '{name}' is removed"
 
     def set_limits(self, limits: SignalLimits) -> str:
-        self.logger.set_limits(limits)
+        self.logger._set_limits(limits)
         return f"limits of '{limits.name}' are set"
 
     def remove_limits(self, name: str) -> str:
-        self.logger.remove_limits(name)
+        self.logger._remove_limits(name)
         return f"limits of '{name}' are removed"
 
     def set_derived(self, derived: Derived) -> str:
@@ -75,5 +75,5 @@ class ConditionRobot(Server, does=[requests], robot=True):
         return f"'{made}' is {'derived anew' if made in before else 'derived'}: {derived.expression}"
 
     def remove_derived(self, name: str) -> str:
-        self.logger.remove_derived(name)
+        self.logger._remove_derived(name)
         return f"'{name}' is derived no more"

@@ -107,8 +107,13 @@ def told(label: str, bound: bool = False) -> Callable[[Callable[P, R]], Callable
     return wrapped
 
 
-def told_class(label: str, make: str = "", leave: Iterable[str] = ()) -> Callable[[C], C]:
-    """Put `told` over all public methods of a class, and over making one if that is written `make`."""
+def told_class(
+    label: str, make: str = "", leave: Iterable[str] = (), shared: type = object, returns: object = None
+) -> Callable[[C], C]:
+    """Put `told` over all public methods of a class, and over making one if that is written `make`.
+
+    `shared` is a base that it has in common with others; its methods tell `help()` that they return `returns` here.
+    """
 
     def wrapped(cls: C) -> C:
         done: dict[object, object] = {}  # an alias stays the same function
@@ -120,6 +125,11 @@ def told_class(label: str, make: str = "", leave: Iterable[str] = ()) -> Callabl
                 setattr(cls, name, done.setdefault(found, told(shown, bound=True)(found)))
             elif isinstance(found, classmethod):
                 setattr(cls, name, classmethod(told(f"{cls.__name__}.{name}", bound=True)(found.__func__)))
+        for name, found in vars(shared).items():
+            if inspect.isfunction(found) and not name.startswith("_"):
+                call = told(f"{label}.{name}", bound=True)(found)
+                vars(call)["__signature__"] = inspect.signature(found).replace(return_annotation=returns)
+                setattr(cls, name, call)
         return cls
 
     return wrapped

@@ -79,20 +79,9 @@ class SearchRequests(Caller):
     ) -> "dict[str, Between]":
         """Measure signals between two moments in every sample that is held; the helper process adds up.
 
-        Args:
-            names: 1 to 64 entries.
-            a_ns: a time stamp.
-            b_ns: another one, later or earlier.
-            pins: what is added up beside the buffers, where it has what these have no more.
-            run: the run that it is about, as pins name it; the newest where it is empty.
-
-        Returns:
-            By name: what held at A and at B, difference and slope per second, mean, standard deviation, root mean
-            square, smallest and largest of the finite samples between, both ends included, and how many there are.
-
-        Raises:
-            RefusedError: a name is unknown, a number out of range, or a pin is no more.
-            ElementError: the names are no list of texts; nothing was asked.
+        By name: what held at A and at B, difference and slope per second, mean, standard deviation, root mean square,
+        smallest and largest of the finite samples between, both ends included, and how many there are. `pins` and `run`
+        are those of `find`.
         """
         request = MeasureSpan(
             names=texts("names", names, "['/log/joints/q_0']"), a_ns=a_ns, b_ns=b_ns, pins=[pin.id for pin in pins],

@@ -5,10 +5,11 @@ are computed and judged by who reads its rows. The control loop has no part in a
 """
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import msgspec
 
+from silo.conditions.given import TakesConditions
 from silo.core.arguments import line, shown, text
 from silo.core.calls import told_class
 from silo.core.elements import (
@@ -17,7 +18,6 @@ from silo.core.elements import (
     Derived,
     Edit,
     ElementInfo,
-    FileType,
     LoggerOptions,
     SignalLimits,
     TriggerOptions,
@@ -30,8 +30,8 @@ from silo.logger.registrations import Registrations
 log = logging.getLogger("silo")
 
 
-@told_class("log")
-class LoggerConditions:
+@told_class("log", shared=TakesConditions)
+class LoggerConditions(TakesConditions[None]):
     """Derived signals, limits and triggers of a logger."""
 
     def __init__(self, options: LoggerOptions, table: Registrations, life: LifeCycle) -> None:
@@ -70,7 +70,8 @@ class LoggerConditions:
 
         Args:
             name: its name after prefix and group, or whole with the prefix.
-            expression: may use elements that were added before, and other derived signals; None forgets the signal.
+            expression: may use elements that were added before, and other derived signals; None forgets the signal,
+                which nothing else may use.
             group: the namespace between prefix and name.
             unit: instead of the one that follows from its signals.
 
@@ -82,7 +83,7 @@ class LoggerConditions:
         from silo.judging.definitions import with_derived
 
         if expression is None:
-            self.remove_derived(name)
+            self._remove_derived(name)
             return
         name = text("the signal's name", name, 'log.derive("power", "joints/tau * joints/qd")')
         expression = text("expression", expression, 'log.derive("power", "joints/tau * joints/qd")')
@@ -100,16 +101,7 @@ class LoggerConditions:
             one = Derived(whole_name, expression, self._table.unit(whole_name, unit) if unit.strip() else "")
             self._take_derived(with_derived(self.extras, one, self._table.all_infos, prefix))
 
-    def remove_derived(self, name: str) -> None:
-        """Forget a derived signal, also while the logger runs.
-
-        Args:
-            name: whole, or without the prefix.
-
-        Raises:
-            ElementError: there is none of that name, or another one, limits or a trigger use it; nothing was changed.
-            StateError: the logger is closed.
-        """
+    def _remove_derived(self, name: str) -> None:
         from silo.judging.definitions import without_derived
 
         name = text("the signal's name", name, 'log.remove_derived("power")')
@@ -122,76 +114,20 @@ class LoggerConditions:
             self.take(extras)
             self._life.tell()
 
-    def limit(
-        self,
-        name: str,
-        bounds: Sequence[float | None] | None,
-        *,
-        persistence: int = 1,
-        hysteresis: float = 0.0,
-        stale: float | str = 0.0,
-        when: str = "",
-    ) -> None:
-        """Give a signal limits, also while the logger runs.
-
-        The helper process of `serve()` judges them; they are kept in saved files, which `silo check` judges.
-
-        Args:
-            name: an element (each of its values is judged), one scalar of it, or a derived signal.
-            bounds: (red_low, yellow_low, yellow_high, red_high), None for one that there isn't; a value at a bound is
-                within it. None in place of all four forgets its limits.
-            persistence: so many samples in a row make a state; each violation is counted all the same.
-            hysteresis: how far inside a bound its state ends.
-            stale: a value that stays the same for so long is one too (`"0.5s"`).
-            when: an expression that must hold, else nothing is judged.
-
-        Raises:
-            ElementError: there is no such signal, or the bounds or a number make no sense; nothing was changed.
-            ExpressionError: `when` makes no sense; the message shows the place.
-        """
-        from silo.conditions.given import limits_given
-
-        if bounds is None:
-            self.remove_limits(name)
-            return
-        self.set_limits(
-            limits_given(name, bounds, persistence=persistence, hysteresis=hysteresis, stale=stale, when=when)
-        )
-
-    def set_limits(self, one: SignalLimits) -> None:
-        """Give a signal limits as they stand in scripts, or other ones than it has; also while the logger runs.
-
-        Args:
-            one: the signal's name and its bounds, in the signal's unit; `limit` tells what they mean.
-
-        Raises:
-            ElementError: there is no such signal, its bounds or a number make no sense, or 1000 signals have limits
-                already; nothing was changed.
-            ExpressionError: its condition makes no sense; the message shows the place.
-            StateError: the logger is closed.
-        """
+    def _set_limits(self, limits: SignalLimits) -> None:
         from silo.judging.definitions import with_limits
 
-        if not isinstance(one, SignalLimits):
+        if not isinstance(limits, SignalLimits):
             raise ElementError(
-                f"limits must be silo.core.elements.SignalLimits, got {shown(one)}; write "
+                f"limits must be silo.core.elements.SignalLimits, got {shown(limits)}; write "
                 'log.limit("joints/tau", (-40, -30, 30, 40)); nothing was changed'
             )
         with self._life.lock:
             self._life.check_open()
-            self.extras = with_limits(self.extras, one, self._table.all_infos, self.options.prefix)
+            self.extras = with_limits(self.extras, limits, self._table.all_infos, self.options.prefix)
             self._life.tell()
 
-    def remove_limits(self, name: str) -> None:
-        """Forget the limits of a signal, also while the logger runs.
-
-        Args:
-            name: exactly the one that they were given to.
-
-        Raises:
-            ElementError: no limits were given to it; nothing was changed.
-            StateError: the logger is closed.
-        """
+    def _remove_limits(self, name: str) -> None:
         with self._life.lock:
             self._life.check_open()
             kept = tuple(one for one in self.extras.limits if one.name != name)
@@ -201,107 +137,29 @@ class LoggerConditions:
             self.extras = msgspec.structs.replace(self.extras, limits=kept)
             self._life.tell()
 
-    def trigger(
-        self,
-        name: str,
-        when: str | None,
-        *,
-        pre: float | str = 0.0,
-        post: float | str = 0.0,
-        edge: str = "rising",
-        rearm: str = "",
-        persist: float | str = 0.0,
-        holdoff: float | str = 0.0,
-        mode: str = "normal",
-        save: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
-        keep: int = 0,
-        armed: bool = True,
-    ) -> None:
-        """Capture what all saved elements did around the moments at which a condition turns true.
-
-            log.trigger("fall", "abs(base/roll) > 0.6", pre="5s", post="1s", rearm="abs(base/roll) < 0.3")
-
-        The helper process of `serve()` judges every row, and writes ticks k - pre to k + post of each fire at tick k to
-        files `<logger>_<date>_<run>_<name>_<number>`; a fire within `post` makes the capture longer. The control loop
-        has no part in it. Times are seconds, or texts such as `"20ms"`.
-
-        Args:
-            name: stands in the names of its files.
-            when: the condition; None forgets the trigger.
-            pre: how long before the fire.
-            post: how long after it.
-            edge: `"rising"`: the condition turns true, `"falling"`: false, `"level"`: is true; `"enter"` and `"leave"`
-                are the first two.
-            rearm: what must be true before it fires again; without, the condition must have been false.
-            persist: it must stay so for so long.
-            holdoff: it ignores what follows for so long.
-            mode: `"normal"`, or `"single"`: the first only.
-            save: file types.
-            keep: of its captures on the disk, of this run and earlier ones, the newest so many stay, 0 for all; removed
-                is only what the logger's own list says that it wrote.
-            armed: False: it waits until it is armed (`silo trigger arm`, silo-tui).
-
-        Raises:
-            ExpressionError: a condition makes no sense; the message shows the place.
-            ElementError: a number or name makes no sense; also for a `pre` that is longer than what buffers hold, with
-                the size that would do.
-        """
-        from silo.conditions.given import trigger_given
-
-        if when is None:
-            self.remove_trigger(name)
-            return
-        self.set_trigger(
-            trigger_given(
-                name, when, pre=pre, post=post, edge=edge, rearm=rearm, persist=persist, holdoff=holdoff, mode=mode,
-                save=save, keep=keep, armed=armed,
-            )
-        )  # fmt: skip
-
-    def set_trigger(self, one: TriggerOptions) -> None:
-        """Set a trigger as it stands in scripts, or replace the one of its name; also while the logger runs.
-
-        Args:
-            one: its condition and what it captures, times in s; `trigger` tells what they mean.
-
-        Raises:
-            ElementError: a name, word or number makes no sense, 100 triggers are set already, `pre_s` is longer than
-                what buffers hold, with the size that would do, or a capture would take more than 256 MB of memory;
-                nothing was changed.
-            ExpressionError: a condition makes no sense; the message shows the place.
-            StateError: the logger is closed.
-        """
+    def _set_trigger(self, trigger: TriggerOptions) -> None:
         from silo.files.naming import check_name
         from silo.judging.definitions import check_held, with_trigger
 
-        if not isinstance(one, TriggerOptions):
+        if not isinstance(trigger, TriggerOptions):
             raise ElementError(
-                f"a trigger must be silo.core.elements.TriggerOptions, got {shown(one)}; write "
+                f"a trigger must be silo.core.elements.TriggerOptions, got {shown(trigger)}; write "
                 'log.trigger("fall", "abs(base/roll) > 0.6"); nothing was changed'
             )
         try:
-            check_name(one.name)
+            check_name(trigger.name)
         except SaveError as error:
             raise ElementError(f"the trigger's name stands in names of files: {error}; nothing was changed") from None
         with self._life.lock:
             self._life.check_open()
             infos = self._table.all_infos
-            check_held(one, infos, self.options.frequency_hz)
-            self.extras = with_trigger(self.extras, one, infos, self.options.prefix)
+            check_held(trigger, infos, self.options.frequency_hz)
+            self.extras = with_trigger(self.extras, trigger, infos, self.options.prefix)
             if self._life.running:
-                self._warn_of_off(one)  # else at the start: until then elements may be switched on
+                self._warn_of_off(trigger)  # else at the start: until then elements may be switched on
             self._life.tell()
 
-    def remove_trigger(self, name: str) -> None:
-        """Forget a trigger, also while the logger runs; a capture that is under way goes on.
-
-        Args:
-            name: of the trigger.
-
-        Raises:
-            ElementError: there is none of that name; nothing was changed.
-            StateError: the logger is closed.
-        """
+    def _remove_trigger(self, name: str) -> None:
         with self._life.lock:
             self._life.check_open()
             kept = tuple(one for one in self.extras.triggers if one.name != name)
@@ -313,17 +171,9 @@ class LoggerConditions:
             self._life.tell()
 
     def apply_extras(self, extras: Conditions, edits: Sequence[Edit] = ()) -> None:
-        """Take derived signals, limits and triggers of a script in the place of all that there are.
+        """Take derived signals, limits and triggers of a script in the place of all that there are; none forget them.
 
-        Args:
-            extras: all of them; empty ones forget what there is.
-            edits: what is about to be changed of the table; they are checked beside it.
-
-        Raises:
-            ElementError: one of them doesn't fit the table, or captures more of the past than buffers hold; nothing was
-                changed.
-            ExpressionError: an expression makes no sense; the message shows the place.
-            StateError: the logger runs, or is closed.
+        `edits` are what is about to be changed of the table. Raises ElementError, ExpressionError, StateError.
         """
         from silo.settings.script_conditions import checked_extras
 

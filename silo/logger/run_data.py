@@ -43,13 +43,9 @@ class RunData:
         self._saving = threading.Lock()  # of stretches before the present one
 
     def look_for_unheld(self, run: Run | None = None, found: Sequence[int] | None = None) -> None:
-        """Tell of arrays that nobody but silo holds any more.
+        """Tell of arrays that nobody but silo holds any more: those `found` of a run while it turned, else looked for.
 
         For the serving thread, and for whatever ends a run or saves it.
-
-        Args:
-            run: the one that was looked at, while its loop turned; the present one if not given.
-            found: what was seen of it.
         """
         with self._life.lock:
             present = self._present.run
@@ -277,12 +273,7 @@ class RunData:
         return self._life.served("stop_recording").stop_recording(text("name", name, 'log.stop_recording("walk")'))
 
     def note_saved(self, run_id: str, ticks: int) -> None:
-        """Take in that the helper process saved the first `ticks` of a run for one of its clients.
-
-        Args:
-            run_id: the run that was saved.
-            ticks: how many of its ticks stand in a file.
-        """
+        """Take in that the helper process saved the first `ticks` of a run for one of its clients."""
         with self._life.lock:
             for run in [run for run in self._present.stretches if run.id == run_id]:
                 self._present.mark_saved(run, ticks)

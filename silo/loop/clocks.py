@@ -145,10 +145,7 @@ def clock_failed(now: object, error: Exception) -> StateError:
 def timed(collect: Callable[[], None], values: list[NDArray[np.float64]], frequency_hz: float) -> Callable[[], None]:
     """Return `collect` of a run with its times, which are written before it is called; costs a tick 0.5 us.
 
-    Args:
-        collect: of the run.
-        values: scalars for each of `TIMES`, s.
-        frequency_hz: how often it is to be called.
+    `values` are scalars for each of `TIMES`, s.
     """
     period, lateness, work = values
     step_s, clock = 1 / frequency_hz, time.perf_counter

@@ -105,39 +105,15 @@ class ScriptRequests(Caller):
 
     @ask("ListKeptViews", slow=True)
     def _kept_views(self) -> KeptViews:
-        """Return the names of the views that are kept beside the logger's script.
-
-        Returns:
-            Their names, and the folder on the robot.
-        """
+        """Return the names of the views that are kept beside the logger's script, and the folder on the robot."""
 
     @ask("ReadKeptView", slow=True)
     def _kept_view(self, name: str) -> KeptView:
-        """Return a view that is kept beside the logger's script.
-
-        Args:
-            name: of the view.
-
-        Returns:
-            Its text, YAML, and its path on the robot.
-
-        Raises:
-            RefusedError: there is none of that name, or it can't be read.
-        """
+        """Return a view that is kept beside the logger's script: its text, YAML, and its path on the robot."""
 
     @change(control=False, lane=Lane.DISK, timeout_s=15.0)
     def _keep_view(self, name: str, text: str, overwrite: bool = False) -> str:
         """Keep a view beside the logger's script, for whoever looks at this logger.
 
-        Args:
-            name: letters, digits, `- _ . +` and blanks, at most 80.
-            text: the view, at most 256 kB.
-            overwrite: whether one of that name may be replaced.
-
-        Returns:
-            What was done, in words.
-
-        Raises:
-            RefusedError: the name or the text can't be, there is one already, or it can't be written; nothing was
-                changed.
+        Its name has letters, digits, `- _ . +` and blanks, at most 80; its text at most 256 kB.
         """

@@ -27,7 +27,7 @@ def write(folder, name, scale=1.0, offset=0.0, slow=True, limits=()):
     if slow:
         log.array("slow")
     for one in limits:
-        log._conditions.set_limits(one)
+        log._conditions._set_limits(one)
     log.start()
     for tick in range(TICKS):
         tau[...] = scale * np.sin(tick / 5) + offset

@@ -66,7 +66,7 @@ class TestTriggers:
         assert heard.wait(EventKind.CONDITIONS).text == "trigger late: x > 50, post 1 s"
         bench.logger.limit("x", (None, None, 1, 2))
         wait_until(lambda: [one.text for one in client.events() if "limits x: - - 1 2" in one.text])
-        bench.logger._conditions.remove_trigger("late")
+        bench.logger._conditions._remove_trigger("late")
         wait_until(lambda: [one.text for one in client.events() if one.text == "trigger late removed"])
 
     def test_what_a_client_set_is_in_saved_scripts_and_in_the_next_run(self, bench, client, tmp_path):

@@ -90,7 +90,7 @@ class TestTable:
         bench.logger.limit("twice", (None, None, 1, 2))
         with pytest.raises(RefusedError, match="used by the limits of 'twice'"):
             client._remove_derived("twice")
-        bench.logger._conditions.remove_limits("twice")
+        bench.logger._conditions._remove_limits("twice")
         bench.logger.trigger("much", "twice > 3")
         with pytest.raises(RefusedError, match="used by trigger 'much'"):
             client._remove_derived("/log/twice")
@@ -197,7 +197,7 @@ class TestRows:
             read(stream, 5, "/log/x")
             before = bench.serving.helper_pid
             os.kill(before, signal.SIGKILL)
-            bench.logger._conditions.remove_derived("half")
+            bench.logger._conditions._remove_derived("half")
             wait_until(lambda: (one := answered(client.status)) and one.helper_pid != before)
 
             def comes_again():

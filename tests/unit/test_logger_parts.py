@@ -48,7 +48,7 @@ def test_conditions_are_checked_against_a_table_without_a_logger(parts):
     assert table.revision > before
     assert [one.name for one in conditions.extras.limits] == ["/log/tau"]
     assert [one.name for one in conditions.extras.triggers] == ["fall"]
-    conditions.remove_trigger("fall")
+    conditions._remove_trigger("fall")
     assert conditions.extras.triggers == ()
 
 

@@ -5,6 +5,7 @@ and holds ten ticks of `joints/q`, `run` the same as an opened log, `q` its sign
 """
 
 import copy
+import inspect
 import pickle
 
 import numpy as np
@@ -164,13 +165,8 @@ def test_what_is_written_instead_is_there(names):
 @pytest.mark.parametrize("kind", [silo.types.Serving, silo.Client, silo.Log, silo.Signal, silo.Logger, silo.NullLogger])
 def test_every_method_that_programs_call_tells_of_a_wrong_call(kind):
     left = {"collect", "mark"}  # the control loop's: nothing may stand before them
-    bare = [
-        name
-        for cls in kind.__mro__
-        if cls.__module__.startswith("silo")
-        for name, found in vars(cls).items()
-        if not name.startswith("_") and name not in left and is_bare(found)
-    ]
+    ours = {name for cls in kind.__mro__ if cls.__module__.startswith("silo") for name in vars(cls)} - left
+    bare = [name for name in ours if not name.startswith("_") and is_bare(inspect.getattr_static(kind, name))]
     assert bare == []
 
 

@@ -61,9 +61,7 @@ def _found() -> dict[str, str]:
 def git_state(folder: Path, longest_s: float = LONGEST_LOOK_S) -> str:
     """Return the commit that a folder is at, and whether files that git knows differ from it; empty without git.
 
-    Args:
-        folder: in the working tree.
-        longest_s: for so long changes are looked for.
+    Changes are looked for no longer than `longest_s`.
     """
     try:
         tree = next((one for one in (folder, *folder.parents) if (one / ".git").exists()), None)
