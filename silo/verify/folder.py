@@ -170,8 +170,8 @@ class _Folder:
             self._take_events(logger)
             self.captures[logger] = read_captures(folder, logger)
         self._take_parts()
-        self._take_logs()
         self._take_memory()
+        self._take_logs()
         if not self.runs and not self.loggers:
             raise LogNotFoundError(f"{folder}: there are no logs, no recordings and no event log in it")
 
@@ -258,7 +258,7 @@ class _Folder:
             with contextlib.suppress(SegmentError), contextlib.closing(SegmentReader(path)) as reader:
                 if Path(reader.schema.folder).resolve() != self.folder.resolve():
                     continue
-                run = self.run_of(reader.schema.logger, reader.schema.run)
+                run = self.run_of(reader.schema.logger, reader.schema.run, reader.schema.started_ns)
                 run.ticks = max(run.ticks, reader.ticks)
                 run.ended |= not reader.alive()
                 if reader.ticks:

@@ -63,6 +63,13 @@ class Kept:
         return [[(one.kind, one.spans) for one in some] for some in (found.problems, found.told)]
 
 
+def counted(folder):
+    """Of each run: ticks, how many of them are recorded, saved, captured, in memory; and the ticks that are nowhere."""
+    found = verify(folder)
+    rows = [(one.ticks, one.recorded, one.saved, one.captured, one.in_memory) for one in found.runs]
+    return rows, [one.spans for one in found.not_kept]
+
+
 @pytest.fixture
 def kept(robot, truth, tmp_path):
     return Kept(robot, truth, tmp_path)
@@ -72,9 +79,8 @@ def test_a_folder_in_which_all_is_there_once_is_whole(kept, capsys):
     kept.recorded(300)
     assert kept.found() == [[], []]
     assert run(["verify", str(kept.folder)]) == 0
-    shown = capsys.readouterr().out
-    assert "1 run: whole" in shown
-    assert " 300" in shown
+    assert "1 run: whole" in capsys.readouterr().out
+    assert counted(kept.folder) == ([(300, 300, 0, 0, 0)], [])
 
 
 def test_ticks_that_were_collected_after_the_last_part_are_missing(kept, capsys):
@@ -231,7 +237,11 @@ def test_a_ring_that_was_overwritten_is_not_called_whole(tmp_path, truth, capsys
     assert "in memory are " in shown
     assert "1 run: all is there that was to be kept" in shown
     assert ": whole" not in shown
+    ((_, *_, held),), _ = counted(tmp_path)
+    assert 100 <= held < 1000  # a ring has room for some more
+    assert counted(tmp_path) == ([(2500, 0, 0, 0, held)], [((0, 2499 - held),)])
     robot.log.save()
+    assert counted(tmp_path) == ([(2500, 0, 100, 0, held)], [((0, 2499 - held),)])
     robot.log.close()
     assert run(["verify", str(tmp_path)]) == 0
     shown = capsys.readouterr().out
@@ -317,6 +327,7 @@ class TestCaptures:
 
     def test_a_fire_that_is_captured_is_whole(self, spiked):
         assert self.found(spiked) == [[], []]
+        assert counted(spiked) == ([(500, 0, 0, 31, 0)], [((0, 499),)])
 
     def test_a_fire_without_its_capture_is_missing(self, spiked):
         Path(self.files[0].path).unlink()
