@@ -1,81 +1,68 @@
 """Puts small faults into the code, one at a time, and looks whether the nearest tests notice.
 
-    python .bench/long/mutations.py silo/judging silo/history/pins.py --count 100 [--seed TEXT] [--jobs 2]
+    python .bench/long/mutations.py silo/judging silo/history/pins.py --count 100 [--seed TEXT]
     python .bench/long/mutations.py silo silo_tui --count 2000 --out FILE [--fast] [--minutes 30]
 
 A fault is a comparison that is off by one, a sign, a constant, a condition turned round, a lock that isn't taken, a
 call left out. The places are drawn by a seed, that of the commit if no other is given, from all places of the modules
-that were named. The nearest tests are those that import the module, and those of `NEAREST` for what none imports: first
-those of the fast tier, then the slow ones where these notice nothing. A fault after which they hang is counted apart.
-Exit status 1 where some survive.
+that were named. The nearest tests are those of the fast tier that run its line, those that import its module first,
+then the short ones, as many as take `BUDGET_S`; where these notice nothing, the slow tests of the files that import
+the module, or speak of its folder. A fault after which they hang is counted apart. Exit status 1 where some survive.
+
+Which tests run which lines is looked up once for each state of the code and the tests, and kept. All tests are loaded
+once: a fault within a function is put into a fork of that process, any other into one that has loaded no silo yet.
 
 With `--out` each result is a line of JSON that is written as soon as it is there, and what stands in the file already
 isn't tried again while its module is the same: a run that was ended goes on, those of several days add up, and the
-table is that of the whole file.
+table is that of the whole file. With `--fast` no slow test is run: a run without tries what is left to them.
 """
 
 import argparse
 import ast
+import functools
+import gc
 import hashlib
+import importlib
+import itertools
 import json
 import os
+import pickle
 import random
 import re
+import resource
+import select
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from pathlib import Path
-from queue import SimpleQueue
+from types import CodeType, FrameType, FunctionType
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-# what few tests import by name is held by these
-NEAREST = {
-    "silo/core": ["tests/unit"],
-    "silo/segment": ["tests/unit"],
-    "silo/journal": ["tests/unit", "tests/property/test_journal.py"],
-    "silo/loop": ["tests/unit", "tests/property/test_buffers.py"],
-    "silo/expressions": ["tests/judging"],
-    "silo/judging": ["tests/judging"],
-    "silo/conditions": ["tests/judging"],
-    "silo/recorder": ["tests/recorder"],
-    "silo/recovery": ["tests/crash"],
-    "silo/helper": ["tests/ipc"],
-    "silo/state": ["tests/ipc"],
-    "silo/live": ["tests/ipc"],
-    "silo/history": ["tests/ipc"],
-    "silo/recordings": ["tests/ipc"],
-    "silo/control": ["tests/ipc"],
-    "silo/scripts": ["tests/ipc"],
-    "silo/verify": ["tests/ipc"],
-    "silo/rpc": ["tests/ipc"],
-    "silo/requests": ["tests/ipc"],
-    "silo/net": ["tests/ipc"],
-    "silo/fleet": ["tests/ipc"],
-    "silo/client": ["tests/ipc"],
-    "silo/link": ["tests/ipc", "tests/unit/test_handover.py"],
-    "silo/logger": ["tests/unit"],
-    "silo/settings": ["tests/unit"],
-    "silo/files": ["tests/files"],
-    "silo/analysis": ["tests/files"],
-    "silo/datasets": ["tests/files/test_datasets.py", "tests/files/test_episodes.py"],
-    "silo/guards": ["tests/files/test_guards.py"],
-    "silo/parameters": ["tests/parameters"],
-    "silo/run_index": ["tests/files/test_runs.py", "tests/files/test_query.py"],
-    "silo/bridges": ["tests/ipc/test_foxglove.py", "tests/ipc/test_ros2.py"],
-    "silo/cli": ["tests/ipc", "tests/files"],
-    "silo/programs": ["tests/unit/test_demo_robot.py", "tests/unit/test_host_probes.py"],
-    "silo": ["tests/unit"],
-    "silo_tui": ["tests/tui"],
-}
 MOST_FILES = 12  # of nearest tests
-TIERS = ("not slow", "slow")
-NO_TESTS = 5  # the exit status where a tier has none
+MEMORY = Path("/dev/shm")
+BUDGET_S = 4.0  # of processor time, of the tests that a fault is tried on
+MOST_BYTES = 8 << 30  # of memory: some faults are lists without an end
+PASSED, NOTICED, NO_TESTS, BROKE = 0, 1, 5, 70  # exit statuses; pytest's others tell of modules that can't be loaded
+LEFT = "left to slow"
+# what tests load that is none of ours
+PRELOADED = (
+    "numpy", "zenoh", "msgspec", "yaml", "click", "psutil", "mcap.writer", "mcap.reader", "hypothesis.stateful",
+    "textual.app", "textual.widgets", "textual.pilot", "polars", "pyarrow.parquet",
+)  # fmt: skip
+Reached = dict[str, tuple[float, dict[str, int]]]  # test -> its seconds, and the lines of each module as bits
 COMPARED = {
     ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "==",
     ast.Is: "is not", ast.IsNot: "is", ast.In: "not in", ast.NotIn: "in",
@@ -225,67 +212,298 @@ def modules_of(names: list[str]) -> list[str]:
     return found
 
 
+@functools.cache
 def nearest(module: str) -> list[str]:
-    """Return the test files that hold a module."""
+    """Return the test files that hold a module: those that import it, or that speak of its folder where none does."""
     dotted = module.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
     package, _, name = dotted.rpartition(".")
     own, others = re.escape(dotted), re.escape(package)
-    pattern = re.compile(rf"^\s*(from {own} import|import {own}\b|from {others} import .*\b{name}\b)", re.MULTILINE)
-    tests = [path for path in sorted((ROOT / "tests").rglob("test_*.py")) if pattern.search(path.read_text())]
-    tests.sort(key=lambda path: (name not in path.name, path.stat().st_size))
-    found = [str(path.relative_to(ROOT)) for path in tests[:MOST_FILES]]
-    if found:
-        return found
-    folder = next(folder for folder in (*Path(module).parents,) if str(folder) in NEAREST)
-    return NEAREST[str(folder)]
+    patterns = [rf"^\s*(from {own} import|import {own}\b|from {others} import .*\b{name}\b)"]
+    patterns += [rf"\b{re.escape(str(folder)).replace('/', '.')}\b" for folder in Path(module).parents[:-1]]
+    for pattern in patterns:
+        found = [path for path, text in _texts().items() if re.search(pattern, text, re.MULTILINE)]
+        if found:
+            found.sort(key=lambda path: (name not in path.name, path.stat().st_size))
+            return [str(path.relative_to(ROOT)) for path in found[:MOST_FILES]]
+    return []
 
 
-class Copy:
+@functools.cache
+def _texts() -> dict[Path, str]:
+    return {path: path.read_text() for path in sorted((ROOT / "tests").rglob("test_*.py"))}
+
+
+def forked(work: Callable[[], int], limit_s: float | None = None) -> int | None:
+    """Do something in a fork of this process, and return its exit status; None where it doesn't end."""
+    pid = os.fork()
+    if not pid:
+        status = BROKE
+        try:
+            os.setsid()
+            resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
+            for descriptor in (1, 2):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
+            status = work()
+        finally:
+            os._exit(status)
+    end = os.pidfd_open(pid)
+    ended = select.select([end], [], [], limit_s)[0]
+    os.close(end)
+    with suppress(ProcessLookupError):  # what it started as well
+        os.killpg(pid, signal.SIGKILL)
+    status = os.waitpid(pid, 0)[1]
+    return os.waitstatus_to_exitcode(status) if ended else None
+
+
+def tested(paths: Sequence[str], tier: str, plugin: object) -> int:
+    """Run, or load, tests of a tier in this process."""
+    options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-o", "timeout=0", "-m", tier]
+    return int(pytest.main([*options, *paths], plugins=[plugin]))
+
+
+class Some:
+    """Of the tests that pytest has found, those that are wanted, or all; a property's example is not made small."""
+
+    def __init__(self, wanted: Iterable[str] = ()) -> None:
+        self._wanted = set(wanted)
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_configure(self) -> None:
+        from hypothesis import Phase, settings
+
+        phases = [phase for phase in Phase if phase not in {Phase.shrink, Phase.explain}]
+        settings.register_profile("unshrunk", settings.default, phases=phases)
+        settings.load_profile("unshrunk")
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        if self._wanted:
+            items[:] = [item for item in items if item.nodeid in self._wanted]
+
+
+class Warm(Some):
+    """All tests of the fast tier, loaded once; tries faults that it is sent in forks of its process."""
+
+    def __init__(self, control: Connection, kept: Path) -> None:
+        super().__init__()
+        self._control, self._kept = control, kept
+        self._root, self._failed = f"{Path.cwd()}/", False
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self._failed |= report.failed
+
+    def _passes(self, item: pytest.Item, after: pytest.Item | None) -> bool:
+        self._failed = False
+        item.ihook.pytest_runtest_protocol(item=item, nextitem=after)
+        return not self._failed
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        session.config.pluginmanager.unregister(name="terminalreporter")  # which would show what each fault fails
+        gc.unfreeze()
+        self._live: dict[tuple[str, int, str], list[FunctionType]] = {}
+        self._caches = []
+        for one in gc.get_objects():
+            if isinstance(one, functools._lru_cache_wrapper) and str(one.__module__).startswith("silo"):
+                self._caches.append(one)
+            if isinstance(one, FunctionType) and one.__code__.co_filename.startswith(self._root):
+                self._live.setdefault(_place(one.__code__), []).append(one)
+        gc.freeze()
+        if not self._kept.exists():
+            self._look(session.items)
+        self._control.send(None)
+        items = {item.nodeid: item for item in session.items}
+        while asked := self._control.recv():
+            *fault, tests, limit_s = asked
+            self._control.send(forked(functools.partial(self._try, *fault, [items[one] for one in tests]), limit_s))
+        return True
+
+    def _try(self, module: str, before: str, after: str, items: list[pytest.Item]) -> int:
+        codes = [compile(text, self._root + module, "exec", dont_inherit=True) for text in (before, after)]
+        if not self._put(*codes):
+            return BROKE
+        for cache in self._caches:
+            cache.cache_clear()
+        passed = (self._passes(*pair) for pair in zip(items, [*items[1:], None], strict=True))
+        return PASSED if all(passed) else NOTICED
+
+    def _put(self, old: CodeType, new: CodeType) -> bool:
+        """Put what differs of two codes into the functions that are there; False where that is run at import."""
+        inner = [[one for one in code.co_consts if isinstance(one, CodeType)] for code in (old, new)]
+        if not all(self._put(*pair) for pair in zip(*inner, strict=True)):
+            return False
+        if not old.co_flags & 1:  # of a module or a class
+            return _own(old) == _own(new)
+        for function in self._live.get(_place(old), ()):
+            function.__code__ = new
+        return True
+
+    def _look(self, items: Sequence[pytest.Item]) -> None:
+        """Find which tests run which lines; those that don't pass are none."""
+        shares = len(os.sched_getaffinity(0))
+        parts = [self._kept.with_suffix(f".{share}") for share in range(shares)]
+        groups = [items[len(items) * n // shares : len(items) * (n + 1) // shares] for n in range(shares)]
+        with ThreadPoolExecutor(shares) as pool:
+            list(pool.map(lambda of: forked(lambda: self._traced(*of)), zip(groups, parts, strict=True)))
+        reached: Reached = {}
+        for part in parts:
+            reached |= pickle.loads(part.read_bytes())
+            part.unlink()
+        self._kept.write_bytes(pickle.dumps(reached))
+
+    def _traced(self, items: Sequence[pytest.Item], to: Path) -> int:
+        local: dict[str, tuple[set[int], Callable[..., object]]] = {}
+
+        def of(name: str) -> Callable[..., object]:
+            lines: set[int] = set()
+
+            def line(frame: FrameType, event: str, argument: object) -> object:
+                lines.add(frame.f_lineno)
+                return line
+
+            local[name] = lines, line
+            return line
+
+        def called(frame: FrameType, event: str, argument: object) -> object:
+            name = frame.f_code.co_filename
+            if not name.startswith(self._root) or name.startswith(f"{self._root}tests/"):
+                return None
+            return local[name][1] if name in local else of(name)
+
+        reached: Reached = {}
+        for item, after in zip(items, [*items[1:], None], strict=True):
+            for lines, _ in local.values():
+                lines.clear()
+            begin_s = time.process_time()
+            threading.settrace(called)
+            sys.settrace(called)
+            passed = self._passes(item, after)
+            sys.settrace(None)
+            if passed:
+                masks = {name[len(self._root) :]: sum(1 << at for at in lines) for name, (lines, _) in local.items()}
+                masks = {name: mask for name, mask in masks.items() if mask}
+                reached[item.nodeid] = time.process_time() - begin_s, masks
+        to.write_bytes(pickle.dumps(reached))
+        return PASSED
+
+
+def _place(code: CodeType) -> tuple[str, int, str]:
+    return code.co_filename, code.co_firstlineno, code.co_name
+
+
+def _own(code: CodeType) -> tuple[object, ...]:
+    """What a code does apart from those within it."""
+    return code.co_code, code.co_names, repr([one for one in code.co_consts if not isinstance(one, CodeType)])
+
+
+class Trial:
     """A copy of the tree in which faults are put in one after the other."""
 
-    def __init__(self, folder: Path) -> None:
-        self.root = folder / "main"
+    def __init__(self, folder: Path, tests: Sequence[str], *, slow: bool) -> None:
+        self.root, self._slow = folder / "main", slow
+        self._limits: dict[tuple[str, ...], float] = {}
         ignored = shutil.ignore_patterns("__pycache__", ".git", ".venv", ".mypy_cache", ".ruff_cache", "build")
         shutil.copytree(ROOT, self.root, ignore=ignored, symlinks=True)
         shared = ROOT.parent / "shared"
         if shared.is_dir():
             (folder / "shared").symlink_to(shared)
+        self._tests = folder / "tests"  # where they write
+        os.environ.update(PYTHONPATH=str(self.root), PYTEST_DEBUG_TEMPROOT=str(self._tests))
+        os.chdir(self.root)
+        sys.path.insert(0, str(self.root))
+        for name in PRELOADED:
+            with suppress(ImportError):
+                importlib.import_module(name)
+        state = hashlib.sha256(repr(tests).encode())
+        for path in sorted(Path().glob("[!.]*/**/*.py")):
+            state.update(path.read_bytes())
+        kept = Path(tempfile.gettempdir()) / f"silo-reached-{state.hexdigest()[:16]}"
+        self._warm, control = Pipe()
+        self._tests.mkdir()
+        self._pid = os.fork()
+        if not self._pid:
+            os.dup2(2, 1)
+            tested(tests, "not slow", Warm(control, kept))
+            os._exit(0)
+        self._number = itertools.count(1)
+        control.close()
+        self._warm.recv()
+        self._reached: Reached = pickle.loads(kept.read_bytes())
 
-    def passes(self, tests: Iterable[str], tier: str, limit_s: float) -> bool | None:
-        """Run the tests of a tier; None where they don't end."""
-        options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", tier]
-        command = [sys.executable, "-m", "pytest", *options, *tests]
-        environment = {**os.environ, "PYTHONPATH": str(self.root), "PYTHONDONTWRITEBYTECODE": "1"}
-        process = subprocess.Popen(
-            command, cwd=self.root, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )  # fmt: skip
-        try:
-            return process.wait(limit_s) in (0, NO_TESTS)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, 9)
-            process.wait()
-            return None
+    def end(self) -> None:
+        """End the process that has loaded the tests."""
+        self._warm.send(None)
+        os.waitpid(self._pid, 0)
 
-    def tried(self, fault: Fault, limits: Mapping[str, float]) -> str:
-        """Return what became of a fault after the tests of all tiers: killed, survived, hung or no code."""
+    def chosen(self, module: str, bits: int = -1) -> list[str]:
+        """Return tests of the fast tier that run some of these lines of a module, or any: the nearest first."""
+        near, turns = set(nearest(module)), Counter[str]()
+        found = []
+        for test, (seconds, lines) in sorted(self._reached.items(), key=lambda one: one[1][0]):
+            far = test.partition("::")[0] not in near
+            if lines.get(module, 0) & bits or (bits == -1 and not far):
+                function = test.partition("[")[0]
+                found.append((turns[function], far, seconds, test))
+                turns[function] += 1
+        found.sort()
+        spent = itertools.accumulate((seconds for _, _, seconds, _ in found), initial=0.0)
+        return [test for (*_, test), spent_s in zip(found, spent, strict=False) if spent_s < BUDGET_S]
+
+    @contextmanager
+    def _put_in(self, fault: Fault) -> Iterator[tuple[str, str]]:
+        """Have a fault in the copy; yields the text of its module without and with it."""
         path = self.root / fault.module
-        text = path.read_bytes()
-        end = fault.start + len(fault.before.encode())
-        changed = text[: fault.start] + fault.after.encode() + text[end:]
+        before, known = path.read_bytes(), path.stat()
+        after = before[: fault.start] + fault.after.encode() + before[fault.start + len(fault.before.encode()) :]
         try:
-            ast.parse(changed)
-        except SyntaxError:
-            return "no code"
-        try:
-            path.write_bytes(changed)
-            for tier, limit_s in limits.items():
-                passed = self.passes(nearest(fault.module), tier, limit_s)
-                if not passed:
-                    return "hung" if passed is None else "killed"
+            path.write_bytes(after)
+            os.utime(path, (stamp := next(self._number), stamp))  # so that no byte code of another fault is taken
+            yield before.decode(), after.decode()
         finally:
-            path.write_bytes(text)
-        return "survived"
+            path.write_bytes(before)
+            os.utime(path, ns=(known.st_atime_ns, known.st_mtime_ns))
+            for left in self._tests.iterdir():
+                shutil.rmtree(left, ignore_errors=True)
+
+    def of(self, fault: Fault) -> str:
+        """Return what became of a fault after the tests of all tiers: killed, survived, hung or no code."""
+        with self._put_in(fault) as texts:
+            try:
+                ast.parse(texts[1])
+            except SyntaxError:
+                return "no code"
+            status = self._of_fast(fault, *texts)
+        if status in (PASSED, NO_TESTS):
+            if not self._slow:
+                return LEFT
+            files = tuple(nearest(fault.module))
+            limit_s = self._limit(files)
+            with self._put_in(fault):
+                status = forked(lambda: tested(files, "slow", Some()), limit_s) if limit_s else PASSED
+        return "hung" if status is None else "survived" if status in (PASSED, NO_TESTS) else "killed"
+
+    def _of_fast(self, fault: Fault, before: str, after: str) -> int | None:
+        starts = (one.lineno for one in ast.walk(ast.parse(before)) if isinstance(one, ast.stmt))
+        first = max(line for line in starts if line <= fault.line)
+        tests = self.chosen(fault.module, sum(1 << line for line in range(first, fault.line + 1)))
+        self._warm.send((fault.module, before, after, tests, self._patience(tests)))
+        status = self._warm.recv()
+        if status != BROKE:
+            return status
+        tests = self.chosen(fault.module)  # it is run at import
+        files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
+        return forked(lambda: tested(files, "not slow", Some(tests)), self._patience(tests))
+
+    def _patience(self, tests: Iterable[str]) -> float:
+        """How long tests may take, on a machine that others use, too."""
+        return 60 + 30 * sum(self._reached[test][0] for test in tests)
+
+    def _limit(self, files: tuple[str, ...]) -> float:
+        """How long the slow tests of files may take; 0 where they don't pass without any fault."""
+        if files not in self._limits:
+            begin_s = time.monotonic()
+            passed = forked(lambda: tested(files, "slow", Some()), 900) == PASSED
+            self._limits[files] = 4 * (time.monotonic() - begin_s) + 20 if passed else 0.0
+        return self._limits[files]
 
 
 def drawn(modules: list[str], count: int, seed: str) -> Iterator[Fault]:
@@ -301,27 +519,29 @@ def main() -> int:
     parser.add_argument("modules", nargs="+", help="files or folders, from the root")
     parser.add_argument("--count", type=int, default=50)
     parser.add_argument("--seed", default="")
-    parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path, help="the result of each fault, as JSON lines; what is there is kept")
     parser.add_argument("--fast", action="store_true", help="the fast tier's tests alone")
+    parser.add_argument("--tests", nargs="+", default=["tests"], help="the fast tests of these files or folders alone")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no fault after these")
     wanted = parser.parse_args()
     commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
-    seed = wanted.seed or commit.stdout.strip()
-    results = recorded(wanted.out)
-    faults = [fault for fault in drawn(modules_of(wanted.modules), wanted.count, seed) if fault not in results]
+    seed, out = wanted.seed or commit.stdout.strip(), wanted.out and wanted.out.absolute()
+    results = recorded(out)
+    known = {fault for fault, result in results.items() if wanted.fast or result != LEFT}
+    faults = [fault for fault in drawn(modules_of(wanted.modules), wanted.count, seed) if fault not in known]
     print(f"{len(faults)} faults, seed {seed}, {len(results)} tried before", flush=True)
     end_s = time.monotonic() + 60 * wanted.minutes
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(wanted.jobs) as pool:
-        trial = Trial(Path(folder), wanted.jobs, TIERS[:1] if wanted.fast else TIERS, end_s)
-        for fault, result in zip(faults, pool.map(trial.of, faults), strict=True):
-            if result:
-                results[fault] = result
-                print(f"{result:9} {fault.told}", flush=True)
-                if wanted.out:
-                    record(wanted.out, fault, result)
+    with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as folder:
+        trial = Trial(Path(folder), wanted.tests, slow=not wanted.fast)
+        for fault in itertools.takewhile(lambda _: time.monotonic() < end_s, faults):
+            result = results[fault] = trial.of(fault)
+            print(f"{result:12} {fault.told}", flush=True)
+            if out:
+                record(out, fault, result)
+        trial.end()
+        os.chdir(ROOT)
     print(_table(results))
-    return int("survived" in results.values())
+    return int(bool({"survived", LEFT} & set(results.values())))
 
 
 def record(path: Path, fault: Fault, result: str) -> None:
@@ -343,44 +563,6 @@ def recorded(path: Path | None) -> dict[Fault, str]:
     return found
 
 
-class Trial:
-    """Tries one fault in each of some copies at a time."""
-
-    def __init__(self, folder: Path, jobs: int, tiers: Sequence[str], end_s: float) -> None:
-        self._tiers, self._end_s = tiers, end_s
-        self._limits: dict[tuple[str, ...], dict[str, float]] = {}
-        self._copies: SimpleQueue[Copy] = SimpleQueue()
-        for number in range(jobs):
-            made = folder / str(number)
-            made.mkdir()
-            self._copies.put(Copy(made))
-
-    def of(self, fault: Fault) -> str:
-        """Return what became of a fault; nothing where time is over."""
-        copy = self._copies.get()
-        try:
-            if time.monotonic() >= self._end_s:
-                return ""
-            tests = tuple(nearest(fault.module))
-            if tests not in self._limits:  # two threads may both measure: they find the same
-                self._limits[tests] = self._measured(copy, tests)
-            limits = self._limits[tests]
-            return copy.tried(fault, limits) if limits else "no test passes without it"
-        finally:
-            self._copies.put(copy)
-
-    def _measured(self, copy: Copy, tests: tuple[str, ...]) -> dict[str, float]:
-        """Return how long the tests of each tier may take, of those that pass without a fault."""
-        found = {}
-        for tier in self._tiers:
-            begin_s = time.monotonic()
-            if copy.passes(tests, tier, 900):
-                found[tier] = 4 * (time.monotonic() - begin_s) + 20
-            else:
-                print(f"these fail without any fault: -m '{tier}' {' '.join(tests)}", flush=True)
-        return found
-
-
 def _table(results: Mapping[Fault, str]) -> str:
     """Return how many were killed, by folder."""
     counts: dict[str, Counter[str]] = {}
@@ -390,9 +572,9 @@ def _table(results: Mapping[Fault, str]) -> str:
     lines = [f"{'':28} {'killed':>7} {'hung':>5} {'survived':>9} {'score':>6}"]
     for where in sorted(counts, key=lambda one: (one == "all", one)):
         found = counts[where]
-        judged = found["killed"] + found["survived"]
+        judged = found["killed"] + found["survived"] + found[LEFT]
         score = f"{100 * found['killed'] / judged:.0f} %" if judged else "-"
-        lines.append(f"{where:28} {found['killed']:7} {found['hung']:5} {found['survived']:9} {score:>6}")
+        lines.append(f"{where:28} {found['killed']:7} {found['hung']:5} {judged - found['killed']:9} {score:>6}")
     return "\n".join(lines)
 
 

@@ -1,8 +1,12 @@
 """The small faults that `.bench/long/mutations.py` draws are one change each, and their results add up over days."""
 
 import ast
+import shutil
+import subprocess
+import sys
 
 import mutations
+import pytest
 from mutations import Fault, Places
 
 TEXT = '''
@@ -47,3 +51,55 @@ def test_what_was_tried_is_known_until_its_module_changes(tmp_path):
     mutations.record(out, FAULTS[1], "survived")
     assert mutations.recorded(out) == {FAULTS[0]: "killed", FAULTS[1]: "survived"}
     assert not set(mutations.recorded(out)) & set(Places("held.py", TEXT + "\n# more\n").found)
+
+
+HELD = """MOST = 4
+
+
+def fits(n):
+    def inner():
+        return n < MOST
+
+    return inner()
+
+
+def untested(n):
+    return n > 0
+
+
+def endless(n):
+    while n > 0:
+        n -= 1
+    return n
+"""
+TESTS = """import pytest
+from held import endless, fits, untested
+
+def test_it_fits():
+    assert fits(3) and not fits(4) and not fits(5)
+
+def test_it_ends():
+    assert endless(3) == 0
+
+@pytest.mark.slow
+def test_slowly():
+    assert untested(1)
+"""
+
+
+@pytest.mark.slow
+def test_a_fault_is_noticed_wherever_it_is_run_and_what_no_test_holds_survives(tmp_path):
+    driver, out = tmp_path / ".bench" / "long" / "mutations.py", tmp_path / "out.jsonl"
+    for path, text in ((driver, ""), (tmp_path / "held.py", HELD), (tmp_path / "tests" / "test_held.py", TESTS)):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    shutil.copy(mutations.__file__, driver)
+    constant, _, untested, *_ = Places("held.py", HELD).found
+    mutations.record(out, constant, "hung")  # it isn't tried again
+    mutations.record(out, untested, mutations.LEFT)  # this one is
+    ran = subprocess.run([sys.executable, driver, "held.py", "--out", out], capture_output=True, text=True, check=False)
+    assert ran.returncode == 1, ran.stderr
+    assert {(one.line, one.kind): result for one, result in mutations.recorded(out).items()} == {
+        (1, "constant"): "hung", (6, "compare"): "killed", (12, "compare"): "survived", (12, "constant"): "killed",
+        (16, "compare"): "killed", (16, "constant"): "killed", (17, "constant"): "killed",
+    }  # fmt: skip
