@@ -72,6 +72,7 @@ WRITTEN = {
     ast.Is: "is", ast.IsNot: r"is\s+not", ast.In: "in", ast.NotIn: r"not\s+in",
 }  # fmt: skip
 SIGNS = {ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "//"), ast.FloorDiv: ("//", "*")}
+KEPT = {"strict", "frozen"}  # of zip and of structs: promises of who wrote it, that no program sees kept
 TALK = {"log", "logging", "warnings", "click", "echo"}  # whose calls say something and do nothing
 
 
@@ -151,6 +152,10 @@ class Places(ast.NodeVisitor):
         if isinstance(node.op, ast.Not):
             self._add("not", self._span(node)[0], self._span(node.operand)[0], "")
         self.generic_visit(node)
+
+    def visit_keyword(self, node: ast.keyword) -> None:
+        if node.arg not in KEPT:
+            self.generic_visit(node)
 
     def visit_Constant(self, node: ast.Constant) -> None:
         start, end = self._span(node)
@@ -255,14 +260,16 @@ def forked(work: Callable[[], int], limit_s: float | None = None) -> int | None:
     return os.waitstatus_to_exitcode(status) if ended else None
 
 
-def tested(paths: Sequence[str], tier: str, plugin: object) -> int:
+def tested(paths: Sequence[str], tier: str, plugin: "Some") -> int:
     """Run, or load, tests of a tier in this process."""
-    options = ["-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-o", "timeout=0", "-m", tier]
+    options = [*plugin.options, "-q", "-n", "0", "-p", "no:cacheprovider", "-o", "timeout=0", "-m", tier]
     return int(pytest.main([*options, *paths], plugins=[plugin]))
 
 
 class Some:
     """Of the tests that pytest has found, those that are wanted, or all; a property's example is not made small."""
+
+    options: Sequence[str] = ("-x",)
 
     def __init__(self, wanted: Iterable[str] = ()) -> None:
         self._wanted = set(wanted)
@@ -282,6 +289,8 @@ class Some:
 
 class Warm(Some):
     """All tests of the fast tier, loaded once; tries faults that it is sent in forks of its process."""
+
+    options = ()
 
     def __init__(self, control: Connection, kept: Path) -> None:
         super().__init__()
@@ -351,36 +360,34 @@ class Warm(Some):
         self._kept.write_bytes(pickle.dumps(reached))
 
     def _traced(self, items: Sequence[pytest.Item], to: Path) -> int:
-        local: dict[str, tuple[set[int], Callable[..., object]]] = {}
+        lines: dict[str, set[int]] = {}  # of each module, those of the first call of each function
+        seen: set[CodeType] = set()
 
-        def of(name: str) -> Callable[..., object]:
-            lines: set[int] = set()
-
-            def line(frame: FrameType, event: str, argument: object) -> object:
-                lines.add(frame.f_lineno)
-                return line
-
-            local[name] = lines, line
+        def line(frame: FrameType, event: str, argument: object) -> object:
+            lines[frame.f_code.co_filename].add(frame.f_lineno)
             return line
 
         def called(frame: FrameType, event: str, argument: object) -> object:
-            name = frame.f_code.co_filename
-            if not name.startswith(self._root) or name.startswith(f"{self._root}tests/"):
+            code = frame.f_code
+            if code in seen:
                 return None
-            return local[name][1] if name in local else of(name)
+            seen.add(code)
+            if not code.co_filename.startswith(self._root) or code.co_filename.startswith(f"{self._root}tests/"):
+                return None
+            lines.setdefault(code.co_filename, set()).add(code.co_firstlineno)
+            return line
 
         reached: Reached = {}
         for item, after in zip(items, [*items[1:], None], strict=True):
-            for lines, _ in local.values():
-                lines.clear()
+            lines.clear()
+            seen.clear()
             begin_s = time.process_time()
             threading.settrace(called)
             sys.settrace(called)
             passed = self._passes(item, after)
             sys.settrace(None)
             if passed:
-                masks = {name[len(self._root) :]: sum(1 << at for at in lines) for name, (lines, _) in local.items()}
-                masks = {name: mask for name, mask in masks.items() if mask}
+                masks = {name[len(self._root) :]: sum(1 << at for at in found) for name, found in lines.items()}
                 reached[item.nodeid] = time.process_time() - begin_s, masks
         to.write_bytes(pickle.dumps(reached))
         return PASSED
@@ -434,18 +441,18 @@ class Trial:
         self._warm.send(None)
         os.waitpid(self._pid, 0)
 
-    def chosen(self, module: str, bits: int = -1) -> list[str]:
-        """Return tests of the fast tier that run some of these lines of a module, or any: the nearest first."""
+    def chosen(self, module: str, line: int = 0, function: int = 0) -> list[str]:
+        """Return tests of the fast tier that run a line, then those that run its function; without, any of a module."""
         near, turns = set(nearest(module)), Counter[str]()
         found = []
         for test, (seconds, lines) in sorted(self._reached.items(), key=lambda one: one[1][0]):
-            far = test.partition("::")[0] not in near
-            if lines.get(module, 0) & bits or (bits == -1 and not far):
-                function = test.partition("[")[0]
-                found.append((turns[function], far, seconds, test))
-                turns[function] += 1
+            mask, far = lines.get(module, 0), test.partition("::")[0] not in near
+            if (mask >> line | mask >> function) & 1 if line else mask or not far:
+                kind = test.partition("[")[0]
+                found.append((turns[kind], not mask >> line & 1, far, seconds, test))
+                turns[kind] += 1
         found.sort()
-        spent = itertools.accumulate((seconds for _, _, seconds, _ in found), initial=0.0)
+        spent = itertools.accumulate((seconds for *_, seconds, _ in found), initial=0.0)
         return [test for (*_, test), spent_s in zip(found, spent, strict=False) if spent_s < BUDGET_S]
 
     @contextmanager
@@ -482,9 +489,12 @@ class Trial:
         return "hung" if status is None else "survived" if status in (PASSED, NO_TESTS) else "killed"
 
     def _of_fast(self, fault: Fault, before: str, after: str) -> int | None:
-        starts = (one.lineno for one in ast.walk(ast.parse(before)) if isinstance(one, ast.stmt))
-        first = max(line for line in starts if line <= fault.line)
-        tests = self.chosen(fault.module, sum(1 << line for line in range(first, fault.line + 1)))
+        nodes = [one for one in ast.walk(ast.parse(before)) if getattr(one, "lineno", sys.maxsize) <= fault.line]
+        line = max(one.lineno for one in nodes if isinstance(one, ast.stmt))
+        defs = [one for one in nodes if isinstance(one, ast.FunctionDef | ast.AsyncFunctionDef)]
+        inside = [one for one in defs if fault.line <= (one.end_lineno or 0)]
+        function = max((min([one.lineno, *(of.lineno for of in one.decorator_list)]) for one in inside), default=line)
+        tests = self.chosen(fault.module, line, function)
         self._warm.send((fault.module, before, after, tests, self._patience(tests)))
         status = self._warm.recv()
         if status != BROKE:

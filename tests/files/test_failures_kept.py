@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import silo
-from silo.cli.logs.files import EXIT_DIFFERENT
+from silo.cli.codes import EXIT_FOUND
 from silo.cli.main import run
 from silo.core.recording import NO_FAILURES, Failures
 from silo.errors import LogWarning
@@ -104,7 +104,7 @@ def test_diff_tells_that_one_of_two_logs_could_not_read_it(tmp_path, recording, 
         writer_for(path)(each, path, None)
     with pytest.raises(SystemExit) as ended:
         run(["diff", *map(str, paths)])
-    assert ended.value.code == EXIT_DIFFERENT
+    assert ended.value.code == EXIT_FOUND
     assert "ticks that could not be read: 3, then 0" in capsys.readouterr().out
 
 

@@ -14,6 +14,10 @@ from silo.errors import ElementError
 from silo.parameters.excited import GONE
 from silo.parameters.landing import CLOSED, SET, STANDS_STILL
 from silo.parameters.parameters import STALLED, Parameters
+from silo.parameters.requests import ParametersSet
+from silo.parameters.robot import ParameterRobot, ended
+from silo.rpc.refusals import RequestRefusedError
+from silo.rpc.serving import NOBODY
 
 HZ = 1000
 CHIRP = Excitation("tau", Wave.CHIRP, 2.0, 8.0, 1.0, 50.0, 0.5)
@@ -249,6 +253,38 @@ def test_what_nobody_kept_before_its_first_tick_never_begins(robot):
     turn(robot, 0.01)
     assert change.refused == GONE
     assert not values(robot).any()
+
+
+def test_a_client_is_answered_what_became_of_what_it_asked(robot):
+    served = ParameterRobot(robot.parameters, HZ)
+    asked = served.set_parameters(NOBODY, {"kp": 50.0}, "", 0.0, remote=False)
+    assert asked == ParametersSet(asked.name, waits=True)
+    assert "waits for a tick" in asked.text
+    robot.collect()
+    found = ended(robot.parameters, asked.name)
+    assert (found, found.text) == (ParametersSet(asked.name, 1), "it holds from tick 1 on")
+    assert ParametersSet("a", 0).text == "it holds from tick 0 on"
+    assert ParametersSet("a").text == "it holds; the logger stands still"
+    begun = served.excite(NOBODY, CHIRP, "b", remote=False)
+    assert (begun.at_s, begun.tick, begun.ended, begun.until) == (0.0, -1, "", -1)
+    turn(robot, 1)
+    excited = robot.parameters.excitations.known["b"].excited
+    excited.kept_s = -math.inf
+    kept = served.keep_excitation("b")
+    assert (kept.at_s, kept.tick, kept.ended, excited.kept_s > 0) == (pytest.approx(0.999), 2, "", True)
+    assert served.stop_excitation(NOBODY, "", "") == "it goes back"
+    turn(robot, 1)
+    assert served.stop_excitation(NOBODY, "b", "") == "nothing is excited"
+    over = served._excitation("b")
+    assert (over.ended, over.until) == ("stopped by nobody", excited.until)
+    lease_over(robot, excite(robot, name="c"))
+    turn(robot, 0.01)
+    assert served._excitation("c").ended == GONE
+    robot.parameters.request({"kp": 60.0}, "bob", "shell", "d", remote=False)
+    robot.parameters["kp"].value = 55.0
+    robot.collect()
+    with pytest.raises(RequestRefusedError, match="; nothing was changed"):
+        ended(robot.parameters, "d")
 
 
 # ----------------------------------------------------------------------------------------------------- what is refused

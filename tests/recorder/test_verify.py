@@ -131,10 +131,15 @@ def test_a_hole_between_two_parts_is_missing(kept, tmp_path, truth):
     assert 490 < last < 540
 
 
-def test_a_run_that_began_after_its_recording_was_ordered_is_to_be_there_from_its_first_tick(kept):
+@pytest.mark.parametrize("recorded_before", [0, 1])
+def test_a_run_that_began_after_its_recording_was_ordered_is_to_be_there_from_its_first_tick(kept, recorded_before):
+    kept.run = "before"
+    kept.happens("recording", f"recording 'bot' of all elements to {kept.folder}/rec", 0)
+    for _ in range(recorded_before):
+        kept.recorded(30)
+        kept.robot = kept.truth.robot(kept.folder)
     kept.robot.start()
     kept.run = kept.robot.log._present.run.id
-    kept.happens("recording", f"recording 'bot' of all elements to {kept.folder}/rec", 0)
     kept.happens("started", "started", 0)
     kept.robot.ticks(40)
     direct = kept.recorder()
