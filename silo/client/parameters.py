@@ -22,7 +22,6 @@ class ClientParameters(MutableMapping[str, ParameterValue]):
     """`client.parameters["kp"]` asks, `client.parameters["kp"] = 50.0` sets and waits until it holds."""
 
     def __init__(self, client: ParameterRequests) -> None:
-        """Ask by this client, anew each time."""
         self._client = client
 
     def described(self) -> list[ParameterInfo]:

@@ -35,7 +35,6 @@ class LoggerConditions(TakesConditions[None]):
     """Derived signals, limits and triggers of a logger."""
 
     def __init__(self, options: LoggerOptions, table: Registrations, life: LifeCycle) -> None:
-        """Begin without any, of a logger with these options, this table and this life cycle."""
         self.options, self._table, self._life = options, table, life
         self.extras = NO_EXTRAS
 

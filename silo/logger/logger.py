@@ -10,7 +10,7 @@ import logging
 import os
 from collections.abc import Callable, Iterator, Mapping
 from types import TracebackType
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 from silo.core.arguments import switch, whole, word
 from silo.core.calls import of, told_class
@@ -32,14 +32,7 @@ from silo.logger.arguments.options import (
     warn_if_not_durable,
     warn_of_end,
 )
-from silo.logger.arguments.other_names import (
-    HidesOtherNames,
-    listed,
-    no_attribute_of,
-    not_deleted,
-    not_set,
-    with_other_names,
-)
+from silo.logger.arguments.other_names import LoggerNames, no_attribute_of
 from silo.logger.conditions import LoggerConditions
 from silo.logger.current_run import CurrentRun, check_cut, unsaved_of
 from silo.logger.life_cycle import LifeCycle
@@ -78,9 +71,8 @@ if TYPE_CHECKING:
 log = logging.getLogger("silo")
 
 
-@with_other_names
 @told_class("log", make="silo.Logger", leave=("collect", "mark"))
-class Logger(metaclass=HidesOtherNames):
+class Logger(LoggerNames):
     """Logs variables of a control program, by reference, once per control tick.
 
     Args:
@@ -188,11 +180,6 @@ class Logger(metaclass=HidesOtherNames):
     stop_recording = of("_data", RunData.stop_recording)
 
     @property
-    def name(self) -> str:
-        """The logger's name."""
-        return self.options.name
-
-    @property
     def elements(self) -> Elements:
         """The element table, in the order of registration; a row is found by its number or its name."""
         return Elements(self._table.infos, self._table.prefix)
@@ -205,9 +192,6 @@ class Logger(metaclass=HidesOtherNames):
     def __len__(self) -> int:
         """How many elements the table has."""
         return len(self._table.elements)
-
-    def __bool__(self) -> bool:
-        return True  # also without elements
 
     def __iter__(self) -> Iterator[str]:
         """The names of the elements."""
@@ -464,12 +448,6 @@ class Logger(metaclass=HidesOtherNames):
     def __getitem__(self, name: str) -> LoggedElement:
         return self._data.element(name)
 
-    def __setitem__(self, name: str, value: object) -> NoReturn:
-        not_set(name)
-
-    def __delitem__(self, name: str) -> NoReturn:
-        not_deleted(name)
-
     @property
     def has_unsaved(self) -> bool:
         """Whether ticks were logged that stand in no file."""
@@ -644,9 +622,6 @@ class Logger(metaclass=HidesOtherNames):
         """The element whose name ends so."""
         table = vars(self).get("_table")
         return table.named(name) if table is not None else None
-
-    def __dir__(self) -> list[str]:
-        return listed(super().__dir__(), type(self))
 
     def __repr__(self) -> str:
         return f"<Logger {self._about()}>"

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from functools import wraps
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Concatenate, NoReturn, ParamSpec, TypeVar, cast
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -23,7 +23,7 @@ from silo.core.kinds import index_suffixes, kind_by_shape
 from silo.core.recording import Recording
 from silo.errors import ArgumentError, ElementError
 from silo.logger.arguments.options import array_layout
-from silo.logger.arguments.other_names import HidesOtherNames, listed, not_deleted, not_set, with_other_names
+from silo.logger.arguments.other_names import LoggerNames
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.logger import Logger
 from silo.logger.results import Elements, LoggedElement, NewValues, SavedFiles
@@ -98,8 +98,7 @@ class NullServing:
         """Do nothing."""
 
 
-@with_other_names
-class NullLogger(metaclass=HidesOtherNames):
+class NullLogger(LoggerNames):
     """Takes every call of `Logger` and logs nothing. `array` returns ordinary zeros, so that the program works on."""
 
     is_running = False
@@ -140,11 +139,6 @@ class NullLogger(metaclass=HidesOtherNames):
     limit = _nothing(Logger.limit)
     trigger = _nothing(Logger.trigger)
     stop_recording = _nothing(Logger.stop_recording)
-
-    @property
-    def name(self) -> str:
-        """The logger's name."""
-        return self.options.name
 
     @property
     def elements(self) -> Elements:
@@ -233,20 +227,8 @@ class NullLogger(metaclass=HidesOtherNames):
         """Start nothing: nobody listens."""
         return NullServing()
 
-    def __setitem__(self, name: str, value: object) -> NoReturn:
-        not_set(name)
-
-    def __delitem__(self, name: str) -> NoReturn:
-        not_deleted(name)
-
-    def __dir__(self) -> list[str]:
-        return listed(super().__dir__(), type(self))
-
     def __len__(self) -> int:
         return len(self._infos)
-
-    def __bool__(self) -> bool:
-        return True  # as any logger
 
     def __iter__(self) -> Iterator[str]:
         return iter(list(self._infos))

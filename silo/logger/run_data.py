@@ -36,7 +36,6 @@ class RunData:
         life: LifeCycle,
         present: CurrentRun,
     ) -> None:
-        """Look at the run that `present` has, by the names of the table."""
         self._options, self._table, self._conditions = options, table, conditions
         self._life, self._present = life, present
         self._new_values = NewValuesReader()

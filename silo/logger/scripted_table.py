@@ -91,15 +91,7 @@ class ScriptedTable:
         life: LifeCycle,
         owner: type | None = None,
     ) -> None:
-        """Begin with what the table has.
-
-        Args:
-            options: of the logger.
-            table: what is registered.
-            conditions: what is judged of it; scripts set that too.
-            life: of the logger: while it runs nothing is changed.
-            owner: a class that is to tell what is meant by `log.q`.
-        """
+        """Begin with what the table has; `owner` is a class that is to tell what is meant by `log.q`."""
         self._options, self._table, self._conditions, self._life, self._owner = options, table, conditions, life, owner
         self._arena = Arena()
         self._values: dict[tuple[str, str], NDArray[Any]] = {}  # of `value`, by name and group

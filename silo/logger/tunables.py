@@ -27,7 +27,6 @@ class Tunables:
     def __init__(
         self, options: LoggerOptions, add: Callable[..., None], life: LifeCycle, parameters: Parameters
     ) -> None:
-        """Declare parameters of a logger with these options; `add` makes each an element."""
         self._options, self._add, self._life, self._parameters = options, add, life, parameters
 
     def parameter(

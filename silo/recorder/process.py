@@ -94,7 +94,6 @@ class RecorderProcess:
     """A recorder that was started. Methods are for who holds the lock of `Recording`, but `wait`."""
 
     def __init__(self, kept: RecorderHandover) -> None:
-        """It isn't started yet."""
         self.kept = kept
         self.report = Report(RecorderState.WAITING)
         self.runs: list[str] = []  # that it is to record and has not, oldest first

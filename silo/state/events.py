@@ -194,7 +194,6 @@ class EventNotifier:
     """Numbers events, logs and publishes them."""
 
     def __init__(self, session: zenoh.Session, root: Root, replica: Replica, log: EventLog) -> None:
-        """Tell by this session."""
         self._publisher = session.declare_publisher(
             root.key("event"), congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.INTERACTIVE_HIGH
         )

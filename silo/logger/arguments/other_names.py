@@ -4,11 +4,10 @@ Misspelt names are Python's own matter: it says which one was meant.
 """
 
 from collections.abc import Iterable
-from typing import NoReturn, TypeVar
+from typing import NoReturn
 
+from silo.core.elements import LoggerOptions
 from silo.errors import ArgumentError, StateError, UnknownNameError
-
-C = TypeVar("C", bound=type)
 
 _SAVED = "log.save('csv') writes files; silo.Log(log.snapshot()) has the data as signals"
 _SETTING = "it is log.options.{}; it is given when the logger is made: silo.Logger('robot', {})"
@@ -170,13 +169,6 @@ class HidesOtherNames(type):
         return listed(super().__dir__(), cls)
 
 
-def with_other_names(cls: C) -> C:
-    """Have a class of loggers tell what to write instead of each of `OTHER_NAMES`."""
-    for name, way_out in OTHER_NAMES.items():
-        setattr(cls, name, (Settled if name in SETTLED else Elsewhere)(name, way_out))
-    return cls
-
-
 def listed(names: Iterable[str], cls: type) -> list[str]:
     """The names of an object without those that are only told of: what its `__dir__` returns."""
     return [name for name in names if not isinstance(_static(cls, name), Elsewhere)]
@@ -195,14 +187,31 @@ def no_attribute_of(element: str, name: str) -> NoReturn:
     )
 
 
-def not_deleted(name: object) -> NoReturn:
-    """Raise ArgumentError: `del log["x"]`."""
-    raise ArgumentError(f"log[{name!r}] is only looked at: log.remove({name!r}) forgets it; nothing was changed")
+class LoggerNames(metaclass=HidesOtherNames):
+    """What a logger and one that does nothing have in common: its name, and what is told of what they lack."""
+
+    options: LoggerOptions
+
+    @property
+    def name(self) -> str:
+        """The logger's name."""
+        return self.options.name
+
+    def __bool__(self) -> bool:
+        return True  # also without elements
+
+    def __setitem__(self, name: str, value: object) -> NoReturn:
+        raise ArgumentError(
+            f"log[{name!r}] is only looked at: write into the array that was added, x[:] = ..., or change how it is "
+            f"logged by log.set({name!r}, divider=2); nothing was changed"
+        )
+
+    def __delitem__(self, name: str) -> NoReturn:
+        raise ArgumentError(f"log[{name!r}] is only looked at: log.remove({name!r}) forgets it; nothing was changed")
+
+    def __dir__(self) -> list[str]:
+        return listed(super().__dir__(), type(self))
 
 
-def not_set(name: object) -> NoReturn:
-    """Raise ArgumentError: `log["x"] = value`."""
-    raise ArgumentError(
-        f"log[{name!r}] is only looked at: write into the array that was added, x[:] = ..., or change how it is logged "
-        f"by log.set({name!r}, divider=2); nothing was changed"
-    )
+for _name, _way_out in OTHER_NAMES.items():
+    setattr(LoggerNames, _name, (Settled if _name in SETTLED else Elsewhere)(_name, _way_out))

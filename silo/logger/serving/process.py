@@ -197,15 +197,9 @@ class FoxgloveProcess(ChildProcess):
     """Serves a logger to Foxglove, Lichtblick and PlotJuggler on a port of this computer, for reading alone."""
 
     def __init__(self, logger: str, port: int) -> None:
-        """Start it; it listens, and waits for `begin`.
+        """Start it; it listens on a port of 127.0.0.1 (0: one that is free), and waits for `begin`.
 
-        Args:
-            logger: its name.
-            port: of 127.0.0.1; 0: one that is free.
-
-        Raises:
-            SiloError: the port is taken, or `websockets` is missing.
-            OSError: no process can be started.
+        Raises SiloError where the port is taken, or `websockets` is missing, OSError.
         """
         check_installed("websockets", "foxglove")
         with bound("127.0.0.1", port) as listening:
