@@ -73,7 +73,7 @@ def signals(draw):
 def test_a_frame_holds_what_was_known_at_its_time(signal, fps):
     last, mean = (frames([Wanted("x", (signal,), how)], fps).columns[0] for how in ("last", "mean"))
     begin, end = int(signal.time_ns[0]), int(signal.time_ns[-1])
-    grid = [begin + i * 10**9 // fps for i in range(10**6) if begin + i * 10**9 // fps <= end]
+    grid = list(itertools.takewhile(lambda at: at <= end, (begin + i * 10**9 // fps for i in itertools.count())))
     assert len(last) == len(mean) == len(grid)
     before = -1
     for at, newest, average in zip(grid, last, mean, strict=True):

@@ -56,7 +56,8 @@ class Interrupts:
             sys.settrace(before)
 
     def _call(self, frame: FrameType, event: str, _: object) -> Any:
-        if not self._watched(frame.f_code):
+        # each instruction that is stepped through costs a call: of the others' code none is looked at
+        if not self._watched(frame.f_code) if self._at is None else frame.f_code != self._at[0]:
             return None
         frame.f_trace_opcodes, frame.f_trace_lines = True, False
         return self._step
