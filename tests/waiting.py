@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from silo.errors import ConnectionLostError
+from silo.errors import ConnectionLostError, RefusedError
 
 Result = TypeVar("Result")
 
@@ -27,10 +27,13 @@ def wait_until(get: Callable[[], Result]) -> Result:
 
 
 def answered(ask: Callable[[], Result]) -> Result | None:
-    """Return what a client is answered; None while one helper process is gone and the next isn't there."""
+    """Return what a client is answered; None while a helper process is gone, or says that it is to be asked again."""
     try:
         return ask()
     except ConnectionLostError:
+        return None
+    except RefusedError as refused:
+        assert "ask again" in str(refused), refused
         return None
 
 

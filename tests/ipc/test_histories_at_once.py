@@ -10,6 +10,7 @@ import zenoh
 from silo.core.arrays.columns import MAX_COLUMNS
 from silo.fleet.exchange import decode_reply, encoded
 from silo.history.requests import Columns, GetHistory
+from silo.net.keys import ANY_ALIVE
 from silo.net.session import close, open_client
 from tests.waiting import DEADLINE_S
 
@@ -35,8 +36,9 @@ def test_of_64_large_histories_at_once_all_are_answered_and_memory_stays_bounded
         names=names, start_ns=bench.begin_ns, end_ns=bench.begin_ns + MAX_COLUMNS * COLUMN_NS, column_ns=COLUMN_NS
     )
     session = open_client(Path(bench.serving.socket_path))
-    began_s = time.monotonic()
     try:
+        assert list(session.liveliness().get(ANY_ALIVE, timeout=DEADLINE_S))  # before that it knows nobody to ask
+        began_s = time.monotonic()
         key = f"silo/*/bot/{GetHistory.key}"
         asked = [
             session.get(key, zenoh.handlers.FifoChannel(1), payload=encoded(request), timeout=DEADLINE_S)
