@@ -21,7 +21,7 @@ from silo.analysis.signal import Signal
 from silo.core import units
 from silo.core.arguments import real, shown, text
 from silo.core.arrays.values import as_floats
-from silo.core.calls import told, told_class
+from silo.core.calls import told, told_class, told_names
 from silo.core.printing import html_table
 from silo.core.recording import RecordedElement, Recording, stamps_of
 from silo.errors import ElementError
@@ -87,6 +87,14 @@ class SignalDifference:
         return (self.name, self.unit, *numbers, f"{self.differ:.1%}")
 
 
+_ROWS = "for row in comparison: row.name, row.rms, row.largest; the most different first"
+_OTHER_NAMES = {
+    **dict.fromkeys(("equal", "same", "differs"), "bool(comparison) says whether anything differs"),
+    **dict.fromkeys(("diff", "differences", "signals", "worst", "max", "items", "to_pandas", "to_dict"), _ROWS),
+}
+
+
+@told_names("a comparison", _OTHER_NAMES)
 @told_class("comparison")
 @dataclass(frozen=True)
 class Comparison:
@@ -107,6 +115,9 @@ class Comparison:
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    def __iter__(self) -> Iterator[SignalDifference]:
+        return iter(self.rows)
 
     def __bool__(self) -> bool:
         """Whether anything differs."""

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,7 +36,7 @@ from silo.core.kinds import SCALAR
 from silo.core.names import did_you_mean, is_glob
 from silo.core.printing import html_table
 from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, read_ahead, stamps_of
-from silo.errors import ElementError, LogWarning, SaveError, UnknownSignalError
+from silo.errors import ArgumentError, ElementError, LogWarning, SaveError, UnknownSignalError
 from silo.expressions.derived_signals import bound_derived
 from silo.files.added import added_formats
 from silo.files.formats import writer_for
@@ -137,6 +137,26 @@ class Log(Mapping[str, Signal]):
             return self._signal(key, element)
         entry = element.entries[index]
         return self._signal(key, replace(element, name=key, kind=SCALAR.name, shape=(), entries=(entry,)))
+
+    def __setitem__(self, name: str, values: object) -> NoReturn:
+        raise ArgumentError(
+            f"a log is only read, log[{name!r}] can't be set or deleted: keep what you compute in a variable, {name} = "
+            "log['x'] * 2, or add a column to log.to_pandas()"
+        )
+
+    def __delitem__(self, name: str) -> NoReturn:
+        self.__setitem__(name, None)
+
+    def __array__(self, *_: object, **__: object) -> NoReturn:
+        raise ArgumentError(
+            "a log is no array: log.to_pandas() is a table of all signals, log['/log/x'].values an array"
+        )
+
+    def __enter__(self) -> "Log":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Do nothing: a log is a value, nothing is to be closed."""
 
     def __contains__(self, name: object) -> bool:
         if not isinstance(name, str):

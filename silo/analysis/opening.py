@@ -20,7 +20,7 @@ from silo.core.arguments import path as file_path
 from silo.core.arguments import shown, switch, whole
 from silo.core.calls import told
 from silo.core.recording import Recording, has_own_stamps, stretch_of
-from silo.errors import ElementError, LogWarning
+from silo.errors import ElementError, LogNotFoundError, LogWarning
 from silo.files.added import added_formats
 from silo.files.formats import read_recording
 from silo.files.naming import find_log, find_logs
@@ -68,6 +68,10 @@ def open_log(
     """
     if stamps not in ("log", "header"):
         raise ElementError(f"unknown stamps {stamps!r}: choose 'log' (when recorded) or 'header' (when measured)")
+    if folder != "." and not os.path.isdir(file_path("folder", folder)):  # noqa: PTH112
+        raise LogNotFoundError(
+            f"there is no folder {shown(folder)} to look in; signals are chosen from the log: log['q']"
+        )
     if isinstance(which, list | tuple) and len(which) > 1:
         return _of_files([open_log(one, folder, stamps=stamps, alone=True) for one in which])
     if not isinstance(which, str | bytes | os.PathLike):

@@ -11,7 +11,7 @@ Operators are NumPy's, which call `silo.analysis.compute.numpy_functions`; frame
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, Union
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias, Union, cast
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
@@ -26,7 +26,7 @@ from silo.core.arrays.values import with_nan
 from silo.core.calls import no_attribute, told_class
 from silo.core.printing import html_table
 from silo.core.recording import within
-from silo.errors import ElementError
+from silo.errors import ArgumentError, ElementError
 
 # what others call it
 _OTHER_NAMES = {
@@ -392,6 +392,12 @@ class Signal(Samples, _Operators):
         mask (`[signal > 1]`), or a component (`["x"]`, `[:, 0]`).
         """
         return indexing.chosen(self, key, self.clip)
+
+    def __setitem__(self, key: object, values: object) -> NoReturn:
+        raise ArgumentError("a signal is only read: values = signal.values.copy(), then values[...] = ...; or np.where")
+
+    def __round__(self, digits: int = 0) -> "Signal":
+        return cast(Signal, np.round(cast(Any, self), digits))
 
     if not TYPE_CHECKING:  # type checkers know which names there are
 

@@ -121,10 +121,9 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Return the command that the first word names, or an error with the nearest name."""
         if args[0] not in COMMANDS and not args[0].startswith("-"):
-            from silo.core.names import did_you_mean, nearest
+            from silo.cli.other_words import what_instead
 
-            hint = did_you_mean(nearest(args[0], COMMANDS), "`silo --help` lists them")
-            raise click.UsageError(f"no command '{args[0]}'{hint}", ctx)
+            raise click.UsageError(f"no command '{args[0]}'{what_instead(args, list(COMMANDS))}", ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

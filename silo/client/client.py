@@ -7,7 +7,7 @@ import contextlib
 import secrets
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import msgspec
 
@@ -19,10 +19,10 @@ from silo.conditions.given import TakesConditions
 from silo.conditions.requests import ConditionRequests
 from silo.control.requests import LONGEST_LEASE_S, ControlRequests, TakeControl
 from silo.core.arguments import path, real, shown, switch, text, texts, whole
-from silo.core.calls import no_attribute, told_class
+from silo.core.calls import told_class, told_names
 from silo.core.elements import SavedFile
 from silo.core.printing import html_table
-from silo.errors import ConnectionLostError, ElementError, RefusedError, SiloError
+from silo.errors import ArgumentError, ConnectionLostError, ElementError, RefusedError, SiloError
 from silo.fleet.discovery import discover
 from silo.fleet.exchange import NoAnswerError, client_name
 from silo.history.found_moments import SearchRequests
@@ -69,6 +69,7 @@ LEASE_S = 15.0  # of control that is renewed: seven renewals, or 15 s of a link 
 LONGEST_S = 1e6  # that anybody waits
 
 
+@told_names("a client", _OTHER_NAMES)
 @told_class("client", make="Client", shared=TakesConditions, returns=str)
 class Client(
     StateRequests, TableRequests, EventRequests, ScriptRequests, ControlRequests, ConditionRequests, SearchRequests,
@@ -145,10 +146,12 @@ class Client(
         """Say of changes for whom they are made, in words that events have: as a bridge does."""
         self._name = f"{client_name()} for {caller}"
 
-    if not TYPE_CHECKING:  # which know what there is
-
-        def __getattr__(self, name: str) -> object:
-            return no_attribute("a client", name, type(self), _OTHER_NAMES)
+    def __getitem__(self, name: object) -> NoReturn:
+        # what iterating comes to as well
+        raise ArgumentError(
+            "a client is a connection, not values: client.topic('x') reads them live, "
+            "client.samples(['x'], ...) what the buffers hold; client.table().elements are the elements"
+        )
 
     def __repr__(self) -> str:
         found = self.found

@@ -222,10 +222,34 @@ def no_attribute(what: str, name: str, cls: type, others: Mapping[str, str], way
     """
     found = others.get(name, "")
     if not found and not name.startswith("_"):
-        known = (*dir(cls), *getattr(cls, "__dataclass_fields__", ()))
+        known = (*dir(cls), *getattr(cls, "__dataclass_fields__", ()), *getattr(cls, "__struct_fields__", ()))
         found = did_you_mean(nearest(name, [one for one in known if not one.startswith("_")], 0.7))[2:]
     found = found or way_out or f"help(silo.{cls.__name__}) lists what there is"
     raise UnknownNameError(f"{what} has no '{name}': {found}", name=name)
+
+
+def told_names(
+    what: str, others: Mapping[str, str] | None = None, way_out: str = "", *, fixed: str = ""
+) -> Callable[[C], C]:
+    """Have the objects of a class tell of attributes that they lack, as `no_attribute` does.
+
+    fixed: what to write instead of setting an attribute of one that stays as it is.
+    """
+
+    def missing(self: object, name: str) -> NoReturn:
+        no_attribute(what, name, type(self), others or {}, way_out)
+
+    def setting(self: object, name: str, value: object) -> NoReturn:
+        raise UnknownNameError(f"{what} keeps its .{name}: {fixed}; nothing was changed", name=name)
+
+    def wrapped(cls: C) -> C:
+        if "__getattr__" not in vars(cls):
+            setattr(cls, "__getattr__", missing)  # noqa: B010  # type checkers know which names there are
+        if fixed:
+            setattr(cls, "__setattr__", setting)  # noqa: B010
+        return cls
+
+    return wrapped
 
 
 def _meant(key: str, known: list[str]) -> str:

@@ -11,15 +11,40 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
-from silo.core.calls import FORMER_WORDS, ToldStruct, present_word, present_words, unknown_argument, unknown_word
+from silo.core.calls import (
+    FORMER_WORDS,
+    ToldStruct,
+    no_attribute,
+    present_word,
+    present_words,
+    told_names,
+    unknown_argument,
+    unknown_word,
+)
+from silo.core.names import did_you_mean, nearest
 from silo.core.tuning.parameters import ParameterChange
-from silo.errors import ArgumentError, ElementError
+from silo.errors import ArgumentError, ElementError, UnknownNameError
 
 MAX_DIVIDER = 2**31 - 1
 MAX_BUFFER_SIZE = 2**31 - 1
 
 
-class _Named(enum.IntEnum):
+_OTHER_MEMBERS = {"BOTH": "SAVE_AND_PUBLISH", **dict.fromkeys(("RING", "CIRCULAR", "ROLLING"), "LOOPING")}
+
+
+class _NamedClass(enum.EnumMeta):
+    if not TYPE_CHECKING:  # which are to tell of any other name
+
+        def __getattr__(cls, name: str) -> object:  # of a class of classes
+            if name.startswith("_") or name in cls._member_map_:
+                return super().__getattr__(name)
+            meant = _OTHER_MEMBERS.get(name.upper(), name.upper())
+            near = nearest(meant, cls.__members__)
+            words = f"silo.{cls.__name__} has no {name!r}; there are {', '.join(cls.__members__)}{did_you_mean(near)}"
+            raise UnknownNameError(words, name=name)
+
+
+class _Named(enum.IntEnum, metaclass=_NamedClass):
     """Numbers that are also found by their names: `Action("publish")`."""
 
     @classmethod
@@ -93,6 +118,15 @@ class Threads(str, enum.Enum):
     SERIALIZED = "serialized"
 
 
+_SET = "log.set('x', divider=3) changes them; from another program client.apply([silo.Edit('x', divider=3)])"
+_OF_OPTIONS = {
+    "rate": "it is the logger's frequency / .divider",
+    **dict.fromkeys(("buffersize", "length", "capacity"), "it is .size"),
+    **dict.fromkeys(("on", "log", "active"), "it is .enabled"),
+}
+
+
+@told_names("options", fixed=_SET)
 class ElementOptions(
     msgspec.Struct,
     frozen=True,
@@ -122,7 +156,7 @@ class ElementOptions(
         def __getattr__(self, name: str) -> object:
             if name in FORMER_WORDS:
                 return getattr(self, present_word(name))
-            raise AttributeError(f"'ElementOptions' object has no attribute '{name}'", name=name, obj=self)
+            return no_attribute("options", name, type(self), _OF_OPTIONS)
 
 
 DEFAULT_OPTIONS = ElementOptions()
@@ -140,6 +174,12 @@ class Entry(msgspec.Struct, frozen=True, gc=False):
     labels: dict[int, str] | None = None
 
 
+_OF_INFO = {one: f"it is .options.{one}" for one in ("enabled", "divider", "action", "buffer", "size")} | dict.fromkeys(
+    ("value", "newest", "values"), "log['x'].newest is the newest value, silo.Log(log.snapshot())['x'].values are all"
+)
+
+
+@told_names("a row of the element table", _OF_INFO)
 class ElementInfo(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     """One row of the element table.
 
@@ -293,6 +333,14 @@ class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):
 DEFAULT_MAX_TIME_S = 10.0
 
 
+_OF_LOGGERS = {
+    **dict.fromkeys(("frequency", "freq", "rate", "hz"), "it is .frequency_hz"),
+    **dict.fromkeys(("max_time", "duration"), "it is .max_time_s"),
+    **dict.fromkeys(("path", "dir", "directory"), "it is .folder"),
+}
+
+
+@told_names("options", _OF_LOGGERS, fixed="it is given when the logger is made: silo.Logger('robot', frequency=500)")
 class LoggerOptions(msgspec.Struct, frozen=True):
     """What a logger is made with; see `silo.Logger` for the meaning of each.
 
@@ -524,6 +572,7 @@ class Problem(msgspec.Struct, frozen=True):
     reason: str
 
 
+@told_names("a saved file", dict.fromkeys(("name", "filename", "file"), "it is .path"))
 class SavedFile(msgspec.Struct, frozen=True):
     """One file (or bag folder) that a save wrote.
 
@@ -536,6 +585,9 @@ class SavedFile(msgspec.Struct, frozen=True):
     path: str
     type: FileType
     size_bytes: int
+
+    def __fspath__(self) -> str:
+        return self.path
 
 
 class FieldChange(msgspec.Struct, frozen=True):

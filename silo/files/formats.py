@@ -288,6 +288,9 @@ def writer_for(path: Path, added: Added | None = None) -> "Writer":
     Raises `SaveError` for an ending that nothing writes.
     """
     found = format_of(path)
+    word = next((one for one in FORMATS if path.name.lower() in (one.name, one.ending[1:])), None)
+    if word is not None and word.writer:
+        raise SaveError(f"'{path}' says the format alone: write the file's name before it, 'run{word.ending}'")
     if found is not None and found.writer:
         return found.load_writer()
     others = added() if added is not None else None

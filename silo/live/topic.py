@@ -14,7 +14,7 @@ import zenoh
 from numpy.typing import NDArray
 
 from silo.core.arguments import real
-from silo.core.calls import told_class
+from silo.core.calls import told_class, told_names
 from silo.errors import ConnectionLostError, ElementError
 from silo.net.keys import ClientId, Root, unescape
 from silo.net.sessions import undeclare
@@ -41,6 +41,13 @@ class Batch:
         return len(self.time_ns)
 
 
+_READ = "for batch in topic: batch.values[-1]; topic.read(timeout_s=1) has the batches that are there"
+_OTHER_NAMES = dict.fromkeys(
+    ("value", "values", "newest", "latest", "last", "get", "receive", "next", "subscribe", "callback"), _READ
+)
+
+
+@told_names("a topic", _OTHER_NAMES)
 @told_class("topic")
 class Topic:
     """A subscription. `read()` doesn't wait unless told to; `missed` counts samples that did not arrive.

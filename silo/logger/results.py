@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, SupportsIndex, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.calls import no_attribute
+from silo.core.calls import no_attribute, told_names
 from silo.core.elements import ElementInfo, ElementOptions, SavedFile
 from silo.core.names import Names
 from silo.core.printing import MOST_ROWS, html_table
@@ -34,6 +34,7 @@ _OF_NEW_VALUES = {
 }
 
 
+@told_names("an element", fixed="log.set('x', divider=3) changes how it is logged, x[:] = ... the array that was added")
 @dataclass(frozen=True, eq=False)
 class LoggedElement:
     """What `log["joints/q"]` returns: a row of the table, and what the present run holds of it at this moment.
@@ -88,6 +89,10 @@ class LoggedElement:
             others |= {one: _INFO.format(one) for one in ("kind", "dtype", "description", "entries")}
             no_attribute("an element", name, type(self), others)
 
+    def __getitem__(self, key: object) -> NoReturn:
+        mine = self.info.name
+        raise ArgumentError(f"an element has no [{key!r}]: log[{mine!r}].newest[{key!r}]; {_ALL.format(mine, mine)}")
+
     def __repr__(self) -> str:
         unit = "" if self.unit == "-" else f" [{self.unit}]"
         return f"<Element {self.name}{unit} {options_text(self.options)}, {self.held} held, newest {newest_text(self)}>"
@@ -120,8 +125,12 @@ class Elements(list[ElementInfo]):
         raise UnknownNameError(f"no element '{key}'{self.known.hint(key, f'list(log) has all {len(self)}')}")
 
 
+@told_names("saved files", dict.fromkeys(("name", "filename", "file"), "it is .path"))
 class SavedFiles(list[SavedFile]):
     """The files of one save, in the order of their types; of a single one, `path` and `size_bytes` are its own."""
+
+    def __fspath__(self) -> str:
+        return self.path
 
     @property
     def path(self) -> str:
@@ -180,6 +189,7 @@ def as_html(title: str, names: Sequence[str], element: Callable[[str], LoggedEle
     return html_table(title, heads, rows[:MOST_ROWS], more)
 
 
+@told_names("new values", _OF_NEW_VALUES)
 @dataclass(frozen=True)
 class NewValues:
     """Samples of one element, oldest first.
@@ -202,11 +212,6 @@ class NewValues:
     def __getitem__(self, place: object) -> NoReturn:
         # what unpacking and iterating come to as well
         raise ArgumentError("new values are two arrays: new = log.read_new_values('x'), then new.time_ns, new.values")
-
-    if not TYPE_CHECKING:  # type checkers find it themselves
-
-        def __getattr__(self, name: str) -> NoReturn:
-            no_attribute("new values", name, type(self), _OF_NEW_VALUES)
 
 
 class NewValuesReader:

@@ -12,7 +12,7 @@ from silo.core.arguments import path, text, texts
 from silo.core.calls import told_class
 from silo.core.elements import FileType, FileTypes, LoggerOptions, SavedFile
 from silo.core.recording import Recording
-from silo.errors import SegmentError, SiloError, StateError
+from silo.errors import ElementError, SegmentError, SiloError, StateError
 from silo.logger.conditions import LoggerConditions
 from silo.logger.current_run import CurrentRun, unsaved_of
 from silo.logger.life_cycle import LifeCycle
@@ -127,10 +127,16 @@ class RunData:
             SaveError: the system refuses. Nothing stands under the final name, the data is still in memory.
             StateError: nothing was logged yet.
         """
-        from silo.files.formats import file_types  # the control program loads nothing of files until it saves
+        from silo.files.formats import (
+            SAVED_NAMES,
+            file_types,
+        )  # the control program loads nothing of files until it saves
 
         chosen = file_types(types)
         name = text("name", name or "", 'log.save(name="first_walk")')
+        if name in SAVED_NAMES:
+            given = [*(one.name.lower() for one in chosen), name]
+            raise ElementError(f"log.save() takes types in one list, got {name!r} for a name: write log.save({given})")
         where = path("folder", folder) if folder else Path(self._options.folder)
         self._life.check_open()
         run = self._present.run

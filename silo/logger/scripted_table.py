@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from silo.core import units
 from silo.core.arguments import line, switch, text
 from silo.core.arguments import path as file_path
 from silo.core.calls import present_words, told_class, unknown_argument
@@ -231,6 +232,8 @@ class ScriptedTable:
             self._tell_rate(full, read_options({"divider": divider}, full), options.divider)
         if self._owner is not None and len(self._table.elements) + len(self._table.pending) <= MOST_TOLD_NAMES:
             tell_of_element(self._owner, full.rpartition("/")[2])
+        if unit == "-" and len(group) > 1 and units.size(group) is not None:
+            log.warning("element '%s': '%s' is its group, is it meant as a unit? write unit='%s'", full, group, group)
         if any(letter.isspace() for letter in full):
             log.warning(
                 "element '%s': its name holds a blank: silo reads its files, the readers of signal_logger read none "

@@ -198,7 +198,9 @@ def generate(
     namespace: dict[str, Any] = dict(names.objects)
     exec(_code(source), namespace)  # of names made here and checked identifiers
     # without its maker in its own namespace, `collect` is no cycle: old buffers are freed at once, not some day
-    return Generated(*namespace.pop("make")())
+    made = Generated(*namespace.pop("make")())
+    made.collect.__qualname__ = "log.collect"  # as it stands in what Python says of a wrong call
+    return made
 
 
 def _code(source: str) -> CodeType:

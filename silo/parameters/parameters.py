@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import msgspec
 import numpy as np
 
-from silo.core.calls import told_class
+from silo.core.calls import told_class, told_names
 from silo.core.names import did_you_mean, nearest
 from silo.core.tuning.excitation import check_rate, ends_of, number_at
 from silo.core.tuning.parameters import (
@@ -150,6 +150,9 @@ class Revert:
         return self.back is not None and not self.back.refused
 
 
+@told_names(
+    "log.parameters", way_out="log.parameters['kp'] is the parameter of that name, log.parameters.names are all"
+)
 @told_class("log.parameters")
 class Parameters(Mapping[str, Parameter]):
     """The parameters of a logger, by name: `log.parameters["kp"].value`, `log.parameters.set({"kp": 50.0})`."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from silo.core.arguments import path as checked_path
 from silo.core.arguments import shown
-from silo.core.calls import told
+from silo.core.calls import told, told_names
 from silo.core.quantities.writing import many, size_text
 from silo.errors import ElementError
 from silo.run_index import labels
@@ -25,6 +25,14 @@ if TYPE_CHECKING:
 When = str | float | datetime | None
 
 
+_OTHER_NAMES = {
+    **dict.fromkeys(("latest", "newest", "last"), "it is runs[-1]"),
+    **dict.fromkeys(("filter", "query", "select"), "it is runs.where('max(joints/tau_3) > 30'), or runs.sql(...)"),
+    **dict.fromkeys(("names", "paths", "files"), "[run.name for run in runs] are the names, .path their files"),
+}
+
+
+@told_names("a list of runs", _OTHER_NAMES)
 class RunList(Sequence[ListedRun]):
     """Runs, oldest first. What narrows it returns another one; nothing is read but the index."""
 

@@ -4,12 +4,14 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from silo.core.arguments import INT64, whole
+from silo.core.calls import told
 from silo.errors import SourceError
 
 if TYPE_CHECKING:
     from silo.simulators.episodes import LoggedEnvironment
 
 
+@told("silo.gymnasium")
 def gymnasium(
     env: Any,
     folder: str | os.PathLike[str] = ".",

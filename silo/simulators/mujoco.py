@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from silo.core.arguments import shown
+from silo.core.calls import told
 from silo.errors import SourceError
 from silo.loop.sources import Variable, VariableSet
 
@@ -46,6 +47,7 @@ OF_JOINTS = {"JOINTPOS": 0, "JOINTVEL": 1, "JOINTACTFRC": 2, "JOINTLIMITPOS": 0,
 TURNS, SLIDES = ("rad", "rad/s", "Nm"), ("m", "m/s", "N")  # position, velocity, force of a joint
 
 
+@told("silo.mujoco")
 def mujoco(model: Any, data: Any) -> VariableSet:
     """Tell `log.add` what a MuJoCo model calls its joints, actuators and sensors, and what their units are.
 

@@ -18,6 +18,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 import silo
 from silo.cli.group import cli
 from silo.files.others import mcap_file
+from tests.pages import carry_out
 
 START = 1_700_000_000 * 10**9
 STEP = 5_000_000
@@ -492,3 +493,11 @@ def test_a_joint_that_only_the_beginning_of_a_bag_has_is_a_signal(tmp_path):
     log = silo.open_log(path)
     assert log["joints/position"].components == ("old", "new")
     assert log["joints/position_old"].values[:50].tolist() == list(range(50))
+
+
+@pytest.mark.filterwarnings("ignore::silo.LogWarning")
+def test_the_page_for_ros_reads_a_bag_as_it_says(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rosbag(tmp_path / "rosbag2_2026_11_22", StoragePlugin.SQLITE3, 400)
+    carry_out("how-to/ros2.md", "Read a bag")
+    assert {"drive.silo", "gyro.png"} <= {path.name for path in tmp_path.iterdir()}

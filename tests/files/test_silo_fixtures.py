@@ -1,6 +1,7 @@
 """Files that the original wrote read back with every value and every time stamp right."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from silo.core.elements import BufferType
 from silo.files.silo.reader import read_silo
 from silo.files.silo.writer import write_silo
+from tests.pages import DOCS, carry_out
 
 NAMES = ["all_types", "looping_wrapped", "mixed_dividers", "time_buffer_full"]
 TYPES = {"double": "<f8", "single": "<f4", "string": "S"}
@@ -103,3 +105,16 @@ def test_the_older_spelling_of_the_data_line_is_understood(fixtures_folder):
     assert recording.time_ns.tolist() == [second * 10**9 for second in range(1, 9)]
     assert entries_of(recording)["/log/A"][1].values.tolist() == [2.0**power for power in range(1, 9)]
     assert [element.first for element in recording.elements] == [0, 0, 0]
+
+
+def test_the_page_for_who_comes_from_the_original_opens_old_files_as_it_says(
+    fixtures_folder, tmp_path, monkeypatch, capsys
+):
+    for name in ("mixed_dividers.silo", "mixed_dividers.yaml"):
+        shutil.copy(fixtures_folder / name, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    carry_out("coming-from-signal_logger.md", "Open your old files")
+    said = (
+        (DOCS / "coming-from-signal_logger.md").read_text().split("slow.times[:3])")[1].split("# ")[1].splitlines()[0]
+    )
+    assert capsys.readouterr().out.splitlines()[-1] == said

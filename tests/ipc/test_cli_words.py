@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ from silo.cli.common import next_names, split_logger
 from silo.cli.edits import select, split_settings
 from silo.cli.group import COMMANDS, cli
 from silo.cli.main import run
+from silo.cli.other_words import OTHER_WORDS
 from silo.core.elements import Action, BufferType, ElementOptions
 from silo.core.quantities.writing import clock_text
 from silo.errors import ElementError
@@ -174,6 +176,38 @@ def test_without_loggers_json_is_an_empty_list(capsys: pytest.CaptureFixture[str
 def test_an_unknown_command_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["stpo"]) == EXIT_USAGE
     assert "no command 'stpo'; did you mean 'stop'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "way"),
+    [
+        ("help", "`silo COMMAND --help`"),
+        ("list", "`silo ls` lists the loggers"),
+        ("open logs", "`silo-tui LOGGER|FILE`"),
+        ("top", "`silo-tui LOGGER|FILE`"),
+        ("status bot", "`silo info LOGGER|FILE`"),
+        ("echo bot q", "`silo watch LOGGER [NAME]`"),
+        ("export run.silo csv", "`silo convert FILE OUT.csv`"),
+        ("limit bot q -1 1", "`silo check FILE --limit"),
+        ("bot info", "the command comes first: `silo info bot`"),
+        (__file__, f"`silo info {__file__}`"),
+    ],
+)
+def test_a_word_that_is_no_command_is_answered_with_what_does_it(words, way, capsys):
+    assert run(words.split()) == EXIT_USAGE
+    assert way in capsys.readouterr().err
+
+
+def test_what_is_said_instead_is_a_command_that_there_is():
+    for word, way in OTHER_WORDS.items():
+        assert word not in COMMANDS
+        assert set(re.findall(r"`silo ([a-z]\w*)", way)) <= COMMANDS.keys(), way
+
+
+def test_a_logger_in_place_of_the_words_is_no_mark(bench, capsys):
+    bench.logger.start()
+    assert run(["mark", "bot"]) == EXIT_USAGE
+    assert "'bot' is the logger: which words?" in capsys.readouterr().err
 
 
 def test_a_setting_without_a_pattern_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:

@@ -111,6 +111,56 @@ MISTAKES = {
     "topic.read(timeout=1)": "topic.read() has no argument 'timeout', did you mean 'timeout_s'?",
     "topic.read(1, 2)": "topic.read() takes 1 argument by place (timeout_s), got 2",
     "topic.read_async(timeout=1)": "did you mean 'timeout_s'?",
+    # members of enumerations, fields of what is returned
+    "silo.Action.BOTH": "did you mean 'SAVE_AND_PUBLISH'?",
+    "silo.Action.PUBLISHED": "did you mean 'PUBLISH'?",
+    "silo.BufferType.RING": "EXPONENTIALLY_GROWING; did you mean 'LOOPING'?",
+    "silo.types.FileType.Csv": "did you mean 'CSV'?",
+    "log.options.frequency": "it is .frequency_hz",
+    "setattr(log.options, 'frequency_hz', 100)": "options keeps its .frequency_hz: it is given when the logger is made",
+    "silo.ElementOptions().rate": "it is the logger's frequency / .divider",
+    "setattr(log['joints/q'].options, 'divider', 3)": "log.set('x', divider=3) changes them",
+    "setattr(log['joints/q'], 'divider', 3)": "log.set('x', divider=3) changes how it is logged",
+    "log['joints/q'][0]": "log['/log/joints/q'].newest[0]",
+    "log.elements['joints/q'].divider": "it is .options.divider",
+    "log.elements[0].newest": "log['x'].newest is the newest value",
+    "log.save('csv').filename": "it is .path",
+    "log.save('csv')[0].name": "it is .path",
+    "log.save('csv', 'silo')": "write log.save(['csv', 'silo'])",
+    "log.parameters.kp": "log.parameters['kp'] is the parameter of that name",
+    "silo.compare(run, run).to_pandas()": "for row in comparison: row.name",
+    "silo.compare(run, run).equal": "bool(comparison) says whether anything differs",
+    "topic.latest()": "for batch in topic: batch.values[-1]",
+    "topic.subscribe(print)": "for batch in topic: batch.values[-1]",
+    "silo.runs('.').latest": "it is runs[-1]",
+    "silo.runs('.').filter('x > 1')": "it is runs.where(",
+    "silo.mujoco('robot.xml')": "silo.mujoco() needs data",
+    # habits of others: wandb, TensorBoard, logging, the C++ original
+    "log.log('x', 1)": "add variables by log.add(x, 'x') before",
+    "log.add_histogram('w', x)": "add variables by log.add(x, 'x') before",
+    "log.summary": "silo.Logger('robot', about={'task': 'walk'})",
+    "log.error('slipped')": "log.mark('slipped')",
+    "log.collectLoggerData()": "it is log.collect()",
+    "log.readNewValues('x')": "it is log.read_new_values('x')",
+    "log.set_frequency(100)": "silo.Logger('robot', frequency=500)",
+    "log.isRunning()": "it is log.is_running",
+    "log.triggers": "it is log.trigger('fall', 'x > 1')",
+    "log.status()": "print(log) says how it stands",
+    "log.sleep()": "the loop is yours",
+    # of logs and signals
+    "run.__setitem__('z', q)": "a log is only read",
+    "run.__delitem__('joints/q')": "a log is only read",
+    "np.array(run)": "log.to_pandas() is a table of all signals",
+    "run.save('csv')": "says the format alone: write the file's name before it, 'run.csv'",
+    "q.__setitem__(0, 5)": "signal.values.copy()",
+    "silo.open_log(run.path, 'joints/q')": "signals are chosen from the log",
+}
+WORK = {
+    "round(q, 2).unit": "rad",
+    "run.__enter__() is run": True,
+    "[row.name for row in silo.compare(run, run)]": [],
+    "open(log.save('csv')).read(5)": "time,",
+    "len(silo.open_log(log.save('silo')[0]))": 1,
 }
 
 
@@ -135,6 +185,7 @@ def names(tmp_path_factory):
         "x": np.zeros(3),
         "silo": silo,
         "topic": Topic("/log/joints/q", lambda topic: None),
+        "np": np,
     }
     log.close()
 
@@ -145,6 +196,29 @@ def test_a_natural_mistake_is_told_of_with_what_to_write_instead(call, names):
         eval(call, dict(names))
     assert MISTAKES[call] in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("call", WORK)
+def test_what_looks_as_if_it_worked_does(call, names):
+    assert eval(call, dict(names)) == WORK[call]
+
+
+def test_a_wrong_call_of_the_loop_names_what_was_called(new_logger):
+    log = new_logger()
+    log.array("x")
+    log.start()
+    with pytest.raises(TypeError, match=r"log\.collect\(\) takes 0 positional arguments"):
+        log.collect(5)
+    with pytest.raises(TypeError, match=r"log\.mark\(\) got an unexpected keyword argument 'foo'"):
+        log.mark("hit", foo=2)
+
+
+def test_a_unit_in_the_place_of_the_group_is_asked_back(new_logger, caplog):
+    new_logger().add(np.zeros(3), "x", "rad")
+    assert "'rad' is its group, is it meant as a unit? write unit='rad'" in caplog.text
+    caplog.clear()
+    new_logger().add(np.zeros(3), "x", "joints")
+    assert "is its group" not in caplog.text
 
 
 def test_there_are_sixty_of_them():

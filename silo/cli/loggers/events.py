@@ -34,6 +34,8 @@ def mark(client: "Client", text: str, tick: int | None) -> str:
       silo mark demo "slipped on the ramp"
       silo mark demo "here" --tick 12871
     """
+    if text == client.found.name:
+        raise click.UsageError(f"'{text}' is the logger: which words? silo mark {text} 'TEXT'; nothing was marked")
     event = client.mark(text, tick)
     return f"marked tick {event.tick}: {event.text}"
 

@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from silo.core.calls import told_class
+from silo.core.calls import told_class, told_names
 from silo.core.elements import FileType, SavedFile
 from silo.errors import ConnectionLostError, SaveError, SiloError
 from silo.link.channel import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved
@@ -66,6 +66,10 @@ class HelperFrozenError(SaveError):
     """The helper process shows no sign of life; it is not known whether it is the last of it."""
 
 
+_OF_ADDRESSES = dict.fromkeys(("url", "address", "port", "host"), "`silo address LOGGER` in a shell prints it")
+
+
+@told_names("serving", _OF_ADDRESSES | dict.fromkeys(("stop", "end", "shutdown", "join"), "it is .close()"))
 @told_class("serving")
 class Serving:
     """A served logger: a helper process that clients reach. A context manager."""
