@@ -317,7 +317,7 @@ SIGNALS = {
     "plus None": (lambda log, x, z: x + None, "take a signal, a number"),
     "plus a huge number": (lambda log, x, z: x + 10**400, "at most 64 bits"),
     "plus a time": (lambda log, x, z: x + datetime.timedelta(1), "take a signal, a number"),
-    "minus a log": (lambda log, x, z: x - log, "take a signal, a number"),
+    "minus a log": (lambda log, x, z: x - log, "a log is no array: log.to_pandas()"),
     "times another length": (lambda log, x, z: z * np.zeros(5), "array of shape (5,): the values have shape"),
     "power of text": (lambda log, x, z: x ** "a", "take a signal, a number"),
     "rotate by a number": (lambda log, x, z: z.rotate(5), "a quaternion must be a signal"),
