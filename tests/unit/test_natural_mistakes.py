@@ -132,8 +132,8 @@ MISTAKES = {
     "silo.compare(run, run).equal": "bool(comparison) says whether anything differs",
     "topic.latest()": "for batch in topic: batch.values[-1]",
     "topic.subscribe(print)": "for batch in topic: batch.values[-1]",
-    "silo.runs('.').latest": "it is runs[-1]",
-    "silo.runs('.').filter('x > 1')": "it is runs.where(",
+    "silo.runs(folder).latest": "it is runs[-1]",
+    "silo.runs(folder).filter('x > 1')": "it is runs.where(",
     "silo.mujoco('robot.xml')": "silo.mujoco() needs data",
     # habits of others: wandb, TensorBoard, logging, the C++ original
     "log.log('x', 1)": "add variables by log.add(x, 'x') before",
@@ -186,6 +186,7 @@ def names(tmp_path_factory):
         "silo": silo,
         "topic": Topic("/log/joints/q", lambda topic: None),
         "np": np,
+        "folder": folder,
     }
     log.close()
 
