@@ -75,6 +75,18 @@ def test_a_check_refuses_in_its_own_words(new_logger):
     logger.parameters.set({"kp": 60.0, "kd": 50.0})
 
 
+@pytest.mark.parametrize(
+    ("check", "wrong"),
+    [(lambda kp, most=50: kp <= most, 50.5), (lambda kp, *, most=50: kp <= most, 50.5), (bool, 0.0)],
+)
+def test_a_check_that_takes_one_value_gets_that_alone(new_logger, check, wrong):
+    kp = new_logger().parameter("kp", 40.0, check=check)
+    kp.value = 50.0
+    with pytest.raises(ElementError, match="its check refuses it"):
+        kp.value = wrong
+    assert kp.value == 50.0
+
+
 def test_nobody_writes_past_the_checks(new_logger):
     gains = new_logger().parameter("gains", [1.0, 2.0], max=5)
     with pytest.raises(ValueError, match="read-only"):
