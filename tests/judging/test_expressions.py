@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from silo.core.elements import Entry
 from silo.errors import ExpressionError
 from silo.expressions.binding import OFF, BoundSignal, Catalogue, Constant, Known, bind
+from silo.expressions.derived_signals import Lookback, lookback
 from silo.expressions.parsing import MOST_CHARACTERS, MOST_NODES, Call, Name, Operation, parse
 
 
@@ -167,6 +168,19 @@ def test_a_pattern_is_a_vector_of_all_that_match():
     assert [column.source for column in bound.columns] == [0, OFF]
     assert bound.sources == {0: 1}
     assert "no signal matches" in refusal("any(legs/*/slop)").reason
+
+
+@pytest.mark.parametrize(
+    ("text", "window_s", "ticks"),
+    [
+        ("a/x", 0, 1), ("slow", 0, 10), ("a/x + slow", 0, 10), ("diff(a/x)", 0, 2), ("diff(diff(slow))", 0, 30),
+        ("mean(a/x, 1s)", 1, 2), ("max(mean(a/x, 1s), 0.5s) + diff(a/x)", 1.5, 3),
+        ("mean(a/x, 1s) > diff(diff(a/x))", 1, 3),
+    ],
+)  # fmt: skip
+def test_how_far_back_the_samples_are_that_a_value_needs(text, window_s, ticks):
+    slow = Known("/log/slow", (Entry("", "<f8"),), "-", 1, 10)
+    assert lookback(bind(text, Catalogue([known("/log/a/x"), slow]))) == Lookback(round(window_s * 1e9), ticks)
 
 
 def test_a_condition_is_one_truth():

@@ -114,14 +114,36 @@ def test_a_limit_stands_with_its_newest_value_where_it_is_finite(robot):
         assert [one.value for one in robot.judge.limits.statuses()] == [shown]
 
 
-def test_all_that_wait_are_told_at_the_end(robot):
+@pytest.mark.parametrize(
+    ("values", "worst"),
+    [
+        ((7, 0, -6, 0), "L -6 at tick 2, limit -5"), ((9, 0, 7, 0), "H 9 at tick 0, limit 5"),
+        ((7, 0, 9, 0), "H 9 at tick 2, limit 5"), ((-9, 0, -7, 0), "L -9 at tick 0, limit -5"),
+        ((-7, 0, -9, 0), "L -9 at tick 2, limit -5"), ((7, 0, 7, 0), "H 7 at tick 0, limit 5"),
+        ((30, 0, 7, 0), "HH 30 at tick 0, limit 10"), ((7, 0, -30, 0), "LL -30 at tick 2, limit -10"),
+    ],
+)  # fmt: skip
+def test_of_violations_between_two_looks_the_worst_is_told_the_newest_of_both_sides(robot, values, worst):
+    robot.logger.limit("x", (-10, -5, 5, 10))
+    robot.start()
+    robot.collect(*values)
+    assert robot.told() == [f"/log/x {worst}, 2 times; within its limits again"]
+    (stands,) = robot.judge.limits.statuses()
+    assert (stands.worst, stands.count) == (float(worst.split()[1]), 2)
+
+
+@pytest.mark.parametrize("most", [JOINTS + 1, JOINTS, JOINTS - 3])
+def test_all_that_wait_are_told_at_the_end(robot, monkeypatch, most):
+    monkeypatch.setattr(limit_judge, "MOST_NEWS", 0)
+    monkeypatch.setattr(limit_judge, "MOST_LAST_NEWS", most)
     robot.logger.limit("tau", (None, None, 5, 10))
     robot.start()
     robot.tau[:] = 7
     robot.collect(0)
     robot.logger.stop()
     told = [news.text for news in robot.judge.end("the logger was stopped").limits]
-    assert len(told) == JOINTS
+    assert len({text.split()[0] for text in told[:most]}) == min(most, JOINTS)
+    assert told[most:] == ["3 more signals changed; `silo alarms` lists them"] * (most < JOINTS)
 
 
 def test_limits_of_an_element_that_is_off_or_whose_condition_is_are_told_to_be_blind(robot):

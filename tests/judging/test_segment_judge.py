@@ -183,6 +183,22 @@ def test_rows_that_were_overwritten_before_they_were_judged_are_told(robot):
     assert [fire.tick for _, fires in found.fired for fire in fires] == [4900]
 
 
+def test_of_a_capture_whose_rows_were_overwritten_the_ticks_that_are_missing_are_counted(tmp_path, runtime_folder):
+    robot = Robot(tmp_path, size=8000)
+    robot.logger.add(robot.slow, "brief", divider=10, size=103)  # the first of which something is missing
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="6s")
+    robot.start()
+    robot.ticks(1000, [(100, 0)])
+    robot.judge.step()
+    robot.ticks(5500)
+    (buffer,) = robot.judge.step().whole
+    recording = buffer.recording()
+    robot.logger.close()
+    missing = int(silo.Log(recording)["brief"].values[0]) - 1000
+    assert missing > 2000
+    assert recording.extras.capture.ended == f"the first {missing} ticks were overwritten before they could be copied"
+
+
 def test_a_trigger_of_an_element_that_is_off_is_unobservable(robot):
     robot.logger.trigger("spike", "slow > 50", pre="5ms")
     robot.logger.update()
