@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 
 LONGEST_REVERT_S = 24 * 3600.0
 
+KEEP_S = LEASE_S / 5  # between two signs of life
+STOP_S = 10.0  # for its way back, which takes as long as its program's `rate=` wants
+
+Wait = Callable[[ExcitationState, float], bool | None]
+
 
 class ClientParameters(MutableMapping[str, ParameterValue]):
     """`client.parameters["kp"]` asks, `client.parameters["kp"] = 50.0` sets and waits until it holds."""
@@ -163,12 +168,6 @@ def _plain(value: Any) -> ParameterValue:
 def _items(value: Any) -> "tuple[ParameterScalar, ...]":
     plain = _plain(value)
     return plain if isinstance(plain, tuple) else (plain,)
-
-
-KEEP_S = LEASE_S / 5  # between two signs of life
-STOP_S = 10.0  # for its way back, which takes as long as its program's `rate=` wants
-
-Wait = Callable[[ExcitationState, float], bool | None]
 
 
 def excite(client: ParameterRequests, what: Excitation, wait: Wait | None) -> ExcitationState:

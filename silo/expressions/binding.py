@@ -20,6 +20,28 @@ from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, No
 
 OFF = -1  # the source of an element that isn't logged
 
+__all__ = [
+    "OFF",
+    "BoundExpression",
+    "BoundSignal",
+    "Catalogue",
+    "Computed",
+    "Constant",
+    "Known",
+    "Part",
+    "Remembered",
+    "ScalarPlace",
+    "bind",
+    "columns_of",
+    "means_else",
+]
+
+MOST_WIDTH = 1000  # scalars in a vector
+MOST_WINDOW_S = 60.0
+
+_STEPS = ("prev", "diff", "rate")
+_NUMERIC = "biufMm"
+
 
 @dataclass(frozen=True)
 class Known:
@@ -77,29 +99,6 @@ class Catalogue:
 
 def _scalar_names(elements: Sequence[Known]) -> list[list[str]]:
     return [[element.name + entry.suffix for entry in element.entries] for element in elements]
-
-
-__all__ = [
-    "OFF",
-    "BoundExpression",
-    "BoundSignal",
-    "Catalogue",
-    "Computed",
-    "Constant",
-    "Known",
-    "Part",
-    "Remembered",
-    "ScalarPlace",
-    "bind",
-    "columns_of",
-    "means_else",
-]
-
-MOST_WIDTH = 1000  # scalars in a vector
-MOST_WINDOW_S = 60.0
-
-_STEPS = ("prev", "diff", "rate")
-_NUMERIC = "biufMm"
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,42 @@ _CLASS = re.compile(r"\[[^\[\]\s]{1,50}\]")
 _LOGIC = ("and", "or", "not")
 _INSTEAD = {"&": "and", "&&": "and", "|": "or", "||": "or", "!": "not", "=": "=="}
 
+__all__ = ["FUNCTIONS", "Call", "ComparisonChain", "Expression", "ExpressionError", "Name", "Node", "Number",
+           "Operation",
+           "parse"]  # fmt: skip
+
+MOST_NODES = 200
+
+# by name: the fewest and the most arguments, and what it gives, for help
+FUNCTIONS = {
+    "abs": (1, 1, "without its sign"),
+    "min": (1, 20, "smallest of a vector or of several, or within a time: min(x, 50ms)"),
+    "max": (1, 20, "largest of a vector or of several, or within a time: max(x, 50ms)"),
+    "sqrt": (1, 1, "square root"),
+    "sin": (1, 1, "sine, of radians"),
+    "cos": (1, 1, "cosine, of radians"),
+    "tan": (1, 1, "tangent, of radians"),
+    "atan2": (2, 2, "angle of (y, x), in radians"),
+    "hypot": (2, 2, "length of (x, y)"),
+    "norm": (1, 20, "length of a vector"),
+    "sum": (1, 20, "sum of a vector"),
+    "any": (1, 20, "whether one of a vector is: any(legs/*/slip)"),
+    "all": (1, 20, "whether each of a vector is"),
+    "isnan": (1, 1, "whether it is no number"),
+    "prev": (1, 1, "value of the sample before"),
+    "diff": (1, 1, "difference to the sample before"),
+    "rate": (1, 1, "the same per second"),
+    "mean": (2, 2, "mean within a time: mean(x, 50ms)"),
+    "std": (2, 2, "standard deviation within a time: std(x, 1s)"),
+}
+
+_BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%", ast.Pow: "**"}
+_COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+_UNFINISHED = "something is missing at the end"
+_CONSTANTS = {"true": 1.0, "false": 0.0}
+
+_WORDS: dict[type[ast.expr], str] = {ast.Tuple: "a list"}
+
 
 @dataclass(frozen=True)
 class Tokens:
@@ -155,36 +191,6 @@ class _Tokenizer:
         return ExpressionError(reason, self._text, at, end)
 
 
-__all__ = ["FUNCTIONS", "Call", "ComparisonChain", "Expression", "ExpressionError", "Name", "Node", "Number",
-           "Operation",
-           "parse"]  # fmt: skip
-
-MOST_NODES = 200
-
-# by name: the fewest and the most arguments, and what it gives, for help
-FUNCTIONS = {
-    "abs": (1, 1, "without its sign"),
-    "min": (1, 20, "smallest of a vector or of several, or within a time: min(x, 50ms)"),
-    "max": (1, 20, "largest of a vector or of several, or within a time: max(x, 50ms)"),
-    "sqrt": (1, 1, "square root"),
-    "sin": (1, 1, "sine, of radians"),
-    "cos": (1, 1, "cosine, of radians"),
-    "tan": (1, 1, "tangent, of radians"),
-    "atan2": (2, 2, "angle of (y, x), in radians"),
-    "hypot": (2, 2, "length of (x, y)"),
-    "norm": (1, 20, "length of a vector"),
-    "sum": (1, 20, "sum of a vector"),
-    "any": (1, 20, "whether one of a vector is: any(legs/*/slip)"),
-    "all": (1, 20, "whether each of a vector is"),
-    "isnan": (1, 1, "whether it is no number"),
-    "prev": (1, 1, "value of the sample before"),
-    "diff": (1, 1, "difference to the sample before"),
-    "rate": (1, 1, "the same per second"),
-    "mean": (2, 2, "mean within a time: mean(x, 50ms)"),
-    "std": (2, 2, "standard deviation within a time: std(x, 1s)"),
-}
-
-
 @dataclass(frozen=True)
 class Number:
     """A number as it was typed, with its unit."""
@@ -256,12 +262,6 @@ class Expression:
     def error(self, reason: str, node: Node) -> ExpressionError:
         """Return an error that points at a part of it."""
         return ExpressionError(reason, self.text, node.at, node.end)
-
-
-_BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%", ast.Pow: "**"}
-_COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-_UNFINISHED = "something is missing at the end"
-_CONSTANTS = {"true": 1.0, "false": 0.0}
 
 
 def parse(text: str, functions: Mapping[str, tuple[int, int, str]] = FUNCTIONS) -> Expression:
@@ -366,6 +366,3 @@ class _Reader:
                 f"{name} takes {wanted} argument{'s' if most > 1 else ''}{example}, got {len(node.args)}", node
             )
         return Call(name, tuple(map(self._node, node.args)), at, end)
-
-
-_WORDS: dict[type[ast.expr], str] = {ast.Tuple: "a list"}

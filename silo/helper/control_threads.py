@@ -45,6 +45,12 @@ from silo.state.requests import Hello
 from silo.state.robot_program import RobotProgram
 from silo.state.server import Outside, StateServer
 
+MAX_WAITING = 64
+
+MOST_REFUSED_BYTES = 64 * 1024  # of a change that is refused: larger ones are told without what they were
+
+log = logging.getLogger("silo.helper")
+
 
 class Servers(Dispatch):
     """Has each request done by the server of its feature, with what that needs of this process, or by the robot."""
@@ -88,13 +94,6 @@ class Servers(Dispatch):
         """Tell all how a request ended whose client was told that it goes on."""
         if not isinstance(reply, bytes | GoesOn):
             self._events.publish(EventKind.ENDED, ending(request, reply), by=by, job=job)
-
-
-MAX_WAITING = 64
-
-MOST_REFUSED_BYTES = 64 * 1024  # of a change that is refused: larger ones are told without what they were
-
-log = logging.getLogger("silo.helper")
 
 
 class RequestThreads:

@@ -31,6 +31,8 @@ from silo.journal.format import (
 from silo.segment.layout import RingSchema
 from silo.segment.reader import SegmentReader
 
+BLOCK_BYTES = 1 << 20  # payload of a record at most, so that a copy never takes much memory
+
 
 class Disk:
     """Files and folders as the system has them. Every method raises OSError where it refuses."""
@@ -68,9 +70,6 @@ class Disk:
     def close(self, descriptor: int) -> None:
         """Let go of a file."""
         os.close(descriptor)
-
-
-BLOCK_BYTES = 1 << 20  # payload of a record at most, so that a copy never takes much memory
 
 
 @dataclass

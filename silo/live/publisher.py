@@ -37,6 +37,14 @@ AGAIN_S = 10.0
 DISK_PERIOD_S = 5.0
 STEADY_SHARE = 0.01  # a rate that differs by less, and a disk by less of its size, is nothing new
 
+IDLE_S = 0.1
+TOPIC_PERIOD_S = 0.05
+HZ_WINDOW_S = 2.0
+LOST_PERIOD_S = 2.0
+MAX_CLIENTS = 1_000
+
+log = logging.getLogger("silo.helper")
+
 
 class SummaryFeed:
     """Publishes what the status says in short, for those who look at many loggers: when it says something new.
@@ -138,15 +146,6 @@ def room_of(folder: Path) -> tuple[int, int]:
     with contextlib.suppress(OSError):
         return disk_room(next(place for place in (folder, *folder.parents) if place.exists()))
     return 0, 0
-
-
-IDLE_S = 0.1
-TOPIC_PERIOD_S = 0.05
-HZ_WINDOW_S = 2.0
-LOST_PERIOD_S = 2.0
-MAX_CLIENTS = 1_000
-
-log = logging.getLogger("silo.helper")
 
 
 class Publisher:

@@ -72,15 +72,15 @@ class CurrentRun:
         """
         in_memory = options.storage is not Storage.FILE
         self._wanted = wanted
-        self._let_go_of_others(wanted)  # that an interrupt left
+        self._let_go_of_others()  # that an interrupt left
         try:
             made = self._begin(make)
         except NoRoomError as error:
-            made = self._made_room(error, make, options, extras, let_go, wanted)
+            made = self._made_room(error, make, options, extras, let_go)
         self._begun, self.run = self.runs, made
         self._forget_stretches()
         hand_over()
-        self._let_go_of_others(wanted)
+        self._let_go_of_others()
         self._trim(in_memory=in_memory, room_bytes=made.segment.size_bytes)
         return made
 
@@ -95,7 +95,7 @@ class CurrentRun:
         try:
             begin(made)
         except BaseException:
-            self._let_go(made)
+            self.let_go(made)
             raise
         return made
 
@@ -103,10 +103,6 @@ class CurrentRun:
         """Make a run ready that is to go on the present one, whose loop turns meanwhile. Raises SegmentError."""
         with _unhurried():
             return self._begin(make, Run.prepare)
-
-    def withdraw(self, made: Run) -> None:
-        """Let go of a run that was made ready, and is not to go on the present one after all."""
-        self._let_go(made)
 
     def go_on(self, made: Run) -> None:
         """Have a run that was made ready be the present one; the one before it stays until it is saved."""
@@ -128,7 +124,7 @@ class CurrentRun:
                     self._count(run)
                     remove_journals(run.segment.schema)
                     self.cut_off.remove(run)
-                    self._let_go(run, held=self._wanted(run))
+                    self.let_go(run, held=self._wanted(run))
 
     def wait_over(self, run: Run) -> None:
         """Wait until no tick of a stretch is under way, as far as the next one tells: for a thread of its own."""
@@ -162,7 +158,6 @@ class CurrentRun:
         options: LoggerOptions,
         extras: Conditions,
         let_go: Callable[[bool], None],
-        wanted: Callable[[Run], bool],
     ) -> Run:
         in_memory = options.storage is not Storage.FILE
         held_bytes = sum(map(bytes_of, self._held))
@@ -183,15 +178,16 @@ class CurrentRun:
         self._lost_at_end, self._begun = self.lost, self.runs
         self.run = None
         self._forget_stretches()
-        self._let_go_of_others(wanted)
+        self._let_go_of_others()
         self._trim(in_memory=in_memory, room_bytes=error.needed_bytes)
         return self._patiently(make)
 
-    def _let_go_of_others(self, wanted: Callable[[Run], bool]) -> None:
+    def _let_go_of_others(self) -> None:
         for run in [run for run in self._own if run is not self.run and run not in self.cut_off]:
-            self._let_go(run, held=wanted(run))
+            self.let_go(run, held=self._wanted(run))
 
-    def _let_go(self, run: Run, *, held: bool = False) -> None:
+    def let_go(self, run: Run, *, held: bool = False) -> None:
+        """Free a run; of one that was made ready, and is not to go on the present one after all, nothing is `held`."""
         path = run.drop(held=held)
         if path is not None and path not in self._held:
             self._held.append(path)
@@ -217,8 +213,8 @@ class CurrentRun:
             self._gone_first = count
         self._gone = self._gone + count if count else 0
 
-    def drop(self, wanted: Callable[[Run], bool]) -> bool:
-        """Free the memory of all runs; the counts of the last one stay, and the files of those that are `wanted`.
+    def drop(self) -> bool:
+        """Free the memory of all runs; the counts of the last one stay, and the files of those that are wanted.
 
         Returns whether the last one is.
         """
@@ -226,12 +222,12 @@ class CurrentRun:
         for run in self.cut_off:
             self._count(run)
         self.cut_off = []
-        self._let_go_of_others(wanted)
+        self._let_go_of_others()
         self._tell_gone(0)
         if self.run is None or self.run not in self._own:
             return False
-        held = wanted(self.run)
-        self._let_go(self.run, held=held)
+        held = self._wanted(self.run)
+        self.let_go(self.run, held=held)
         return held
 
     def forget(self) -> None:

@@ -350,7 +350,7 @@ class Logger(LoggerNames):
         self._collect = collect = self._collect_of(made)
         if not run.end_by_cut():
             self._set_collect(None)
-            present.withdraw(made)
+            present.let_go(made)
             raise StateError(
                 f"logger '{self.options.name}' {self._life.reason or 'stopped by itself'}, just when it was to be cut: "
                 "nothing was changed"
@@ -532,7 +532,7 @@ class Logger(LoggerNames):
 
     def _drop(self) -> None:
         """Free the buffers, or leave them to those who come after a helper process that did not come to its end."""
-        if self._present.drop(self._is_wanted):
+        if self._present.drop():
             say_what_is_held(self.options)
 
     def __enter__(self) -> "Logger":

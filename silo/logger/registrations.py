@@ -1,7 +1,7 @@
 """The element table: what is registered, under which name, with which options. Its owner does the locking."""
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import msgspec
 
@@ -157,10 +157,6 @@ class Registrations:
             self.elements = tuple(elements)
             self.revision += 1
         return len(changed)
-
-    def set_all(self, options: Sequence[ElementOptions]) -> int:
-        """Give the whole table new options, in its order."""
-        return self.change(dict(enumerate(options)))
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
         """Why edits from outside can't be applied, one per field; empty when they can."""

@@ -50,6 +50,12 @@ if TYPE_CHECKING:
 
 BLOCK_BYTES = 1 << 18  # pages that are never used are never touched
 
+log = logging.getLogger("silo")
+
+MOST_TOLD_NAMES = 100  # that `log.q` tells of: each changes the class, 15 us, and who has more looks them up
+MOST_TOLD_CHANGES = 3  # of options, in the words of a cut
+DEFAULT_SCRIPT = "logger.yaml"  # that nobody asked for by name
+
 
 class Arena:
     """Grows by blocks; what was handed out never moves."""
@@ -71,13 +77,6 @@ class Arena:
         array: NDArray[Any] = np.ndarray(sizes, kind, self._block, self._used)
         self._used += size
         return array
-
-
-log = logging.getLogger("silo")
-
-MOST_TOLD_NAMES = 100  # that `log.q` tells of: each changes the class, 15 us, and who has more looks them up
-MOST_TOLD_CHANGES = 3  # of options, in the words of a cut
-DEFAULT_SCRIPT = "logger.yaml"  # that nobody asked for by name
 
 
 @told_class("log")
@@ -495,7 +494,7 @@ class ScriptedTable:
                     for info, options in zip(self._table.infos, plan.options, strict=True)
                 ]
                 extras = self._extras_of(script.extras_beside(extras), planned, file)
-            self._table.set_all(plan.options)
+            self._table.change(dict(enumerate(plan.options)))
             self._conditions.take(extras)
             self._life.tell()
         for warning in script.warnings:

@@ -34,6 +34,25 @@ from silo.segment.parameter_changes import ChangeRecord
 from silo.segment.reasons import StopReason
 from silo.segment.writer import Chunks, Segment
 
+INLINE_DIVIDERS = 4  # with more distinct ones, rows wait in a table for the tick at which they are due
+
+# the store is the check of what the clock returned; a block that nothing fails in costs nothing. Beside its `try`: on a
+# line of its own that is a step of the interpreter, and one of no block
+CLOCK = """\
+try: t = clock()
+except StateError:
+    raise
+except Exception as error:
+    raise clock_failed(NOTHING, error) from error
+try: stamp[1] = t
+except Exception as error:
+    raise clock_failed(t, error) from error""".splitlines()
+
+Collect = Callable[[], None]
+
+# what a retired `collect` still needs
+_ALWAYS = ("after_end", "forget", "overlap", "ident", "claim", "__builtins__")
+
 
 class SlowReads:
     """Reads the slots of one run one by one where an attribute or function fails. Costs nothing until it is needed.
@@ -96,26 +115,6 @@ class SlowReads:
         if schema.buffer_type is BufferType.GROWING:
             return self._chunks[schema.ring].newest(head - 1)
         return self._segment.words, schema.offset // 8 + (head - 1) % schema.capacity * schema.row_words
-
-
-INLINE_DIVIDERS = 4  # with more distinct ones, rows wait in a table for the tick at which they are due
-
-# the store is the check of what the clock returned; a block that nothing fails in costs nothing. Beside its `try`: on a
-# line of its own that is a step of the interpreter, and one of no block
-CLOCK = """\
-try: t = clock()
-except StateError:
-    raise
-except Exception as error:
-    raise clock_failed(NOTHING, error) from error
-try: stamp[1] = t
-except Exception as error:
-    raise clock_failed(t, error) from error""".splitlines()
-
-Collect = Callable[[], None]
-
-# what a retired `collect` still needs
-_ALWAYS = ("after_end", "forget", "overlap", "ident", "claim", "__builtins__")
 
 
 @dataclass(frozen=True)

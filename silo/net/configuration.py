@@ -18,27 +18,6 @@ LOCAL = "local"  # in place of a configuration: the loggers of this computer alo
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 _SUFFIX = ".json5"
 
-
-def config_folder() -> Path:
-    """Return `~/.config/silo`, or as `XDG_CONFIG_HOME` says (an absolute path, as its standard has it)."""
-    base = Path(os.environ.get("XDG_CONFIG_HOME", ""))
-    return (base if base.is_absolute() else Path.home() / ".config") / "silo"
-
-
-def remote_file(name: str) -> Path:
-    """Return where the configuration of a remote stands; XDG_CONFIG_HOME moves the folder."""
-    return config_folder() / "remotes" / f"{name}{_SUFFIX}"
-
-
-def remotes() -> list[str]:
-    """Return the names of this user's remotes: networks of robots, where every command looks for loggers, too."""
-    try:
-        found = [path.name.removesuffix(_SUFFIX) for path in remote_file("x").parent.glob(f"*{_SUFFIX}")]
-    except (OSError, RuntimeError):  # no home
-        return []
-    return sorted(name for name in found if NAME.fullmatch(name))
-
-
 # always, whatever a file says: nobody is looked for by broadcast, and nobody is told of others
 FORCED: dict[str, Any] = {
     "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
@@ -71,6 +50,33 @@ PATHS = (
     "transport/link/tls/connect_private_key",
     "transport/auth/usrpwd/dictionary_file",
 )
+
+_TOKEN = re.compile(
+    r"""(?P<skip>\s+|//[^\n]*|/\*.*?\*/)|(?P<text>"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')|(?P<mark>[{}\[\]:,])"""
+    r"""|(?P<word>[^\s{}\[\]:,"'/]+)""",
+    re.DOTALL,
+)
+_NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?")
+
+
+def config_folder() -> Path:
+    """Return `~/.config/silo`, or as `XDG_CONFIG_HOME` says (an absolute path, as its standard has it)."""
+    base = Path(os.environ.get("XDG_CONFIG_HOME", ""))
+    return (base if base.is_absolute() else Path.home() / ".config") / "silo"
+
+
+def remote_file(name: str) -> Path:
+    """Return where the configuration of a remote stands; XDG_CONFIG_HOME moves the folder."""
+    return config_folder() / "remotes" / f"{name}{_SUFFIX}"
+
+
+def remotes() -> list[str]:
+    """Return the names of this user's remotes: networks of robots, where every command looks for loggers, too."""
+    try:
+        found = [path.name.removesuffix(_SUFFIX) for path in remote_file("x").parent.glob(f"*{_SUFFIX}")]
+    except (OSError, RuntimeError):  # no home
+        return []
+    return sorted(name for name in found if NAME.fullmatch(name))
 
 
 def scaled(rtt_s: float) -> dict[str, Any]:
@@ -170,14 +176,6 @@ def reason_of(error: Exception | None) -> str:
     """Return Zenoh's words without the places in its sources."""
     text = str(error).split(" at /", 1)[0].strip()
     return text.splitlines()[0][:300] if text else type(error).__name__
-
-
-_TOKEN = re.compile(
-    r"""(?P<skip>\s+|//[^\n]*|/\*.*?\*/)|(?P<text>"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*')|(?P<mark>[{}\[\]:,])"""
-    r"""|(?P<word>[^\s{}\[\]:,"'/]+)""",
-    re.DOTALL,
-)
-_NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?")
 
 
 def read_json5(text: str) -> Any:

@@ -21,6 +21,10 @@ POINTS = 1 << 13  # of its period, at which its peak is looked for
 # with these two stages a shift register of so many goes through all of its states
 TAPS = {5: 3, 6: 5, 7: 6, 9: 5, 10: 7, 11: 9, 15: 14, 17: 14}
 
+FADE_S = 0.25  # at most, to go back before its time
+OVER = "it is over"
+GONE = "whoever asked for it is gone"
+
 
 def course_of(what: Excitation) -> Course:
     """Return by how much the value is off at each second of the excitation; asked for moments that only rise."""
@@ -82,11 +86,6 @@ def _prbs(what: Excitation) -> Course:
         return 1.0 if state & 1 else -1.0
 
     return wave
-
-
-FADE_S = 0.25  # at most, to go back before its time
-OVER = "it is over"
-GONE = "whoever asked for it is gone"
 
 
 @dataclass(eq=False)

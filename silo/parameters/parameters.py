@@ -38,6 +38,20 @@ STALLED_S = 1.0  # without a tick: then the value is brought back from outside o
 STALLED_TICKS = 3
 STALLED = "the loop stands still"
 
+MOST_WAITING = 64
+REVERT_LOOK_S = 0.1  # after which is looked again whether a change is back
+MOST_ENDS = 256  # changes of which is remembered what became of them
+BUSY = f"{MOST_WAITING} changes of parameters wait for a tick already: try again in a moment; nothing was changed"
+PROGRAM = "program"
+
+Check = Callable[..., object]
+_TYPES = {
+    ParameterKind.FLOAT: np.float64,
+    ParameterKind.INT: np.int64,
+    ParameterKind.ENUM: np.int64,
+    ParameterKind.BOOL: np.bool_,
+}
+
 
 @dataclass
 class Excitations:
@@ -119,21 +133,6 @@ class Excitations:
             return
         if time.monotonic() - one.excited.went_s > max(STALLED_S, STALLED_TICKS / frequency_hz):
             one.excited.drop(STALLED)
-
-
-MOST_WAITING = 64
-REVERT_LOOK_S = 0.1  # after which is looked again whether a change is back
-MOST_ENDS = 256  # changes of which is remembered what became of them
-BUSY = f"{MOST_WAITING} changes of parameters wait for a tick already: try again in a moment; nothing was changed"
-PROGRAM = "program"
-
-Check = Callable[..., object]
-_TYPES = {
-    ParameterKind.FLOAT: np.float64,
-    ParameterKind.INT: np.int64,
-    ParameterKind.ENUM: np.int64,
-    ParameterKind.BOOL: np.bool_,
-}
 
 
 @dataclass(eq=False)

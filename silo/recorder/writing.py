@@ -46,6 +46,23 @@ from silo.segment.rows import Rows
 SYNC_S, SYNC_BYTES = 5.0, 64 << 20  # how often what was written is put on the disk: a power cut loses no more
 _NAMES_TOLD = 20
 
+P = ParamSpec("P")
+
+QUEUE_BYTES = 64 << 20
+MOST_INDEX_BYTES = 16 << 20  # of a part, in memory: then the next one begins
+MOST_HOLE_ROWS = 100_000  # a part holds no larger ones, which whoever reads it would have to fill
+ROOM_SHARE = 0.02  # of a disk that is left free, or
+ROOM_BYTES = 1_000_000_000  # that many, whichever is less
+MESSAGE_BYTES = 80  # what a sample takes at most of the disk beside its value, for a look ahead
+BAD_STAMP = (
+    "their time stamps are before 1970 or after 2038, and a file of ROS 2 counts seconds in 31 bits: see to the clock "
+    "of the logger"
+)
+
+log = logging.getLogger("silo.recorder")
+
+_OF_RECORDERS = ("recording", "recording failed")  # kinds of news for which alone no part is begun
+
 
 class OpenPart:
     """A part that is open. Every method may raise OSError of the disk."""
@@ -183,25 +200,6 @@ def stamps_fit(rows: Rows) -> NDArray[np.bool_]:
     """Which rows have time stamps that the format can hold."""
     times = rows.time_ns
     return (times >= 0) & (times < MAX_STAMP_NS)
-
-
-P = ParamSpec("P")
-
-QUEUE_BYTES = 64 << 20
-MOST_INDEX_BYTES = 16 << 20  # of a part, in memory: then the next one begins
-MOST_HOLE_ROWS = 100_000  # a part holds no larger ones, which whoever reads it would have to fill
-ROOM_SHARE = 0.02  # of a disk that is left free, or
-ROOM_BYTES = 1_000_000_000  # that many, whichever is less
-MESSAGE_BYTES = 80  # what a sample takes at most of the disk beside its value, for a look ahead
-BAD_STAMP = (
-    "their time stamps are before 1970 or after 2038, and a file of ROS 2 counts seconds in 31 bits: see to the clock "
-    "of the logger"
-)
-
-log = logging.getLogger("silo.recorder")
-
-
-_OF_RECORDERS = ("recording", "recording failed")  # kinds of news for which alone no part is begun
 
 
 @dataclass(frozen=True)

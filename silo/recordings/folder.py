@@ -52,6 +52,16 @@ _FOOTER, _STATISTICS, _SUMMARY_OFFSET = 0x02, 0x0B, 0x0E
 _FOOTER_BYTES = 9 + 20 + len(_MAGIC)
 _MOST_OFFSETS_BYTES = 4096
 
+MAX_LISTED = 10_000
+MAX_VISITED = 100_000
+MAX_PIECE = 4 << 20
+MAX_OFFSET = 1 << 60
+MAX_SUMMED = 64 << 20
+READ_S = 1.0  # for which files are looked into per request; those that are left come with the next ones
+BLOCK = 1 << 20
+ENDINGS = {ending: kind for kind, one in SAVED.items() for ending in one.endings}
+LISTED = ", ".join(one.ending for one in SAVED.values())
+
 
 @dataclass(frozen=True)
 class FinishedPart:
@@ -87,7 +97,9 @@ def parts_below(place: int, only: str = "") -> Iterator[FinishedPart]:
 
 
 def part_named(place: int, name: str) -> FinishedPart | None:
-    """Return the part of that plain name, None where there is none."""
+    """Return the part of an endless recording that a plain name means, None where there is none."""
+    if not name.endswith(RECORDED) or "/" in name:
+        return None
     return next(parts_below(place, name), None)
 
 
@@ -146,17 +158,6 @@ def row_of(part: FinishedPart, summary: FileSummary) -> SavedRecording:
     )
 
 
-MAX_LISTED = 10_000
-MAX_VISITED = 100_000
-MAX_PIECE = 4 << 20
-MAX_OFFSET = 1 << 60
-MAX_SUMMED = 64 << 20
-READ_S = 1.0  # for which files are looked into per request; those that are left come with the next ones
-BLOCK = 1 << 20
-ENDINGS = {ending: kind for kind, one in SAVED.items() for ending in one.endings}
-LISTED = ", ".join(one.ending for one in SAVED.values())
-
-
 class RecordingFolder:
     """Remembers what stands in the files of one folder, as long as they don't change. Any thread may ask."""
 
@@ -187,7 +188,7 @@ class RecordingFolder:
     def parts(self, place: str, name: str) -> RecordingParts:
         """Return the plain files of a recording. Raises RequestRefusedError."""
         with _opened(place) as folder, _told(name):
-            if part := _recorded_part(folder, name):
+            if part := part_named(folder, name):
                 return RecordingParts(name, False, [_of_part(part)])
             self._recognised(folder, name)
             if _kind(name) is not FileType.BAG:
@@ -205,7 +206,7 @@ class RecordingFolder:
         name, _, inner = request.path.partition("/")
         owner = name.removesuffix(SIDECAR) if not inner and name.endswith(f".csv{SIDECAR}") else name
         with _opened(place) as folder, _told(request.path):
-            if part := _recorded_part(folder, request.path):
+            if part := part_named(folder, request.path):
                 with opened_folder(folder, part.folder) as inside, opened_file(inside, part.name) as file:
                     return _piece(file, request)
             self._recognised(folder, owner)
@@ -368,13 +369,6 @@ def _looked_at(folder: int, entry: "os.DirEntry[str]") -> _File | None:
 
 def _changed(one: SavedRecording) -> tuple[int, str]:
     return max(file.changed_ns for file in one.files), one.stem
-
-
-def _recorded_part(folder: int, name: str) -> FinishedPart | None:
-    """Return the part of an endless recording that a plain name means, None where there is none."""
-    if not name.endswith(RECORDED) or "/" in name:
-        return None
-    return part_named(folder, name)
 
 
 def _of_part(part: FinishedPart) -> PartOfRecording:
