@@ -13,9 +13,11 @@ from functools import cached_property, partial
 import numpy as np
 
 from silo.core import units
+from silo.core.arrays.function_units import UnitRule
 from silo.core.elements import Derived, Entry
 from silo.core.names import Found, Names, did_you_mean, is_glob, nearest
 from silo.errors import ElementError, ExpressionError
+from silo.expressions.operations import FUNCTIONS
 from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
 
 OFF = -1  # the source of an element that isn't logged
@@ -366,9 +368,9 @@ class _Binder:
             raise self._error(f"vectors of {' and '.join(map(str, widths))} values don't go together", node)
         return widths[0] if widths else 0
 
-    def _in_one_unit(self, sides: Sequence[_Found], nodes: Sequence[Node]) -> list[_Found]:
-        """The sides in the unit of the first that is no literal; literals beside what has no unit in SI units."""
-        unit = next((side.unit for side in sides if side.unit and not side.literal), None)
+    def _in_one_unit(self, sides: Sequence[_Found], nodes: Sequence[Node], wanted: str = "") -> list[_Found]:
+        """The sides in the unit wanted, or that of the first that is no literal; else literals are in SI units."""
+        unit = wanted or next((side.unit for side in sides if side.unit and not side.literal), None)
         made = []
         for side, node in zip(sides, nodes, strict=True):
             if not side.unit or side.unit == unit:
@@ -391,28 +393,27 @@ class _Binder:
         sides = [self.bind(one) for one in node.arguments]
         if name in ("mean", "std") or (name in ("min", "max") and len(sides) == 2 and _is_time(node.arguments[1])):
             return self._window(node, sides)
-        first = sides[0]
+        first, rule = sides[0], FUNCTIONS[name].rule
         if name in _STEPS:
-            unit = units.quotient(first.unit, "s") if name == "rate" and first.unit else first.unit
             part = Remembered(name, first.part, 0, self._sources(first.part, node))
             keeps = name == "prev"
-            return _Found(part, first.width, unit, keeps and first.logical, labels=first.labels if keeps else {})
+            labels = first.labels if keeps else {}
+            return _Found(part, first.width, _unit(rule, sides), keeps and first.logical, labels=labels)
         if name in ("any", "all", "isnan"):
             gathered, width = (self._gathered(sides, node), 0) if name != "isnan" else ((first.part,), first.width)
             return _Found(Computed(name, gathered), width, logical=True)
         if name in ("norm", "sum") or (name in ("min", "max") and len(sides) == 1):
             sides = self._in_one_unit(sides, node.arguments)
-            unit = next((side.unit for side in sides if side.unit), None)
-            return _Found(Computed(f"{name}_of", self._gathered(sides, node)), 0, unit)
+            return _Found(Computed(f"{name}_of", self._gathered(sides, node)), 0, _unit(rule, sides))
         width = self._width(sides, node)
-        if name in ("min", "max", "hypot", "atan2"):
-            sides = self._in_one_unit(sides, node.arguments)
-        unit = next((side.unit for side in sides if side.unit), None)
-        if name == "sqrt":
-            unit = units.power(unit, 0.5) if unit else None
-        elif name in ("sin", "cos", "tan", "atan2"):
-            unit = "rad" if name == "atan2" else None
-        return _Found(Computed(name, tuple(side.part for side in sides)), width, unit)
+        if rule.takes and first.unit and units.factor(first.unit, rule.takes) is None:
+            raise self._error(
+                f"{name} takes numbers or angles, and this is in '{first.unit}': divide it by 1{first.unit}",
+                node.arguments[0],
+            )
+        if rule.takes or len(sides) > 1:
+            sides = self._in_one_unit(sides, node.arguments, rule.takes)
+        return _Found(Computed(name, tuple(side.part for side in sides)), width, _unit(rule, sides))
 
     def _gathered(self, sides: Sequence[_Found], node: Call) -> tuple[Part, ...]:
         if len(sides) == 1 and not sides[0].width:
@@ -436,6 +437,11 @@ class _Binder:
         if not columns:
             raise self._error("this names no signal, so it never changes", node)
         return tuple(sorted({column.source for column in columns}))
+
+
+def _unit(rule: UnitRule, sides: Sequence[_Found]) -> str | None:
+    unit = rule.of(next((side.unit for side in sides if side.unit), "-"))
+    return None if unit == "-" else unit
 
 
 def _is_time(node: Node) -> bool:

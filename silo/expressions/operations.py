@@ -1,13 +1,15 @@
-"""Operations of expressions on whole arrays: numbers, and truths that may be unknown.
+"""Functions and operations of expressions on whole arrays: numbers, and truths that may be unknown.
 
 Truths follow Kleene: what is known decides where it can (`false and unknown` is false), else the result is unknown. A
 NaN is unknown where it is compared.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+
+from silo.core.arrays.function_units import KEPT, PER_SECOND, PLAIN, UNIT_RULES, UnitRule
 
 
 @dataclass(frozen=True)
@@ -180,6 +182,46 @@ def _one_of(parts: list[Any]) -> Any:
     return _side_by_side(parts).any(axis=1)
 
 
+class Function(NamedTuple):
+    """A function: the fewest and the most arguments, what it gives, for help, and what computes it.
+
+    ufunc: that of NumPy, None where `silo.expressions.binding` makes it of what remembers or takes vectors.
+    unit: that of the result; of a ufunc as in `UNIT_RULES`.
+    """
+
+    fewest: int
+    most: int
+    help: str
+    ufunc: np.ufunc | None = None
+    unit: UnitRule = KEPT
+
+    @property
+    def rule(self) -> UnitRule:
+        """Which unit it takes and gives."""
+        return UNIT_RULES[self.ufunc] if self.ufunc is not None else self.unit
+
+
+FUNCTIONS = {
+    "abs": Function(1, 1, "without its sign", np.absolute),
+    "min": Function(1, 20, "smallest of a vector or of several, or within a time: min(x, 50ms)", np.minimum),
+    "max": Function(1, 20, "largest of a vector or of several, or within a time: max(x, 50ms)", np.maximum),
+    "sqrt": Function(1, 1, "square root", np.sqrt),
+    "sin": Function(1, 1, "sine, of an angle", np.sin),
+    "cos": Function(1, 1, "cosine, of an angle", np.cos),
+    "tan": Function(1, 1, "tangent, of an angle", np.tan),
+    "atan2": Function(2, 2, "angle of (y, x), in radians", np.arctan2),
+    "hypot": Function(2, 2, "length of (x, y)", np.hypot),
+    "norm": Function(1, 20, "length of a vector"),
+    "sum": Function(1, 20, "sum of a vector"),
+    "any": Function(1, 20, "whether one of a vector is: any(legs/*/slip)", unit=PLAIN),
+    "all": Function(1, 20, "whether each of a vector is", unit=PLAIN),
+    "isnan": Function(1, 1, "whether it is no number", unit=PLAIN),
+    "prev": Function(1, 1, "value of the sample before"),
+    "diff": Function(1, 1, "difference to the sample before"),
+    "rate": Function(1, 1, "the same per second", unit=PER_SECOND),
+    "mean": Function(2, 2, "mean within a time: mean(x, 50ms)"),
+    "std": Function(2, 2, "standard deviation within a time: std(x, 1s)"),
+}
 REDUCING = ("any", "all", "norm_of", "sum_of", "min_of", "max_of", "known any", "known all")
 
 OPERATIONS: dict[str, Any] = {
@@ -191,9 +233,8 @@ OPERATIONS: dict[str, Any] = {
     "<": _comparison(np.less), "<=": _comparison(np.less_equal), ">": _comparison(np.greater),
     ">=": _comparison(np.greater_equal), "==": _comparison(np.equal), "!=": _comparison(np.not_equal),
     "+": _numeric(np.add), "-": _numeric(np.subtract), "*": _numeric(np.multiply), "/": _numeric(np.divide),
-    "%": _numeric(np.mod), "**": _numeric(np.power), "neg": _numeric(np.negative), "abs": _numeric(np.abs),
-    "min": _numeric(np.minimum), "max": _numeric(np.maximum), "sqrt": _numeric(np.sqrt), "sin": _numeric(np.sin),
-    "cos": _numeric(np.cos), "tan": _numeric(np.tan), "atan2": _numeric(np.arctan2), "hypot": _numeric(np.hypot),
+    "%": _numeric(np.mod), "**": _numeric(np.power), "neg": _numeric(np.negative),
+    **{name: _numeric(one.ufunc) for name, one in FUNCTIONS.items() if one.ufunc is not None},
     "norm_of": _reduced(lambda vector: np.sqrt(np.sum(vector * vector, axis=1))),
     "sum_of": _reduced(lambda vector: np.sum(vector, axis=1)),
     "min_of": _reduced(lambda vector: np.min(vector, axis=1)),

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from silo.core.arguments import shown
 from silo.core.names import did_you_mean, nearest
 from silo.errors import ExpressionError
+from silo.expressions.operations import FUNCTIONS, Function
 
 MOST_CHARACTERS = 500
 
@@ -27,34 +28,11 @@ _CLASS = re.compile(r"\[[^\[\]\s]{1,50}\]")
 _LOGIC = ("and", "or", "not")
 _INSTEAD = {"&": "and", "&&": "and", "|": "or", "||": "or", "!": "not", "=": "=="}
 
-__all__ = ["FUNCTIONS", "Call", "ComparisonChain", "Expression", "ExpressionError", "Name", "Node", "Number",
+__all__ = ["Call", "ComparisonChain", "Expression", "ExpressionError", "Name", "Node", "Number",
            "Operation",
            "parse"]  # fmt: skip
 
 MOST_NODES = 200
-
-# by name: the fewest and the most arguments, and what it gives, for help
-FUNCTIONS = {
-    "abs": (1, 1, "without its sign"),
-    "min": (1, 20, "smallest of a vector or of several, or within a time: min(x, 50ms)"),
-    "max": (1, 20, "largest of a vector or of several, or within a time: max(x, 50ms)"),
-    "sqrt": (1, 1, "square root"),
-    "sin": (1, 1, "sine, of radians"),
-    "cos": (1, 1, "cosine, of radians"),
-    "tan": (1, 1, "tangent, of radians"),
-    "atan2": (2, 2, "angle of (y, x), in radians"),
-    "hypot": (2, 2, "length of (x, y)"),
-    "norm": (1, 20, "length of a vector"),
-    "sum": (1, 20, "sum of a vector"),
-    "any": (1, 20, "whether one of a vector is: any(legs/*/slip)"),
-    "all": (1, 20, "whether each of a vector is"),
-    "isnan": (1, 1, "whether it is no number"),
-    "prev": (1, 1, "value of the sample before"),
-    "diff": (1, 1, "difference to the sample before"),
-    "rate": (1, 1, "the same per second"),
-    "mean": (2, 2, "mean within a time: mean(x, 50ms)"),
-    "std": (2, 2, "standard deviation within a time: std(x, 1s)"),
-}
 
 _BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%", ast.Pow: "**"}
 _COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
@@ -264,7 +242,7 @@ class Expression:
         return ExpressionError(reason, self.text, node.at, node.end)
 
 
-def parse(text: str, functions: Mapping[str, tuple[int, int, str]] = FUNCTIONS) -> Expression:
+def parse(text: str, functions: Mapping[str, Function] = FUNCTIONS) -> Expression:
     """Return an expression as a tree, with these functions. Raises ExpressionError with the place."""
     found = tokens(text)
     try:
@@ -297,7 +275,7 @@ def _why(error: SyntaxError, found: Tokens) -> str:
 class _Reader:
     """Makes our tree of Python's, and counts its nodes."""
 
-    def __init__(self, found: Tokens, functions: Mapping[str, tuple[int, int, str]]) -> None:
+    def __init__(self, found: Tokens, functions: Mapping[str, Function]) -> None:
         self._found, self._functions = found, functions
         self._skipped = len(found.python) - len(found.python.lstrip())
         self._nodes = 0
@@ -358,7 +336,7 @@ class _Reader:
             )
         if node.keywords:
             raise self._error("arguments have no names here", node)
-        fewest, most, _ = self._functions[name]
+        fewest, most, *_ = self._functions[name]
         if not fewest <= len(node.args) <= most:
             wanted = f"{fewest}" if fewest == most else f"{fewest} to {most}"
             example = f", as in {name}(x, 50ms)" if name in ("mean", "std") else ""

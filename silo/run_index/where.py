@@ -11,19 +11,20 @@ from dataclasses import dataclass
 
 from silo.core.names import Names, did_you_mean
 from silo.core.units import factor
+from silo.expressions.operations import Function
 from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
 from silo.run_index.facts import RunFacts, SignalFacts
 
 FUNCTIONS = {
-    "min": (1, 1, "smallest value of a signal"),
-    "max": (1, 1, "largest value of a signal"),
-    "mean": (1, 1, "mean of a signal"),
-    "std": (1, 1, "standard deviation of a signal"),
-    "rms": (1, 1, "root of the mean square of a signal"),
-    "last": (1, 1, "last value of a signal"),
-    "count": (1, 1, "finite samples of a signal"),
-    "abs": (1, 1, "without its sign"),
-    "tagged": (1, 1, "whether the run has this tag"),
+    "min": Function(1, 1, "smallest value of a signal"),
+    "max": Function(1, 1, "largest value of a signal"),
+    "mean": Function(1, 1, "mean of a signal"),
+    "std": Function(1, 1, "standard deviation of a signal"),
+    "rms": Function(1, 1, "root of the mean square of a signal"),
+    "last": Function(1, 1, "last value of a signal"),
+    "count": Function(1, 1, "finite samples of a signal"),
+    "abs": Function(1, 1, "without its sign"),
+    "tagged": Function(1, 1, "whether the run has this tag"),
 }
 FACTS: dict[str, tuple[str, Callable[[RunFacts], float]]] = {
     "span": ("s", lambda run: run.span_s),

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ from silo.core.elements import Entry
 from silo.errors import ExpressionError
 from silo.expressions.binding import OFF, BoundSignal, Catalogue, Constant, Known, bind
 from silo.expressions.derived_signals import Lookback, lookback
+from silo.expressions.evaluation import Evaluator, SourceRows
 from silo.expressions.parsing import MOST_CHARACTERS, MOST_NODES, Call, Name, Operation, parse
 
 
@@ -202,3 +204,19 @@ def test_a_condition_is_one_truth():
 )
 def test_what_can_not_be_computed_is_told(text, says):
     assert says in refusal(text).reason
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad", "-"])
+def test_a_sine_is_of_the_angle_whatever_its_unit(unit):
+    turn = 30.0 if unit == "deg" else np.pi / 6
+    rows = SourceRows(np.arange(1), np.arange(1), {(0, 0): np.array([turn])})
+    bound = bind("sin(tilt)", Catalogue([known("/log/tilt", unit=unit)], "/log"))
+    assert bound.unit == "-"
+    assert np.allclose(Evaluator(bound).feed({0: rows}).values[0], 0.5)
+
+
+def test_a_sine_of_what_is_no_angle_is_refused_and_of_a_number_of_degrees_taken():
+    with pytest.raises(ExpressionError, match=r"sin takes numbers or angles, and this is in 'Nm': divide it by 1Nm"):
+        bind("sin(tau)", CATALOGUE)
+    assert bind("sin(tau / 1Nm) > sin(30deg)", CATALOGUE).logical
+    assert bind("sqrt(rate(roll) * roll)", CATALOGUE).unit == "rad/s^0.5"

@@ -13,6 +13,7 @@ import numpy as np
 from silo.analysis.compute.arithmetic import combined, compared, warn_outside, wide
 from silo.analysis.compute.samples import Samples
 from silo.core import units
+from silo.core.arrays.function_units import PLAIN, UNIT_RULES
 from silo.core.arrays.values import with_nan
 from silo.errors import ElementError
 
@@ -31,18 +32,9 @@ _COMPARISONS = {
     np.less: (operator.lt, "<"), np.less_equal: (operator.le, "<="), np.greater: (operator.gt, ">"),
     np.greater_equal: (operator.ge, ">="), np.equal: (operator.eq, "=="), np.not_equal: (operator.ne, "!="),
 }  # fmt: skip
-_KEEP = {
-    np.negative, np.positive, np.absolute, np.fabs, np.floor, np.ceil, np.rint, np.trunc, np.conjugate,
-}  # fmt: skip
 _WORDS = {np.negative: "-{}", np.absolute: "abs({})"}
-_POWERS = {np.sqrt: 0.5, np.square: 2.0, np.cbrt: 1 / 3, np.reciprocal: -1.0}
-_OF_ANGLES = {np.sin, np.cos, np.tan}
-_TO_ANGLES = {np.arcsin, np.arccos, np.arctan}
-_OF_NUMBERS = {
-    np.exp, np.exp2, np.expm1, np.log, np.log2, np.log10, np.log1p, np.sinh, np.cosh, np.tanh, np.arcsinh, np.arccosh,
-    np.arctanh,
-}  # fmt: skip
-_TESTS = {np.isnan, np.isfinite, np.isinf, np.signbit, np.sign, np.logical_not}
+_POWERS = {np.sqrt, np.cbrt, np.reciprocal}
+_TO_UNITS = {np.deg2rad, np.radians, np.rad2deg, np.degrees}
 _LOGIC = {
     np.logical_and: "and", np.logical_or: "or", np.logical_xor: "xor", np.bitwise_and: "&", np.bitwise_or: "|",
     np.bitwise_xor: "^", np.left_shift: "<<", np.right_shift: ">>",
@@ -82,7 +74,7 @@ def ufunc_of(signal: One, ufunc: np.ufunc, method: str, inputs: tuple[Any, ...],
     if ufunc not in _SIGNS:
         raise _no_meaning(ufunc)
     made = combined(one, other, *_SIGNS[ufunc], swapped)
-    return replace(made, unit="rad") if ufunc is np.arctan2 else made
+    return replace(made, unit=UNIT_RULES[ufunc].of(made.unit)) if ufunc in UNIT_RULES else made
 
 
 def _as_type(made: Any, ufunc: np.ufunc, dtype: Any) -> Any:
@@ -116,28 +108,22 @@ def _logical(one: One, other: Any, function: Callable[[Any, Any], Any], sign: st
 
 
 def _unary(signal: One, ufunc: np.ufunc) -> One:
-    name, unit, values = ufunc.__name__, signal.unit, wide(signal)
-    if ufunc in _KEEP:
-        pass
-    elif ufunc in _POWERS:
-        unit = unit if unit in ("", "-") else units.power(unit, _POWERS[ufunc])
-        values = values.astype(np.promote_types(values.dtype, np.float64)) if ufunc is not np.square else values
-    elif ufunc in _OF_ANGLES or ufunc in _OF_NUMBERS or ufunc in _TO_ANGLES:
-        values, unit = values * _plain_factor(signal, name), "rad" if ufunc in _TO_ANGLES else "-"
-    elif ufunc in (np.deg2rad, np.radians, np.rad2deg, np.degrees):
-        before, unit = ("deg", "rad") if ufunc in (np.deg2rad, np.radians) else ("rad", "deg")
-        if signal.unit not in ("", "-") and not units.same(signal.unit, before):
-            raise ElementError(f"np.{name} takes '{before}', but '{signal.name}' is in '{signal.unit}'")
-    elif ufunc in _TESTS:
-        unit = "-"
-    elif ufunc is np.invert and signal.values.dtype.kind in "biu":
-        values, unit = signal.values, "-"
-    else:
+    name, values, rule = ufunc.__name__, wide(signal), UNIT_RULES.get(ufunc, PLAIN)
+    if ufunc is np.invert and signal.values.dtype.kind in "biu":
+        values = signal.values
+    elif ufunc not in UNIT_RULES:
         raise _no_meaning(ufunc)
+    elif ufunc in _TO_UNITS:
+        if signal.unit not in ("", "-") and not units.same(signal.unit, rule.takes):
+            raise ElementError(f"np.{name} takes '{rule.takes}', but '{signal.name}' is in '{signal.unit}'")
+    elif rule.takes:
+        values = values * _plain_factor(signal, name)
+    elif ufunc in _POWERS:
+        values = values.astype(np.promote_types(values.dtype, np.float64))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         made = ufunc(values)
     words = _WORDS.get(ufunc, f"{name}({{}})").format(signal.name)
-    return replace(signal, name=words, values=made, unit=unit, labels={})
+    return replace(signal, name=words, values=made, unit=rule.of(signal.unit), labels={})
 
 
 def _plain_factor(signal: Samples, name: str) -> float:
