@@ -8,7 +8,6 @@ Nothing but the header is read before a signal is asked for; of JSON in bags all
 
 import numbers
 import os
-import re
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,14 +18,14 @@ from silo.analysis.stretches import joined
 from silo.core.arguments import path as file_path
 from silo.core.arguments import shown, switch, whole
 from silo.core.calls import told
-from silo.core.recording import Recording, has_own_stamps, stretch_of
+from silo.core.elements import Stretch
+from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, LogNotFoundError, LogWarning
 from silo.files.added import added_formats
 from silo.files.formats import read_recording
 from silo.files.naming import find_log, find_logs
 
 MOST_RUNS = 10**9
-_OF_RUN = re.compile(r"\d+ parts of run (\w+)")
 
 __all__ = ["open_log", "open_logs"]
 
@@ -89,8 +88,9 @@ def open_log(
         from silo.files.others.recording import stamped_by_header
 
         recording = stamped_by_header(recording)
-    if stretch_of(recording)[0] and not switch("alone", alone):
-        recording = _whole_run(path, recording)
+    stretch = recording.stretch
+    if stretch is not None and stretch.part and not switch("alone", alone):
+        recording = _whole_run(path, recording, stretch)
     for warning in recording.warnings:
         warnings.warn(f"{path}: {warning}", LogWarning, stacklevel=3)
     return Log(recording, os.fspath(path))
@@ -115,14 +115,15 @@ def open_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".
     logs: dict[object, Log] = {}
     for path in paths:
         log = open_log(path)
-        run = _OF_RUN.fullmatch(log.recording.about.get("cut", ""))  # the parts of one are one log
-        logs.setdefault(run[1] if run else path, log)
+        stretch = log.recording.stretch  # the parts of one are one log
+        logs.setdefault(path if stretch is None or stretch.part else stretch.run, log)
     return list(logs.values())
 
 
 def _of_files(logs: Sequence[Log]) -> Log:
     """The run of which logs are the parts. Raises ElementError where they are of several, or of none."""
-    runs = {stretch_of(log.recording)[0] for log in logs}
+    stretches = [log.recording.stretch for log in logs]
+    runs = {one.run if one is not None and one.part else "" for one in stretches}
     if len(runs) != 1 or "" in runs:
         raise ElementError(
             "a list of files must be parts of one run that was cut; silo.open_logs opens logs side by side"
@@ -130,16 +131,15 @@ def _of_files(logs: Sequence[Log]) -> Log:
     return Log(joined([log.recording for log in logs]), logs[0].path)
 
 
-def _whole_run(path: Path, recording: Recording) -> Recording:
+def _whole_run(path: Path, recording: Recording, stretch: Stretch) -> Recording:
     """The run that was cut of which a recording is a stretch: with those that lie beside it."""
-    run, part = stretch_of(recording)
-    found = {part: recording}
+    found = {stretch.part: recording}
     for other in [other for other in find_logs(path.parent) if "_part" in other.stem and other != path]:
         one = read_recording(other, added_formats)
-        of, number = stretch_of(one)
+        its = one.stretch
         # of one that was saved more than once what has most
-        if of == run and (number not in found or one.offset > found[number].offset):
-            found[number] = one
+        if its and its.part and its.run == stretch.run and one.offset > getattr(found.get(its.part), "offset", -1):
+            found[its.part] = one
     return joined(list(found.values())) if len(found) > 1 else recording
 
 

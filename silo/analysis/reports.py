@@ -94,7 +94,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
         elements=elements,
         failed=sum(element.failures.count for element in recording.elements),
         events=tuple(events_of(recording, int(times[0]) if len(times) else 0)),
-        about=dict(recording.about),
+        about=recording.told_about,
     )
 
 
@@ -124,13 +124,9 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
 
 def type_text(element: RecordedElement) -> str:
     """Return the types of an element's entries, and its shape: `float64[3]`."""
-    types = list(dict.fromkeys(_type_name(entry.dtype) for entry in element.entries))
+    types = list(dict.fromkeys("string" if entry.dtype.kind in "SU" else entry.dtype.name for entry in element.entries))
     shape = f"[{','.join(map(str, element.shape))}]" if element.shape else ""
     return ("/".join(types[:3]) + ("/…" if len(types) > 3 else "") or "-") + shape
-
-
-def _type_name(dtype: np.dtype[np.generic]) -> str:
-    return "string" if dtype.kind in "SU" else dtype.name
 
 
 def statistics(signal: "CurveSource") -> SignalStats:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arguments import INT64
-from silo.core.elements import BufferType
+from silo.core.elements import BufferType, Stretch
 from silo.core.recording import (
     Failures,
     RecordedElement,
@@ -23,7 +23,6 @@ from silo.core.recording import (
     falls,
     lazy_entry,
     stamps_of,
-    stretch_of,
     within,
 )
 
@@ -106,8 +105,10 @@ def joined(stretches: Sequence[Recording]) -> Recording:
 
     An element that was changed between two has time stamps of its own.
     """
-    parts = sorted(stretches, key=lambda one: stretch_of(one)[1])
-    run, last = stretch_of(parts[0])[0], parts[-1]
+    by_number = {one.stretch.part: one for one in stretches if one.stretch is not None}
+    numbers = sorted(by_number)
+    parts = [by_number[number] for number in numbers]
+    last = parts[-1]
     places = np.cumsum([0, *(len(part.time_ns) for part in parts)]).tolist()
     time_ns = np.concatenate([part.time_ns for part in parts])
     begin = parts[0].offset - len(parts[0].time_ns)
@@ -124,7 +125,6 @@ def joined(stretches: Sequence[Recording]) -> Recording:
         for place, part in zip(places, parts, strict=False)
         for event in part.events
     ]
-    numbers = [stretch_of(part)[1] for part in parts]
     missing = [number for number in range(1, numbers[-1]) if number not in numbers]
     told = [f"part {number} of this run, which was cut, is missing: its samples are not here" for number in missing]
     for number, part in zip(numbers, parts, strict=True):
@@ -140,7 +140,7 @@ def joined(stretches: Sequence[Recording]) -> Recording:
         time_looping=parts[0].time_looping,
         warnings=tuple(told),
         events=tuple(sorted(events, key=lambda event: (event.time_ns, event.number))),
-        about={**last.about, "cut": f"{len(parts)} parts of run {run}"},
+        stretch=last.stretch and Stretch(last.stretch.run, parts=len(parts)),
     )
 
 

@@ -420,10 +420,10 @@ def show(value: object, as_json: bool, text: Callable[[], str]) -> None:
 
 
 @contextmanager
-def progress(label: str) -> "Iterator[ShowsProgress | None]":
-    """Give what shows how much is done, as a share or of a total: a bar on a terminal, None elsewhere."""
+def progress(label: str) -> "Iterator[ShowsProgress]":
+    """Give what shows how much is done, as a share or of a total: a bar on a terminal, nothing elsewhere."""
     if not sys.stderr.isatty():
-        yield None
+        yield lambda done, total=1.0: None
         return
     with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
 

@@ -296,6 +296,19 @@ class Conditions(msgspec.Struct, frozen=True, omit_defaults=True):
 NO_EXTRAS = Conditions()
 
 
+class Stretch(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What a recording is of a run that was cut, by the id of its first: stretch `part`, from 1, or `parts` as one."""
+
+    run: str
+    part: int = 0
+    parts: int = 1
+
+    @property
+    def text(self) -> str:
+        """It, fit to show."""
+        return f"part {self.part} of run {self.run}" if self.part else f"{self.parts} parts of run {self.run}"
+
+
 STARTED = "started"
 MARKER = "marker"  # the kind of an event that somebody set
 PARAMETER = "parameter"  # of one that tells what parameters were, or became

@@ -4,7 +4,6 @@ The segment's reader makes a `Recording` (a snapshot), every file writer takes o
 It knows no logger, no file and no process.
 """
 
-import re
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.calls import no_attribute
-from silo.core.elements import NO_EXTRAS, BufferType, Conditions, Entry, LoggedEvent
+from silo.core.elements import NO_EXTRAS, BufferType, Conditions, Entry, LoggedEvent, Stretch
 from silo.core.printing import html_table
 from silo.core.quantities.writing import many
 from silo.errors import ArgumentError, LogWarning
@@ -201,6 +200,7 @@ class Recording:
         events: what happened in this run, marks and all, in the order of time; their ticks may lie outside of those
             that are kept.
         about: where it comes from: host, versions, the program's commit, and what the program said of it.
+        stretch: which part of a run that was cut it is, or of how many; None of one that was never cut.
     """
 
     logger: str
@@ -216,6 +216,7 @@ class Recording:
     extras: Conditions = NO_EXTRAS
     events: tuple[LoggedEvent, ...] = ()
     about: Mapping[str, str] = field(default_factory=dict)
+    stretch: Stretch | None = None
 
     def __repr__(self) -> str:
         span = (int(self.time_ns[-1]) - int(self.time_ns[0])) * 1e-9 if len(self.time_ns) else 0.0
@@ -242,6 +243,11 @@ class Recording:
             logs = f"write silo.Log(recording).{name}, a log has more than a recording, which is plain data"
             others = dict.fromkeys(_OF_LOGS, logs) | _OTHER_NAMES
             no_attribute("a recording", name, type(self), others)
+
+    @property
+    def told_about(self) -> dict[str, str]:
+        """What is shown of where it comes from: `about`, and which part of a run that was cut it is."""
+        return {**self.about, **({"cut": self.stretch.text} if self.stretch is not None else {})}
 
     @property
     def entry_count(self) -> int:
@@ -316,21 +322,6 @@ def places_on(axis: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[np.
     """Where rising stamps stand on an axis that `common_axis` made of them, and of others."""
     again = np.arange(len(stamps)) - np.searchsorted(stamps, stamps)  # the how many-th of equal ones
     return np.searchsorted(axis, stamps) + again
-
-
-_CUT = "cut"  # what stands in `about` of a stretch
-_STRETCH = re.compile(r"part (\d+) of run (\w+)")
-
-
-def as_stretch(recording: Recording, run: str, part: int) -> Recording:
-    """The recording as what it is: stretch `part` (from 1) of a run that was cut, by the id of its first."""
-    return replace(recording, about={**recording.about, _CUT: f"part {part} of run {run}"})
-
-
-def stretch_of(recording: Recording) -> tuple[str, int]:
-    """Of which run that was cut a recording is which stretch, from 1; an empty id, and 0, of one that was never cut."""
-    found = _STRETCH.fullmatch(recording.about.get(_CUT, ""))
-    return (found[2], int(found[1])) if found else ("", 0)
 
 
 MOST_SPANS = 15  # of failures: the first ones, and the last

@@ -23,7 +23,6 @@ from silo.errors import SegmentError
 
 SEGMENT_SUFFIX = ".segment"
 NEW_SUFFIX = ".new"  # of what is made to take the place of another file
-UNFINISHED_SUFFIX = f"{SEGMENT_SUFFIX}{NEW_SUFFIX}"
 DOWN_SUFFIX = ".down"
 HELD_SUFFIX = ".held"  # of a run whose program is done with it, and a consumer is not: `silo.segment.held_runs`
 RECORDERS_SUFFIX = ".recorders"  # of the list of what records a logger
@@ -279,14 +278,14 @@ def unopened() -> io.FileIO:
     return io.FileIO.__new__(io.FileIO)
 
 
-def open_into(file: io.FileIO, path: str | os.PathLike[str], flags: int, mode: int = 0o600) -> io.FileIO:
+def open_into(file: io.FileIO, path: str | os.PathLike[str], flags: int) -> io.FileIO:
     """Open `path` for its owner; not a folder. Raises OSError.
 
     By C code alone: Ctrl-C is taken between instructions of Python, where a bare number would belong to nobody.
     """
     kind = "rb" if flags & os.O_ACCMODE == os.O_RDONLY else "rb+"
     adopt = functools.partial(io.FileIO.__init__, file)
-    next(map(adopt, map(os.open, (path,), (flags | os.O_CLOEXEC,), (mode,)), (kind,)))
+    next(map(adopt, map(os.open, (path,), (flags | os.O_CLOEXEC,), (0o600,)), (kind,)))
     return file
 
 

@@ -83,7 +83,7 @@ def renumbered(events: Iterable[LoggedEvent], higher: int) -> list[LoggedEvent]:
 def _append(descriptor: int, events: Sequence[LoggedEvent]) -> None:
     lines = b"".join(_encoder.encode(event) + b"\n" for event in events)
     before = os.fstat(descriptor).st_size
-    if before and not _ends_with_line(descriptor):
+    if before and os.pread(descriptor, 1, before - 1) != b"\n":
         lines = b"\n" + lines  # a helper process was killed within a line
     view = memoryview(lines)
     try:
@@ -140,10 +140,6 @@ def _is_still(path: Path, descriptor: int) -> bool:
         return os.path.samestat(path.lstat(), os.fstat(descriptor))
     except FileNotFoundError:
         return False
-
-
-def _ends_with_line(descriptor: int) -> bool:
-    return os.pread(descriptor, 1, os.fstat(descriptor).st_size - 1) == b"\n"
 
 
 def read_events(folder: str | os.PathLike[str], logger: str, run: str = "") -> list[LoggedEvent]:

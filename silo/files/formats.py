@@ -105,8 +105,9 @@ class Format(msgspec.Struct, frozen=True):
             from silo.core.recording import has_own_stamps, read_whole
 
             if not self.own_times and has_own_stamps(recording):
+                whose = "in this bag each topic" if recording.stretch is None else "an element changed by a cut"
                 raise SaveError(
-                    f"'{path}' has one time for all signals, but in this bag each topic has its own: choose a rate, "
+                    f"'{path}' has one time for all signals, but {whose} has its own: choose a rate, "
                     f"log.resample(100).save({path.name!r}) or `silo convert --rate 100`; "
                     f"{_list([one.ending for one in FORMATS if one.own_times])} keep the times of each"
                 )

@@ -34,7 +34,6 @@ MOST_BYTES = 200_000
 MOST_BEGUN = 20  # captures without files that are remembered: of a process one is under way, others failed
 MOST_RUNS = 100  # of an order that are told one by one; of those before them the sums are kept
 WRITTEN_ENDING = ".recorder.json"
-_MOST_WRITTEN_BYTES = 8 << 20
 _TAIL = 256  # bytes before what is new that must be as they were: else the file was written anew
 _RETRY_S = 0.02
 

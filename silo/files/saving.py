@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
 from silo.core.quantities.writing import size_text
-from silo.core.recording import Progress, Recording, stretch_of, with_events
+from silo.core.recording import Progress, Recording, with_events
 from silo.errors import SaveError
 from silo.files.atomic import reason
 from silo.files.event_log import with_happened
@@ -61,7 +61,7 @@ def write(
         raise SaveError(
             f"can't make the folder '{folder}': {reason(error)}; choose another one; the log is still in memory"
         ) from error
-    paths = _paths(Path(folder), logger, chosen, name, stretch_of(recording)[1])
+    paths = _paths(Path(folder), logger, chosen, name, recording.stretch.part if recording.stretch else 0)
     recording = replace(recording, why=why) if why else recording
     if recording.extras.derived:
         from silo.expressions.derived_samples import with_derived

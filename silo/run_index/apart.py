@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from silo.run_index.facts import RunFacts, SignalFacts
 from silo.run_index.listed import ListedRun
 from silo.run_index.tables import short
-from silo.run_index.where import FACTS
+from silo.run_index.where import FACTS, OF_SIGNALS
 
-_STATISTICS = {"max": "most", "min": "least", "mean": "mean", "rms": "rms", "std": "std"}
+_STATISTICS = {how: OF_SIGNALS[how][0] for how in ("max", "min", "mean", "rms", "std")}
 _FACTS: dict[str, tuple[str, Callable[[RunFacts], float]]] = {
     name: FACTS[name] for name in ("span", "limits", "triggers", "marks", "lost", "failed")
 }

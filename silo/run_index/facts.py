@@ -167,7 +167,7 @@ def _facts(recording: Recording, name: str, size_bytes: int, path: Path) -> RunF
         failed=sum(element.failures.count for element in recording.elements),
         warnings=len(recording.warnings),
         size_bytes=size_bytes,
-        about=dict(recording.about),
+        about=recording.told_about,
         parameters=parameters,
         episodes=tuple(episodes_of(recording, int(stamps[0]) if ticks else 0)),
     )

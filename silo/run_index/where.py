@@ -15,17 +15,6 @@ from silo.expressions.operations import Function
 from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
 from silo.run_index.facts import RunFacts, SignalFacts
 
-FUNCTIONS = {
-    "min": Function(1, 1, "smallest value of a signal"),
-    "max": Function(1, 1, "largest value of a signal"),
-    "mean": Function(1, 1, "mean of a signal"),
-    "std": Function(1, 1, "standard deviation of a signal"),
-    "rms": Function(1, 1, "root of the mean square of a signal"),
-    "last": Function(1, 1, "last value of a signal"),
-    "count": Function(1, 1, "finite samples of a signal"),
-    "abs": Function(1, 1, "without its sign"),
-    "tagged": Function(1, 1, "whether the run has this tag"),
-}
 FACTS: dict[str, tuple[str, Callable[[RunFacts], float]]] = {
     "span": ("s", lambda run: run.span_s),
     "ticks": ("", lambda run: float(run.ticks)),
@@ -39,10 +28,14 @@ FACTS: dict[str, tuple[str, Callable[[RunFacts], float]]] = {
     "episodes": ("", lambda run: float(len(run.episodes))),
     "warnings": ("", lambda run: float(run.warnings)),
 }
-_OF_SIGNALS: dict[str, tuple[str, Callable[[Sequence[float]], float]]] = {
-    "min": ("least", min), "max": ("most", max), "mean": ("mean", lambda values: values[0]),
-    "std": ("std", lambda values: values[0]), "rms": ("rms", lambda values: values[0]),
-    "last": ("last", lambda values: values[0]), "count": ("count", sum),
+OF_SIGNALS: dict[str, tuple[str, Callable[[Sequence[float]], float], str]] = {
+    "min": ("least", min, "smallest value"), "max": ("most", max, "largest value"),
+    "mean": ("mean", operator.itemgetter(0), "mean"), "std": ("std", operator.itemgetter(0), "standard deviation"),
+    "rms": ("rms", operator.itemgetter(0), "root of the mean square"),
+    "last": ("last", operator.itemgetter(0), "last value"), "count": ("count", sum, "finite samples"),
+}  # fmt: skip
+FUNCTIONS = {name: Function(1, 1, f"{what} of a signal") for name, (_, _, what) in OF_SIGNALS.items()} | {
+    "abs": Function(1, 1, "without its sign"), "tagged": Function(1, 1, "whether the run has this tag"),
 }  # fmt: skip
 _COMPARED = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
              "!=": operator.ne}  # fmt: skip
@@ -175,7 +168,7 @@ class Query:
         return self._statistic("last", name, signals)
 
     def _statistic(self, function: str, name: Name, signals: Mapping[str, SignalFacts]) -> Value:
-        field, together = _OF_SIGNALS[function]
+        field, together, _ = OF_SIGNALS[function]
         found = [signals[one] for one in self._meant[name.text] if one in signals]
         values = [number for one in found if (number := getattr(one, field)) is not None]
         if not values:

@@ -1,11 +1,12 @@
 """From rows to a recording, cut at one tick: which samples each buffer holds, and the words for what is missing."""
 
 from collections import defaultdict
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import CUT, BufferType, LoggedEvent
+from silo.core.elements import CUT, BufferType, LoggedEvent, Stretch
 from silo.core.recording import (
     KEPT_ALIKE,
     NEVER_CHANGED,
@@ -13,7 +14,6 @@ from silo.core.recording import (
     RecordedEntry,
     Recording,
     alike,
-    as_stretch,
     failures_text,
     stamped,
     unheld_text,
@@ -58,12 +58,12 @@ def snapshot(source: RowSource) -> Recording:
 
 
 def in_chain(recording: Recording, schema: SegmentSchema, *, cut_off: bool) -> Recording:
-    """The recording of a stretch that says so, in `about` and by an event: that it goes on another, or is gone on."""
+    """The recording of a stretch that says so, by a field and an event: that it goes on another, or is gone on."""
     if schema.cut is None and not cut_off:
         return recording
     cut = schema.cut or Cut(schema.run, 1)
     told = [LoggedEvent(CUT, cut.text, schema.started_ns, 0, 0, cut.who, schema.run)] if cut.text else []
-    return with_events(as_stretch(recording, cut.chain, cut.part), told)
+    return with_events(replace(recording, stretch=Stretch(cut.chain, cut.part)), told)
 
 
 def _time_stamps(source: RowSource, ticks: int) -> NDArray[np.int64]:

@@ -275,12 +275,6 @@ def read_settings(words: Sequence[str]) -> ElementSettings:
 # ------------------------------------------------------------------------------------------------------------ showing
 
 
-def typed_form(name: str, value: OptionValue) -> str:
-    """A value as it is typed: `on`, `20`, `both`, `looping`."""
-    option = OPTION[name]
-    return option.word_of(value).word if option.words else str(value)
-
-
 def phrase(name: str, value: OptionValue) -> str:
     """A value in a sentence or a list of differences: `on`, `20`, `save and publish`, `looping`."""
     option = OPTION[name]

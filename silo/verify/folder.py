@@ -325,17 +325,15 @@ def _covered(run: _Run) -> RunCovered:
     spans = {
         "recorded": merged(span for part in run.parts for span in part.ticks()),
         "saved": merged(span for _, span, _ in run.saved),
-        "captured": merged(_span_of(recording) for _, recording in run.captured if len(recording.time_ns)),
+        "captured": merged(
+            (one.offset - len(one.time_ns), one.offset - 1) for _, one in run.captured if len(one.time_ns)
+        ),
         "in_memory": merged(run.held),
     }
     return RunCovered(
         run.logger, run.run, run.ticks,
         **{name: sum(last + 1 - first for first, last in found) for name, found in spans.items()},
     )  # fmt: skip
-
-
-def _span_of(recording: Recording) -> Span:
-    return recording.offset - len(recording.time_ns), recording.offset - 1
 
 
 # ---------------------------------------------------------------------------------------------------------- recordings

@@ -8,7 +8,7 @@ import pytest
 
 import silo
 from silo.core.elements import Edit
-from silo.errors import ElementError, SegmentError, StateError
+from silo.errors import ElementError, SaveError, SegmentError, StateError
 from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
 from tests.waiting import wait_until
 
@@ -262,3 +262,20 @@ def test_the_parts_of_a_run_are_one_log_with_the_stamps_of_each(new_logger, tmp_
     plain = other.save().path
     with pytest.raises(ElementError, match="parts of one run"):
         silo.open_log([paths[0], plain])
+
+
+def test_a_run_whose_elements_were_changed_is_saved_with_the_times_of_each_or_told_why_not(new_logger, tmp_path):
+    logger = new_logger()
+    loop = Loop(logger)
+    loop.turn(6)
+    logger.set("x", divider=3, cut=True)
+    loop.turn(6)
+    logger.save("silo")
+    whole = loop.whole(tmp_path)
+    with pytest.raises(SaveError, match="an element changed by a cut has its own: choose a rate"):
+        whole.save(tmp_path / "whole.silo")
+    whole.save(tmp_path / "whole.npz")
+    again = silo.open_log(tmp_path / "whole.npz")
+    assert again.recording.stretch == whole.recording.stretch
+    assert again.recording.told_about["cut"].startswith("2 parts of run ")
+    assert again["x"].time_ns.tolist() == whole["x"].time_ns.tolist()

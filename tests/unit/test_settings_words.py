@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from silo.core.elements import DEFAULT_OPTIONS, MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, ElementOptions
 from silo.errors import ElementError
 from silo.settings.options import OPTIONS, option_problems, raw_problems
-from silo.settings.typed import apply_settings, completions, help_rows, read_options, read_settings, typed_form
+from silo.settings.typed import apply_settings, completions, help_rows, read_options, read_settings
 
 options = st.builds(
     ElementOptions,
@@ -31,7 +31,8 @@ def complaint(*words: str, now: ElementOptions = DEFAULT_OPTIONS) -> str:
 
 @given(options, options)
 def test_options_that_are_written_as_words_read_back(wanted: ElementOptions, now: ElementOptions) -> None:
-    words = [f"{option.keys[0]}={typed_form(option.name, getattr(wanted, option.name))}" for option in OPTIONS]
+    values = [(option, getattr(wanted, option.name)) for option in OPTIONS]
+    words = [f"{option.keys[0]}={option.word_of(value).word if option.words else value}" for option, value in values]
     assert made(*words, now=now) == wanted
 
 

@@ -50,7 +50,8 @@ def compared(
     if isinstance(other, str | bytes) or one.values.dtype.kind in "SU":
         return _texts_compared(one, other, function, sign)
     values, made, name = _both(one, other, function, sign, swapped, lambda each: each._numbers("compare"), "compare")
-    return replace(made, name=name, values=_truths(values, sign), unit="-", labels={})
+    truths = np.asarray(np.ma.filled(values, sign == "!="), bool)  # what is missing is, as a NaN, only unequal
+    return replace(made, name=name, values=truths, unit="-", labels={})
 
 
 def _both(
@@ -78,11 +79,6 @@ def _both(
     made = one if values.ndim == one.values.ndim or not isinstance(other, Samples) else other
     made = replace(made, time_ns=base.time_ns, start_ns=base.start_ns, divider=base.divider)
     return values, made, f"({words} {sign} {one.name})" if swapped else f"({one.name} {sign} {words})"
-
-
-def _truths(values: Any, sign: str) -> NDArray[np.bool_]:
-    """Truths of a comparison: as with a NaN, what is missing is only unequal."""
-    return np.asarray(np.ma.filled(values, sign == "!="), bool)
 
 
 def _texts_compared(one: One, other: object, function: Callable[[Any, Any], Any], sign: str) -> One:

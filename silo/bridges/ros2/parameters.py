@@ -12,12 +12,11 @@ import struct
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
 
 from silo.bridges.services import Tune
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind, ParameterValue, Writable, range_text
 from silo.errors import SiloError
-from silo.files.bags.ros_types import ENCAPSULATION, add_text, align
+from silo.files.bags.ros_types import ENCAPSULATION, CdrReader, add_numbers, add_text
 
 SECOND_NS = 1_000_000_000
 EVENTS, EVENT = "/parameter_events", "rcl_interfaces/msg/ParameterEvent"
@@ -31,7 +30,6 @@ HASHES = {
     "SetParametersAtomically": "RIHS01_0e192ef259c07fc3c07a13191d27002222e65e00ccec653ca05e856f79285fcd",
 }
 NOT_SET, BOOL, INTEGER, DOUBLE, STRING, BYTES, BOOLS, INTEGERS, DOUBLES, STRINGS = range(10)
-T = TypeVar("T")
 Write = Callable[[bytearray], None]
 _TYPES = {
     ParameterKind.BOOL: BOOL, ParameterKind.INT: INTEGER, ParameterKind.FLOAT: DOUBLE, ParameterKind.ENUM: STRING,
@@ -80,7 +78,7 @@ class NodeParameters:
         body = bytearray(struct.pack("<iI", *divmod(time.time_ns(), SECOND_NS)))
         add_text(body, self.node)
         for names, found in ((new, self.known), (changed, self.known), (gone, before)):
-            _add_numbers(body, "I", len(names))
+            add_numbers(body, "I", len(names))
             for name in names:
                 add_text(body, name)
                 _add_value(found[name])(body)
@@ -89,11 +87,11 @@ class NodeParameters:
     # ----------------------------------------------------------------------------------------------------- services
 
     def _asked(self, request: bytes) -> list[ParameterInfo | None]:
-        reader = _Reader(request)
+        reader = CdrReader(request)
         return [self.known.get(name) for name in reader.items(reader.text)]
 
     def _list(self, request: bytes) -> bytes:
-        reader = _Reader(request)
+        reader = CdrReader(request)
         prefixes, (depth,) = reader.items(reader.text), reader.numbers("Q")
 
         def is_meant(name: str) -> bool:
@@ -114,29 +112,29 @@ class NodeParameters:
         def write(body: bytearray) -> None:
             if info is None:
                 add_text(body, "")
-                _add_numbers(body, "B", NOT_SET)
+                add_numbers(body, "B", NOT_SET)
                 add_text(body, "")
                 add_text(body, "")
                 body += b"\0\0"
-                _add_numbers(body, "II", 0, 0)
+                add_numbers(body, "II", 0, 0)
                 return
             unit = "" if info.unit in ("", "-") else f"{info.unit}; "
             add_text(body, _ros_name(info))
-            _add_numbers(body, "B", _type_of(info))
+            add_numbers(body, "B", _type_of(info))
             add_text(body, f"{unit}{info.description}".removesuffix("; "))
             add_text(body, range_text(info))
             body += bytes([self.tune is None or info.writable is not Writable.ANYWHERE, 0])
             low, high = info.minimum, info.maximum
             bounded = low is not None and high is not None
             is_int = info.kind is ParameterKind.INT
-            _add_numbers(body, "I", int(bounded and not is_int))
+            add_numbers(body, "I", int(bounded and not is_int))
             if low is not None and high is not None:
                 if is_int:
-                    _add_numbers(body, "I", 1)
-                    _add_numbers(body, "qqQ", math.ceil(low), math.floor(high), round(info.step or 0))
+                    add_numbers(body, "I", 1)
+                    add_numbers(body, "qqQ", math.ceil(low), math.floor(high), round(info.step or 0))
                     return
-                _add_numbers(body, "ddd", low, high, info.step or 0.0)
-            _add_numbers(body, "I", 0)
+                add_numbers(body, "ddd", low, high, info.step or 0.0)
+            add_numbers(body, "I", 0)
 
         return write
 
@@ -192,7 +190,7 @@ def _sequences(*lists: Iterable[Write]) -> bytes:
     """A message of nothing but lists."""
     body = bytearray()
     for writes in map(list, lists):
-        _add_numbers(body, "I", len(writes))
+        add_numbers(body, "I", len(writes))
         for write in writes:
             write(body)
     return ENCAPSULATION + body
@@ -210,12 +208,6 @@ def _result(done: bool, reason: str) -> Write:
     return write
 
 
-def _add_numbers(body: bytearray, codes: str, *values: float) -> None:
-    if codes:
-        align(body, struct.calcsize(codes[0]))
-    body += struct.pack(f"<{codes}", *values)
-
-
 def _add_value(info: ParameterInfo | None) -> Write:
     """A ParameterValue."""
     kind = _type_of(info)
@@ -227,9 +219,9 @@ def _add_value(info: ParameterInfo | None) -> Write:
         for place, (code, many) in enumerate(_FIELDS, start=1):
             mine = items if place == kind else [] if many else [0 if code else ""]
             if many:
-                _add_numbers(body, "I", len(mine))
+                add_numbers(body, "I", len(mine))
             if code:
-                _add_numbers(body, code * len(mine), *mine)
+                add_numbers(body, code * len(mine), *mine)
             else:
                 for text in mine:
                     add_text(body, str(text))
@@ -239,11 +231,11 @@ def _add_value(info: ParameterInfo | None) -> Write:
 
 def _parameters(request: bytes) -> list[tuple[str, ParameterValue | None]]:
     """What a request sets, by name; None for what it takes away."""
-    reader = _Reader(request)
+    reader = CdrReader(request)
     return reader.items(lambda: (reader.text(), _value(reader)))
 
 
-def _value(reader: "_Reader") -> ParameterValue | None:
+def _value(reader: CdrReader) -> ParameterValue | None:
     (kind,) = reader.numbers("B")
     found: ParameterValue | None = None
     for place, (code, many) in enumerate(_FIELDS, start=1):
@@ -252,36 +244,3 @@ def _value(reader: "_Reader") -> ParameterValue | None:
         if place == kind:
             found = read if many else read[0]
     return found
-
-
-class _Reader:
-    """Reads a request from its begin. Raises ValueError where it is cut off, or is no message."""
-
-    def __init__(self, data: bytes) -> None:
-        if data[:2] != ENCAPSULATION[:2]:
-            raise ValueError("a request must be CDR, little-endian")
-        self._body, self._at = data[len(ENCAPSULATION) :], 0
-
-    def numbers(self, codes: str) -> tuple[float, ...]:
-        size = struct.calcsize(f"<{codes}")
-        self._at += -self._at % struct.calcsize(codes[0]) if codes else 0
-        if self._at + size > len(self._body):
-            raise ValueError("a request is cut off")
-        found = struct.unpack_from(f"<{codes}", self._body, self._at)
-        self._at += size
-        return found
-
-    def count(self) -> int:
-        (count,) = self.numbers("I")
-        if count > len(self._body) - self._at:  # each takes a byte
-            raise ValueError("a request is cut off")
-        return int(count)
-
-    def text(self) -> str:
-        size = self.count()
-        data = self._body[self._at : self._at + size]
-        self._at += size
-        return data.rstrip(b"\0").decode("utf-8", "replace")
-
-    def items(self, read: Callable[[], T]) -> list[T]:
-        return [read() for _ in range(self.count())]

@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 from silo.bridges.messages import SECOND_NS, LiveTopic, entry_values, live_topics
 from silo.core.arrays.wide import to_wire
 from silo.core.elements import ElementInfo
-from silo.files.bags.ros_types import ENCAPSULATION, FieldPlace, MessageType, add_text, align, free_topic, message_dtype
+from silo.files.bags.ros_types import (
+    ENCAPSULATION,
+    FieldPlace,
+    MessageType,
+    add_numbers,
+    add_text,
+    align,
+    free_topic,
+    message_dtype,
+)
 from silo.history.arrays import SampleArrays
 
 Stamped = tuple[NDArray[np.int64], list[bytes]]  # time stamps, and as many messages
@@ -106,8 +115,7 @@ def _array_head(sizes: Sequence[tuple[str, int]], count: int, item_bytes: int) -
     head = bytearray(struct.pack("<I", len(sizes)))
     for place, (label, size) in enumerate(sizes):
         add_text(head, label)
-        align(head, 4)
-        head += struct.pack("<II", size, prod(length for _, length in sizes[place:]))
+        add_numbers(head, "II", size, prod(length for _, length in sizes[place:]))
     head += struct.pack("<II", 0, count)
     align(head, item_bytes)
     return ENCAPSULATION + head
@@ -171,8 +179,7 @@ def _joint_state(group: str, count: int, alike: Sequence[ElementInfo | None]) ->
         body = bytearray(struct.pack("<iIII", sec & 0x7FFFFFFF, nanosec, 1, 0)) + named
         rest = iter(values)
         for length in lengths:
-            align(body, 4)
-            body += struct.pack("<I", length)
+            add_numbers(body, "I", length)
             if length:
                 align(body, 8)
                 body += next(rest).astype("<f8").tobytes()

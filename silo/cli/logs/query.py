@@ -84,13 +84,13 @@ def archive(
         if folders:
             raise click.UsageError("--check takes the archive alone")
         with progress("check") as tell:
-            wrong = there.check(lambda done, total: tell(done, total) if tell is not None else None)
+            wrong = there.check(tell)
         _name(wrong)
         click.echo(f"{many(len(there.manifest()), 'run')}, {len(wrong)} not as archived")
         return EXIT_FOUND if wrong else 0
     with progress("archive") as tell:
         found = runs(*folders, where=where, since=since, until=until)
-        done = there.add(found, lambda done, total: tell(done, total) if tell is not None else None, name)
+        done = there.add(found, tell, name)
     _name(done.problems)
     click.echo(
         f"{to}: {many(len(done.added), 'run')} added ({size_text(done.bytes)}), {done.kept} there already, "
@@ -109,7 +109,7 @@ def _asked(places: tuple[str, ...], where: str) -> Any:
             raise click.UsageError("--where is for folders of logs; of an archive ask the table `runs`")
         return Archive(places[0]).sql
     with progress("index") as tell:
-        found = runs(*places, where=where, told=lambda done, total: tell(done, total) if tell is not None else None)
+        found = runs(*places, where=where, told=tell)
     return found.sql
 
 

@@ -64,10 +64,7 @@ def runs(
     from silo.run_index.runs import told_of
 
     with progress("index") as tell:
-        found = find_runs(
-            *folders, since=since, until=until, rebuild=rebuild,
-            told=lambda done, total: tell(done / total) if tell is not None else None,
-        )  # fmt: skip
+        found = find_runs(*folders, since=since, until=until, rebuild=rebuild, told=tell)
     every = found.episodes() if episodes else found
 
     def narrowed(condition: str) -> "RunList":

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from silo.core.elements import LoggedEvent
 from silo.core.recording import Recording
 from silo.files.bags.message_groups import RECORD_HEAD
-from silo.files.bags.ros_types import ENCAPSULATION, Channel, MessageType, add_text, align, free_topic
+from silo.files.bags.ros_types import ENCAPSULATION, Channel, MessageType, add_numbers, add_text, free_topic
 from silo.files.mcap.writer import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
 
 LEVELS = ("DEBUG=10", "INFO=20", "WARN=30", "ERROR=40", "FATAL=50")
@@ -48,11 +48,11 @@ def log_message(event: LoggedEvent, logger: str, stamp_ns: int) -> bytes:
     Its file is what it changed of parameters, as JSON.
     """
     change = msgspec.json.encode(event.change).decode() if event.change is not None else ""
-    body = bytearray(struct.pack("<iIB", stamp_ns // _SECOND, stamp_ns % _SECOND, _LEVEL_OF.get(event.kind, INFO)))
+    body = bytearray()
+    add_numbers(body, "iIB", stamp_ns // _SECOND, stamp_ns % _SECOND, _LEVEL_OF.get(event.kind, INFO))
     for text in (event.who or logger, f"{event.kind}: {event.text}", change, event.kind):
         add_text(body, text)
-    align(body, 4)
-    body += struct.pack("<I", max(event.tick, 0) % 2**32)
+    add_numbers(body, "I", max(event.tick, 0) % 2**32)
     return ENCAPSULATION + bytes(body)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from silo.core.elements import NO_EXTRAS, BufferType, Conditions, Entry, LoggedEvent
+from silo.core.elements import NO_EXTRAS, BufferType, Conditions, Entry, LoggedEvent, Stretch
 from silo.core.recording import NO_FAILURES, Failures
 from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
 from silo.files.silo.format import Missing
@@ -73,6 +73,7 @@ class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     extras: Conditions = NO_EXTRAS
     events: tuple[LoggedEvent, ...] = ()
     about: dict[str, str] = {}
+    stretch: Stretch | None = None
 
 
 def pack_facts(facts: RecordingFacts) -> bytes:

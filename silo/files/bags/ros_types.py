@@ -12,7 +12,7 @@ import re
 import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from silo.core.kinds import ARRAY, KINDS, STRUCT, Kind, is_complex, kind_named
 from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import SaveError
+
+T = TypeVar("T")
 
 PACKAGE = "signal_logger_msgs/msg/"
 ENCAPSULATION = b"\x00\x01\x00\x00"  # CDR version 1, little-endian
@@ -172,13 +174,56 @@ def fill_constants(messages: "NDArray[np.void]", channel: Channel) -> None:
 def add_text(body: bytearray, text: str) -> None:
     """Append a text to the fields of a message."""
     data = text.encode("utf-8", "backslashreplace").replace(b"\0", b"") + b"\0"
-    align(body, 4)
-    body += struct.pack("<I", len(data)) + data
+    add_numbers(body, "I", len(data))
+    body += data
+
+
+def add_numbers(body: bytearray, codes: str, *values: float) -> None:
+    """Append numbers of these types (those of `struct`), which need no more than to be aligned for the first."""
+    if codes:
+        align(body, struct.calcsize(codes[0]))
+    body += struct.pack(f"<{codes}", *values)
 
 
 def align(body: bytearray, size: int) -> None:
     """Pad the fields of a message to where a value of this size may stand."""
     body += bytes(-len(body) % size)
+
+
+class CdrReader:
+    """Reads the fields of a message one after the other. Raises ValueError where it is cut off, or is none."""
+
+    def __init__(self, data: bytes) -> None:
+        if data[:2] != ENCAPSULATION[:2]:
+            raise ValueError("a message must be CDR, little-endian")
+        self._body, self._at = data[len(ENCAPSULATION) :], 0
+
+    def numbers(self, codes: str) -> tuple[Any, ...]:
+        """Return numbers of these types (those of `struct`), which are aligned for the first."""
+        size = struct.calcsize(f"<{codes}")
+        self._at = aligned(self._at, struct.calcsize(codes[0])) if codes else self._at
+        if self._at + size > len(self._body):
+            raise ValueError("a message is cut off")
+        found = struct.unpack_from(f"<{codes}", self._body, self._at)
+        self._at += size
+        return found
+
+    def count(self) -> int:
+        """Return how many there are of something that follows, of which each takes a byte at least."""
+        (count,) = self.numbers("I")
+        if count > len(self._body) - self._at:
+            raise ValueError("a message is cut off")
+        return int(count)
+
+    def text(self) -> str:
+        """Return a text."""
+        size = self.count()
+        self._at += size
+        return self._body[self._at - size : self._at].rstrip(b"\0").decode()
+
+    def items(self, read: Callable[[], T]) -> list[T]:
+        """Return a list of what `read` reads."""
+        return [read() for _ in range(self.count())]
 
 
 # by NumPy kind and size; what is not here travels as its bytes

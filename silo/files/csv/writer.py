@@ -48,7 +48,9 @@ def write_csv(recording: Recording, path: str | os.PathLike[str], progress: Prog
     `SaveError` when the system refuses.
     """
     elements = [element for element in recording.elements if element.count]
-    _refuse_objects(elements)
+    for entry in (entry for element in elements for entry in element.entries):
+        if entry.dtype.hasobject:
+            raise SaveError(f"'{entry.name}' holds Python objects, which no file can hold; log numbers or strings")
     # the table takes its name first: facts that are older than it would not fit, and are seen through
     with atomic_file(sidecar_of(os.fspath(path))) as beside, atomic_file(path) as file:
         write_all(beside.fileno(), [memoryview(pack(recording, elements))], 0)
@@ -60,13 +62,6 @@ def write_csv(recording: Recording, path: str | os.PathLike[str], progress: Prog
             position += len(text)
             if progress:
                 progress(fraction)
-
-
-def _refuse_objects(elements: Sequence[RecordedElement]) -> None:
-    for element in elements:
-        for entry in element.entries:
-            if entry.dtype.hasobject:
-                raise SaveError(f"'{entry.name}' holds Python objects, which no file can hold; log numbers or strings")
 
 
 def _columns(recording: Recording, elements: Sequence[RecordedElement]) -> Iterator[tuple[float, bytes]]:

@@ -218,7 +218,6 @@ def _interfaces(message: MessageFields) -> KeyedList:
     return KeyedList(take, (FieldSpec((), ((),), values.node.dtype),), frozenset({("interface_values",)}))
 
 
-_INTERFACE = ("interface_names", "values")
 _TRANSFORMS = _plain("transforms", (("header", "frame_id"), ("child_frame_id",)), b"->", "transform")
 _KINDS: dict[str, Callable[[MessageFields], KeyedList]] = {
     "tf2_msgs/msg/TFMessage": _TRANSFORMS,

@@ -21,7 +21,7 @@ from silo.files.bags.index import DAMAGE, told_damage
 from silo.files.mcap.chunks import INDEX_ENTRY, RECORD, records, unpack_chunk, walked
 from silo.files.mcap.index import entries_at, parsed, read_index, record_at
 from silo.files.mcap.writer import MAGIC
-from silo.files.others.topics import SOME, Bad, Equal, FileTopic
+from silo.files.others.topics import Bad, Equal, FileTopic
 
 _HEAD = RECORD
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
@@ -240,19 +240,21 @@ class McapChannel:
         found = [self.file.entries(block, self.number)["time"] for block in self.file.blocks_of(self.number)]
         return np.concatenate([np.empty(0, np.uint64), *found]).astype(np.int64)
 
-    def messages(self, bad: Bad) -> Iterator[Equal]:
-        """Return what they hold, those of one size together; `bad` gets those that can't be read."""
+    def messages(self, bad: Bad, most: int | None = None) -> Iterator[Equal]:
+        """Return what they hold, or the first of the first, a middle and the last block, those of one size together.
+
+        `bad` gets those that can't be read.
+        """
+        blocks = self.file.blocks_of(self.number)
+        if most is not None:
+            chosen = sorted({blocks[0], blocks[len(blocks) // 2], blocks[-1]} if blocks else ())
+            yield from self._groups(chosen, most, bad)
+            return
         sizes: dict[int, list[tuple[NDArray[np.int64], NDArray[np.uint8]]]] = {}
-        for which, rows in self._groups(self.file.blocks_of(self.number), None, bad):
+        for which, rows in self._groups(blocks, None, bad):
             sizes.setdefault(rows.shape[1], []).append((which, rows))
         for parts in sizes.values():
             yield np.concatenate([which for which, _ in parts]), np.concatenate([rows for _, rows in parts])
-
-    def some(self, bad: Bad) -> Iterator[Equal]:
-        """Return the first messages of the first, a middle and the last block."""
-        blocks = self.file.blocks_of(self.number)
-        chosen = sorted({blocks[0], blocks[len(blocks) // 2], blocks[-1]} if blocks else ())
-        return self._groups(chosen, SOME, bad)
 
     def _groups(self, blocks: list[int], most: int | None, bad: Bad) -> Iterator[Equal]:
         first = 0

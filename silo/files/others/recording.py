@@ -29,7 +29,7 @@ from silo.files.others.mcap_file import McapFile
 from silo.files.others.message_types import FieldSpec, MessageFields, Path, UnknownTypeError, message_type, signals_of
 from silo.files.others.ros1_file import Ros1File
 from silo.files.others.sqlite_file import SqliteFile
-from silo.files.others.topics import Bad, Equal, FileTopic, Unpacked
+from silo.files.others.topics import SOME, Bad, Equal, FileTopic, Unpacked
 from silo.files.silo.values import file_recording
 
 _HEADER: Path = ("header", "stamp")
@@ -281,7 +281,7 @@ def _looked_at(parts: Sequence[FileTopic], message: MessageFields, *, all_blocks
     found: list[Equal] = []
     for topic in parts:
         total = 1 + max((int(which.max()) for which, _ in found), default=-1)
-        for which, rows in topic.stored.some(bad):
+        for which, rows in topic.stored.messages(bad, SOME):
             found.append((which + total, rows))
             if not all_blocks and cdr.any_whole(message, found, bad):
                 return found

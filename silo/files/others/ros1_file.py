@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from silo.errors import FileFormatError
 from silo.files.extras import need
 from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
-from silo.files.others.topics import SOME, Bad, Equal, FileTopic, equal
+from silo.files.others.topics import Bad, Equal, FileTopic, equal
 
 _SECTION = re.compile(r"^=+\n", re.MULTILINE)
 _SEQUENCE = re.compile(r"^\s*uint32\s+seq\b.*\n?", re.MULTILINE)
@@ -56,18 +56,9 @@ class Ros1File:
         for connection in self._reader.connections:
             if self._reader.indexes.get(connection.id):
                 definition = _as_of_ros2(connection.msgdef.data, connection.msgtype)
-                stored = Ros1Topic(self, connection, definition)
+                stored = Ros1Topic(self._reader, connection, definition)
                 made.append(FileTopic(connection.topic, connection.msgtype, "cdr", "ros2msg", definition, stored))
         return made
-
-    def stamps(self, connection: Any) -> NDArray[np.int64]:
-        """Return the log times of a publisher's messages, rising."""
-        return np.array([entry.time for entry in self._reader.indexes[connection.id]], np.int64)
-
-    def messages(self, connection: Any) -> Iterator[bytes]:
-        """Return its messages as they are in the file, in the order of `stamps`."""
-        for _, _, data in self._reader.messages([connection]):
-            yield data
 
 
 @functools.lru_cache(64)  # the package writes and compiles a function for each type
@@ -83,31 +74,24 @@ def _converter(name: str, definition: str) -> Callable[[bytes], bytes]:
 class Ros1Topic:
     """The messages of one publisher of a topic."""
 
-    file: Ros1File
+    reader: Any  # of the package
     connection: Any
     definition: str
     damage: str = ""
 
     def stamps(self) -> NDArray[np.int64]:
-        """Return their log times."""
-        return self.file.stamps(self.connection)
+        """Return their log times, rising."""
+        return np.array([entry.time for entry in self.reader.indexes[self.connection.id]], np.int64)
 
-    def messages(self, bad: Bad) -> Iterator[Equal]:
-        """Return what they hold, those of one size together; `bad` gets those that can't be read."""
-        return self._equal(bad, None)
-
-    def some(self, bad: Bad) -> Iterator[Equal]:
-        """Return the first messages."""
-        return self._equal(bad, SOME)
-
-    def _equal(self, bad: Bad, most: int | None) -> Iterator[Equal]:
+    def messages(self, bad: Bad, most: int | None = None) -> Iterator[Equal]:
+        """Return what they, or the first of them, hold; `bad` gets those that can't be read."""
         total = len(self.stamps())
         wanted = total if most is None else min(most, total)
         made: list[tuple[int, bytes]] = []
         place = 0
         try:
             convert = _converter(self.connection.msgtype, self.definition)
-            for place, data in enumerate(self.file.messages(self.connection)):
+            for place, (_, _, data) in enumerate(self.reader.messages([self.connection])):
                 if place == wanted:
                     break
                 try:

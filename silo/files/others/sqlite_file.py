@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.errors import FileFormatError
-from silo.files.others.topics import SOME, Bad, Equal, FileTopic, equal
+from silo.files.others.topics import Bad, Equal, FileTopic, equal
 
 MARK = b"SQLite format 3\0"
 _DEFINITIONS = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
@@ -108,15 +108,8 @@ class SqliteTopic:
         """What is missing, in words."""
         return self._logged[2]
 
-    def messages(self, bad: Bad) -> Iterator[Equal]:
-        """Return what they hold, those of one size together; `bad` gets those that can't be read."""
-        return self._equal(bad)
-
-    def some(self, bad: Bad) -> Iterator[Equal]:
-        """Return the first messages."""
-        return self._equal(bad, SOME)
-
-    def _equal(self, bad: Bad, most: int | None = None) -> Iterator[Equal]:
+    def messages(self, bad: Bad, most: int | None = None) -> Iterator[Equal]:
+        """Return what they, or the first of them, hold; `bad` gets those that can't be read."""
         found, why = self.file.messages("data", self.number, -1 if most is None else most)
         data = {number: content for number, content in found if isinstance(number, int)}
         contents: list[tuple[int, bytes]] = []

@@ -27,11 +27,11 @@ class Messages(Protocol):
     def stamps(self) -> NDArray[np.int64]:
         """Return the log times."""
 
-    def messages(self, bad: Bad) -> Iterable[Equal]:
-        """Return what they hold, those of one size together; `bad` gets those that can't be read."""
+    def messages(self, bad: Bad, most: int | None = None) -> Iterable[Equal]:
+        """Return what they, or about so many of them, hold, those of one size together.
 
-    def some(self, bad: Bad) -> Iterable[Equal]:
-        """Return what a few of them hold."""
+        `bad` gets those that can't be read.
+        """
 
 
 @dataclass(frozen=True)
@@ -71,17 +71,10 @@ class Unpacked:
         """Return the log times."""
         return self.stored.stamps()
 
-    def messages(self, bad: Bad) -> Iterator[Equal]:
-        """Return what they hold, those of one size together; `bad` gets those that can't be read."""
-        return self._unpacked(self.stored.messages(bad), bad)
-
-    def some(self, bad: Bad) -> Iterator[Equal]:
-        """Return what a few of them hold."""
-        return self._unpacked(self.stored.some(bad), bad)
-
-    def _unpacked(self, groups: Iterable[Equal], bad: Bad) -> Iterator[Equal]:
+    def messages(self, bad: Bad, most: int | None = None) -> Iterator[Equal]:
+        """Return what they, or a few of them, hold; `bad` gets those that can't be read."""
         contents: list[tuple[int, bytes]] = []
-        for which, rows in groups:
+        for which, rows in self.stored.messages(bad, most):
             for place, row in zip(which.tolist(), rows, strict=True):
                 try:
                     contents.append((place, _unpacked(row.tobytes())))

@@ -15,13 +15,12 @@ from silo.core.elements import LoggedEvent
 from silo.core.tuning.parameters import ParameterChange
 from silo.files.bags.events import event_index, event_record
 from silo.files.bags.message_groups import RECORD_HEAD
-from silo.files.bags.ros_types import ENCAPSULATION
+from silo.files.bags.ros_types import CdrReader
 from silo.files.mcap.chunks import INDEX_ENTRY
 from silo.files.mcap.writer import IndexBlock
 from silo.files.parts.metadata import SEQUENCES, row_of
 
 _HEAD = struct.Struct("<BQHIQQ")
-_FIXED_BYTES = 9  # stamp and level, before the texts
 
 
 def event_messages(
@@ -57,15 +56,10 @@ def events_of(chunk: bytes, offsets: NDArray[np.uint64], begin: int, tick: int, 
 
 def _event(chunk: bytes, offset: int, begin: int, tick: int, run: str) -> LoggedEvent:
     _, length, _, sequence, logged_ns, published_ns = _HEAD.unpack_from(chunk, offset)
-    body = chunk[offset + RECORD_HEAD + len(ENCAPSULATION) : offset + 9 + length]
-    texts, at = [], _FIXED_BYTES
-    for _ in range(4):
-        at += -at % 4
-        (size,) = struct.unpack_from("<I", body, at)
-        texts.append(body[at + 4 : at + 3 + size].decode())
-        at += 4 + size
-    (line,) = struct.unpack_from("<I", body, at + -at % 4)
-    who, text, change, kind = texts
+    message = CdrReader(chunk[offset + RECORD_HEAD : offset + 9 + length])
+    message.numbers("iIB")  # stamp and level
+    who, text, change, kind = (message.text() for _ in range(4))
+    (line,) = message.numbers("I")
     near = tick + (line - tick + SEQUENCES // 2) % SEQUENCES - SEQUENCES // 2
     return LoggedEvent(
         kind,

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import MARKER, NO_EXTRAS, BufferType, Conditions, LoggedEvent
+from silo.core.elements import MARKER, NO_EXTRAS, BufferType, Conditions, LoggedEvent, Stretch
 from silo.core.kinds import SCALAR
 from silo.core.recording import (
     NO_FAILURES,
@@ -173,6 +173,7 @@ class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     extras: Conditions = NO_EXTRAS
     markers: int = 0
     about: dict[str, str] = {}
+    stretch: Stretch | None = None
 
 
 def file_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:

@@ -176,7 +176,8 @@ def _write_columns(file_descriptor: int, columns: list[LineValues], progress: Pr
     written = 0
     progress(0.0)
     tile = np.empty(0, np.uint8)
-    for band in _bands(columns):
+    for first in range(0, len(columns), TILE_COLUMNS):
+        band = columns[first : first + TILE_COLUMNS]
         row_bytes = sum(column.line.item_bytes for column in band)
         rows = max(BLOCK_ROWS, min(TILE_ROWS, TILE_BYTES // row_bytes), 1)
         count = max(column.line.samples for column in band)
@@ -188,11 +189,6 @@ def _write_columns(file_descriptor: int, columns: list[LineValues], progress: Pr
             progress(written / total)
     if not total:
         progress(1.0)
-
-
-def _bands(columns: list[LineValues]) -> Iterator[list[LineValues]]:
-    for start in range(0, len(columns), TILE_COLUMNS):
-        yield columns[start : start + TILE_COLUMNS]
 
 
 def _write_tile(file_descriptor: int, band: list[LineValues], start: int, rows: int, tile: NDArray[np.uint8]) -> int:

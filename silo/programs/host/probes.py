@@ -16,7 +16,6 @@ from silo.programs.host.reading import MB, SAVE, Measured, Probe, plain_name
 
 Found = dict[str, float]
 
-_LOADS = ("1min", "5min", "15min")
 _SHARES = ("user", "system", "iowait", "irq", "softirq", "steal")
 _MEMORY = ("used", "available", "cached", "buffers")
 _NOT_DISKS = ("loop", "ram", "zram", "sr", "fd", "dm-", "md")
