@@ -299,9 +299,9 @@ def help_rows() -> list[tuple[str, str]]:
             words = [f"{word.word} ({word.meaning})" if word.meaning else word.word for word in option.words]
             rows.append((f"{option.keys[0]}={option.words[0].word}", ", ".join(words)))
         else:
-            rows.append(
-                (f"{option.keys[0]}={option.examples[0]}", f"{option.meaning}; also {' '.join(option.examples[1:])}")
-            )
+            first, *more = option.examples
+            also = f"; also {' '.join(more)}" if more else ""
+            rows.append((f"{option.keys[0]}={first}", f"{option.meaning}{also}"))
     return rows
 
 

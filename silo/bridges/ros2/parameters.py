@@ -87,11 +87,11 @@ class NodeParameters:
     # ----------------------------------------------------------------------------------------------------- services
 
     def _asked(self, request: bytes) -> list[ParameterInfo | None]:
-        reader = CdrReader(request)
+        reader = CdrReader(request, "a request")
         return [self.known.get(name) for name in reader.items(reader.text)]
 
     def _list(self, request: bytes) -> bytes:
-        reader = CdrReader(request)
+        reader = CdrReader(request, "a request")
         prefixes, (depth,) = reader.items(reader.text), reader.numbers("Q")
 
         def is_meant(name: str) -> bool:
@@ -231,7 +231,7 @@ def _add_value(info: ParameterInfo | None) -> Write:
 
 def _parameters(request: bytes) -> list[tuple[str, ParameterValue | None]]:
     """What a request sets, by name; None for what it takes away."""
-    reader = CdrReader(request)
+    reader = CdrReader(request, "a request")
     return reader.items(lambda: (reader.text(), _value(reader)))
 
 

@@ -193,17 +193,17 @@ def align(body: bytearray, size: int) -> None:
 class CdrReader:
     """Reads the fields of a message one after the other. Raises ValueError where it is cut off, or is none."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, what: str = "a message") -> None:
         if data[:2] != ENCAPSULATION[:2]:
-            raise ValueError("a message must be CDR, little-endian")
-        self._body, self._at = data[len(ENCAPSULATION) :], 0
+            raise ValueError(f"{what} must be CDR, little-endian")
+        self._body, self._at, self._what = data, len(ENCAPSULATION), what
 
     def numbers(self, codes: str) -> tuple[Any, ...]:
         """Return numbers of these types (those of `struct`), which are aligned for the first."""
         size = struct.calcsize(f"<{codes}")
         self._at = aligned(self._at, struct.calcsize(codes[0])) if codes else self._at
         if self._at + size > len(self._body):
-            raise ValueError("a message is cut off")
+            raise ValueError(f"{self._what} is cut off")
         found = struct.unpack_from(f"<{codes}", self._body, self._at)
         self._at += size
         return found
@@ -212,7 +212,7 @@ class CdrReader:
         """Return how many there are of something that follows, of which each takes a byte at least."""
         (count,) = self.numbers("I")
         if count > len(self._body) - self._at:
-            raise ValueError("a message is cut off")
+            raise ValueError(f"{self._what} is cut off")
         return int(count)
 
     def text(self) -> str:
