@@ -210,7 +210,7 @@ def unknown_word(what: str, value: object, words: list[str]) -> str:
     return f"there is no {what} {_shown(value)}; there are {', '.join(words)}{hint}"
 
 
-def no_attribute(what: str, name: str, cls: type, others: Mapping[str, str]) -> NoReturn:
+def no_attribute(what: str, name: str, cls: type, others: Mapping[str, str], way_out: str = "") -> NoReturn:
     """Raise UnknownNameError for an attribute that an object lacks, with what does it.
 
     Args:
@@ -218,12 +218,13 @@ def no_attribute(what: str, name: str, cls: type, others: Mapping[str, str]) -> 
         name: what was asked for.
         cls: the object's class.
         others: what people call things, with what to write instead.
+        way_out: what to write if neither they nor a similar name tell.
     """
     found = others.get(name, "")
     if not found and not name.startswith("_"):
         known = (*dir(cls), *getattr(cls, "__dataclass_fields__", ()), *getattr(cls, "__struct_fields__", ()))
         found = did_you_mean(nearest(name, [one for one in known if not one.startswith("_")], 0.7))[2:]
-    found = found or f"help(silo.{cls.__name__}) lists what there is"
+    found = found or way_out or f"help(silo.{cls.__name__}) lists what there is"
     raise UnknownNameError(f"{what} has no '{name}': {found}", name=name)
 
 
