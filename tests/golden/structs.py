@@ -146,7 +146,7 @@ class Shapes:
             return f"({', '.join(self._type(one, f'{where}[{i}]') for i, one in enumerate(kind.item_types))})"
         if hasattr(kind, "item_type"):
             return f"[{self._type(kind.item_type, f'{where}[]')}]"
-        if isinstance(kind, inspect.EnumType):
+        if is_enumeration(kind):
             return f"one of {[one.value for one in kind.cls]}"
         if isinstance(kind, inspect.LiteralType):
             return f"one of {list(kind.values)}"
@@ -182,6 +182,12 @@ SAMPLES: dict[type, Callable[[], object]] = {
 }
 
 
+def is_enumeration(kind: Any) -> bool:
+    """Whether a type is an enumeration, also one that has a class of its own, which msgspec takes for any other."""
+    own = isinstance(kind, inspect.CustomType) and issubclass(kind.cls, enum.Enum)
+    return own or isinstance(kind, inspect.EnumType)
+
+
 def sample(kind: Any, depth: int = 0) -> Any:
     """Return a value of a type in which as much as can be isn't as by default."""
     deep = depth > DEPTH
@@ -202,7 +208,7 @@ def sample(kind: Any, depth: int = 0) -> Any:
         items = [] if deep else [sample(kind.item_type, depth + 1)]
         whole = {inspect.VarTupleType: tuple, inspect.SetType: set, inspect.FrozenSetType: frozenset}
         return whole.get(type(kind), list)(items)
-    if isinstance(kind, inspect.EnumType):
+    if is_enumeration(kind):
         members: list[enum.Enum] = list(kind.cls)
         return members[-1]
     if isinstance(kind, inspect.LiteralType):
