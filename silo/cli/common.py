@@ -464,4 +464,4 @@ def type_of(info: "ElementInfo") -> str:
 
 def logged_for(status: "Status") -> str:
     """How long a logger has been logging, fit to show; `-` before its first start."""
-    return clock_text((time.time_ns() - status.started_ns) / 1e9) if status.state.value == "running" else "-"
+    return clock_text((time.time_ns() - status.run_began_ns) / 1e9) if status.state.value == "running" else "-"

@@ -522,6 +522,13 @@ class Status(msgspec.Struct, frozen=True):
     held_bytes: int = 0  # their memory
     held_runs_most: int = 0  # how many may be held, and how many bytes; 0 where that isn't known
     held_bytes_most: int = 0
+    begun_ns: int = 0  # when the run began that cuts went on, and how many ticks it had before the last of them;
+    before_ticks: int = 0  # both 0 without a cut: `started_ns` and `ticks` are since the last one
+
+    @property
+    def run_began_ns(self) -> int:
+        """When the run began, whatever cuts it had since."""
+        return self.begun_ns or self.started_ns
 
 
 class Table(msgspec.Struct, frozen=True):

@@ -20,22 +20,24 @@ from silo.segment.retention import kept_rows
 class Holdings:
     """`samples` of `elements` together (those that hold any), from the oldest to the newest in `seconds`.
 
-    `ticks` counts those since start, whether anything of them is still held or not.
+    `ticks` counts those since start, or since the cut where it goes on another run, whether anything of them is still
+    held or not.
     """
 
     ticks: int
     elements: int
     samples: int
     seconds: float
+    since: str = "start"
 
     @property
     def text(self) -> str:
         """Fit to show: `1000 samples of 1 element over 9.99 s, of 12840 ticks since start`."""
         ticks = many(self.ticks, "tick")
         if not self.samples:
-            return f"no sample, of {ticks} since start"
+            return f"no sample, of {ticks} since {self.since}"
         held = f"{many(self.samples, 'sample')} of {many(self.elements, 'element')}"
-        return f"{held} over {duration(self.seconds)}, of {ticks} since start"
+        return f"{held} over {duration(self.seconds)}, of {ticks} since {self.since}"
 
 
 @dataclass(frozen=True)
@@ -64,20 +66,20 @@ def segment_holdings(reader: SegmentReader | JournalReader, kept: list[RetainedA
 
     `kept` is what `kept_alike` returned for it, where this is asked again and again.
     """
-    schema = reader.schema
-    ticks = reader.ticks
+    schema, ticks = reader.schema, reader.ticks
+    since = "the last cut" if schema.cut is not None else "start"
     first_tick = max(0, ticks - schema.time_buffer_size) if schema.time_buffer_type is BufferType.LOOPING else 0
     first_tick = max(first_tick, reader.first(TIME_RING))
     alike = kept_alike(schema) if kept is None else kept
     spans = [(_samples(reader, one, ticks, first_tick), one) for one in alike]
     held = [(span, one) for span, one in spans if len(span)]
     if not held:
-        return Holdings(ticks, 0, 0, 0.0)
+        return Holdings(ticks, 0, 0, 0.0, since)
     oldest = min(span[0] * one.divider for span, one in held)
     newest = max(span[-1] * one.divider for span, one in held)
     seconds = (_stamp(reader, newest) - _stamp(reader, oldest)) / 1e9
     elements, samples = sum(one.count for _, one in held), sum(len(span) * one.count for span, one in held)
-    return Holdings(ticks, elements, samples, seconds)
+    return Holdings(ticks, elements, samples, seconds, since)
 
 
 def _samples(reader: SegmentReader | JournalReader, kept: RetainedAlike, ticks: int, first_tick: int) -> range:

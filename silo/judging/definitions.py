@@ -125,9 +125,10 @@ def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
 
     try:
         slope, mode = Slope(options.slope), TriggerMode(options.mode)
-    except ValueError as error:
+    except ValueError:
         raise ElementError(
-            f"edge {name} must be rising, falling, level, enter or leave, its mode normal or single: {error}"
+            f"edge {name} must be rising, falling, level, enter or leave, got '{options.slope}'; its mode normal or "
+            f"single, got '{options.mode}'; nothing was changed"
         ) from None
     if mode is TriggerMode.AUTO and options.save:
         raise ElementError(

@@ -43,6 +43,7 @@ class CurrentRun:
         self.number = 0
         self._own: list[Run] = []
         self._begun = 0  # runs before the present one
+        self.begun_ns = 0  # when the first stretch of the present one began; 0 without a cut
         self.cut_off: list[Run] = []  # stretches before the present one, until they are saved
         self._ticks_before, self._lost_before, self._failed_before = 0, Counter[str](), Counter[str]()
         self._held: list[Path] = []  # runs before this one that somebody still has to read
@@ -109,6 +110,7 @@ class CurrentRun:
         before = self.run
         assert before is not None
         self.cut_off.append(before)  # first: what is in neither place is let go of
+        self.begun_ns = self.begun_ns or before.segment.schema.started_ns
         self._begun, self.run = self.runs, made
         made.go_live()
 
@@ -139,7 +141,7 @@ class CurrentRun:
         self._failed_before.update(run.segment.failures)
 
     def _forget_stretches(self) -> None:
-        self.cut_off = []
+        self.cut_off, self.begun_ns = [], 0
         self._ticks_before, self._lost_before, self._failed_before = 0, Counter(), Counter()
 
     def _patiently(self, make: Callable[[], Run]) -> Run:
@@ -240,6 +242,11 @@ class CurrentRun:
     def ticks(self) -> int:
         """Ticks logged since the last start."""
         return self._ticks_before + sum(run.segment.ticks for run in self.stretches)
+
+    @property
+    def ticks_before(self) -> int:
+        """Ticks logged before the last cut; 0 without one."""
+        return self._ticks_before + sum(run.segment.ticks for run in self.cut_off)
 
     @property
     def stretches(self) -> list[Run]:

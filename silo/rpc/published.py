@@ -105,6 +105,7 @@ class Summary(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     def of(cls, status: Status) -> "Summary":
         """Return what a status says, in short."""
         taken = {name: getattr(status, name) for name in cls.__struct_fields__ if name not in ("closed", "control")}
+        taken |= {"started_ns": status.run_began_ns, "ticks": status.before_ticks + status.ticks}  # of all stretches
         taken["clients"] = [one.who for one in status.clients[:MOST_NAMES]]
         control = status.control.who if status.control is not None else ""
         return cls(**{**taken, "reason": status.reason[:MOST_REASON], "control": control})

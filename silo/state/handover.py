@@ -46,6 +46,8 @@ class RobotState(msgspec.Struct, frozen=True, tag=True):
     extras: Conditions = NO_EXTRAS
     saved: str = ""  # where the run before this one was saved, if its start did that; fit to show
     cut_off: int = 0  # ticks of stretches before the present one that are in no file
+    begun_ns: int = 0  # when the first of these began, and all their ticks; 0 without a cut
+    before_ticks: int = 0
 
 
 _decoder = msgspec.msgpack.Decoder(RunOffer)

@@ -338,6 +338,8 @@ class Replica:
             durable_ticks=durable if options.storage is Storage.DISK else -1,
             recorders=self.recorders,
             derived=len(now.table.derived),
+            begun_ns=robot.begun_ns,
+            before_ticks=robot.before_ticks,
             room_bytes=_room(self.segment, size_bytes),
             disk_free_bytes=self.disk[0],
             disk_bytes=self.disk[1],

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from silo.conditions.requests import TriggerTried
 from silo.conditions.standing import LimitStatus, TriggerStatus
-from silo.core.elements import LoggedEvent, SavedFile, State, Status
+from silo.core.elements import LoggedEvent, SavedFile, State, Status, TriggerOptions
 from silo.core.episodes.words import next_marks
 from silo.errors import RefusedError
 from silo.recorder.requests import RecorderInfo
@@ -156,9 +157,9 @@ class Session:
 
     @property
     def run_seconds(self) -> float:
-        """How long the logger has been running, or did run."""
+        """How long the logger has been running, or did run, whatever cuts it had since."""
         end = max(self.frame_time_ns if self.running else 0, self.status.last_tick_ns)
-        return max(0.0, (end - self.status.started_ns) / 1e9) if self.status.started_ns else 0.0
+        return max(0.0, (end - self.status.run_began_ns) / 1e9) if self.status.started_ns else 0.0
 
     def short_name(self, name: str) -> str:
         """Return a name without the prefix that all names share."""
@@ -194,6 +195,11 @@ class Session:
         except RefusedError:
             return
         self.happened = newest([*self.happened, *found])
+
+    async def turns_true(self, condition: str) -> TriggerTried:
+        """Return when a condition turned true in all that is held. Raises a SiloError where that can't be told."""
+        wanted = TriggerOptions("find", condition)
+        return await self._link.read(lambda client: client.try_trigger(wanted))
 
     async def mark(self, words: str, at_ns: int) -> LoggedEvent:
         """Mark the tick of a moment; of a logger that has no tick yet, the moment is now."""

@@ -261,6 +261,7 @@ def test_two_clients_change_a_running_logger_at_cuts_and_no_tick_is_lost(log: si
     names = [element.name for element in log.elements]
     wait_until(lambda: log.ticks)
     with Client.connect("arm") as one, Client.connect("arm") as other:
+        began_ns = one.status().started_ns
         cut_by = [
             threading.Thread(target=_cut_often, args=(client, names[place], divider))
             for client, place, divider in ((one, 0, 2), (other, -1, 15))
@@ -274,7 +275,9 @@ def test_two_clients_change_a_running_logger_at_cuts_and_no_tick_is_lost(log: si
         with pytest.raises(RefusedError, match="running"):
             one.apply([silo.Edit(names[0], divider=3)], -1)
         wait_until(lambda: not log._present.cut_off)
-    log.stop()
+        log.stop()
+        wait_until(lambda: (now := one.status()).before_ticks + now.ticks == log.ticks)
+        assert one.status().run_began_ns == began_ns < one.status().started_ns
     log.save()
     whole = silo.open_log(log.options.folder)
     assert len(whole.time_ns) == log.ticks

@@ -9,6 +9,7 @@ import pytest
 import silo
 from silo.core.elements import Edit
 from silo.errors import ElementError, SaveError, SegmentError, StateError
+from silo.journal.holdings import segment_holdings
 from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
 from tests.waiting import wait_until
 
@@ -207,10 +208,14 @@ def test_counts_are_of_all_stretches_and_a_start_begins_anew(new_logger, tmp_pat
         loop.turn(4)
         logger.set("x", enabled=not logger["x"].options.enabled, cut=True)
     loop.turn()
-    assert (logger.ticks, logger._present.unsaved_ticks, logger.has_unsaved) == (13, 13, True)
+    present = logger._present
+    assert (logger.ticks, present.unsaved_ticks, logger.has_unsaved) == (13, 13, True)
+    assert (present.ticks_before, present.begun_ns) == (12, present.cut_off[0].segment.schema.started_ns)
+    assert segment_holdings(present.run.reader).text.endswith("of 1 tick since the last cut")
     logger.stop()
     logger.start(unsaved=unsaved)
-    assert (logger.ticks, logger.has_unsaved, logger._present.cut_off) == (0, False, [])
+    assert (logger.ticks, logger.has_unsaved, present.cut_off) == (0, False, [])
+    assert (present.ticks_before, present.begun_ns) == (0, 0)
     if unsaved == "save":
         loop.whole(tmp_path)
     assert len(list(tmp_path.glob("*_part?.silo"))) == (4 if unsaved == "save" else 0)

@@ -70,6 +70,8 @@ def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
             extras=logger._conditions.extras,
             saved=logger._present.saved_before,
             cut_off=logger._present.unsaved_before,
+            begun_ns=logger._present.begun_ns,
+            before_ticks=logger._present.ticks_before,
         )
 
 
