@@ -173,7 +173,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("edit_size", "s", "Size", _typed("size"), "Edit", _TABLE, writes=True),
     Command("next_buffer", "b", "Buffer", _words("buffer"), "Edit", _TABLE, writes=True),
     Command("next_action", "p", "Publish", _words("action"), "Edit", _TABLE, writes=True),
-    Command("edit_all", "equals_sign", "Set to", "type a value, beginning with =", "Edit", _TABLE, writes=True),
+    Command("edit_all", "equals_sign", "Set to", "type a value, or words: div=5 size=10s buf=loop", "Edit",
+            _TABLE, writes=True),
     Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE + _PARAMETERS, 14, typed=Typed(("undo",))),
     Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE + _PARAMETERS, typed=Typed(("redo",))),
     Command("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 6, writes=True, asks=True,
@@ -248,10 +249,10 @@ COMMANDS: tuple[Command, ...] = (
     Command("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITORS, 10),
     Command("mode", "tab,v", "View", "over time, x-y, spectrum, histogram", "Detail plot", _DETAILS, 1),
     Command("level", "Y", "Log/dB", "y axis by powers of ten; of a spectrum also dB", "Detail plot", _DETAILS, 2),
-    Command("mode_time", "", "Over time", "the signals over time", "Detail plot", _DETAILS),
-    Command("mode_spectrum", "", "Spectrum", "amplitudes by frequency, peaks", "Detail plot", _DETAILS),
-    Command("mode_xy", "", "X-Y", "one signal over another", "Detail plot", _DETAILS),
-    Command("mode_histogram", "", "Histogram", "how often which value", "Detail plot", _DETAILS),
+    Command("mode_time", "", "Over time", "the signals over time", "Detail plot", _PLOTS),
+    Command("mode_spectrum", "", "Spectrum", "amplitudes by frequency, peaks", "Detail plot", _PLOTS),
+    Command("mode_xy", "", "X-Y", "one signal over another", "Detail plot", _PLOTS),
+    Command("mode_histogram", "", "Histogram", "how often which value", "Detail plot", _PLOTS),
     Command("detail_swap", "X", "Swap", "swap x and y", "Detail plot", _DETAILS, 8),
     Command("detail_down", "j,down", "Next", "next signal of the plots", "Detail plot", _DETAILS),
     Command("detail_up", "k,up", "Previous", "the signal before", "Detail plot", _DETAILS),
@@ -279,13 +280,13 @@ COMMANDS: tuple[Command, ...] = (
     # -------------------------------------------------------------------------------------------------- events
     Command("set_marker", "M", "Marker", "mark the tick on the screen (paused: at cursor A) with some words", "Events",
             _BOTH + _DETAIL + _EVENTS, writes=True, asks=True, typed=Typed(("marker",))),
-    Command("episode_good", "f5", "Good", "the newest episode went well; it ends one begun by hand", "Events",
+    Command("episode_good", "f5", "Episode good", "the newest episode went well; it ends one begun by hand", "Events",
             _BOTH + _DETAIL + _EVENTS, writes=True, asks=True),
-    Command("episode_bad", "f6", "Bad", "the newest went badly", "Events", _BOTH + _DETAIL + _EVENTS, writes=True,
-            asks=True),
-    Command("episode_redo", "f7", "To redo", "the newest episode went badly and is to be done again", "Events",
+    Command("episode_bad", "f6", "Episode bad", "the newest went badly", "Events",
             _BOTH + _DETAIL + _EVENTS, writes=True, asks=True),
-    Command("episode", "f8", "Episode", "begin an episode by hand; its name is asked for", "Events",
+    Command("episode_redo", "f7", "Episode redo", "the newest episode went badly and is to be done again", "Events",
+            _BOTH + _DETAIL + _EVENTS, writes=True, asks=True),
+    Command("episode", "f8", "Episode begins", "begin an episode by hand; its name is asked for", "Events",
             _BOTH + _DETAIL + _EVENTS, writes=True, asks=True,
             typed=_read(("episode",), "", ":episode begin NAME", "an episode: begin, end, good, bad, redo", 9)),
     Command("events", "E", "Events", "what happened, and who did it", "Go",
@@ -320,8 +321,8 @@ COMMANDS: tuple[Command, ...] = (
             4, writes=True, asks=True),
     Command("record", "N", "Record", "a new recording of all, marked or named signals, for days", "Recordings",
             _RECORDINGS, 5, writes=True, asks=True, typed=_read(("record",))),
-    Command("stop_recording", "t", "Stop", "end a recording that runs; its parts stay", "Recordings", _RECORDINGS, 6,
-            writes=True, asks=True),
+    Command("stop_recording", "t", "Stop recording", "end a recording that runs; its parts stay", "Recordings",
+            _RECORDINGS, 6, writes=True, asks=True),
     # ------------------------------------------------------------------------------------- runs of this machine
     Command("runs", "f3", "Runs", "the runs of a folder of this machine, by what was measured", "Go", _TABLES,
             typed=_read(("runs",), "logs", ":runs FOLDER", "the runs of a folder of this machine", 8)),
@@ -416,21 +417,22 @@ COMMANDS: tuple[Command, ...] = (
     # ----------------------------------------------------------------------------------------------- only typed
     Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
             typed=_read(("set",), "settings", ":set div=5 size=10s", "edit what is marked, by these words:", 3)),
-    Command("control", "", "Control", "who is connected; take, release or give away control", "Edit", (), asks=True,
+    Command("control", "", "Control", "who is connected; take, release or give away control", "Edit",
+            _BOTH + _DETAIL + _ASIDE, asks=True,
             typed=_read(("control",), "control", ":control take|release|give NAME",
                         "one operator at a time; without words, who is connected", 9)),
     Command("derive", "", "Derive", "make or change a signal that is computed from others",
-            "Look", (), writes=True, asks=True,
+            "Look", _TABLE, writes=True, asks=True,
             typed=_read(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),
-    Command("go_home", "", "Home", "back to the table", "Go", ("any",), typed=Typed(("home",))),
+    Command("go_home", "", "Home: table", "back to the table", "Go", ("any",), typed=Typed(("home",))),
     Command("tour", "", "Tour", "six steps to try on the logger that is open; again: ends it", "Go", ("any",),
             typed=Typed(("tour",))),
     Command("messages", "", "Messages", "all that was said here: answers to keys, news of the robot", "Go", ("any",),
             typed=Typed(("messages",))),
-    Command("goto", "", "Go to", "put the cursor on an element", "Move", (),
+    Command("goto", "", "Go to a name", "put the cursor on an element", "Move", (),
             typed=_read(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
     Command("unmark", "", "Unmark", "unmark everything", "Find and mark", (), typed=Typed(("unmark",))),
-    Command("theme", "", "Theme", "choose other colours", "Go", (), typed=_read(("theme",), "themes")),
+    Command("theme", "", "Theme", "choose other colours", "Go", ("any",), typed=_read(("theme",), "themes")),
     Command("view", "", "Look at", "the hottest, the noisiest, what is stuck or near a limit; a view that was "
             "kept, or keep this one", "Look", _TABLE,
             typed=_read(("view",), "views", ":view [save] NAME",
@@ -442,11 +444,13 @@ COMMANDS: tuple[Command, ...] = (
 )
 # fmt: on
 
+# what a list is for, where its key stands in a menu: the bar names the way
+IN_BAR_BY_MENU = ("acknowledge", "alarm_new", "trigger_toggle", "trigger_new", "record")
 NOT_EDITED = "a saved file: nothing to edit"
 # what people call screens, where that isn't their scope
 PLACES = {
     "monitor": "plots", "scope": "scope", "detail": "large plot", "file_monitor": "plots of a file",
-    "file_detail": "large plot of a file", "loggers": "list of loggers", "response": "Bode plot",
+    "file_detail": "large plot of a file", "loggers": "loggers", "response": "Bode plot",
 }  # fmt: skip
 TYPED_ON_FILES = ("goto", "unmark", "theme", "picture", "bode")
 # what commands of lists were called while each list had its own, for keys that users gave them; till 0.5
@@ -559,6 +563,7 @@ def footer_for(scope: str, *, read_only: bool = False) -> list[Command]:
     """Return what the key bar shows, most wanted first."""
     shown = [
         command for command in commands_for(scope)
-        if command.footer and not (read_only and command.writes) and " " not in command.keys.split(",", 1)[0]
+        if command.footer and not (read_only and command.writes)
+        and (" " not in command.keys.split(",", 1)[0] or command.id in IN_BAR_BY_MENU)
     ]  # fmt: skip
     return sorted(shown, key=lambda command: command.footer)

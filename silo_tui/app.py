@@ -4,6 +4,7 @@
 import asyncio
 import os
 from collections.abc import Callable, Sequence
+from functools import partialmethod
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from textual import events
@@ -305,12 +306,17 @@ class SiloApp(Guarded, App[None]):
         terminal.repaint(self)
         self.context.run_flow(self.context.session.reload())
 
-    def command_detail(self) -> None:
+    def command_detail(self, mode: str = "time") -> None:
         from silo_tui.screens.plots.detail import open_large
         from silo_tui.screens.plots.monitor import MonitorScreen
 
         if isinstance(self.screen, MonitorScreen):
-            open_large(self.screen)
+            open_large(self.screen, mode)
+
+    command_mode_time = command_detail
+    command_mode_spectrum = partialmethod(command_detail, "spectrum")
+    command_mode_xy = partialmethod(command_detail, "x-y")
+    command_mode_histogram = partialmethod(command_detail, "histogram")
 
     def command_triggers(self) -> None:
         from silo_tui.screens.lists.triggers import TriggersScreen

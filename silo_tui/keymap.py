@@ -13,6 +13,7 @@ from silo_tui.actions import (
     BY_ID,
     COMMANDS,
     FILE_SCOPES,
+    IN_BAR_BY_MENU,
     PLACES,
     Command,
     commands_for,
@@ -163,8 +164,8 @@ _TABLE = (
 )
 TWO_LAYERS = {command: keys for keys, commands in _TABLE for command in commands.split()}
 # the key bar, one order on every screen; and who gives way first where it has no room for all
-_BAR = "space enter m plus minus h,left slash p e g v r o a u S w D full_stop"
-_GIVES_WAY = "full_stop u o minus plus h,left space w S D pause v r p m e slash g enter a"
+_BAR = "space enter r; m plus minus h,left slash p e g v r o a u S w D full_stop"  # r; what stands in a menu
+_GIVES_WAY = "full_stop u o minus plus h,left space w S D pause v r p m e slash g r; enter a"
 BASES: dict[str, Mapping[str, str]] = {"two-layer": TWO_LAYERS, "classic": {}}
 DEFAULT = "two-layer"
 
@@ -224,7 +225,7 @@ def in_bar(scope: str, *, read_only: bool) -> list[tuple[Command, int]]:
     bar, gives_way = _BAR.split(), _GIVES_WAY.split()
     found: list[tuple[int, int, Command]] = []
     for command in (*footer_for(scope, read_only=read_only), with_keys(BY_ID["again"])):
-        keys = command.keys.split(",")
+        keys = ["r;"] if command.id in IN_BAR_BY_MENU else command.keys.split(",")
         place = next((at for at, key in enumerate(bar) if key.split(",")[0] in keys[:2]), len(bar))
         if command.id in OPENERS.values() and command.id not in _menus_of(scope):
             continue

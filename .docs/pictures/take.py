@@ -38,7 +38,9 @@ SCREENS = {
     "plots": ("j", "j", "m"), "x-y": ("j", "m", "enter", "p", "v"),
     "spectrum": ("j", "m", "enter", "p", "v", "p", "v"), "alarms": ("g", "a"), "triggers": ("g", "t"),
     "parameters": ("g", "p"), "recordings": ("g", "r"), "events": ("g", "e"), "settings": ("f2",),
-    "help": ("question_mark",), "apply": ("j", "e", "t", "a"),
+    "help": ("question_mark",), "apply": ("j", "e", "t", "a"), "loggers": ("g", "l"), "save": ("w",),
+    "limits": ("g", "a", "r", "n"), "trigger": ("g", "t", "r", "n"), "find": ("j", "m", "slash"),
+    "condition": ("j", "m", "slash", "w"),
 }  # fmt: skip
 CELL = (10, 21)  # about, in pixels
 ASKED, ANSWERED = "\x1b[5n", b"\x1b[0n"

@@ -49,7 +49,10 @@ class Opener:
     @property
     def first_screen(self) -> LoggersScreen:
         """What is shown until a logger is found."""
-        return self._list("" if self.demo is not None else self._wanted)
+        screen = self._list("" if self.demo is not None else self._wanted)
+        if self.demo is not None:
+            screen.take((), (), starting=True)
+        return screen
 
     def _list(self, wanted: str = "") -> LoggersScreen:
         screen = LoggersScreen(self.choose, wanted, lambda what, lines: self._many.begin(what, lines, screen.found))

@@ -155,15 +155,25 @@ class CommandRunner:
         except (SiloError, OSError) as error:
             self._context.fail(f"{path} can't be opened: {error}")
 
-    def command_theme(self, typed: Spelled) -> None:
+    def command_theme(self, typed: Spelled = BY_KEY) -> None:
         words, known = typed.arguments, self._context.app.available_themes
+        if not words:
+            choices = [Choice(each, each, each[0]) for each in THEMES]
+            now = self._context.app.theme.removeprefix(theme_name(""))
+            body = f"Until silo-tui ends; {key_of('settings')}, then {key_of('write_settings')} keeps them."
+            self._context.app.push_screen(Question("Which colours?", body, choices, now), self._theme_chosen)
+            return
         name = theme_name(words[0]) if len(words) == 1 and words[0] in THEMES else " ".join(words)
         if name not in known:
             others = ", ".join(sorted(each for each in known if not each.startswith("silo-")))
             raise ValueError(f"themes: {', '.join(THEMES)}; Textual's: {others}")
         self._context.app.theme = name
 
-    def command_control(self, typed: Spelled) -> None:
+    def _theme_chosen(self, name: str | None) -> None:
+        if name is not None:
+            self.command_theme(Spelled("theme", (name,)))
+
+    def command_control(self, typed: Spelled = BY_KEY) -> None:
         self._context.run_flow(control_flow(self._context, typed.arguments))
 
     def command_view(self, typed: Spelled) -> None:

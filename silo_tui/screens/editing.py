@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import msgspec
+from textual.geometry import Region
 
 from silo.core.elements import TriggerOptions
 from silo.core.quantities.writing import many
@@ -15,7 +16,7 @@ from silo_tui.model.table import derived
 from silo_tui.model.table.columns import STEADY
 from silo_tui.model.table.fields import Field, next_value, parse_change, phrase_for
 from silo_tui.model.words import text
-from silo_tui.model.words.command_line import Spelled
+from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.derive import ask_derived, forget
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.elements import ElementsScreen
@@ -30,6 +31,7 @@ FIELDS_BY_COMMAND = {
     "edit_divider": Field.DIVIDER, "edit_size": Field.SIZE, "next_buffer": Field.BUFFER, "next_action": Field.ACTION,
     "toggle": Field.ENABLED,
 }  # fmt: skip
+WORDS_WIDTH = 40
 EDITOR_KEYS = "Enter sets it  Esc leaves it as it was"
 
 
@@ -81,7 +83,7 @@ class Editing(ElementsScreen):
         targets = self.session.rows.targets()
         return int(targets[0]) if len(targets) == 1 and self.session.table.derived[targets[0]] else None
 
-    def command_derive(self, typed: Spelled) -> None:
+    def command_derive(self, typed: Spelled = BY_KEY) -> None:
         self.derive(typed.first, " ".join(typed.arguments[1:]).removeprefix("= "))
 
     def derive(self, name: str = "", expression: str = "") -> None:
@@ -197,10 +199,14 @@ class Editing(ElementsScreen):
         self.app.push_screen(Question(title, f"now {phrase_for(field, value)}", choices, str(value)), answered)
 
     def _open_editor(self, value: str, *, select: bool) -> None:
-        field, count = self.table.field, len(self.session.rows.targets())
-        self.query_one(CellEditor).open(field, self.table.cell_region(), value, select=select)
+        field, count, region = self.table.field, len(self.session.rows.targets()), self.table.cell_region()
+        words = ""
+        if not select:  # what begins with = may be words of several fields
+            region = Region(max(0, min(region.x, self.size.width - WORDS_WIDTH - 2)), region.y, WORDS_WIDTH, 1)
+            words = "; or words: div=5 size=10s buf=loop"
+        self.query_one(CellEditor).open(field, region, value, select=select)
         hidden = "" if field in self.table.field_spans() else f" (its column is not shown: {key_of('columns')})"
-        self.info.ask(f"{field.label} of {many(count, 'element')}{hidden}: {examples(field.option)}")
+        self.info.ask(f"{field.label} of {many(count, 'element')}{hidden}: {examples(field.option)}{words}")
         self.query_one(KeyBar).show_instead(EDITOR_KEYS)
 
     def _again(self, edit: Callable[[], None]) -> None:
@@ -235,6 +241,8 @@ class Editing(ElementsScreen):
 
     def value_now(self, command_id: str) -> str:
         """Return the value that a command would change, of the first element that it is about."""
+        if command_id == "edit_all":
+            return "div=5 size=10s"
         field, targets = FIELDS_BY_COMMAND.get(command_id), self.session.rows.targets()
         if field is None or not len(targets):
             return ""
@@ -307,11 +315,11 @@ class Editing(ElementsScreen):
 
     def _take_cell(self, value: str) -> bool:
         """Edit as typed; False, with the reason, when that can't be."""
-        field = self.query_one(CellEditor).field
+        field, words = self.query_one(CellEditor).field, value.strip().removeprefix("=")
         try:
-            wanted = parse_change(field, value)
+            wanted = read_settings(words.split()) if "=" in words else parse_change(field, value)
             changed = self.session.change(wanted)
-        except ValueError as error:
+        except (ValueError, SiloError) as error:
             self.info.ask(f"? {str(error).removesuffix('; nothing was changed')}")  # which the open editor says
             return False
         if self.repeated in {*FIELDS_BY_COMMAND, "edit", "edit_all"}:

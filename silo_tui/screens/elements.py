@@ -196,8 +196,8 @@ class ElementsScreen(SiloScreen):
         if typed is not BY_KEY:
             self._filter_by(typed.rest)
             return
-        self.query_one(KeyBar).show_instead(FILTER_KEYS)
-        self.query_one("#filter-line", Line).begin(self.session.rows.filter.text)
+        over = self.query_one("#filter-line", Line).begin_over(self.session.rows.filter.text)
+        self.query_one(KeyBar).show_instead(over + FILTER_KEYS)
         self.info.display = False
         self._show_filter()
 

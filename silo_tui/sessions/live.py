@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from silo.conditions.requests import TriggerTried
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.elements import LoggedEvent, SavedFile, State, Status, TriggerOptions
 from silo.core.episodes.words import next_marks
@@ -42,6 +41,7 @@ from silo_tui.sessions.recordings import Fetching
 if TYPE_CHECKING:
     from silo.analysis.reports import ElementReport
     from silo.client.client import Client
+    from silo.conditions.requests import TriggerTried
 
 Result = TypeVar("Result")
 
@@ -196,7 +196,7 @@ class Session:
             return
         self.happened = newest([*self.happened, *found])
 
-    async def turns_true(self, condition: str) -> TriggerTried:
+    async def turns_true(self, condition: str) -> "TriggerTried":
         """Return when a condition turned true in all that is held. Raises a SiloError where that can't be told."""
         wanted = TriggerOptions("find", condition)
         return await self._link.read(lambda client: client.try_trigger(wanted))

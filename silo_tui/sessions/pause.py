@@ -160,7 +160,7 @@ class Pause:
         """For the head of the screen: `PAUSED 12 s ago, 41 s held`; empty while nothing is held."""
         if self.source is None:
             return ""
-        ago = text.span(round(max(0.0, time.monotonic() - self._since_s)))
+        ago = text.span(max(1, round(time.monotonic() - self._since_s)))
         held = self.source.held_text
         return f"PAUSED {ago} ago, {held} held" if held else f"PAUSED {ago} ago"
 

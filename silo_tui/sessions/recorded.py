@@ -16,11 +16,15 @@ import numpy as np
 from silo.analysis import reports
 from silo.analysis.log import Log
 from silo.analysis.opening import open_log
+from silo.conditions.requests import TriggerTried
 from silo.core.arrays.columns import coarser
 from silo.core.elements import ElementInfo, State, Status, Table
 from silo.core.quantities.writing import many, size_text
 from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, FileFormatError, LogWarning
+from silo.expressions.binding import bind
+from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
+from silo.expressions.over_recordings import RecordingJudge
 from silo.judging.definitions import bind_limits, scalar_names, table_catalogue
 from silo_tui.model.drawing.columns import ColumnPiece
 from silo_tui.model.drawing.plots import trend
@@ -127,6 +131,25 @@ class FileSession(Session):
         fitting = (end - begin) / SECOND_NS * WHOLE  # a looping buffer has the end of a long run only
         span = fitting if spans[0] < fitting < 0.7 * spans[-1] else spans[-1]
         return PlotWindow(span, end, at_ns=self.time_ns, spans=tuple(sorted({*spans, span})))
+
+    async def turns_true(self, condition: str) -> TriggerTried:
+        """Return when a condition turned true in the file. Raises ExpressionError with the place of a mistake."""
+        return await asyncio.to_thread(self._turns_true, condition)
+
+    def _turns_true(self, condition: str) -> TriggerTried:
+        judge = RecordingJudge(self.source.recording)
+        bound, found = bind(condition, judge.catalogue).condition(), list[tuple[int, int]]()
+        before, judged = UNOBSERVABLE, 0
+        for batch in judge.batches(bound):
+            codes = batch.codes()
+            known = codes != UNOBSERVABLE
+            told = np.concatenate([[before], codes[known]])
+            rises = np.flatnonzero((told[1:] == TRUE) & (told[:-1] == FALSE))
+            found += zip(batch.ticks[known][rises].tolist(), batch.time_ns[known][rises].tolist(), strict=True)
+            before, judged = int(told[-1]), judged + len(codes)
+        source = self.source
+        ticks, times = map(list, zip(*found, strict=True)) if found else ([], [])
+        return TriggerTried(len(found), ticks, times, 0, self.status.ticks - 1, source.begin_ns, source.end_ns, judged)
 
     def read(self, names: Sequence[str]) -> None:
         """Bring the values of these elements at the moment shown."""

@@ -173,7 +173,7 @@ class StatusBar(FittingLine):
         """Add how much is logged how fast."""
         session, status, variables = self.session, self.session.status, self.app.theme_variables
         if not (self.mode or status.recorders) or wide:  # what isn't normal needs the room
-            add(3, f"  {status.enabled}/{status.elements}" + (" elements" if wide else ""), "")
+            add(3, f"  {status.enabled}/{status.elements}{' elements' * wide} on", "")
         rate = session.measured_hz
         if session.running and is_stalled(session.idle_s, status.frequency_hz):
             add(0, f"  ‼ {idle_words(session.idle_s)}", bold(variables, "alarm"))
@@ -181,8 +181,10 @@ class StatusBar(FittingLine):
             caution = bold(variables, "warning")
             jittery = session.jitter_s and wide
             jitter = f", jitter {text.span(session.jitter_s, 2)}" if jittery else ""
-            add(0, f"  {text.short(rate)} Hz <<", caution)
-            add(2, f" of {text.short(status.frequency_hz)}{jitter}", caution)
+            add(0, f"  {text.short(rate)}", caution)
+            add(2, f" of {text.short(status.frequency_hz)}", caution)
+            add(0, " Hz slow", caution)
+            add(2, jitter, caution)
         else:
             measured = session.running and rate
             nominal = (
@@ -192,7 +194,7 @@ class StatusBar(FittingLine):
             )
             add(5, f"  {text.short(rate)} Hz" if measured else f"  {nominal}", "")
         if wide:
-            add(1, f"  {text.count(session.ticks)} ticks", "")
+            add(1, f"  {text.count(status.before_ticks + session.ticks)} ticks", "")
 
 
 def since_words(seconds: float | None) -> str:

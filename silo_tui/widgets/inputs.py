@@ -115,6 +115,12 @@ class Line(Fleeting):
         if self.app.no_color or self.app.current_theme.name.startswith("ansi"):
             self.suggester = None
 
+    def begin_over(self, old: str) -> str:
+        """Begin over what was typed last: the first letter takes its place. Return what the keys do."""
+        self.begin(old)
+        self.select_all()
+        return "Type anew, → adds to it  " if old else ""
+
     def complete(self) -> None:
         """Take the next completion; Tab again takes the one after."""
         if not self._turn or self.value not in self._turn:

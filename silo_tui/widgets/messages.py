@@ -8,7 +8,9 @@ from textual.app import RenderResult
 from silo.core.quantities.writing import many
 from silo_tui.actions import key_of
 from silo_tui.model.drawing.window import PlotWindow
+from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.columns import STEADY
+from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.theme import bold
@@ -102,7 +104,7 @@ class InfoLine(MessageLine):
             parts.append(LinePart(4, f"{rows.marked_count} marked{hidden}"))
         fields, elements = session.table.pending_count
         if fields:
-            way = " (stop to apply)" if session.running else f" ({key_of('apply')} to apply)"
+            way = f" ({key_of('apply')} to apply)"
             parts.append(LinePart(8, f"{fields} pending in {many(elements, 'row')}{way}", "", (f"{fields} pending",)))
         if conflicts := int(session.table.conflicts.sum()):
             parts.append(LinePart(0, f"! {many(conflicts, 'conflict')}"))
@@ -161,10 +163,12 @@ class ListLine(MessageLine):
 
 
 def _cursor_words(session: Session) -> str:
-    """Return what columns can't tell of the row under the cursor: all digits, and how many samples are no numbers."""
+    """Return what columns can't tell of the row under the cursor: its sign in words, all digits, what is no number."""
     rows, parts = session.rows, []
     if rows.row is None:
         return ""
+    if session.fresh and (letters := sign_of(session.table, rows.row)):
+        parts.append(f"{letters} {MEANINGS[letters]}")
     element = session.table.elements[rows.row]
     reading, position = session.live.readings.get(element.name), rows.entry or 0
     if reading is not None and (rows.entry is not None or len(element.entries) == 1):

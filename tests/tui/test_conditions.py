@@ -16,7 +16,7 @@ from silo_tui.model.lists.conditions import (
     trigger_row,
 )
 from silo_tui.model.plots.limit_line import fields_of as fields_of_limits
-from silo_tui.model.plots.limit_line import line_of, read_limits
+from silo_tui.model.plots.limit_line import limits_of_fields
 
 NOW_NS = 1_790_000_100_000_000_000
 FALL = TriggerStatus(
@@ -62,23 +62,28 @@ class TestWords:
             SignalLimits("x", stale_s=2.0),
         ],
     )
-    def test_a_line_of_limits_gives_back_the_limits_that_it_shows(self, limits):
-        assert read_limits(line_of(fields_of_limits(limits)), SignalLimits("x")) == limits
+    def test_lines_of_limits_give_back_the_limits_that_they_show(self, limits):
+        assert limits_of_fields(fields_of_limits(limits), SignalLimits("x")) == limits
 
-    def test_what_a_line_of_limits_does_not_name_stays(self):
+    def test_what_lines_of_limits_do_not_say_stays(self):
         before = SignalLimits("x", (None, None, 1.0, 2.0), 3, 0.5, 0.5, "y > 1")
-        made = read_limits("-, -, 3, 4, persistence = 5, stale=1s", before)
+        made = limits_of_fields({"L": "-", "H": "3", "HH": "4", "persist": "5", "stale": "1s"}, before)
         assert made == SignalLimits("x", (None, None, 3.0, 4.0), 5, 0.5, 1.0, "y > 1")
 
-    @pytest.mark.parametrize("line", ["1, 2", "-, -, 3, four", "-, -, 3, 4 stale=soon", "-, -, 3, 4 holdoff=3"])
-    def test_a_line_that_is_no_limits_is_refused(self, line):
-        with pytest.raises(ElementError):
-            read_limits(line, SignalLimits("x"))
+    @pytest.mark.parametrize(
+        ("label", "typed", "says"),
+        [("HH", "four", "HH is red high, a number; got 'four'"), ("persist", "1.5", "persist is how many samples"),
+         ("hyst", "some", "hyst is how far inside"), ("stale", "soon", "stale must be a time")],
+    )  # fmt: skip
+    def test_a_line_that_makes_no_limits_says_what_it_is(self, label, typed, says):
+        with pytest.raises((ElementError, ValueError), match=says):
+            limits_of_fields({label: typed}, SignalLimits("x"))
 
     @pytest.mark.parametrize(
         ("field", "typed", "says"),
-        [("pre", "soon", "pre"), ("keep", "-", "keep"), ("save", "xls", "xls"), ("name", " ", "name it")],
-    )
+        [("pre", "soon", "pre"), ("keep", "-", "keep"), ("save", "xls", "xls"), ("name", " ", "name it"),
+         ("mode", "normal upwards", "mode is normal or"), ("mode", "rising falling", "mode is normal or")],
+    )  # fmt: skip
     def test_what_makes_no_sense_is_said(self, field, typed, says):
         with pytest.raises((ValueError, Exception), match=says):
             options_of_fields({**fields_of(FALL.options), field: typed}, FALL.options)
@@ -140,6 +145,7 @@ class TestScreens:
             await screen.shows("No triggers. N makes one")
             await screen.press("N")
             await screen.shows("the condition: signals")
+            await screen.press("tab", "tab")
             await screen.type("x > 3")
             await screen.shows("name it")
             await screen.press("shift+tab", "shift+tab")
@@ -154,9 +160,9 @@ class TestScreens:
         async with opened(fake) as screen:
             await screen.press("T", "N")
             await screen.shows("the condition: signals")
-            await screen.type("nobody > 3")
-            await screen.press("shift+tab", "shift+tab")
             await screen.type("high")
+            await screen.press("tab", "tab")
+            await screen.type("nobody > 3")
             await screen.shows("no signal is named 'nobody'")
             await screen.press("escape")
             assert fake.trigger_statuses == []
@@ -167,7 +173,7 @@ class TestScreens:
             await screen.shows("1 alarm HH")
             await screen.press("A")
             await screen.shows("86.31")
-            assert "1 now │ 2 limits" in screen.text
+            assert "1 over limits now │ 2 limits" in screen.text
             await screen.press("K")
             await screen.until(lambda: ("acknowledge", "/log/LF/HAA/torque") in fake.calls)
             await done(screen)
@@ -202,7 +208,7 @@ class TestScreens:
             await screen.type("LF/HAA/torque")
             for word in ("tab", "tab", "tab", *"50", "tab", *"7o", "enter"):
                 await screen.press(word)
-            await screen.shows("are no limits")
+            await screen.shows("HH is red high, a number")
             await screen.press("backspace", "0", "enter")
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
         assert next(call for call in fake.calls if call[0] == "set_limits")[1] == SignalLimits(
@@ -393,7 +399,11 @@ class TestLists:
             await screen.until(lambda: screen.app.screen.scope == "table")
             await screen.press("N", "l")
             await screen.shows("Limits of base/orientation_x")
-            await screen.press("3", "tab", "4", "enter")
+            await screen.press("enter")
+            await screen.shows("type a number into LL, L, H or HH")
+            await screen.press("3", "tab", "2", "enter")
+            await screen.shows("must rise")
+            await screen.press("backspace", "4", "enter")
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
             assert fake.calls[-1][1].bounds == (None, None, 3.0, 4.0)
 
@@ -415,6 +425,7 @@ async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, opened):
     async with opened(fake) as screen:
         await screen.press("T", "N")
         await screen.shows("the condition: signals")
+        await screen.press("tab", "tab")
         await screen.type("nobody > 3")
         await screen.shows("no signal is named 'nobody'")
         await screen.press("backspace", "enter")

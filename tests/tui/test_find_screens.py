@@ -67,6 +67,21 @@ async def test_the_highest_sample_is_two_keys_away_and_exact(monitor):
         assert shown.window.cursor is not None
 
 
+async def test_where_a_condition_of_any_signals_turns_true_is_found_by_a_form_that_keeps_what_is_typed(monitor):
+    async with monitor("position") as (screen, _):
+        await screen.do("find", "w")
+        await screen.type("LF/torqe > 0.5")
+        await screen.shows("LF/torque?")
+        await screen.press("enter", *["left"] * 7, "u")
+        await screen.shows("turned true 11 × in the last 11 s")  # ten waves, and the spike between two of them
+        await screen.press("enter")
+        await screen.shows("LF/torque > 0.5, 11 of 11: turns true at")
+        await screen.do("previous_found", "previous_found")
+        await screen.shows("9 of 11")
+        await screen.do("find", "w")
+        assert screen.app.screen.fields == {"when": "LF/torque > 0.5"}
+
+
 async def test_brackets_go_from_crossing_to_crossing(monitor):
     async with monitor("LF/torque", "RF/torque") as (screen, shown):
         await screen.do("home", "find", "x")

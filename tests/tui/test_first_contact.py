@@ -95,7 +95,7 @@ async def test_the_save_dialog_is_walked_through_with_j_and_k(fake, opened):
         for key in ("j", "j", "down", "down", "down"):
             await screen.press(key)
             seen.append(screen.app.focused.id)
-        assert seen == ["type-bag", "save-name", "save-go", "save-no", "type-silo"]
+        assert seen == ["type-bag", "form-name", "save-go", "save-no", "type-silo"]
 
 
 async def test_letters_tick_types_and_are_letters_in_the_name(fake, opened):
@@ -103,6 +103,21 @@ async def test_letters_tick_types_and_are_letters_in_the_name(fake, opened):
         await screen.press("w", "c", "s", "up", "up", "up", *"bcs", "enter")
         await screen.until(lambda: fake.calls)
         assert fake.calls == [("save", [FileType.CSV], "bcs")]
+
+
+async def test_a_name_that_can_be_no_file_is_said_at_once_and_stays_to_be_mended(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.press("w", "up", "up", "up", "a", "/", "b")
+        await screen.shows("contains '/'")
+        await screen.press("enter")
+        await screen.shows("contains '/'")
+        assert not fake.calls
+        await screen.press("left", "backspace")
+        await screen.shows("ab.silo: ")
+        await screen.press("enter")
+        await screen.shows("o opens it")
+        assert fake.calls == [("save", [FileType.SILO], "ab")]
 
 
 async def test_cancelling_a_save_says_that_nothing_was_saved(fake, opened):

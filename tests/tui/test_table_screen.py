@@ -343,6 +343,18 @@ async def test_tab_doesn_t_leave_an_editor_behind(fake, opened):
         assert not screen.app.screen.query_one("#cell-editor").display
 
 
+async def test_several_fields_are_set_by_words_in_one_line(fake, opened):
+    async with opened(fake) as screen:
+        await screen.do("edit_all")
+        await screen.shows("or words: div=5 size=10s buf=loop")
+        await screen.type("div=5 size=10s bfu=grow")
+        await screen.press("enter")
+        await screen.shows("bfu")
+        await screen.press(*["left"] * 5, "backspace", "backspace", "u", "f", "enter")
+        await screen.until(lambda: screen.session.table.pending_count == (3, 1), "the edits")
+        assert screen.value(FIRST, Field.DIVIDER) == "5"
+
+
 async def test_the_filter_says_how_many_pass_and_what_its_terms_may_be(fake, opened):
     async with opened(fake) as screen:
         await screen.press("slash")
@@ -350,6 +362,24 @@ async def test_the_filter_says_how_many_pass_and_what_its_terms_may_be(fake, ope
         await screen.type("torque LF")
         await screen.shows("3 of 72")
         assert "changed<1s" not in screen.text
+
+
+async def test_a_filter_over_another_one_takes_its_place_and_an_arrow_adds_to_it(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/torque LF")
+        await screen.press("enter", "slash")
+        await screen.shows("Type anew, → adds to it")
+        await screen.type("LH")
+        await screen.press("enter")
+        assert screen.session.rows.filter.text == "LH"
+        await screen.press("slash", "right")
+        await screen.type(" torque")
+        await screen.press("enter")
+        assert screen.session.rows.filter.text == "LH torque"
+        await screen.press("slash", "enter")
+        assert screen.session.rows.filter.text == "LH torque"
+        await screen.press("slash", "backspace", "enter")
+        assert screen.session.rows.filter.text == ""
 
 
 async def test_a_term_that_can_t_be_read_is_underlined_where_it_stands(fake, opened):

@@ -239,3 +239,36 @@ async def test_stopping_offers_a_restart_and_what_drops_is_answered_by_its_own_l
         assert fake.calls == []
         await screen.press("D")
         await screen.until(lambda: fake.calls, "the restart")
+
+
+@pytest.mark.slow
+async def test_what_has_a_form_or_a_list_is_asked_by_it_and_not_by_a_line(fake, opened):
+    async with opened(fake) as screen:
+        await screen.do("derive")
+        await screen.shows("Derive a signal on robot")
+        await screen.press("escape")
+        await screen.do("theme", "1")
+        await screen.until(lambda: screen.app.theme == "silo-16", "its colours")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("list_key", "named"), [("triggers", "r t Arm/Off r n New"), ("alarms", "r k Acknowledge r n New")]
+)
+async def test_the_bar_of_a_list_names_what_it_is_for_where_its_key_is_in_a_menu(list_key, named, fake, opened):
+    async with opened(fake) as screen:
+        await screen.do(list_key)
+        await screen.until(lambda: screen.app.screen.scope == list_key, "the list")
+        await screen.shows(named)
+
+
+@pytest.mark.slow
+async def test_ways_to_draw_are_one_menu_away_from_the_plots(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.do("monitor")
+        await screen.until(lambda: screen.app.screen.scope == "monitor", "plots")
+        await screen.do("mode_spectrum")
+        await screen.shows("SPECTRUM")
+        await screen.do("mode_time")
+        await screen.until(lambda: screen.app.screen.stack.display, "time again")

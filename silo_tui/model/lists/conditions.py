@@ -111,7 +111,7 @@ def alarms_words(found: Sequence[LimitStatus]) -> str:
     now = sum(one.is_over for one in found)
     missed = sum(one.alarm and not one.is_over for one in found)
     blind = sum(one.word is LimitWord.BLIND for one in found)
-    parts = [f"{now} now"] + ([f"{missed} over but not seen"] if missed else [])
+    parts = [f"{now} over limits now"] + ([f"{missed} was over, seen by nobody"] if missed else [])
     return f"{', '.join(parts)} │ {many(len(found), 'limit')}{f', {blind} blind' if blind else ''}"
 
 
@@ -139,7 +139,7 @@ def head_words(
 # --------------------------------------------------------------------------------------------------------- the editor
 
 
-FIELDS = ("name", "when", "rearm", "pre", "post", "persist", "holdoff", "mode", "save", "keep")
+MODES, SLOPES = ("normal", "single"), ("rising", "falling", "level", "enter", "leave")
 
 
 def fields_of(one: TriggerOptions) -> dict[str, str]:
@@ -165,8 +165,10 @@ def options_of_fields(fields: dict[str, str], before: TriggerOptions) -> Trigger
             return seconds(name, word, MOST_TRIGGER_S)
 
     words = fields["mode"].split()
-    modes = [word for word in words if word in ("normal", "single")] or ["normal"]
-    slopes = [word for word in words if word not in ("normal", "single")] or ["rising"]
+    modes = [word for word in words if word in MODES] or [MODES[0]]
+    slopes = [word for word in words if word not in MODES] or [SLOPES[0]]
+    if len(modes) + len(slopes) > 2 or slopes[0] not in SLOPES:
+        raise ValueError(f"mode is {' or '.join(MODES)}, with {', '.join(SLOPES)}; got {fields['mode'].strip()!r}")
     kinds = [FileType.__members__.get(word.upper()) for word in fields["save"].replace(",", " ").split()]
     if None in kinds:
         raise ValueError(f"save is silo, csv, bag, or several of them, got {fields['save']!r}")
@@ -181,13 +183,13 @@ def options_of_fields(fields: dict[str, str], before: TriggerOptions) -> Trigger
     )  # fmt: skip
 
 
-def tried_lines(tried: TriggerTried, width: int, keep: int, verb: str = "fired") -> list[str]:
+def tried_lines(tried: TriggerTried, width: int, keep: int, verb: str = "would have fired") -> list[str]:
     """Return what a test found: how often, where in what is held, and how large a capture is."""
     if tried.why:
         return [f"blind: {tried.why}"]
     held_s = (tried.end_ns - tried.begin_ns) / 1e9
     blind = f"; blind at {100 * tried.blind / tried.judged:.0f} % of it" if tried.blind else ""
-    first = f"would have {verb} {tried.fires} × in the last {text.short(held_s, 3)} s (all that is held){blind}"
+    first = f"{verb} {tried.fires} × in the last {text.short(held_s, 3)} s (all that is held){blind}"
     left, right = f"-{text.short(held_s, 3)} s ", " now"
     room = max(8, width - len(left) - len(right))
     cells = ["·"] * room

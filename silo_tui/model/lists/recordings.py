@@ -78,7 +78,7 @@ def row(one: SavedRecording, own: str, width: int, now_s: float | None = None) -
     name_width, _ = _widths(width)
     why = "not looked into yet" if one.unread else one.why or ("" if one.logger else "of another program")
     if one.unfinished:
-        why = "being written, or cut off"
+        why = "not finished yet"
     span = text.span(one.span_s, 3) if one.span_s else "-"
     cells = (
         short_stem(one, own, name_width), text.clean(why), " ".join(file.type.name.lower() for file in one.files),

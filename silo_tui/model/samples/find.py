@@ -32,6 +32,7 @@ class What(enum.Enum):
     HOLE = "g"
     TRIGGER = "t"
     MARKER = "m"
+    CONDITION = "w"
 
 
 WORDS = {
@@ -45,6 +46,7 @@ WORDS = {
     What.HOLE: "hole",
     What.TRIGGER: "trigger fired",
     What.MARKER: "marker",
+    What.CONDITION: "where a condition turns true",
 }
 
 
@@ -90,12 +92,16 @@ def happened(
 
 @dataclass(frozen=True)
 class Search:
-    """What one looks for, and where; `direction` is 1 for rising, -1 for falling, 0 for either."""
+    """What one looks for, and where; `direction` is 1 for rising, -1 for falling, 0 for either.
+
+    `condition` is an expression of any signals, `everywhere` plays no part for it.
+    """
 
     what: What
     level: float = 0.0
     direction: int = 0
     everywhere: bool = False
+    condition: str = ""
 
     def looking(self, period_ns: int, bounds: Bounds = (None, None)) -> Looking | None:
         """Return what to look for in the samples of a signal; None for what is no matter of these."""
@@ -106,7 +112,7 @@ class Search:
     def words(self) -> str:
         """The search as it is read."""
         if self.what is not What.CROSSING:
-            return WORDS[self.what]
+            return self.condition or WORDS[self.what]
         way = {1: " rising", -1: " falling", 0: ""}[self.direction]
         return f"crossing of {text.short(self.level, 6)}{way}"
 

@@ -219,11 +219,16 @@ def sign(sight: Sight, row: int, width: int) -> Cell:
     """Return the worst that is the matter."""
     if not sight.fresh and sight.live.readings:
         return OLD, "quiet"
-    bits = int(sight.table.signs[row])
-    if not sight.table.server[Field.ENABLED, row]:
-        bits &= _OF_LIMITS  # what is off isn't measured; its limits may be judged by others
-    letters = worst(bits)
+    letters = sign_of(sight.table, row)
     return letters, _style(letters)
+
+
+def sign_of(table: TableState, row: int) -> str:
+    """Return the letters of the worst that is the matter with a row; empty for nothing."""
+    bits = int(table.signs[row])
+    if not table.server[Field.ENABLED, row]:
+        bits &= _OF_LIMITS  # what is off isn't measured; its limits may be judged by others
+    return worst(bits)
 
 
 def branch_sign(sight: Sight, rows: Rows) -> Cell:

@@ -24,9 +24,10 @@ SIGNS = (
 )  # fmt: skip
 OLD = "~~"  # of no row in particular: nothing comes, or it can't be carried live
 MEANINGS = {
-    "HH LL": "beyond its red limit, above or below", "H L": "beyond its yellow limit, above or below",
-    "NN": "nan or inf among its newest values", "==": "frozen: it changes no more, or a limit calls it stale",
-    "<<": "slow: fewer samples than its divider asks for; in the head: the whole loop, and rows have no sign of it",
+    "HH": "above its red limit", "LL": "below its red limit", "H": "above its yellow limit",
+    "L": "below its yellow limit", "NN": "nan or inf among its newest values",
+    "==": "frozen: it changes no more, or a limit calls it stale",
+    "<<": "slow: fewer samples than its divider asks for; of a slow loop the head tells alone",
     "XX": "samples lost: the buffer could not keep them",
     OLD: "the value is old: no link, or the program is dead",
 }  # fmt: skip

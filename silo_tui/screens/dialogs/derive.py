@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from silo.core.elements import Derived
 from silo.core.quantities.writing import many
-from silo.errors import ExpressionError, RefusedError
+from silo.errors import RefusedError
 from silo_tui.context import Context
 from silo_tui.model.table import derived
 from silo_tui.screens.dialogs.form import Form
@@ -24,6 +24,7 @@ class DeriveDialog(Form[Derived]):
     """Answers with the derived signal on Enter."""
 
     KEYS_HERE = "Enter Derives it  Tab Next field  Esc Back"
+    EXPRESSION = "is"
 
     def __init__(self, session: Session, one: Derived, *, is_new: bool, problem: str = "") -> None:
         name = session.short_name(one.name).lstrip("/")
@@ -51,19 +52,6 @@ class DeriveDialog(Form[Derived]):
     async def look(self) -> str:
         """Return what it would be."""
         return "\n".join(derived.words_of(self._typed, self._session.table))
-
-    def wrong(self, error: Exception) -> str:
-        """Return what is wrong, under the line that is typed in, which begins at the same cell."""
-        return (
-            f"{self._caret(error.at, error.end)}\n{error.reason}" if isinstance(error, ExpressionError) else str(error)
-        )
-
-    def _caret(self, at: int, end: int) -> str:
-        """Return carets under the mistake, where the line shows all of it."""
-        line = self.field("is")
-        blank = line.region.x - self.query_one("#form-told").content_region.x
-        first = len(line.value) - len(line.value.lstrip()) - int(line.scroll_offset.x)
-        return " " * max(0, blank + first + at) + "^" * (end - at)
 
 
 async def ask_derived(context: Context, session: Session, one: Derived) -> None:

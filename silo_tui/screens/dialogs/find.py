@@ -1,9 +1,15 @@
-"""What to look for in the plots: a letter picks it, `*` looks in all signals that are plotted."""
+"""What to look for in the plots: a letter picks it, `*` looks in all signals that are plotted; a condition is typed."""
 
 from textual.widgets import Static
 
-from silo_tui.model.samples.find import WORDS, What
+from silo.expressions.binding import bind
+from silo.judging.definitions import table_catalogue
+from silo_tui.model.lists.conditions import tried_lines
+from silo_tui.model.samples.find import WORDS, Search, What
+from silo_tui.model.table import derived
+from silo_tui.screens.dialogs.form import Form
 from silo_tui.screens.dialogs.questions import Choice, Question
+from silo_tui.sessions.live import Session
 
 EVERYWHERE = "*"
 
@@ -27,3 +33,34 @@ class FindDialog(Question):
             return
         self.everywhere = not self.everywhere
         self.query_one(".dialog-title", Static).update(self._where[self.everywhere])
+
+
+class ConditionDialog(Form[Search]):
+    """Answers with the search for where a condition turns true."""
+
+    KEYS_HERE = "Enter Finds it  Esc Back"
+    EXPRESSION = "when"
+    AFTER_S = 0.5
+
+    def __init__(self, session: Session, begun: str) -> None:
+        hints = {"when": "abs(joints/torque) > 20 and base/velocity < 0.1"}
+        super().__init__("Find where a condition turns true", (("when",),), {"when": begun}, hints)
+        self._session = session
+
+    def on_mount(self) -> None:
+        """Begin with what was looked for last."""
+        self.begin_at("when")
+        self.field("when").select_all()
+
+    def made(self) -> Search:
+        """Return the search; its signals are there. Raises ExpressionError with the place, ValueError for nothing."""
+        typed, table = self.fields["when"].strip(), self._session.table
+        if not typed:
+            raise ValueError("the condition: signals of the table, numbers with units, and or not, prev diff rate mean")
+        bind(typed, table_catalogue(table.elements[: table.own], table.prefix, derived.present(table))).condition()
+        return Search(What.CONDITION, condition=typed)
+
+    async def look(self) -> str:
+        """Return how often it turned true, and when."""
+        tried = await self._session.turns_true(self.made().condition)
+        return "\n".join(tried_lines(tried, self.told_width, 0, "turned true")[:2])

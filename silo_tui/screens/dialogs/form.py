@@ -11,7 +11,7 @@ from textual.containers import Horizontal, Vertical
 from textual.timer import Timer
 from textual.widgets import Input, Static
 
-from silo.errors import RefusedError, SiloError
+from silo.errors import ExpressionError, RefusedError, SiloError
 from silo_tui.modal import Dialog, run_alone
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
     """Answers with what the lines make on Enter, None on Esc; what makes no sense is said, and they stay."""
 
     AFTER_S: ClassVar[float] = 0.2  # since the last key, until what is typed is looked at
+    EXPRESSION: ClassVar[str] = ""  # the label of a field that is one: mistakes of it have a place
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("escape", "leave", "Back", show=False)
     ]
@@ -46,6 +47,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         """Yield title, lines to type in, what is said of them."""
         with Vertical(classes="dialog form"):
             yield Static(self._title, classes="dialog-title", markup=False)
+            yield from self.above()
             for names in self._lines:
                 with Horizontal(classes="form-line"):
                     for name in names:
@@ -54,12 +56,21 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
                             self._values.get(name, ""), placeholder=self._hints[name], compact=True, id=f"form-{name}"
                         )
             yield Static("", id="form-told", markup=False)
+            yield from self.below()
+
+    def above(self) -> ComposeResult:
+        """Yield what stands above the lines."""
+        yield from ()
+
+    def below(self) -> ComposeResult:
+        """Yield what stands below what is said."""
+        yield from ()
 
     def begin_at(self, name: str) -> None:
         """Give the keys to a field, and look at what is there."""
         self.field(name).focus()
         self.tell(self._problem)
-        self._look_soon()
+        self.look_soon()
 
     def field(self, name: str) -> Input:
         """Return the line of a label."""
@@ -82,9 +93,10 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Look at it when the keys rest."""
-        self._look_soon()
+        self.look_soon()
 
-    def _look_soon(self) -> None:
+    def look_soon(self) -> None:
+        """Look at what is typed, once that rests."""
         if self._timer is not None:
             self._timer.stop()
         self._timer = self.set_timer(self.AFTER_S, lambda: run_alone(self, "look", self._look_now))
@@ -98,6 +110,10 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
                 self.tell(self.wrong(error))
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Answer, as Enter asks for."""
+        self.answer()
+
+    def answer(self) -> None:
         """Answer with what was made."""
         try:
             made = self.made()
@@ -115,8 +131,13 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         """Return what the lines make. SiloError or ValueError where that is nothing."""
 
     def wrong(self, error: Exception) -> str:
-        """Return what is said of a mistake."""
-        return str(error)
+        """Return what is said of a mistake, of an expression under its line, which begins at the same cell."""
+        if not (self.EXPRESSION and isinstance(error, ExpressionError)):
+            return str(error)
+        line = self.field(self.EXPRESSION)
+        blank = line.region.x - self.query_one("#form-told").content_region.x
+        first = len(line.value) - len(line.value.lstrip()) - int(line.scroll_offset.x)
+        return f"{' ' * max(0, blank + first + error.at)}{'^' * (error.end - error.at)}\n{error.reason}"
 
     def action_leave(self) -> None:
         """Leave; nothing is set."""

@@ -3,18 +3,20 @@
 from dataclasses import dataclass
 
 from silo.core.elements import SignalLimits, TriggerOptions
+from silo.judging.definitions import rule_of
 from silo_tui.model.lists.conditions import tried_lines
-from silo_tui.model.plots.limit_line import fields_of, line_of, read_limits
+from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
 from silo_tui.screens.dialogs.form import Form
 from silo_tui.sessions.live import Session
 
 LINES = (("signal",), ("LL", "L"), ("H", "HH"), ("persist", "hyst"), ("stale", "when"))
 HINTS = {
-    "signal": "joints/torque", "LL": "red low", "L": "yellow low", "H": "yellow high", "HH": "red high",
+    "signal": "joints/torque", **BOUNDS,
     "persist": "samples in a row: 1", "hyst": "ends so far inside: 0", "stale": "the same for: 0.5s",
     "when": "a condition that must hold",
 }  # fmt: skip
-HELP = "a bound that is empty is none; stale: how long a value may stay the same"
+HELP = "type a number into LL, L, H or HH (empty: no such bound), or a time into stale: so long it may stay the same"
+STALE = "no bound: it is an alarm where it stays the same for so long"
 TAKES_AWAY = "no bound and nothing stale: Enter takes the limits of it away"
 
 
@@ -53,9 +55,13 @@ class LimitsDialog(Form[LimitsWish]):
         is_same = shown == self._shown
         name = self._name if is_same and self._name else shown
         before = None if is_same else self._present(shown)
-        limits = read_limits(line_of(fields), before or SignalLimits(name))
-        has_some = any(bound is not None for bound in limits.bounds) or limits.stale_s
-        return LimitsWish(shown, limits.name, limits if has_some else None)
+        limits = limits_of_fields(fields, before or SignalLimits(name))
+        if any(bound is not None for bound in limits.bounds) or limits.stale_s:
+            rule_of(limits)  # its bounds make sense together
+            return LimitsWish(shown, limits.name, limits)
+        if self._present(limits.name) is None:
+            raise ValueError(HELP)
+        return LimitsWish(shown, limits.name, None)
 
     def _present(self, shown: str) -> SignalLimits | None:
         known = [one.options for one in self._session.limits]
@@ -68,17 +74,17 @@ class LimitsDialog(Form[LimitsWish]):
             return HELP
         limits, link = self.made().limits, self._session.link
         if limits is None:
-            return TAKES_AWAY if self._present(self.fields["signal"].strip()) is not None else HELP
+            return TAKES_AWAY
         low, high = (self._inner(limits, places) for places in ((1, 0), (2, 3)))
         shown = self.fields["signal"].strip()
         tests = [f"{shown} < {low!r}"] if low is not None else []
         tests += [f"{shown} > {high!r}"] if high is not None else []
         if not tests or link is None:
-            return HELP
+            return STALE
         when = " or ".join(tests)
         wanted = TriggerOptions("new", f"({when}) and ({limits.when})" if limits.when else when)
         tried = await link.read(lambda client: client.try_trigger(wanted))
-        return "\n".join(tried_lines(tried, self.told_width, 0, "been violated")[:2])
+        return "\n".join(tried_lines(tried, self.told_width, 0, "would have been violated")[:2])
 
     @staticmethod
     def _inner(limits: SignalLimits, places: tuple[int, int]) -> float | None:

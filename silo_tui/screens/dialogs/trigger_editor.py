@@ -17,7 +17,7 @@ LINES = (("name", "mode"), ("when",), ("rearm",), ("pre", "post"), ("persist", "
 HINTS = {
     "name": "a word for names of files", "when": "abs(base/roll) > 0.6 and controller/mode == STANCE",
     "rearm": "else: the condition was false", "pre": "5s", "post": "1s", "persist": "20ms", "holdoff": "10s",
-    "mode": "normal single, rising falling level", "save": "silo csv bag", "keep": "newest so many, 0 all",
+    "mode": "normal or single, rising", "save": "silo csv bag", "keep": "newest so many, 0 all",
 }  # fmt: skip
 
 
@@ -51,8 +51,8 @@ class TriggerEditor(Form[TriggerOptions]):
         self._is_new = is_new
 
     def on_mount(self) -> None:
-        """Begin with the condition where there is none yet, else with the name."""
-        self.begin_at("name" if self._options.when and self._is_new else "when")
+        """Begin with the name of a new one, with the condition of another."""
+        self.begin_at("name" if self._is_new else "when")
 
     async def look(self) -> str:
         """Return what it would have done."""

@@ -6,28 +6,31 @@ from typing import ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding
-from textual.containers import Horizontal, Vertical
-from textual.widgets import Button, Input, ProgressBar, Static
+from textual.containers import Horizontal
+from textual.widgets import Button, ProgressBar, Static
 
 from silo.core.elements import FileType, SavedFile
-from silo.core.quantities.writing import size_text
+from silo.core.quantities.writing import duration, size_text
 from silo.errors import SiloError
 from silo.files.formats import SAVED, SAVED_NAMES
+from silo.files.naming import check_name
 from silo.rpc.published import Event, EventKind
 from silo_tui.actions import key_of
 from silo_tui.context import Context
-from silo_tui.modal import Dialog, run_alone, run_aside
+from silo_tui.modal import run_alone, run_aside
+from silo_tui.model.words import text
+from silo_tui.screens.dialogs.form import Form
 from silo_tui.widgets.check_line import CheckLine
 
 FOLLOW_S = 0.05
-HINT = f"↑ ↓ move   space or {' '.join(name[0] for name in SAVED_NAMES)} ticks   Enter saves   Esc cancels"
+KEYS = f"↑↓ Move  space {' '.join(name[0] for name in SAVED_NAMES)} Tick  Enter Saves  Esc Back"
 
 
-class SaveDialog(Dialog[list[SavedFile] | None]):
+class SaveDialog(Form[list[SavedFile]]):
     """Asks what to save, saves, shows where it went. Saving takes place in the logger's helper process."""
 
+    KEYS_HERE = KEYS
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
-        Binding("escape", "leave", "Back", show=False),
         Binding("down,j", "app.focus_next", show=False),
         Binding("up,k", "app.focus_previous", show=False),
         *(Binding(name[0], f"turn('{name}')", show=False) for name in SAVED_NAMES),
@@ -44,33 +47,34 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
         at_once: bool = False,
         go_on: bool = False,
     ) -> None:
-        super().__init__()
+        hints = {"name": "empty: date, time and run number"}
+        super().__init__("Save data", (("name",),), {"name": name}, hints)
         self.context = context
-        self._types, self._name, self._at_once = tuple(types), name, at_once
+        self._types, self._at_once = tuple(types), at_once
         self._go_on = go_on  # leaves by itself when the files are there
         self._saving = False
         self._files: list[SavedFile] | None = None
+        self._told = ""  # of a save that began
 
-    def compose(self) -> ComposeResult:
-        """Yield types, name, buttons, progress, result."""
-        with Vertical(classes="dialog"):
-            yield Static("Save data", classes="dialog-title")
-            folder = self.context.session.status.folder or "the folder of the logger"
-            yield Static(f"in {folder}, on the robot", classes="quiet", markup=False)
-            for kind, one in SAVED.items():
-                yield CheckLine(f"{one.name:<5} {one.about}", kind in self._types, f"type-{one.name}")
-            yield Input(self._name, placeholder="name (empty: date, time and run number)", id="save-name", compact=True)
-            with Horizontal(classes="dialog-buttons"):
-                yield Button("Save", id="save-go", compact=True, variant="primary")
-                yield Button("Cancel", id="save-no", compact=True)
-            yield Static(HINT, id="save-hint", markup=False)
-            yield ProgressBar(total=1.0, show_eta=False, id="save-progress")
-            yield Static("", id="save-result", markup=False)
+    def above(self) -> ComposeResult:
+        """Yield the folder, and the types."""
+        folder = self.context.session.status.folder or "the folder of the logger"
+        yield Static(f"in {folder}, on the robot", classes="quiet", markup=False)
+        for kind, one in SAVED.items():
+            yield CheckLine(f"{one.name:<5} {one.about}", kind in self._types, f"type-{one.name}")
+
+    def below(self) -> ComposeResult:
+        """Yield progress and buttons."""
+        yield ProgressBar(total=1.0, show_eta=False, id="save-progress")
+        with Horizontal(classes="dialog-buttons"):
+            yield Button("Save", id="save-go", compact=True, variant="primary")
+            yield Button("Cancel", id="save-no", compact=True)
 
     def on_mount(self) -> None:
         """Give the focus to the first line; Enter saves from there too."""
         self.query_one(ProgressBar).display = False
         self.query_one(CheckLine).focus()
+        self.look_soon()
         if self._at_once:
             self._begin()
 
@@ -81,14 +85,34 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
         else:
             self.action_leave()
 
-    def on_input_submitted(self) -> None:
+    def answer(self) -> None:
         """Save when Enter ends the name."""
         self.action_save()
+
+    def made(self) -> list[SavedFile]:
+        """Return the files that are to be. Raises SaveError for a name that can't be one, ValueError without a type."""
+        types = [kind for kind, one in SAVED.items() if self.query_one(f"#type-{one.name}", CheckLine).value]
+        if not types:
+            raise ValueError("Choose at least one type.")
+        name = self.fields["name"].strip()
+        return [SavedFile(check_name(name) if name else "", kind, 0) for kind in types]
+
+    async def look(self) -> str:
+        """Return what would be written of how much; of a save that began, how it stands."""
+        if self._told:
+            return self._told
+        files, session = self.made(), self.context.session
+        await session.refresh_status()  # which counts what is held
+        status = session.status
+        names = ", ".join(f"{one.path or status.logger + '_…'}{SAVED[one.type].ending}" for one in files)
+        held = f"{text.count(status.held_samples)} samples over {duration(status.held_s)}"
+        return f"{names}: {held}" if status.held_samples else f"{names}: nothing is held yet"
 
     def action_turn(self, kind: str) -> None:
         """Tick a type, or not."""
         if self._files is None and not self._saving:
             self.query_one(f"#type-{kind}", CheckLine).action_turn()
+            self.look_soon()
 
     def action_save(self) -> None:
         """Save from wherever the focus is; closes when that is done."""
@@ -117,18 +141,19 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
         self.dismiss(self._files)
 
     def _begin(self) -> None:
-        types = [kind for kind, one in SAVED.items() if self.query_one(f"#type-{one.name}", CheckLine).value]
         if self._saving:
             return
-        if not types:
-            self._result("Choose at least one type.", failed=True)
+        try:
+            files = self.made()
+        except (SiloError, ValueError) as error:
+            self.tell(str(error))
             return
         self._saving = True
         self.query_one(ProgressBar).display = True
         self.query_one(ProgressBar).update(progress=0.0)
         self._result("Saving …")
         # of the app: a worker of this dialog would end with it, and with it the word of how the save went
-        run_aside(self.app, "saving", self._save, types, self.query_one("#save-name", Input).value.strip())
+        run_aside(self.app, "saving", self._save, [one.type for one in files], files[0].path)
 
     async def _save(self, types: list[FileType], name: str) -> None:
         context, session = self.context, self.context.session
@@ -176,12 +201,12 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
             if self._go_on:
                 self.dismiss(self._files)
                 return
-            self._result("\n".join(f"{file.path}\n  {size_text(file.size_bytes)}" for file in event.files))
-            for done in [*self.query(CheckLine), self.query_one("#save-name"), bar]:
+            where = [f"{file.path}\n  {size_text(file.size_bytes)}" for file in event.files]
+            self._result("\n".join([*where, "", "o opens it   Enter or Esc closes"]))
+            for done in [*self.query(CheckLine), *self.query(".form-line"), bar]:
                 done.display = False  # three formats and where they are don't fit 80x24 together
             self.query_one("#save-go", Button).label = "Close"
             self.query_one("#save-no").display = False
-            self.query_one("#save-hint", Static).update("o opens it   Enter or Esc closes")
             self.query_one("#save-go").focus()
         elif event.kind is EventKind.SAVE_FAILED:
             self._saving = False
@@ -191,6 +216,6 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
             bar.update(progress=event.progress)
 
     def _result(self, words: str, *, failed: bool = False) -> None:
-        result = self.query_one("#save-result", Static)
-        result.update(words)
-        result.set_class(failed, "failed")
+        self._told = "" if failed else words
+        self.tell(words)
+        self.query_one("#form-told").set_class(failed, "failed")

@@ -11,6 +11,7 @@ from silo.errors import RefusedError
 from silo_tui.actions import key_of
 from silo_tui.model.lists.conditions import IN_SPACE, alarms_words, limit_head, limit_row, signal_width
 from silo_tui.model.lists.ordering import Order
+from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.words.names import fitting_names_below
 from silo_tui.screens.dialogs.form import taken
 from silo_tui.screens.dialogs.limits import LimitsDialog, LimitsWish
@@ -82,9 +83,10 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
                 if watched
                 else f"No limits. {key_of('alarm_new')} gives some"
             )
-        count = len(self._found)
+        count, meaning = len(self._found), MEANINGS.get(one.word.value, "") if one is not None else ""
+        told = f"{meaning}{', seen by nobody yet' * one.alarm} │ " if one is not None and meaning else ""
         more = f"the first {MOST_LINES} of {count} │ " if count > MOST_LINES else ""
-        return more + alarms_words(self.session.limits)
+        return told + more + alarms_words(self.session.limits)
 
     # ------------------------------------------------------------------------------------------------- commands
 

@@ -1,5 +1,6 @@
 """Help, made from the list of commands: columns that fill the screen, searched with `/`, all screens by Tab."""
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -23,6 +24,35 @@ THREE_FROM, TWO_FROM = 120, 72
 GAP = 2
 LAST_GROUPS = ("Logger", "Go")
 
+HEAD = (
+    ("● RUNNING 02:41", "it logs, for so long"),
+    ("■ STOPPED 02:41", "it logs nothing now; what it logged for so long is held"),
+    ("✖ DEAD 02:41", "the robot program is gone; what it logged is saved, or held"),
+    ("~ NO LINK 14 s", "nobody answers for so long: values are old, edits are kept"),
+    ("488/500 elements on", "so many are logged, of all"),
+    ("400 Hz", "ticks a second as measured; of 400 Hz: none was yet"),
+    ("318 of 400 Hz slow", "the loop makes fewer ticks than it should; jitter: how far they are off"),
+    ("‼ no tick for 4 s", "the loop stands still"), ("118 024 ticks", "of the run until now"),
+    ("lost 0", "samples that the buffers could not keep"),
+    ("1 alarm HH, HH 1", "so many are beyond limits, the worst so far; the list names them"),
+    ("2 triggers armed, FIRES", "conditions that watch, and capture when they turn true"),
+    ("REC 1", "endless recordings that run"), ("durable to tick 400", "what a power cut leaves"),
+    ("read-only", "nothing can be changed from here; who may is told"),
+    ("PAUSED SCOPE FILE", "of plots: they stand still, show crossings, are of a saved file"),
+    ("THIN 1.2 of 5 Hz", "the link takes so many pictures a second, carries kbit/s, answers after ms; keys go first"),
+    ("BUSY 1.2 of 5 Hz", "this computer is too busy to draw as often as it should; not the link"),
+)  # fmt: skip
+COLUMNS = (
+    ("name in /legs", "all that are shown begin so"), ("▼ legs 412, ►", "a branch of so many, folded: ►"),
+    ("|3|", "norm of a vector of three"), ("unit", "of the value; - none"), ("on", "whether it is logged"),
+    ("div", "divider: it is logged every so many ticks"), ("act", "action: saved, published, or both"),
+    ("buf", "buffer: keeps the newest (loop), the first (fix), or all (grow)"), ("size", "samples that its buffer has"),
+    ("fill", "how much of it is full"), ("value", "the newest; a number in a file: at that time"),
+    ("min max mean std", "of each sample so long: mean 12m"), ("rate", "samples a second, as measured"),
+    ("%", "of the samples that it should have"), ("jitter", "how far samples are off their time"),
+    ("changed", "how long ago the value did"), ("trend", "its newest curve"),
+    ("samples, span s, type, lost", "of a file: how many, how long, of which type, how many lost"),
+)  # fmt: skip
 SIGNS = (
     ("*", "pending: prepared here, not applied yet (underlined)"), ("!", "conflict: somebody else changed it too"),
     (">", "marked: edits and the monitor are about all that is marked"),
@@ -32,6 +62,7 @@ FILE_SIGNS = (
     (">", "marked: the plots are of all that is marked"), ("= 1.23", "the value that held at the cursor"),
     ("min max mean", "of the samples in the window"),
 )  # fmt: skip
+_NUMBER = re.compile(r"\d+(?:[ .:]\d+)*")
 WORDS = (
     ("torque LF", "both words in the name"),
     ("LF|RF", "either"),
@@ -51,9 +82,9 @@ class HelpLine:
     command: str = ""
 
     def holds(self, words: Sequence[str]) -> bool:
-        """Return whether all of these words are in it."""
-        own = f"{self.left} {self.right} {self.group} {self.command}".casefold()
-        return all(word in own for word in words)
+        """Return whether all of these words are in it; of numbers, which change, any."""
+        own = _NUMBER.sub("0", f"{self.left} {self.right} {self.group} {self.command}".casefold())
+        return all(_NUMBER.sub("0", word) in own for word in words)
 
 
 def entries(scope: str, *, everywhere: bool) -> list[HelpLine]:
@@ -72,6 +103,8 @@ def entries(scope: str, *, everywhere: bool) -> list[HelpLine]:
     on_file = scope in FILE_SCOPES
     if everywhere or scope in ("table", "file"):
         signs = FILE_SIGNS if on_file else (*SIGNS, *MEANINGS.items())
+        found += [HelpLine(left, right, "First line") for left, right in HEAD]
+        found += [HelpLine(left, right, "Columns") for left, right in COLUMNS]
         found += [HelpLine(left, right, "Signs") for left, right in signs]
         found += [HelpLine(left, right, "Filter") for left, right in (*WORDS, *filter_rows())]
     if not on_file and (everywhere or scope == "table"):
@@ -232,7 +265,7 @@ class HelpScreen(Dialog[None]):
 
     def action_search(self) -> None:
         """Type words."""
-        self.query_one(Line).begin(self._words)
+        self.query_one(Line).begin_over(self._words)
         self._show()
 
     def action_everywhere(self) -> None:

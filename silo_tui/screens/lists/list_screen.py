@@ -288,8 +288,8 @@ class ListScreen(SiloScreen, Generic[LineT]):
             self.show()
 
     def command_list_filter(self) -> None:
-        self.query_one(KeyBar).show_instead(FILTER_KEYS)
-        self.query_one("#list-filter", Line).begin(self.asked)
+        over = self.query_one("#list-filter", Line).begin_over(self.asked)
+        self.query_one(KeyBar).show_instead(over + FILTER_KEYS)
 
     def on_input_changed(self, event: Line.Changed) -> None:
         """Filter while it is typed."""

@@ -68,13 +68,13 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
 
     scope = "detail"
 
-    def __init__(self, monitor: MonitorScreen) -> None:
+    def __init__(self, monitor: MonitorScreen, mode: str) -> None:
         super().__init__(monitor.session, monitor.live_source, [])
         plots, count = monitor.stack.for_detail()
         self.below = monitor
         self.plots = list(plots[:MAX_SERIES])
         self.count = min(count, MAX_SERIES)
-        self.mode = MODES[0]
+        self.mode = mode
         self.level = LEVELS[0]
         self._kind = ""
         self._peaks: Sequence[Peak] = ()
@@ -87,7 +87,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         stack.readings, stack.bounds, stack.events = monitor.stack.readings, monitor.stack.bounds, monitor.stack.events
         self._asked = stack.store
         self.plot = DetailPlot()
-        self.plot.display = False
+        self.plot.display, stack.display = mode != MODES[0], mode == MODES[0]
         self._turned = 0  # which of the signals stands first now
         self.take_back()
 
@@ -423,15 +423,15 @@ class FileDetailScreen(DetailScreen, inherit_bindings=False):
     scope = "file_detail"
 
 
-def open_large(monitor: MonitorScreen) -> None:
-    """Show the chosen plot alone; say so where nothing of it can be drawn."""
+def open_large(monitor: MonitorScreen, mode: str) -> None:
+    """Show the chosen plot alone, in one of `MODES`; say so where nothing of it can be drawn."""
     if not monitor.stack.plots:
         return
     if not monitor.stack.for_detail()[0]:
         texts = f"{many(len(monitor.stack.plots), 'text')}: nothing to draw"
         monitor.say(texts if monitor.file is not None else "nothing that is on to plot")
     else:
-        monitor.app.push_screen((DetailScreen if monitor.file is None else FileDetailScreen)(monitor))
+        monitor.app.push_screen((DetailScreen if monitor.file is None else FileDetailScreen)(monitor, mode))
 
 
 def _decimals(step: float) -> int:

@@ -5,6 +5,7 @@ The source looks (`HeldRows.find`): a file by itself, a logger's helper process 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from silo_tui.model.samples.find import (
 from silo_tui.model.samples.live import offset_text
 from silo_tui.model.samples.source import HeldRows
 from silo_tui.model.words import text
+
+if TYPE_CHECKING:
+    from silo.conditions.requests import TriggerTried
 
 MOST_MOMENTS = 1000  # of a signal that are here at a time
 
@@ -128,6 +132,14 @@ class _Told:
         if self.what is What.HOLE:
             return f"{text.span(int(self.value[0]) / 1e9, 3)} without sample"
         return value_words(self.entry, self.value)
+
+
+def turned(search: Search, tried: "TriggerTried", end_ns: int) -> SearchResult:
+    """Return the moments until a time at which a condition turned true, as a test of it found them."""
+    moments = tuple(Moment(time_ns, "", "turns true") for time_ns in tried.time_ns if time_ns <= end_ns)
+    held_s = max(0, min(tried.end_ns, end_ns) - tried.begin_ns) / 1e9
+    older = tried.fires - len(tried.time_ns)  # only the newest are told
+    return SearchResult(search, (), end_ns, moments, held_s, older + len(moments), older, tried.why)
 
 
 def _happened(source: HeldRows, plots: Sequence[Plotted], search: Search) -> SearchResult:

@@ -18,7 +18,7 @@ from silo_tui.model.samples.find import Search, What, parse_crossing
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.words import text
 from silo_tui.screens.dialogs.marking import ask_mark
-from silo_tui.screens.plots.finding import SearchResult, events, look
+from silo_tui.screens.plots.finding import SearchResult, events, look, turned
 
 if TYPE_CHECKING:
     from silo_tui.screens.dialogs.questions import Prompt
@@ -42,11 +42,12 @@ class MomentSearch:
     def __init__(self, screen: "PlotScreen") -> None:
         self.screen = screen
         self._stepping = asyncio.Lock()  # two keys at once are two samples
+        self._condition = ""  # that was looked for last
 
     # -------------------------------------------------------------------------------------------- find the moment
 
     def command_find(self) -> None:
-        from silo_tui.screens.dialogs.find import FindDialog
+        from silo_tui.screens.dialogs.find import ConditionDialog, FindDialog
         from silo_tui.screens.dialogs.questions import Prompt
 
         if not self.screen.stack.plots:
@@ -61,11 +62,18 @@ class MomentSearch:
             if level is not None:
                 self._find(replace(parse_crossing(level), everywhere=dialog.everywhere))
 
+        def condition_typed(search: Search | None) -> None:
+            if search is not None:
+                self._condition = search.condition
+                self._find(search)
+
         def chosen(answer: str | None) -> None:
             if answer == What.CROSSING.value:
                 line = Prompt("Find a crossing", HOW, "", "20", parse_crossing)
                 self.screen.app.push_screen(line, level_typed)
                 run_alone(self.screen, "offer", self._offer_level, line)
+            elif answer == What.CONDITION.value:
+                self.screen.app.push_screen(ConditionDialog(self.screen.session, self._condition), condition_typed)
             elif answer is not None:
                 self._find(Search(What(answer), everywhere=dialog.everywhere))
 
@@ -98,11 +106,16 @@ class MomentSearch:
     async def _search(self, search: Search, step: int, *, keep: bool = True) -> None:
         await self.screen.pause.settled()
         plots = self.screen.stack.plots if search.everywhere else [self.screen.stack.chosen_plot]
+        plots = plots if not search.condition else []
         found, now = self.screen.found, self.screen.now_ns
         same = found is not None and found.search == search and found.names == tuple(plot.name for plot in plots)
         if found is None or not same or found.end_ns != self.screen.held_ns[1] or found.ends_before(now, step):
             try:
-                found = await look(self.screen.pause.held, plots, search, self.screen.session.bounds, now)
+                if search.condition:
+                    tried = await self.screen.session.turns_true(search.condition)
+                    found = turned(search, tried, self.screen.held_ns[1])
+                else:
+                    found = await look(self.screen.pause.held, plots, search, self.screen.session.bounds, now)
             except SiloError as error:
                 self.screen.say(f"{search.words}: {error}")
                 return
