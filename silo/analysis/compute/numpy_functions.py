@@ -32,7 +32,7 @@ _COMPARISONS = {
     np.less: (operator.lt, "<"), np.less_equal: (operator.le, "<="), np.greater: (operator.gt, ">"),
     np.greater_equal: (operator.ge, ">="), np.equal: (operator.eq, "=="), np.not_equal: (operator.ne, "!="),
 }  # fmt: skip
-_WORDS = {np.negative: "-{}", np.absolute: "abs({})"}
+_WORDS: dict[np.ufunc, str] = {np.negative: "-{}", np.absolute: "abs({})"}
 _POWERS = {np.sqrt, np.cbrt, np.reciprocal}
 _TO_UNITS = {np.deg2rad, np.radians, np.rad2deg, np.degrees}
 _LOGIC = {
