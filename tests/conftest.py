@@ -36,6 +36,9 @@ ROOM_BYTES = 4 << 30  # all folders of failed tests, and those of four tests tha
 
 def pytest_configure(config: pytest.Config) -> None:
     root = shared_memory_root()
+    if not hasattr(config, "workerinput"):
+        os.environ["SILO_TEST_ROOM"] = tempfile.mkdtemp(prefix="silo-test-", dir=root)
+        Path(os.environ["SILO_TEST_ROOM"]).chmod(0o1777)  # as that which it lies in
     if "PYTEST_DEBUG_TEMPROOT" not in os.environ and shutil.disk_usage(root).free > ROOM_BYTES:
         # a file that is written anew goes to the disk as it is closed: half of the time of those that do so often
         os.environ["PYTEST_DEBUG_TEMPROOT"] = str(root)
@@ -105,29 +108,20 @@ def _fast_unless_marked(request: pytest.FixtureRequest) -> Iterator[None]:
 @pytest.fixture(autouse=True)
 def runtime_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A private folder for segments and sockets; its path is short, as sockets need it."""
-    folder = Path(tempfile.mkdtemp(prefix="silo-test-", dir=shared_memory_root()))
+    folder = Path(tempfile.mkdtemp(prefix="", dir=os.environ["SILO_TEST_ROOM"]))
     monkeypatch.setenv("SILO_RUNTIME_DIR", str(folder))
     state = folder.with_name(f"{folder.name}-state")  # made by the first journal, as a user's own
     monkeypatch.setenv("XDG_STATE_HOME", str(state))
     monkeypatch.setenv("XDG_CONFIG_HOME", str(folder / "no-config"))  # no remotes of this user
-    _made.append(folder)
     yield folder
-    _remove(folder)
-
-
-_made: list[Path] = []
-
-
-def _remove(folder: Path) -> None:
-    """Remove a runtime folder, and those beside it: of groups, and of the state of a user."""
-    for one in (folder, *folder.parent.glob(f"{folder.name}-*")):
+    for one in (folder, *folder.parent.glob(f"{folder.name}-*")):  # of groups, and of the state of a user
         shutil.rmtree(one, ignore_errors=True)
 
 
-def pytest_sessionfinish() -> None:
+def pytest_unconfigure(config: pytest.Config) -> None:
     """What a process made again that ended after its test goes as well."""
-    for folder in _made:
-        _remove(folder)
+    if not hasattr(config, "workerinput"):
+        shutil.rmtree(os.environ["SILO_TEST_ROOM"], ignore_errors=True)
 
 
 @functools.cache

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 import silo
 from silo.client.client import Client
 from silo.core.elements import BufferType, FileType
-from silo.core.runtime import shared_memory_root
 from silo.errors import RefusedError, SaveError
 from silo.files.formats import SAVED
 from silo.rpc.published import EventKind
@@ -88,7 +87,7 @@ def saved_by_client(robot: Robot, client: Client, name: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def large_runtime() -> Iterator[Path]:
-    folder = Path(tempfile.mkdtemp(prefix="silo-test-", dir=shared_memory_root()))
+    folder = Path(tempfile.mkdtemp(prefix="", dir=os.environ["SILO_TEST_ROOM"]))
     yield folder
     shutil.rmtree(folder, ignore_errors=True)
 
