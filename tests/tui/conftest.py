@@ -101,7 +101,8 @@ def only_the_busy_are_waited_for() -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def state_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where edits that were not applied, and views, are kept: never that of who runs the tests."""
+    """Where edits that were not applied, and views, are kept: never that of who runs the tests; nor is his folder."""
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     return tmp_path / "state"
