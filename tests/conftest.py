@@ -25,7 +25,7 @@ import pytest
 from silo.core.runtime import shared_memory_root
 from tests.examples import load_profile
 from tests.waiting import wait_until
-from tests.warm import Nursery
+from tests.warm import ADDRESS, COLD, Nursery, WarmPopen
 
 SLOW_FIXTURES = {"bench", "robots"}  # they start helper processes
 SLOW_FOLDERS = {"crash"}
@@ -156,16 +156,29 @@ def disk_path() -> Iterator[Path]:
 
 @pytest.fixture(scope="session")
 def nursery() -> Iterator[Nursery]:
-    """From where helper processes start warm."""
-    made = Nursery()
+    """From where processes start warm."""
+    made = WarmPopen.nursery = Nursery()
     yield made
     made.end()
 
 
 @pytest.fixture
-def warm_helpers(nursery: Nursery, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Helper processes of loggers in this process start warm."""
-    monkeypatch.setattr("silo.core.child.subprocess", nursery.subprocess)
+def warm(nursery: Nursery, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes of Python start warm, and what these start."""
+    monkeypatch.setenv(ADDRESS, nursery.name)
+    monkeypatch.setattr("subprocess.Popen", WarmPopen)
+
+
+@pytest.fixture
+def cold(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The start of processes that users have: what comes of it is looked at."""
+    monkeypatch.setenv(COLD, "all")
+
+
+@pytest.fixture
+def cold_children(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Helper processes are the parents of what they start, whose names and limits are looked at."""
+    monkeypatch.setenv(COLD, "silo.recorder silo.recordings.writing")
 
 
 @pytest.fixture

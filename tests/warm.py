@@ -1,10 +1,16 @@
-"""Helper processes that start warm: forked off one that has loaded silo, numpy and Zenoh already.
+"""Processes that start warm: forked off one that has loaded silo, numpy and Zenoh already.
 
-A start of Python with all that takes 0.3 s of processor time, half of what a test of a logger with its helper process
-takes, and there are 600 of these. What is tested is the same but for the very start, which the tests of `tests/crash`,
-and all robot programs that are processes of their own, have as users have it.
+A start of Python with all that takes 0.3 s of processor time, and the tests start some 1,500 of these. What is tested
+is the same but for the very start, which those that are about it have as users have it (`cold`). What a warm process
+starts is warm, too. Its parent is the nursery, and its command line that one's.
 """
 
+import contextlib
+import fcntl
+import functools
+import importlib.util
+import inspect
+import io
 import json
 import os
 import select
@@ -13,86 +19,195 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
-from contextlib import suppress
+import types
+from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
-NURSERY = Path(__file__).parent / "stand_ins" / "helper_nursery.py"
+from silo.logger.serving.process import HELPER_ENVIRONMENT
+
+ADDRESS, COLD = "SILO_TEST_NURSERY", "SILO_TEST_COLD"
+ALLOCATOR = "PYTHONMALLOC"  # as helper processes have one of their own, a nursery has it from its start
+MODULES = {"silo.helper", "silo.recorder", "silo.recordings.writing", "silo.run_index.keeping"}
+EXECUTABLE = sys.executable  # some tests say that it is another
+_Popen = subprocess.Popen  # what stands for it while tests run is the one below
+HOME = str(Path(__file__).parents[1])
+_GIVEN = list(inspect.signature(subprocess.Popen._execute_child).parameters)[3:]  # type: ignore[attr-defined]
+_MANY = 1000  # no descriptor that is asked for has so high a number
+
+
+def _address(environment: dict[str, str]) -> str:
+    """Where the nursery listens that has the allocator of this environment; abstract, so that nothing is left."""
+    return f"\0{environment[ADDRESS]}-{environment.get(ALLOCATOR, '')}"
+
+
+class WarmPopen(subprocess.Popen):
+    """`subprocess.Popen`, warm where what is started is Python: a module of silo, a script or a text."""
+
+    nursery: "Nursery | None" = None  # of this process, where it is its own
+
+    def _execute_child(self, args: Any, executable: Any, *more: Any) -> None:
+        given = dict(zip(_GIVEN, more, strict=True))
+        environment = dict(os.environ if given["env"] is None else given["env"])
+        words = [] if isinstance(args, str | bytes) else [os.fsdecode(word) for word in args]
+        self._end: socket.socket | None = None
+        if given["shell"] or given["preexec_fn"] is not None or not _is_warm(words, environment):
+            super()._execute_child(args, executable, *more)  # type: ignore[misc]
+            return
+        streams = {0: given["p2cread"], 1: given["c2pwrite"], 2: given["errwrite"]}
+        taken = {number: number if one == -1 else one for number, one in streams.items()}
+        taken |= {number: number for number in given["pass_fds"]}
+        asked = {
+            "words": words[1:], "environment": environment, "numbers": list(taken),
+            "folder": os.fsdecode(given["cwd"] or Path.cwd()), "session": given["start_new_session"],
+        }  # fmt: skip
+        if self.nursery is not None:
+            self.nursery.begin()
+        sys.audit("subprocess.Popen", words[0], words, None, None)  # so that it is noted as a process
+        self._end = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._end.connect(_address(environment))
+        socket.send_fds(self._end, [json.dumps(asked).encode()], list(taken.values()))
+        self.pid = int(self._end.recv(32))
+        self._child_created = True
+        self._close_pipe_fds(*(given[name] for name in _GIVEN[_GIVEN.index("p2cread") :][:6]))  # type: ignore[attr-defined]
+
+    def _internal_poll(self, *more: Any, **named: Any) -> int | None:
+        if self._end is None:
+            return super()._internal_poll(*more, **named)  # type: ignore[misc]
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return self._wait(0)
+        return None
+
+    def _wait(self, timeout: float | None) -> int:
+        if self._end is None:
+            return super()._wait(timeout)  # type: ignore[misc]
+        if self.returncode is None:
+            if not select.select([self._end], [], [], timeout)[0]:
+                raise subprocess.TimeoutExpired(self.args, timeout or 0.0)
+            with self._waitpid_lock:  # type: ignore[attr-defined]
+                if self.returncode is None:
+                    told = self._end.recv(32)
+                    self.returncode = int(told) if told else -signal.SIGKILL
+                    self._end.close()
+        return self.returncode
+
+
+def _is_warm(words: list[str], environment: dict[str, str]) -> bool:
+    if ADDRESS not in environment or len(words) < 2 or words[0] != EXECUTABLE:
+        return False
+    if not {*filter(None, environment.get("PYTHONPATH", "").split(os.pathsep))} <= {HOME}:
+        return False  # it may find another silo, or what changes its start
+    what = words[2] if words[1] == "-m" and len(words) > 2 else words[1]
+    if any(cold in ("all", what) for cold in environment.get(COLD, "").split()):
+        return False
+    return what in MODULES or what == "-c" or what.endswith(".py")
 
 
 class Nursery:
-    """The process that forks; begun with the first helper process."""
+    """The processes that fork, one for each allocator, begun with the first that is warm."""
 
     def __init__(self) -> None:
-        self._process: subprocess.Popen[bytes] | None = None
-        self._search = ""
-        self._asking = threading.Lock()
+        self.name = f"silo-test-nursery-{os.getpid()}-{os.urandom(4).hex()}"
+        self._started: list[subprocess.Popen[bytes]] = []
+        self._beginning = threading.Lock()
 
-    def popen(self, command: Sequence[str], **options: Any) -> Any:
-        """Start a process: what `silo.core.child` has of `subprocess.Popen`. Helper processes alone start warm."""
-        if command[2] != "silo.helper":
-            return subprocess.Popen(command, **options)
-        environment, descriptors = options["env"], options["pass_fds"]
-        with self._asking:
-            if self._process is None and command[0] == sys.executable:
-                self._begin(environment)
-            if command[0] != sys.executable or environment["PYTHONPATH"] != self._search:
-                return subprocess.Popen(command, **options)
-            sys.audit("subprocess.Popen", command[0], command, None, None)  # so that it is noted as a process
-            asked = {"arguments": command[7:], "environment": environment, "folder": str(Path.cwd())}
-            end, told = os.pipe()
-            try:
-                message = [json.dumps(asked).encode()]
-                socket.send_fds(self._control, message, [*descriptors, 1, 2, told])
-            finally:
-                os.close(told)
-            return WarmProcess(int(self._control.recv(32)), end)
-
-    def _begin(self, environment: dict[str, str]) -> None:
-        self._search = environment["PYTHONPATH"]
-        self._control, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, str(NURSERY), str(theirs.fileno()), "silo.helper"],
-                pass_fds=[theirs.fileno()],
-                env=environment,
-                stdin=subprocess.DEVNULL,
-            )
+    def begin(self) -> None:
+        """Start them where they aren't there, and wait until they listen."""
+        command = [EXECUTABLE, "-c", "from tests.warm import fork_for_all; fork_for_all()()", "silo.helper"]
+        with self._beginning:
+            if self._started:
+                return
+            for more in ({}, HELPER_ENVIRONMENT):
+                environment = dict(os.environ, PYTHONPATH=HOME, **{ADDRESS: self.name}, **more)
+                self._started.append(_Popen(command, stdin=-1, stdout=-1, env=environment))
+            for one in self._started:
+                one.stdout.readline()
 
     def end(self) -> None:
-        """End it; it has no children any more."""
-        if self._process is not None:
-            self._control.close()
-            self._process.wait()
-
-    @property
-    def subprocess(self) -> SimpleNamespace:
-        """What stands for the module in `silo.core.child`."""
-        names = ("DEVNULL", "PIPE", "TimeoutExpired")
-        return SimpleNamespace(Popen=self.popen, **{name: getattr(subprocess, name) for name in names})
+        """End them."""
+        for one in self._started:
+            one.communicate()
 
 
-class WarmProcess:
-    """A process whose parent is the nursery, which tells how it ended."""
+# ------------------------------------------------------------------------------------------------ in the nursery
 
-    def __init__(self, pid: int, end: int) -> None:
-        self.pid, self._end = pid, end
-        self._code: int | None = None
 
-    def wait(self, timeout: float | None = None) -> int:
-        """As that of `subprocess.Popen`."""
-        if self._code is None:
-            if not select.select([self._end], [], [], timeout)[0]:
-                raise subprocess.TimeoutExpired("silo.helper", timeout or 0.0)
-            told = os.read(self._end, 32)
-            self._code = int(told) if told else -signal.SIGKILL
-            os.close(self._end)
-        return self._code
+def fork_for_all() -> Callable[[], None]:
+    """Fork a process for each that asks; return in the processes that were forked, with what they are to do."""
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    listener.bind(_address(dict(os.environ)))
+    listener.listen(128)
+    import silo.cli.main
+    import silo.client.client
+    import silo.helper.__main__
+    import silo.logger.logger  # noqa: F401
 
-    def kill(self) -> None:
-        """As that of `subprocess.Popen`."""
-        if self._code is None and not select.select([self._end], [], [], 0)[0]:
-            with suppress(ProcessLookupError):
-                os.kill(self.pid, signal.SIGKILL)
+    print("ready", flush=True)
+    children: dict[int, tuple[int, socket.socket]] = {}  # by what tells of its end: its pid, and who is told
+    while True:
+        for ready in select.select([0, listener, *children], [], [])[0]:
+            if ready == 0:
+                os._exit(0)
+            if ready is not listener:
+                pid, asker = children.pop(ready)
+                code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+                os.close(ready)
+                with contextlib.suppress(OSError), asker:
+                    asker.send(str(code).encode())
+                continue
+            asker = listener.accept()[0]
+            request, given, _, _ = socket.recv_fds(asker, 2**18, 32)
+            pid = os.fork()
+            if not pid:
+                for one in (listener, asker, *(each for _, each in children.values())):
+                    one.detach()  # their numbers are others' from now on
+                return _start(json.loads(request), given)
+            for each in given:
+                os.close(each)
+            children[os.pidfd_open(pid)] = (pid, asker)
+            with contextlib.suppress(OSError):
+                asker.send(str(pid).encode())
+
+
+def _start(asked: dict[str, Any], given: list[int]) -> Callable[[], None]:
+    """Take descriptors, environment and folder that were asked for; return what is to be done."""
+    high = [fcntl.fcntl(one, fcntl.F_DUPFD, _MANY) for one in given]
+    os.closerange(0, _MANY)
+    for number, one in zip(asked["numbers"], high, strict=True):
+        os.dup2(one, number)
+        os.close(one)
+    if asked["session"]:
+        os.setsid()
+    os.environ.clear()
+    os.environ.update(asked["environment"])
+    os.chdir(asked["folder"])
+    unbuffered = bool(os.environ.get("PYTHONUNBUFFERED"))
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        file = open(number, f"{mode}b", -1 if mode == "r" or not unbuffered else 0, closefd=False)  # noqa: SIM115
+        words = "backslashreplace" if name == "stderr" else None
+        lines = name == "stderr" or (mode == "w" and file.isatty())
+        stream = io.TextIOWrapper(file, "utf-8", words, line_buffering=lines, write_through=unbuffered)
+        setattr(sys, name, stream)
+        setattr(sys, f"__{name}__", stream)
+    sys.modules["numpy"].random.seed()
+    subprocess.Popen = WarmPopen  # type: ignore[misc]
+    paths = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    sys.path[:] = [*filter(None, paths), *(one for one in sys.path[1:] if one != HOME)]
+    what, *sys.argv = asked["words"]
+    main = sys.modules["__main__"] = types.ModuleType("__main__")
+    first = ""
+    if what == "-c":
+        code = compile(sys.argv[0], "<string>", "exec")
+        sys.argv[0] = what
+    elif what == "-m":
+        spec = importlib.util.find_spec(sys.argv[0])
+        if spec.submodule_search_locations is not None:
+            spec = importlib.util.find_spec(f"{sys.argv[0]}.__main__")
+        code = spec.loader.get_code(spec.name)
+        main.__spec__, main.__package__, main.__file__ = spec, spec.parent, spec.origin
+    else:
+        sys.argv.insert(0, what)
+        code, first, main.__file__ = compile(Path(what).read_text(), what, "exec"), str(Path(what).parent), what
+    if "PYTHONSAFEPATH" not in os.environ:
+        sys.path.insert(0, first)
+    return functools.partial(exec, code, main.__dict__)

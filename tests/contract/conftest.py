@@ -25,8 +25,8 @@ TICK_NS = round(1e9 / HZ)
 
 
 @pytest.fixture(autouse=True)
-def _warm(warm_helpers: None) -> None:
-    """Helper processes start warm here."""
+def _warm(warm: None) -> None:
+    """Processes start warm here."""
 
 
 class Heard:

@@ -395,7 +395,7 @@ def recorded_by_a_frozen_process(log, size: int) -> list[int]:
     return children
 
 
-def test_runs_that_are_held_keep_no_start_from_its_memory(served, small_memory):
+def test_runs_that_are_held_keep_no_start_from_its_memory(cold_children, served, small_memory):
     log = served()
     stopped = recorded_by_a_frozen_process(log, 2500)  # 2 MB
     try:

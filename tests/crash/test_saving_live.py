@@ -231,7 +231,7 @@ class Told:
 
 
 @pytest.fixture
-def limited() -> Iterator[Callable[[Robot, int], None]]:
+def limited(cold_children: None) -> Iterator[Callable[[Robot, int], None]]:
     """Lets a helper process write no file larger than so many bytes: it meets a full disk."""
 
     def limit(robot: Robot, size_bytes: int) -> None:

@@ -21,8 +21,8 @@ ROBOT_PROGRAM = Path(__file__).with_name("robot_program.py")
 
 
 @pytest.fixture(autouse=True)
-def _warm(warm_helpers: None) -> None:
-    """Helper processes start warm here."""
+def _warm(warm: None) -> None:
+    """Processes start warm here."""
 
 
 class Gait(enum.IntEnum):

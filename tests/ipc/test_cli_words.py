@@ -294,6 +294,7 @@ def test_a_version_that_nobody_reads_is_quiet() -> None:
     assert done.stderr == ""
 
 
+@pytest.mark.usefixtures("cold")
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [["ls"], ["info", "demo"], ["set", "*", "on"], ["start"], ["--help"]])
 def test_light_commands_import_nothing_heavy(words: list[str]) -> None:
@@ -312,6 +313,7 @@ def test_light_commands_import_nothing_heavy(words: list[str]) -> None:
     assert done.stdout.splitlines()[-1] == "[]"
 
 
+@pytest.mark.usefixtures("cold")
 @pytest.mark.slow
 def test_a_command_that_has_ended_is_not_searched_for_garbage() -> None:
     program = (

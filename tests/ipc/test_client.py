@@ -96,6 +96,7 @@ def test_survey_asks_all_loggers_at_the_same_time(bench, robots, monkeypatch) ->
     assert [answer.found.name for answer in answers if answer.status] == ["bot", "robot0", "robot1", "robot2"]
 
 
+@pytest.mark.usefixtures("cold")
 def test_asking_needs_neither_numpy_nor_click_nor_textual(bench) -> None:
     code = (
         "import sys; from silo.client.connect import Client\n"
@@ -108,6 +109,7 @@ def test_asking_needs_neither_numpy_nor_click_nor_textual(bench) -> None:
     assert done.stdout.strip() == "set()"
 
 
+@pytest.mark.usefixtures("cold")
 def test_program_that_forgets_to_close_still_ends(bench) -> None:
     code = "from silo.client.connect import Client; client = Client.connect('bot'); view = client.view(['/log/x'])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=DEADLINE_S, check=True)

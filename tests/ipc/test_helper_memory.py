@@ -25,7 +25,7 @@ glibc = pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallopt"), reason="th
 
 
 @pytest.fixture
-def warm_helpers() -> None:
+def warm() -> None:
     """The start that users have: what comes of it is looked at here."""
 
 

@@ -332,7 +332,7 @@ def test_a_state_of_a_program_in_another_container_is_nobody_s_to_take_or_remove
 
 @pytest.mark.slow
 def test_captures_that_are_not_written_when_the_logger_is_closed_are_written_by_recover(
-    bench, client, tmp_path, monkeypatch, runtime
+    cold_children, bench, client, tmp_path, monkeypatch, runtime
 ):
     bench.logger.trigger("spike", "q_x > 50", save=("csv",))
     bench.logger.start()

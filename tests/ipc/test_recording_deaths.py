@@ -32,7 +32,7 @@ from silo.segment.held_runs import held_runs, recorders_path
 from tests.ipc.conftest import end_helper
 from tests.waiting import answered, freeze, wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("cold_children")]
 
 
 def recorders_of(helper_pid: int) -> list[psutil.Process]:

@@ -205,6 +205,7 @@ def test_a_logger_that_comes_back_with_another_silo_is_told_as_such(bench, clien
     assert "runs an older silo" in wait_until(told)
 
 
+@pytest.mark.usefixtures("cold")
 def test_checking_versions_needs_no_numpy(bench) -> None:
     code = (
         "import sys; from silo.client.connect import Client; "

@@ -39,6 +39,11 @@ STEP_NS = 1_000_003
 BEGIN_NS = 1_700_000_000_000_000_000
 
 
+@pytest.fixture(autouse=True)
+def _warm(warm: None) -> None:
+    """Processes start warm here."""
+
+
 class Robot:
     """A logger whose every value follows from its tick, counted over all runs."""
 
