@@ -110,3 +110,17 @@ def test_a_link_whose_other_end_reads_is_not(monkeypatch):
         for message in (Beat(), Goodbye()):
             LinkChannel(ours).send(message, lambda: True)
             assert LinkChannel(theirs).receive() == message
+
+
+@pytest.mark.slow
+def test_a_save_that_finds_the_helper_process_gone_is_done_by_the_program(served, monkeypatch, caplog):
+    def died(_):
+        raise BrokenPipeError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(served._life.serving, "_send", died)
+        (file,) = served.save()
+        with pytest.raises(SaveError, match="died just now, a new one is being started: try again"):
+            served.record()
+    assert len(silo.open_log(file.path)["/log/q"].values) == 5
+    assert "died just now, a new one is being started; saving in this process" in caplog.text

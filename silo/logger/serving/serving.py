@@ -63,7 +63,7 @@ RESPAWN_DELAYS_S = (0.0, 0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)  # before each try
 
 
 class HelperFrozenError(SaveError):
-    """The helper process shows no sign of life; it is not known whether it is the last of it."""
+    """The helper process shows no sign of life, nobody knows whether for good; or it died before it was asked."""
 
 
 _OF_ADDRESSES = dict.fromkeys(("url", "address", "port", "host"), "`silo address LOGGER` in a shell prints it")
@@ -470,7 +470,8 @@ class Serving:
             self._answers.pop(number, None)
             if isinstance(error, TimeoutError):
                 raise HelperFrozenError("the helper process takes nothing in: it is frozen") from error
-            raise SaveError("the helper process died just now, a new one is being started: try again") from error
+            gone = "the helper process died just now, a new one is being started"
+            raise HelperFrozenError(gone if isinstance(request, Save) else f"{gone}: try again") from error
         reply, saving = self._wait(asked, then)
         if not isinstance(reply, wanted):
             raise SaveError(repr(reply))
