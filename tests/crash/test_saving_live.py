@@ -231,7 +231,7 @@ class Told:
 
 
 @pytest.fixture
-def limited(cold_children: None) -> Iterator[Callable[[Robot, int], None]]:
+def limited() -> Iterator[Callable[[Robot, int], None]]:
     """Lets a helper process write no file larger than so many bytes: it meets a full disk."""
 
     def limit(robot: Robot, size_bytes: int) -> None:
@@ -241,6 +241,7 @@ def limited(cold_children: None) -> Iterator[Callable[[Robot, int], None]]:
     return limit
 
 
+@pytest.mark.usefixtures("cold_children")
 @pytest.mark.parametrize("file_type", [FileType.SILO, FileType.CSV, FileType.BAG])
 def test_a_full_disk_is_told_to_every_client_and_leaves_nothing(file_type, small, clients, limited, until) -> None:
     client, other = clients(small), clients(small)
