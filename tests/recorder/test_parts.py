@@ -25,9 +25,14 @@ from silo.files.bags.writer import write_bag
 from silo.files.manifest import Ledger
 from silo.files.mcap.index import indexed_records
 from silo.files.parts.scan import rows_after, scan_part
+from silo.recorder.layout import layout_of
 from silo.recorder.orders import RecordOrder
+from silo.recorder.requests import StartRecorder
+from silo.recorder.ring_cursor import RingCursor
+from silo.recorder.server import _wrong_numbers
 from silo.recorder.writing import MOST_INDEX_BYTES, QUEUE_BYTES, RecorderDisk, is_long, left_free
 from silo.recovery.parts import close_part, close_parts, finished_part, left_parts, left_rows
+from silo.segment.reader import SegmentReader
 
 
 def order(folder: Path, **options: object) -> RecordOrder:
@@ -347,22 +352,70 @@ def test_a_foreign_file_named_as_a_part_stays(tmp_path) -> None:
 
 @pytest.mark.parametrize(
     ("given", "meant"),
-    [("1GB", (10**9, 0.0)), ("500 mb", (5 * 10**8, 0.0)), ("10min", (0, 600.0)), ("1.5h", (0, 5400.0)), ("", (0, 0.0))],
-)
+    [
+        ("1GB", (10**9, 0.0)), ("500 mb", (5 * 10**8, 0.0)), ("10min", (0, 600.0)), ("1.5h", (0, 5400.0)),
+        ("1MB", (10**6, 0.0)), ("1000TB", (10**15, 0.0)), ("1s", (0, 1.0)), ("744h", (0, 31 * 86400.0)), ("", (0, 0.0)),
+    ],
+)  # fmt: skip
 def test_a_split_is_a_size_or_a_time(given, meant) -> None:
     assert read_split(given) == meant
 
 
-@pytest.mark.parametrize("given", ["5", "1", "-1GB", "10 apples", "1kB", "0s", "400d", 7, float("nan")])
+@pytest.mark.parametrize("given", ["5", "-1GB", "10 apples", "999kB", "1001TB", "0s", "0.9s", "745h", 7, float("nan")])
 def test_a_split_that_is_neither_is_told_of(given) -> None:
     with pytest.raises(ElementError, match="write split="):
         read_split(given)
 
 
 def test_what_is_kept_is_a_size() -> None:
-    assert read_keep("50GB") == 50 * 10**9
-    with pytest.raises(ElementError, match="write keep="):
-        read_keep("10min")
+    assert (read_keep("50GB"), read_keep("2MB")) == (50 * 10**9, 2 * 10**6)
+    for wrong in ("10min", "1.9MB", "1001TB"):
+        with pytest.raises(ElementError, match="write keep="):
+            read_keep(wrong)
+
+
+@pytest.mark.parametrize(
+    ("option", "fits", "beyond"),
+    [
+        ("patterns", ["x"] * 1000, ["x"] * 1001), ("patterns", ["x" * 25_000] * 2, ["x" * 25_000, "x" * 25_001]),
+        ("split_bytes", 10**6, 10**6 - 1), ("split_bytes", 10**15, 10**15 + 1), ("split_s", 1.0, 0.999),
+        ("split_s", 31 * 86400.0, 31 * 86400.1), ("split_s", 0.0, float("nan")), ("keep_bytes", 2 * 10**6, 10**6),
+        ("keep_bytes", 10**15, 10**15 + 1), ("name", "dog", "dog/cat"),
+    ],
+)  # fmt: skip
+def test_what_a_client_may_ask_of_a_recording_has_bounds(option, fits, beyond) -> None:
+    assert not _wrong_numbers(StartRecorder(**{option: fits}))
+    assert _wrong_numbers(StartRecorder(**{option: beyond}))
+
+
+def test_a_cursor_reads_what_there_is_room_for_and_the_rest_next(robot) -> None:
+    robot.start()
+    robot.ticks(1000)
+    reader = SegmentReader(robot.log._present.path)
+    cursor, sizes, complete = RingCursor(reader, layout_of(reader.schema, ()), {}), [], False
+    while not complete:
+        found = cursor.read(16_000)
+        sizes.append(found.size_bytes)
+        complete = found.complete
+    reader.close()
+    assert 8_000 < max(sizes) <= 16_000
+    assert set(cursor.cursors.values()) == {1000, 200}
+
+
+def test_a_part_that_was_finished_and_not_renamed_gets_its_name_alone(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(103)
+    direct.step()
+    direct.finish()
+    (path,) = parts(tmp_path)
+    whole, counts = path.read_bytes(), truth.by_others(path)
+    left = path.rename(f"{path}.part")
+    close_part(left)
+    assert path.read_bytes() == whole
+    path.rename(left).write_bytes(whole[:-3])
+    close_part(left)
+    assert truth.by_others(path) == counts
 
 
 def test_patterns_choose_what_is_recorded(robot, tmp_path, truth) -> None:
