@@ -5,12 +5,14 @@
 
 A fault is a comparison that is off by one, a sign, a constant, a condition turned round, a lock that isn't taken, a
 call left out. The places are drawn by a seed, that of the commit if no other is given, from all places of the modules
-that were named. The nearest tests are those of the fast tier that run its line, those that import its module first,
-then the short ones, as many as take `BUDGET_S`; where these notice nothing, the slow tests of the files that import
-the module, or speak of its folder. A fault after which they hang is counted apart. Exit status 1 where some survive.
+that were named. The nearest tests are those of the files that import the module, or speak of its folder, and of those
+for other modules: first those of the fast tier that run its line, as many as take `BUDGET_S`; where these notice
+nothing, the slow ones of its own files. A fault after which they hang is counted apart. Exit status 1 where some
+survive.
 
-Which tests run which lines is looked up once for each state of the code and the tests, and kept. All tests are loaded
-once: a fault within a function is put into a fork of that process, any other into one that has loaded no silo yet.
+Which tests run which lines is looked up once for each state of the code and the tests, and kept: of all some 15 minutes
+of processor time. Tests are loaded once: a fault within a function is put into a fork of that process, any other into
+one that has loaded no silo yet.
 
 With `--out` each result is a line of JSON that is written as soon as it is there, and what stands in the file already
 isn't tried again while its module is the same: a run that was ended goes on, those of several days add up, and the
@@ -531,7 +533,6 @@ def main() -> int:
     parser.add_argument("--seed", default="")
     parser.add_argument("--out", type=Path, help="the result of each fault, as JSON lines; what is there is kept")
     parser.add_argument("--fast", action="store_true", help="the fast tier's tests alone")
-    parser.add_argument("--tests", nargs="+", default=["tests"], help="the fast tests of these files or folders alone")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no fault after these")
     wanted = parser.parse_args()
     commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
@@ -542,7 +543,8 @@ def main() -> int:
     print(f"{len(faults)} faults, seed {seed}, {len(results)} tried before", flush=True)
     end_s = time.monotonic() + 60 * wanted.minutes
     with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as folder:
-        trial = Trial(Path(folder), wanted.tests, slow=not wanted.fast)
+        tests = sorted({path for fault in faults for path in nearest(fault.module)})
+        trial = Trial(Path(folder), tests, slow=not wanted.fast)
         for fault in itertools.takewhile(lambda _: time.monotonic() < end_s, faults):
             result = results[fault] = trial.of(fault)
             print(f"{result:12} {fault.told}", flush=True)
