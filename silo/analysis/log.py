@@ -7,7 +7,6 @@ torque.mean(2.0, 3.5)
 
 import math
 import os
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -36,7 +35,7 @@ from silo.core.kinds import SCALAR
 from silo.core.names import did_you_mean, is_glob
 from silo.core.printing import html_table
 from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, read_ahead, stamps_of
-from silo.errors import ArgumentError, ElementError, LogWarning, SaveError, UnknownSignalError
+from silo.errors import ArgumentError, ElementError, SaveError, UnknownSignalError
 from silo.expressions.derived_signals import bound_derived
 from silo.files.added import added_formats
 from silo.files.formats import writer_for
@@ -365,7 +364,7 @@ class Log(Mapping[str, Signal]):
         spec = ChartSpec(list(patterns), list(right), x, "", window[0], window[1], MOST_CURVES)
         chart, left_out = make_chart(self.recording, spec, title or os.path.basename(self.path))  # noqa: PTH119
         if left_out:
-            warnings.warn(f"{left_out} more signals match and are not drawn", LogWarning, stacklevel=3)
+            warn_outside(f"{left_out} more signals match and are not drawn")
         return show(chart, ax, path, terminal)
 
     def bode(

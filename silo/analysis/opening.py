@@ -8,11 +8,11 @@ Nothing but the header is read before a signal is asked for; of JSON in bags all
 
 import numbers
 import os
-import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.log import Log
 from silo.analysis.stretches import joined
 from silo.core.arguments import path as file_path
@@ -20,7 +20,7 @@ from silo.core.arguments import shown, switch, whole
 from silo.core.calls import told
 from silo.core.elements import Stretch
 from silo.core.recording import Recording, has_own_stamps
-from silo.errors import ElementError, LogNotFoundError, LogWarning
+from silo.errors import ElementError, LogNotFoundError
 from silo.files.added import added_formats
 from silo.files.formats import read_recording
 from silo.files.naming import find_log, find_logs
@@ -81,7 +81,7 @@ def open_log(
             )
         which = whole("a run number", which, 0, MOST_RUNS)
     path = find_log(
-        which if isinstance(which, int) else file_path("which log", which), file_path("folder", folder), _told_by(4)
+        which if isinstance(which, int) else file_path("which log", which), file_path("folder", folder), warn_outside
     )
     recording = read_recording(path, added_formats)
     if stamps == "header" and has_own_stamps(recording):
@@ -92,7 +92,7 @@ def open_log(
     if stretch is not None and stretch.part and not switch("alone", alone):
         recording = _whole_run(path, recording, stretch)
     for warning in recording.warnings:
-        warnings.warn(f"{path}: {warning}", LogWarning, stacklevel=3)
+        warn_outside(f"{path}: {warning}")
     return Log(recording, os.fspath(path))
 
 
@@ -111,7 +111,7 @@ def open_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".
     Raises:
         LogNotFoundError: there is none.
     """
-    paths = find_logs(file_path("which logs", which), file_path("folder", folder), _told_by(4), captures=False)
+    paths = find_logs(file_path("which logs", which), file_path("folder", folder), warn_outside, captures=False)
     logs: dict[object, Log] = {}
     for path in paths:
         log = open_log(path)
@@ -141,8 +141,3 @@ def _whole_run(path: Path, recording: Recording, stretch: Stretch) -> Recording:
         if its and its.part and its.run == stretch.run and one.offset > getattr(found.get(its.part), "offset", -1):
             found[its.part] = one
     return joined(list(found.values())) if len(found) > 1 else recording
-
-
-def _told_by(level: int) -> Callable[[str], None]:
-    """What makes a text a warning of the line that called."""
-    return lambda text: warnings.warn(text, LogWarning, stacklevel=level)

@@ -3,6 +3,7 @@
 import gc
 import os
 import sys
+import warnings
 
 from silo.cli.codes import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_PIPE, EXIT_USAGE
 from silo.version import VERSION
@@ -17,6 +18,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if reconfigure := getattr(stream, "reconfigure", None):  # None where the shell closed it
             reconfigure(errors="backslashreplace")  # names of files need be no UTF-8, terminals know few letters
+    warnings.formatwarning = lambda message, *_: f"silo: {message}\n"  # who types a command looks for no line of code
     code = run(sys.argv[1:])
     gc.freeze()  # Python looks for garbage among all that was loaded as it ends: a sixth of what `silo ls` takes
     sys.exit(code)

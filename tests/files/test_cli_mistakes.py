@@ -170,6 +170,12 @@ def test_a_file_whose_name_is_no_text_is_read_and_written(folder, runtime_folder
 
 
 @pytest.mark.slow
+def test_what_is_warned_of_is_a_line_of_words_without_a_place_in_the_code(folder, runtime_folder):
+    done = silo_in_a_shell("plot good.silo 'og*'", folder)
+    assert done.stderr == b"silo: 'og*' is only a part of names: from the next release on write '*og*'\n"
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("line", ["info good.silo", "stats good.silo", "plot good.silo x", "ls", "--help", "info nope"])
 @pytest.mark.parametrize("end", [">&-", ">/dev/full", "2>&-", "<&-", "| head -c 1"])
 def test_a_closed_or_full_end_is_no_traceback(line, end, folder, runtime_folder):

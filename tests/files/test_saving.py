@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import silo
 from silo.core.elements import FileType, LoggedEvent
 from silo.errors import ElementError, LogNotFoundError, SaveError
 from silo.files import PartlySavedError, atomic, write
@@ -254,6 +255,14 @@ def test_captures_stand_among_the_logs_by_the_date_and_number_in_their_names(fol
     assert find_log("robot", folder).name == "robot_20260302_10-00-00_00002.silo"
     assert find_logs("robot_2", folder)[-2] == capture
     assert find_log(7, folder) == capture
+
+
+def test_what_is_left_out_is_told_of_at_the_line_that_opens(recording, tmp_path):
+    write(recording, tmp_path, "robot", ["silo"], "robot_20260309_10-00-00_00008")
+    (tmp_path / "robot_20260309_10-00-05_00009_fall_1.silo").write_text("x")
+    with pytest.warns(silo.LogWarning, match="captures? .*left out") as caught:
+        silo.open_logs(tmp_path)
+    assert [warning.filename for warning in caught] == [__file__]
 
 
 def test_a_folder_means_its_newest_run_and_captures_are_meant_by_name(tmp_path):

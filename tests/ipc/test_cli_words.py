@@ -198,6 +198,14 @@ def test_a_word_that_is_no_command_is_answered_with_what_does_it(words, way, cap
     assert way in capsys.readouterr().err
 
 
+def test_two_files_in_place_of_one_are_told_of(tmp_path, capsys):
+    files = [tmp_path / name for name in ("a.silo", "b.silo")]
+    for file in files:
+        file.touch()
+    assert run(["info", *map(str, files)]) == EXIT_USAGE
+    assert f"one file at a time: silo info {files[0]}" in capsys.readouterr().err
+
+
 def test_what_is_said_instead_is_a_command_that_there_is():
     for word, way in OTHER_WORDS.items():
         assert word not in COMMANDS

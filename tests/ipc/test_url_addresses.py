@@ -2,6 +2,7 @@
 
 import json
 import select
+import shutil
 import subprocess
 import sys
 import threading
@@ -17,6 +18,7 @@ from silo.errors import ConnectionLostError, ElementError
 from silo.net.configuration import remote_file
 from silo.net.found import Address, LoggerAddress, logger_of, parse_url, url_of
 from silo.net.session import zenoh_settings
+from tests.waiting import DEADLINE_S
 
 PROTOCOL = Path(__file__).parents[2] / ".docs" / "protocol.md"
 
@@ -65,6 +67,15 @@ class TestUrls:
         assert settings["transport"]["link"]["tls"]["root_ca_certificate"] == str(file.parent / "ca.pem")
 
 
+def written(folder: Path, heading: str, language: str) -> tuple[Path, Path, str]:
+    """Settings of the logger, a program of the protocol's page in a language, and where the logger's keys begin."""
+    file, program = folder / "bot.json5", folder / f"program.{language}"
+    file.write_text(CliRunner().invoke(cli, ["address", "bot", "--zenoh"]).output)
+    program.write_text(PROTOCOL.read_text().split(f"### {heading}\n")[1].split(f"```{language}\n")[1].split("```")[0])
+    printed = json.loads(CliRunner().invoke(cli, ["address", "bot", "--json"]).output)
+    return file, program, printed["key"].removesuffix("/topic/**")
+
+
 def connections() -> list[threading.Thread]:
     return [thread for thread in threading.enumerate() if thread.name == "silo-client"]
 
@@ -100,10 +111,7 @@ class TestTopics:
     def test_the_program_of_the_protocol_reads_it_by_what_the_command_prints(self, bench, tmp_path):
         printed = json.loads(CliRunner().invoke(cli, ["address", "bot", "q", "--json"]).output)
         assert parse_url(printed["url"]).element == "/log/q"
-        file, program = tmp_path / "bot.json5", tmp_path / "reader.py"
-        file.write_text(CliRunner().invoke(cli, ["address", "bot", "--zenoh"]).output)
-        section = PROTOCOL.read_text().split("### Programs that read a topic")[1]
-        program.write_text(section.split("```python")[1].split("```")[0])
+        file, program, _ = written(tmp_path, "Programs that read a topic", "python")
         bench.q[:] = 1, 2, 3
         bench.logger.start()
         command = [sys.executable, str(program), str(file), printed["key"]]
@@ -115,6 +123,25 @@ class TestTopics:
         assert values == ["[1. 2. 3.]\n"]
         assert int(time_ns) in range(bench.begin_ns, bench.now_ns)
         assert int(first) >= 0
+
+    def test_the_program_of_the_protocol_changes_it_by_what_the_command_prints(self, bench, tmp_path):
+        file, program, root = written(tmp_path, "Programs that change something", "python")
+        command = [sys.executable, str(program), str(file), root, "/log/q"]
+        done = subprocess.run([*command, "5"], capture_output=True, text=True, check=True, timeout=DEADLINE_S)
+        assert done.stdout.startswith("{'type': 'EditsApplied'")
+        assert bench.logger["q"].options.divider == 5
+        refused = subprocess.run([*command, "0"], capture_output=True, text=True, check=True, timeout=DEADLINE_S)
+        assert "divider must be a whole number from 1 to" in refused.stdout
+        assert bench.logger["q"].options.divider == 5
+
+    def test_the_program_in_c_stops_it(self, bench, tmp_path):
+        file, source, root = written(tmp_path, "Programs that change something", "c")
+        made = ["cc", str(source), "-o", str(tmp_path / "stop"), "-lzenohc"]
+        if shutil.which("cc") is None or subprocess.run(made, capture_output=True, check=False).returncode:
+            pytest.skip("needs cc and zenoh-c")
+        bench.logger.start()
+        subprocess.run([tmp_path / "stop", file, f"{root}/do/@local"], check=True, timeout=DEADLINE_S)
+        assert not bench.logger.is_running
 
     def test_its_url_is_taken_by_the_commands(self, bench, capsys):
         assert run(["address", "bot", "x"]) == 0

@@ -110,7 +110,7 @@ def _find(recording: Recording, names: Names, pattern: str) -> list[tuple[Record
         )
     if not found and not is_expression(pattern) and names.part_of(pattern):
         found = names.part_of(pattern)
-        warn_outside(f"'{pattern}' is only a part of names: from the next release on write '*{pattern}*'")
+        warn_outside(f"'{pattern}' is only a part of names: from the next release on write '*{pattern.strip('*')}*'")
     made = []
     for place, number in found:
         element = recording.elements[place]

@@ -1,5 +1,6 @@
 """`silo info`: a logger, its elements, or a saved file."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -46,6 +47,8 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
 
         print_file_info(words[0], as_json)
         return
+    if len(words) > 1 and os.path.isfile(words[0]):  # noqa: PTH113
+        raise click.UsageError(f"one file at a time: silo info {words[0]}; of its signals `silo stats FILE NAME`")
     logger, patterns = split_logger(words)
     with _telling_what_was_left(logger), connect(logger) as client:
         status = client.status()
