@@ -2,6 +2,7 @@
 
 import os
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
@@ -117,6 +119,10 @@ def read_by_others(path: Path) -> dict[str, int]:
         summary = reader.get_summary()
         for _, channel, _ in reader.iter_messages():
             counts[channel.topic] = counts.get(channel.topic, 0) + 1
+        for index in (*summary.metadata_indexes, *summary.attachment_indexes):
+            file.seek(index.offset)
+            opcode, size = struct.unpack("<BQ", file.read(9))
+            assert (opcode in {Opcode.METADATA, Opcode.ATTACHMENT}, size + 9) == (True, index.length)
     assert summary.statistics.message_count == sum(counts.values())
     found: dict[str, int] = {}
     with Reader(path) as other:

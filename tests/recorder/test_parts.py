@@ -402,6 +402,23 @@ def test_a_cursor_reads_what_there_is_room_for_and_the_rest_next(robot) -> None:
     assert set(cursor.cursors.values()) == {1000, 200}
 
 
+def test_a_hole_in_a_part_that_begins_later_is_counted_at_its_place(tmp_path, truth) -> None:
+    robot = truth.robot(tmp_path, size=50)
+    robot.start()
+    robot.ticks(100)
+    direct = truth.direct(robot, order(tmp_path))
+    for count in (40, 500, 10):
+        robot.ticks(count)
+        direct.step()
+    direct.finish()
+    robot.log.close()
+    found = read_bag(parts(tmp_path)[0])
+    assert truth.span(found) == (100, 650)
+    x = found.elements[0]
+    assert 0 < x.lost < 500
+    assert x.failures.spans == ((140, 140 + x.lost - 1),)
+
+
 def test_a_part_that_was_finished_and_not_renamed_gets_its_name_alone(robot, tmp_path, truth) -> None:
     robot.start()
     direct = truth.direct(robot, order(tmp_path))
