@@ -55,8 +55,10 @@ def test_a_name_with_a_slash_is_one_word_and_a_division_has_blanks():
 
 
 def test_a_division_that_lacks_a_blank_is_told():
-    for text in ("a /b", "a/ b"):
-        assert "a division has blanks on both sides" in refusal(text).reason
+    for text, at in (("a /b", 2), ("a/ b", 1), ("base/roll + a/ b", 13)):
+        error = refusal(text)
+        assert "a division has blanks on both sides" in error.reason
+        assert (error.at, pointed_at(error)[0]) == (at, "/")
     assert refusal("base/roll/joints/tau_0").reason.startswith("no signal")
     assert "roll / x" in str(refusal("roll/x"))
 

@@ -42,6 +42,14 @@ def test_words_are_choices_too(new_logger):
         mode.value = "fly"
 
 
+@pytest.mark.parametrize("choices", ["walk", ["walk", ""], ["walk", 3], [], ["walk", "trot", "walk"], 7, {"walk"}])
+def test_choices_that_are_no_different_words_are_refused(new_logger, choices):
+    logger = new_logger()
+    with pytest.raises(ElementError, match="choices are an enumeration, or different words"):
+        logger.parameter("mode", "walk", choices=choices)
+    assert "mode" not in logger.parameters
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -1, 201, 0.3, True, "40", None, [40.0], 10**400])
 def test_what_does_not_fit_is_refused_in_words_that_name_all_and_nothing_changes(new_logger, value):
     kp = new_logger().parameter("kp", 40.0, min=0, max=200, step=0.5, unit="Nm/rad")

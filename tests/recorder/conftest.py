@@ -123,6 +123,11 @@ def read_by_others(path: Path) -> dict[str, int]:
             file.seek(index.offset)
             opcode, size = struct.unpack("<BQ", file.read(9))
             assert (opcode in {Opcode.METADATA, Opcode.ATTACHMENT}, size + 9) == (True, index.length)
+        for chunk in summary.chunk_indexes:
+            for channel, at in chunk.message_index_offsets.items():
+                file.seek(at)
+                opcode, _, of = struct.unpack("<BQH", file.read(11))
+                assert (opcode, of) == (Opcode.MESSAGE_INDEX, channel)
     assert summary.statistics.message_count == sum(counts.values())
     found: dict[str, int] = {}
     with Reader(path) as other:
