@@ -111,3 +111,11 @@ def test_seconds_go_on_to_two_minutes():
     assert [text.span(seconds) for seconds in (0.5, 59.0, 119.0, 120.0, 7199.0)] == [
         "500 ms", "59 s", "119 s", "2 min", "120 min",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "width"),
+    [("abc", 3), ("größe…", 6), ("e\u0301a", 2), ("関節", 4), ("a関e\u0301…", 5), ("ｱ", 1)],
+)
+def test_a_text_takes_as_many_cells_as_a_terminal_gives_it(words, width):
+    assert cells(words) == width

@@ -5,6 +5,7 @@ import pytest
 
 import silo
 from silo.errors import ElementError, SiloError, UnknownNameError
+from silo.logger.arguments.options import element_name
 from silo.logger.null import NullLogger
 
 
@@ -120,3 +121,27 @@ def test_buffers_that_take_gigabytes_are_told_of_when_they_are_set(new_logger, c
     caplog.clear()
     logger.set("q", size="10k")
     assert caplog.records == []
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (("x", None, None), r"got 'x' alone; write log.add\(x, \"x\"\)"),
+        (("my x", None, None), r"write log.add\(variable, \"my x\"\)"),
+        (("x", 3, None), r"got 'x' and a int; write log.add\(x, \"x\"\)"),
+        (([1.0], None, None), r"give the element a name: log.add\(list, \"name\"\)"),
+        ((lambda: 1, None, None), "give the element a name"),
+        (([1.0], " / ", None), "write a name of more than blanks"),
+    ],
+)
+def test_an_element_that_has_no_name_is_refused_with_what_to_write(given, words):
+    with pytest.raises(ElementError, match=words):
+        element_name(*given)
+
+
+@pytest.mark.parametrize(
+    ("given", "name"),
+    [(("x", "kp", None), "kp"), (("x", None, "legs.q"), "q"), ((abs, None, None), "abs"), ((abs, "", "a.b.c"), "c")],
+)
+def test_an_element_is_called_as_it_is_told_or_as_its_attribute_or_its_function(given, name):
+    assert element_name(*given) == name
