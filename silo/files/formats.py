@@ -290,7 +290,7 @@ def writer_for(path: Path, added: Added | None = None) -> "Writer":
     """
     found = format_of(path)
     word = next((one for one in FORMATS if path.name.lower() in (one.name, one.ending[1:])), None)
-    if word is not None and word.writer:
+    if word is not None and word.writer and word is not found:  # `bag` alone is a folder, as bags are
         raise SaveError(f"'{path}' says the format alone: write the file's name before it, 'run{word.ending}'")
     if found is not None and found.writer:
         return found.load_writer()

@@ -126,6 +126,7 @@ class RunData:
         Raises:
             SaveError: the system refuses. Nothing stands under the final name, the data is still in memory.
             StateError: nothing was logged yet.
+            ElementError: there is no such type, or a type stands in the place of the name.
         """
         from silo.files.formats import (
             SAVED_NAMES,
