@@ -49,11 +49,13 @@ async def test_a_slice_that_two_look_at_is_fetched_once():
     asked = []
     source = PinnedSource(LIVE, PLOTS, SECOND, 2 * SECOND, NOTHING_SHOWN)
     source.opened(YieldingPin(SECOND, 2 * SECOND, asked), SECOND, 2 * SECOND)
+    await source.samples("/log/x", SECOND, SECOND + 1)
+    assert (round(source.fetched_s, 6), source.complete) == (1 / SLICES, False)
     looks = [source.samples("/log/x", SECOND, 2 * SECOND) for _ in range(3)]
     answers = await asyncio.gather(*looks, source.fetch_rest())
     assert len(asked) == len(set(asked)) == SLICES
     assert [len(time_ns) for time_ns, _ in answers[:3]] == [SLICES] * 3
-    assert source.complete
+    assert (source.fetched_s, source.held_s, source.complete) == (1.0, 1.0, True)
 
 
 async def test_a_moment_that_two_go_to_is_pinned_once():
