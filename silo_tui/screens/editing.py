@@ -324,5 +324,6 @@ class Editing(ElementsScreen):
             return False
         if self.repeated in {*FIELDS_BY_COMMAND, "edit", "edit_all"}:
             self.repeats = lambda: self._again(lambda: self._set_all(wanted))
-        self._edited(f"{field.label}: {changed} changed" if changed else "nothing to change")
+        label = field.label if "=" not in words else "by words"
+        self._edited(f"{label}: {changed} changed" if changed else "nothing to change")
         return True

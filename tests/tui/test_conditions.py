@@ -392,6 +392,7 @@ class TestLists:
             await screen.until(lambda: screen.app.screen.scope == "triggers")
 
     async def test_a_row_of_the_table_makes_a_trigger_or_limits(self, fake, opened):
+        fake.run(20)
         async with opened(fake) as screen:
             await screen.press("N", "t")
             await screen.shows("New trigger on robot")
@@ -403,7 +404,9 @@ class TestLists:
             await screen.shows("type a number into LL, L, H or HH")
             await screen.press("3", "tab", "2", "enter")
             await screen.shows("must rise")
-            await screen.press("backspace", "4", "enter")
+            await screen.press("backspace", "4")
+            await screen.shows(" H▲ HH▲")  # its newest values lie below both
+            await screen.press("enter")
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
             assert fake.calls[-1][1].bounds == (None, None, 3.0, 4.0)
 

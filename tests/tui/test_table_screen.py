@@ -352,6 +352,7 @@ async def test_several_fields_are_set_by_words_in_one_line(fake, opened):
         await screen.shows("bfu")
         await screen.press(*["left"] * 5, "backspace", "backspace", "u", "f", "enter")
         await screen.until(lambda: screen.session.table.pending_count == (3, 1), "the edits")
+        await screen.shows("by words: 3 changed")
         assert screen.value(FIRST, Field.DIVIDER) == "5"
 
 

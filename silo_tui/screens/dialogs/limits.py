@@ -4,10 +4,15 @@ from dataclasses import dataclass
 
 from silo.core.elements import SignalLimits, TriggerOptions
 from silo.judging.definitions import rule_of
+from silo_tui.model.drawing.columns import ColumnStore
+from silo_tui.model.drawing.plots import draw, plots_of
+from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.lists.conditions import tried_lines
 from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
+from silo_tui.model.plots.limits import lines_of
 from silo_tui.screens.dialogs.form import Form
 from silo_tui.sessions.live import Session
+from silo_tui.sessions.live_source import LiveSource
 
 LINES = (("signal",), ("LL", "L"), ("H", "HH"), ("persist", "hyst"), ("stale", "when"))
 HINTS = {
@@ -17,6 +22,7 @@ HINTS = {
 }  # fmt: skip
 HELP = "type a number into LL, L, H or HH (empty: no such bound), or a time into stale: so long it may stay the same"
 STALE = "no bound: it is an alarm where it stays the same for so long"
+TREND_S, TREND_LINES, MARKS = 20.0, 4, 8  # the signal below: how long, how tall, and cells of bounds beside it
 TAKES_AWAY = "no bound and nothing stale: Enter takes the limits of it away"
 
 
@@ -84,7 +90,26 @@ class LimitsDialog(Form[LimitsWish]):
         when = " or ".join(tests)
         wanted = TriggerOptions("new", f"({when}) and ({limits.when})" if limits.when else when)
         tried = await link.read(lambda client: client.try_trigger(wanted))
-        return "\n".join(tried_lines(tried, self.told_width, 0, "would have been violated")[:2])
+        told = tried_lines(tried, self.told_width, 0, "would have been violated")[:2]
+        return "\n".join([*told, *await self._trend(limits, shown)])
+
+    async def _trend(self, limits: SignalLimits, shown: str) -> list[str]:
+        """Return the newest of the signal as lines of dots, each with the bounds that lie there, or beyond it."""
+        session, source, width = self._session, LiveSource(self._session), self.told_width - MARKS
+        names, short = (limits.name, shown), session.short_name
+        plots = plots_of(session.table.elements)
+        plotted = next((each for each in plots if {each.name, short(each.name).lstrip("/")} & {*names}), None)
+        window, end_ns = PlotWindow(TREND_S), source.end_ns
+        if plotted is None or not plotted.numeric or not end_ns or not source.is_live(plotted.element.name):
+            return []
+        store = ColumnStore([plotted.name], 2 * width, window.column_ns(2 * width))
+        store.advance_to(end_ns // store.column_ns + 1)
+        store.take(await source.history([plotted.name], end_ns - window.span_ns, end_ns, store.column_ns))
+        picture = draw(store, window, plotted, width, TREND_LINES, source.period_ns(plotted.element.name))
+        beside = [""] * TREND_LINES
+        for line in lines_of(limits.bounds, picture.axis, TREND_LINES):
+            beside[line.line] += f" {line.mark}"
+        return [f"{row}{marks}" for row, marks in zip(picture.lines, beside, strict=True)]
 
     @staticmethod
     def _inner(limits: SignalLimits, places: tuple[int, int]) -> float | None:

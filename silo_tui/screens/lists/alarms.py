@@ -73,18 +73,19 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
             line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 0, 2)
         return line
 
+    def none(self) -> str:
+        if watched := len(self.session.limits):
+            return f"Nothing over its limits. {watched} watched, 0 blind"
+        return f"No limits. {key_of('alarm_new')} gives some"
+
     def words(self) -> str:
-        one, watched = self.chosen, len(self.session.limits)
-        if one is not None and one.why:
+        one = self.chosen
+        if one is None:
+            return ""
+        if one.why:
             return f"{one.name} is blind: {one.why}"
-        if not self.all:
-            return (
-                f"Nothing over its limits. {watched} watched, 0 blind"
-                if watched
-                else f"No limits. {key_of('alarm_new')} gives some"
-            )
-        count, meaning = len(self._found), MEANINGS.get(one.word.value, "") if one is not None else ""
-        told = f"{meaning}{', seen by nobody yet' * one.alarm} │ " if one is not None and meaning else ""
+        count, meaning = len(self._found), MEANINGS.get(one.word.value, "")
+        told = f"{meaning}{', seen by nobody yet' * one.alarm} │ " if meaning else ""
         more = f"the first {MOST_LINES} of {count} │ " if count > MOST_LINES else ""
         return told + more + alarms_words(self.session.limits)
 

@@ -10,6 +10,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.widgets import Static
 
+from silo_tui.actions import key_of
 from silo_tui.context import SiloScreen
 from silo_tui.model.lists.ordering import Marks, Order, arranged, passes
 from silo_tui.model.words.command_line import BY_KEY, Spelled
@@ -119,6 +120,12 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     def advice(self) -> str:
         """Return what to do about a list that is empty, or about what is missing in it."""
+        if self.shown:
+            return ""
+        return f"No line has {self.asked!r}. {key_of('back')} clears the filter." if self.all else self.none()
+
+    def none(self) -> str:
+        """Return why there is nothing, and what makes some."""
         return ""
 
     def named(self, key: str) -> str:

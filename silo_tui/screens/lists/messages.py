@@ -44,9 +44,9 @@ class MessagesScreen(ListScreen[Message]):
         """Return the one under the cursor, whole."""
         return self.chosen.words if self.chosen is not None else ""
 
-    def advice(self) -> str:
+    def none(self) -> str:
         """Return why there is nothing."""
-        return "" if self.shown else "Nothing was said yet."
+        return "Nothing was said yet."
 
     def second_passed(self) -> None:
         """Show what was said meanwhile."""

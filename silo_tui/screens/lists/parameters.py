@@ -85,10 +85,13 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
             line.stylize("dim", 3, 3 + len(group) + 1)
         return line
 
+    def none(self) -> str:
+        return "No parameters: log.parameter(...) in the program offers values to be tuned"
+
     def words(self) -> str:
         one = self.chosen
         if one is None:
-            return "" if self.all else "No parameters: log.parameter(...) in the program offers values to be tuned"
+            return ""
         return rows.about(one, locked=self.knobs.locked)
 
     def signals_of(self, one: ParameterInfo) -> Sequence[str]:

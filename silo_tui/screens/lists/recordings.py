@@ -98,13 +98,9 @@ class RecordingsScreen(ListScreen[SavedRecording]):
         asking = ["asking for the older ones …"] if self._asking else []
         return [*asking, *(fetching.words for fetching in self.session.fetches.values())]
 
-    def advice(self) -> str:
-        if self.shown:
-            return ""
+    def none(self) -> str:
         if self.found is None:
             return f"Asking {self.session.name} …"
-        if self.found.recordings:
-            return f"No recording has {self.asked!r}. Esc clears the filter."
         return f"Nothing is saved in {self.found.folder} yet. {key_of('save_data')} in the table saves what is held."
 
     def may_be(self, one: SavedRecording) -> bool:

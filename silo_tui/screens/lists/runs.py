@@ -112,7 +112,7 @@ class RunsScreen(ListScreen[ListedRun]):
         if self.found is None:
             return f"Reading what is known of {self._folder} …"
         if len(self.found):
-            return "" if self.shown else f"No run has {self.asked!r}. {key_of('back')} clears the filter."
+            return super().advice()
         return f"There is no run in {self._folder}. Save one, or look elsewhere: :runs FOLDER"
 
     def may_be(self, one: ListedRun) -> bool:

@@ -76,10 +76,13 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         line.stylize(bold(self.app.theme_variables, "" if quiet else name), 2, 12)
         return line
 
+    def none(self) -> str:
+        return f"No triggers. {key_of('trigger_new')} makes one; on a plot it takes its level"
+
     def words(self) -> str:
         one = self.chosen
         if one is None:
-            return "" if self.all else f"No triggers. {key_of('trigger_new')} makes one; on a plot it takes its level"
+            return ""
         name = one.options.name
         if one.state is TriggerWord.BLIND:
             return f"{name} is blind: {one.why}" + ("; switch it on in the table" if one.why.endswith("is off") else "")
