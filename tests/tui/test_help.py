@@ -89,6 +89,14 @@ async def test_help_is_searched_and_does_what_was_found(fake, opened):
         assert screen.value(screen.session.table.names[int(screen.session.rows.shown[0])], Field.ENABLED) != before
 
 
+async def test_the_arrows_choose_among_what_was_found(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("question_mark", "slash")
+        await screen.type("off")
+        await screen.press("down", "enter")
+        await screen.until(lambda: type(screen.app.screen).__name__ == "ParametersScreen")
+
+
 async def test_what_is_not_on_this_screen_is_found_on_the_others(fake, opened):
     async with opened(fake) as screen:
         await screen.press("question_mark")
