@@ -137,10 +137,13 @@ def fork_for_all() -> Callable[[], None]:
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     listener.bind(_address(dict(os.environ)))
     listener.listen(128)
-    import silo.cli.main
+    import silo.cli.group
     import silo.client.client
+    import silo.files.csv.writer
+    import silo.files.silo.writer
     import silo.helper.__main__
-    import silo.logger.logger  # noqa: F401
+    import silo.logger.logger
+    import silo.recorder.__main__  # noqa: F401
 
     print("ready", flush=True)
     children: dict[int, tuple[int, socket.socket]] = {}  # by what tells of its end: its pid, and who is told

@@ -1,7 +1,5 @@
 """What a client of a logger does, whether a helper process answers it or the fake of silo-tui's tests."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from silo.expressions.search import Looking, places
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from tests.stand_ins.fake_signals import HZ, START_NS
-from tests.waiting import DEADLINE_S
+from tests.waiting import wait_until
 
 X, Q, GAIT, WORD, KEPT = "/log/x", "/log/q", "/log/gait", "/log/word", "/log/kept"
 SCRIPT = "log_elements:\n  - name: /log/x\n    enabled: true\n    divider: 7\n  - name: /log/old\n    enabled: true\n"
@@ -299,13 +297,7 @@ def test_a_saved_script_is_listed_told_and_changes_nothing_when_loaded(side, cli
 
 def frame_with(view, fact):
     """The first frame for which `fact` holds. The helper process sends them by its own clock."""
-    deadline = time.monotonic() + DEADLINE_S
-    while time.monotonic() < deadline:
-        frame = view.frame()
-        if frame is not None and fact(frame):
-            return frame
-        time.sleep(0.01)  # views have no callback: whoever wants frames asks for them
-    raise AssertionError("no such frame came")
+    return wait_until(lambda: (frame := view.frame()) is not None and fact(frame) and frame)
 
 
 def test_a_frame_has_the_values_fills_and_columns_that_were_asked_for(side, client):
@@ -469,11 +461,7 @@ def test_a_survey_tells_elements_entries_and_what_is_saved_only(side, client):
     side.ticks(50)
     entry = next(element for element in client.table().elements if element.name == Q).entries[1]
     wanted = [X, Q, Q + entry.suffix, KEPT]
-    deadline = time.monotonic() + DEADLINE_S
-    found = np.full(4, np.nan)
-    while not np.isfinite(found).all():
-        assert time.monotonic() < deadline, found
-        found = np.frombuffer(client._survey(["max"], wanted).values)
+    wait_until(lambda: np.isfinite(np.frombuffer(client._survey(["max"], wanted).values)).all())
     assert np.isnan(measured(client, "max", "/log/nix"))
     assert np.isnan(measured(client, "max", WORD))
 

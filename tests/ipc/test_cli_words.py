@@ -32,32 +32,21 @@ def names_of(*patterns: str) -> list[str]:
     return [NAMES[place] for place in select(NAMES, patterns)]
 
 
-def test_a_pattern_is_an_element() -> None:
-    assert names_of("/log/base/pose") == ["/log/base/pose"]
-
-
-def test_a_pattern_is_a_namespace() -> None:
-    assert names_of("/log/base") == names_of("/log/base/") == ["/log/base/pose", "/log/base/twist"]
-
-
-def test_the_root_is_everything() -> None:
-    assert names_of("/") == names_of("*") == NAMES
-
-
-def test_a_star_crosses_slashes() -> None:
-    assert names_of("*/torque") == ["/log/legs/LF/torque", "/log/legs/RF/torque"]
-
-
-def test_a_pattern_without_a_slash_in_front_may_begin_anywhere() -> None:
-    assert names_of("RF") == ["/log/legs/RF/torque", "/log/legs/RF/contact"]
-
-
-def test_several_patterns_name_each_element_once_in_the_order_of_the_table() -> None:
-    assert names_of("*/torque", "/log/legs/LF", "/log/base/pose") == [
-        "/log/base/pose",
-        "/log/legs/LF/torque",
-        "/log/legs/RF/torque",
-    ]
+@pytest.mark.parametrize(
+    ("patterns", "places"),
+    [
+        ("/log/base/pose", [0]),
+        ("/log/base", [0, 1]),  # a namespace
+        ("/log/base/", [0, 1]),
+        ("/", [0, 1, 2, 3, 4]),
+        ("*", [0, 1, 2, 3, 4]),
+        ("*/torque", [2, 3]),  # a star crosses slashes
+        ("RF", [3, 4]),  # without a slash in front it may begin anywhere
+        ("*/torque /log/legs/LF /log/base/pose", [0, 2, 3]),  # each once, in the order of the table
+    ],
+)
+def test_patterns_name_elements(patterns: str, places: list[int]) -> None:
+    assert names_of(*patterns.split()) == [NAMES[place] for place in places]
 
 
 def test_half_a_name_is_no_namespace() -> None:
@@ -223,30 +212,27 @@ def test_a_setting_without_a_pattern_is_wrong_usage(capsys: pytest.CaptureFixtur
     assert "give a pattern and a setting" in capsys.readouterr().err
 
 
-def test_checking_a_good_script_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("more", "code", "out", "err"),
+    [
+        ("", 0, "{}: fine, 1 element\n", ""),
+        ("rat: 0", 0, "{}: fine, 1 element\n", "warning: {}:3: element '/log/a': unknown key 'rat' in an element; "),
+        (
+            "divider: 0", EXIT_FAILED, "",
+            "{}:3: element '/log/a': divider must be a whole number from 1 to 2147483647, got 0",
+        ),
+    ],
+)  # fmt: skip
+def test_a_script_is_checked_and_told_of_by_its_lines(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: str, code: int, out: str, err: str
+) -> None:
     path = tmp_path / "s.yaml"
-    path.write_text("log_elements:\n- name: /log/a\n")
-    assert run(["script", "check", str(path)]) == 0
-    assert capsys.readouterr().out == f"{path}: fine, 1 element\n"
-
-
-def test_checking_a_script_with_an_unknown_key_warns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "s.yaml"
-    path.write_text("log_elements:\n- name: /log/a\n  rat: 0\n")
-    assert run(["script", "check", str(path)]) == 0
+    path.write_text(f"log_elements:\n- name: /log/a\n  {more}\n")
+    assert run(["script", "check", str(path)]) == code
     shown = capsys.readouterr()
-    assert shown.out == f"{path}: fine, 1 element\n"
-    assert shown.err.startswith(f"warning: {path}:3: element '/log/a': unknown key 'rat' in an element; ")
-
-
-def test_checking_a_bad_script_fails_with_its_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "s.yaml"
-    path.write_text("log_elements:\n- name: /log/a\n  divider: 0\n")
-    assert run(["script", "check", str(path)]) == EXIT_FAILED
-    assert (
-        f"{path}:3: element '/log/a': divider must be a whole number from 1 to 2147483647, got 0"
-        in capsys.readouterr().err
-    )
+    assert shown.out == out.format(path)
+    assert err.format(path) in shown.err
+    assert bool(err) is bool(shown.err)
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
