@@ -126,12 +126,11 @@ class RunData:
         Raises:
             SaveError: the system refuses. Nothing stands under the final name, the data is still in memory.
             StateError: nothing was logged yet.
+            ElementError: a type is none that can be saved, or stands where the name does.
             ElementError: there is no such type, or a type stands in the place of the name.
         """
-        from silo.files.formats import (
-            SAVED_NAMES,
-            file_types,
-        )  # the control program loads nothing of files until it saves
+        # the control program loads nothing of files until it saves
+        from silo.files.formats import SAVED_NAMES, file_types
 
         chosen = file_types(types)
         name = text("name", name or "", 'log.save(name="first_walk")')
