@@ -9,6 +9,7 @@ import pytest
 import silo
 import silo.core.elements
 from silo.conditions.segment_judge import MOST_SPOOL_BYTES, SegmentJudge, try_trigger
+from silo.conditions.standing import TriggerWord
 from silo.segment.reader import SegmentReader
 
 
@@ -268,6 +269,21 @@ def test_what_keeps_its_first_samples_hinders_no_trigger(robot):
     (buffer,) = robot.judge.step().whole
     log = silo.Log(buffer.recording())
     assert len(log["fast/x_0"]) == 31
+
+
+def test_a_trigger_whose_signal_is_recorded_no_more_is_told_to_be_blind_once_and_from_when(robot):
+    robot.logger.add(robot.slow, "kept", buffer="fixed", size=100)
+    robot.logger.trigger("late", "kept > 500")
+    robot.start()
+    robot.ticks(100)
+    assert not robot.judge.step().blind
+    robot.ticks(100)
+    why = "'/log/kept' keeps its first samples only (buffer=fixed), and its buffer is full"
+    assert robot.judge.step().blind == [f"trigger 'late' is blind from here on: {why}"]
+    robot.ticks(100)
+    assert not robot.judge.step().blind
+    (stands,) = robot.judge.triggers()
+    assert (stands.state, stands.why) == (TriggerWord.BLIND, why)
 
 
 def test_what_is_captured_is_written_and_says_so_when_judging_fails(robot):
