@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silo.analysis.compute.expressions import RecordingJudge, narrowed
 from silo.core.elements import SignalLimits
 from silo.core.recording import Recording
 from silo.errors import ElementError
 from silo.expressions.binding import bind
 from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
+from silo.expressions.over_recordings import RecordingJudge, narrowed
 from silo.judging.definitions import bind_limits, rule_of, scalar_names
 from silo.judging.limits import Level, Limit, Violation
 

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from silo.analysis.compute.arithmetic import warn_outside
-from silo.analysis.compute.expressions import RecordingJudge, narrowed
 from silo.analysis.compute.responses import Bode, StepResponse
 from silo.analysis.compute.shapes import assembled, component_names
 from silo.analysis.lookup import names_of
@@ -37,6 +36,7 @@ from silo.core.printing import html_table
 from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, read_ahead, stamps_of
 from silo.errors import ArgumentError, ElementError, SaveError, UnknownSignalError
 from silo.expressions.derived_signals import bound_derived
+from silo.expressions.over_recordings import RecordingJudge, narrowed
 from silo.files.added import added_formats
 from silo.files.formats import writer_for
 

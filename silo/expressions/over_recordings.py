@@ -5,7 +5,7 @@ sample, the others hold (`silo.expressions.evaluation`).
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -88,6 +88,20 @@ def narrowed(recording: Recording, texts: Iterable[str]) -> Recording:
     if not _WILDCARD.search(words):
         kept = [element for element in kept if element.name.rpartition("/")[2] in words]
     return replace(recording, elements=tuple(kept))
+
+
+def is_expression(pattern: str) -> bool:
+    """Whether what somebody typed for a signal computes something."""
+    return (
+        any(letter in pattern for letter in "()<>=+%")
+        or any(f" {sign} " in pattern for sign in "*/-")
+        or (pattern.startswith("-"))
+    )
+
+
+def labels_of(bound: BoundExpression) -> Mapping[int, str]:
+    """Return the names of values of what an expression gives."""
+    return {0: "false", 1: "true"} if bound.logical else bound.labels
 
 
 _WILDCARD = re.compile(r"\S[*?]|[*?]\S")

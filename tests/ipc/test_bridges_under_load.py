@@ -9,7 +9,7 @@ from websockets.asyncio.client import connect
 from websockets.asyncio.server import serve
 
 from silo.bridges.feed import Listener, LoggerFollower
-from silo.bridges.foxglove.viewer import Viewer
+from silo.bridges.foxglove.server import Viewer
 from silo.bridges.ros2.graph import GraphTopic
 from silo.bridges.ros2.pairing import MOST_WAITING, Pairing
 from silo.history.arrays import SampleArrays

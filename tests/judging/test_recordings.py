@@ -8,7 +8,6 @@ import pytest
 
 import silo
 from silo.analysis.check import check
-from silo.analysis.compute.expressions import BATCH_TICKS
 from silo.analysis.log import Log
 from silo.analysis.plots.curves import pick
 from silo.cli.codes import EXIT_BLIND, EXIT_FAILED, EXIT_FOUND
@@ -16,6 +15,7 @@ from silo.cli.main import run
 from silo.core.elements import BufferType, Conditions, Derived, Entry, SignalLimits
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ExpressionError
+from silo.expressions.over_recordings import BATCH_TICKS
 from silo.files import write
 from silo.files.convert import convert
 from silo.files.formats import read_recording

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from silo.analysis.compute.arithmetic import warn_outside
 from silo.analysis.compute.calculus import Floats
-from silo.analysis.compute.expressions import RecordingJudge, is_expression, labels_of, narrowed
 from silo.analysis.lookup import names_of
 from silo.core.arrays.values import as_floats
 from silo.core.arrays.values import text_of as value_text
@@ -20,6 +19,7 @@ from silo.core.names import Names, is_glob
 from silo.core.printing import printable
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, read_ahead, stamps_of
 from silo.errors import ElementError
+from silo.expressions.over_recordings import RecordingJudge, is_expression, labels_of, narrowed
 
 _MOST_NAMES = 50
 

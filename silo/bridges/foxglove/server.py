@@ -8,17 +8,17 @@ import os
 import signal
 import socket
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
+from websockets.protocol import State
 
 from silo.bridges.feed import Listener, LoggerFollower
 from silo.bridges.foxglove import guard, protocol
-from silo.bridges.foxglove.protocol import Frames, Offer, ServiceCall, StatusLevel
-from silo.bridges.foxglove.viewer import Viewer
+from silo.bridges.foxglove.protocol import Frames, Offer, ServiceCall, StatusLevel, status, text_frame
 from silo.bridges.listening import LOOPBACK
 from silo.bridges.messages import live_topics
 from silo.bridges.services import Call, Connect, Tune
@@ -28,6 +28,7 @@ from silo.errors import SiloError
 from silo.history.arrays import SampleArrays
 
 MOST_VIEWERS = 16
+QUEUE_BYTES = 8 << 20  # that a viewer may be behind before frames of data are dropped
 MOST_REQUEST_BYTES = 4 << 20  # a viewer subscribes to 65,535 topics in 2 MB
 ALIVE_S = 20.0  # a viewer that doesn't answer within this is let go
 
@@ -51,6 +52,41 @@ class Terms:
     def on_loopback(self) -> bool:
         """Whether other computers can't reach it."""
         return self.bind in LOOPBACK
+
+
+@dataclass(eq=False)
+class Viewer:
+    """What the kernel doesn't take waits in memory, at most `QUEUE_BYTES` of data, and holds up nobody.
+
+    Frames go to the transport as they are: the frames of all samples of a topic are one piece of memory, and a server
+    has no state beyond them where nothing is compressed.
+    """
+
+    connection: ServerConnection
+    subscriptions: dict[int, int] = field(default_factory=dict)  # channel by subscription
+    parameters: set[str] = field(default_factory=set)  # of which it wants to hear
+    dropped: int = 0
+    _told_dropped: int = 0
+
+    def write(self, frames: bytes) -> None:
+        """Send frames, whatever waits already, unless it goes: behind its good-bye nothing can be written any more."""
+        if self.connection.state is State.OPEN and not self.connection.transport.is_closing():
+            self.connection.transport.write(frames)
+
+    def tell(self, level: StatusLevel, text: str) -> None:
+        """Show something among the viewer's problems."""
+        self.write(text_frame(status(level, text)))
+
+    def send(self, frames: Frames, subscription: int) -> None:
+        """Send messages of a topic; where too much waits they are dropped and counted."""
+        if self.connection.transport.get_write_buffer_size() > QUEUE_BYTES:
+            self.dropped += frames.count
+            return
+        if self.dropped > self._told_dropped:
+            lost = self.dropped - self._told_dropped
+            self._told_dropped = self.dropped
+            self.tell(StatusLevel.WARNING, f"{lost} messages were dropped: this viewer, or the link to it, is too slow")
+        self.write(frames.for_subscription(subscription))
 
 
 class ViewerServer:
