@@ -293,6 +293,13 @@ def lock(descriptor: int) -> bool:
     return True
 
 
+def append_all(descriptor: int, data: bytes) -> None:
+    """Write bytes where an open file stands, in as many turns as the system takes. Raises OSError."""
+    view = memoryview(data)
+    while view:
+        view = view[os.write(descriptor, view) :]
+
+
 def _locked(descriptor: int, part: Path) -> bool:
     """Lock what was just made; False if a sweep came before that and takes it for a dead writer's: make it again."""
     if not lock(descriptor):  # a sweep holds it for the moment in which it removes it

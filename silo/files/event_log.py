@@ -18,7 +18,7 @@ import msgspec
 from silo.core.elements import DAMAGED, NOTED, LoggedEvent
 from silo.core.recording import Recording, with_events
 from silo.core.runtime import open_own
-from silo.files.atomic import lock
+from silo.files.atomic import append_all, lock
 
 MOST_BYTES = 4_000_000
 ENDING = ".events.jsonl"
@@ -85,10 +85,8 @@ def _append(descriptor: int, events: Sequence[LoggedEvent]) -> None:
     before = os.fstat(descriptor).st_size
     if before and os.pread(descriptor, 1, before - 1) != b"\n":
         lines = b"\n" + lines  # a helper process was killed within a line
-    view = memoryview(lines)
     try:
-        while view:
-            view = view[os.write(descriptor, view) :]
+        append_all(descriptor, lines)
     except OSError:
         with contextlib.suppress(OSError):  # then lines stand twice when they are tried again, and are read once
             os.ftruncate(descriptor, before)

@@ -27,7 +27,7 @@ from silo.core.elements import Conditions
 from silo.core.quantities.writing import many, size_text
 from silo.core.runtime import open_own, read_own
 from silo.errors import SaveError
-from silo.files.atomic import atomic_file, reason
+from silo.files.atomic import append_all, atomic_file, lock, reason
 from silo.files.formats import OPEN_PART_ENDING
 
 MOST_BYTES = 200_000
@@ -158,7 +158,7 @@ class CaptureList:
             # that are gone
             os.lseek(descriptor, 0, os.SEEK_SET)
             lines = b"".join(msgspec.json.encode(one) + b"\n" for one in there)
-            _write(descriptor, lines)
+            append_all(descriptor, lines)
             os.ftruncate(descriptor, len(lines))
         self._looked_at = max(MOST_BYTES, os.fstat(descriptor).st_size * 5 // 4)  # thousands may be there for good
 
@@ -183,8 +183,7 @@ class CaptureList:
     def _locked(self) -> Iterator[int]:
         descriptor = open_own(self._path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
-            with contextlib.suppress(OSError):  # a file system that knows no locks
-                fcntl.flock(descriptor, fcntl.LOCK_EX)
+            lock(descriptor)
             yield descriptor
         finally:
             os.close(descriptor)
@@ -208,13 +207,7 @@ def read_captures(folder: str | os.PathLike[str], logger: str) -> list[CaptureEn
 
 def _append(descriptor: int, entry: CaptureEntry) -> None:
     os.lseek(descriptor, 0, os.SEEK_END)
-    _write(descriptor, b"\n" + msgspec.json.encode(entry) + b"\n")  # a process may have been killed within a line
-
-
-def _write(descriptor: int, text: bytes) -> None:
-    view = memoryview(text)
-    while view:
-        view = view[os.write(descriptor, view) :]
+    append_all(descriptor, b"\n" + msgspec.json.encode(entry) + b"\n")  # a process may have been killed within a line
 
 
 def _remove(path: Path) -> None:

@@ -127,7 +127,6 @@ class RunData:
             SaveError: the system refuses. Nothing stands under the final name, the data is still in memory.
             StateError: nothing was logged yet.
             ElementError: a type is none that can be saved, or stands where the name does.
-            ElementError: there is no such type, or a type stands in the place of the name.
         """
         # the control program loads nothing of files until it saves
         from silo.files.formats import SAVED_NAMES, file_types

@@ -94,7 +94,7 @@ def test_files_keep_what_is_derived_and_limited(log, tmp_path, ending):
     extras = Conditions(log.recording.extras.derived, (limits,))
     made = recording(*log.recording.elements[:2], ticks=10, extras=extras)
     write(made, tmp_path, "robot", ["silo"], "run")
-    target = tmp_path / (f"other.{ending}" if ending else "bag")
+    target = tmp_path / (f"other.{ending}" if ending else "walk")
     if ending != "silo":
         convert(tmp_path / "run.silo", target, None, False)
     found = read_recording(target if ending != "silo" else tmp_path / "run.silo")
