@@ -149,6 +149,22 @@ async def test_the_cursor_reads_values(fake, opened):
         await screen.shows("cursor at -")
 
 
+async def test_the_cursor_is_drawn_a_cell_further_for_each_press(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+
+        def cell():
+            return next(line for line in screen.text.splitlines() if "┤" in line).rfind("│")
+
+        await screen.press("left")
+        await screen.shows("cursor at -5 s")
+        begin = cell()
+        for step in range(1, 4):
+            await screen.press("left")
+            await screen.until(lambda step=step: cell() == begin - step)
+
+
 async def test_a_paused_window_walks_back_with_its_cursor(fake, opened):
     fake.run(30)
     async with opened(fake) as screen:
