@@ -188,7 +188,7 @@ class StatusBar(FittingLine):
         else:
             measured = session.running and rate
             nominal = (
-                f"of {text.short(status.frequency_hz)} Hz"
+                f"… of {text.short(status.frequency_hz)} Hz"
                 if session.running
                 else f"{text.short(status.frequency_hz)} Hz"
             )

@@ -272,3 +272,8 @@ async def test_ways_to_draw_are_one_menu_away_from_the_plots(fake, opened):
         await screen.shows("SPECTRUM")
         await screen.do("mode_time")
         await screen.until(lambda: screen.app.screen.stack.display, "time again")
+
+
+def test_the_bar_of_parameters_says_at_80_columns_what_turns_them():
+    shown = sorted(keymap.in_bar("parameters", read_only=False), key=lambda each: -each[1])
+    assert [command.id for command, _ in shown].index("turn_down") < 6

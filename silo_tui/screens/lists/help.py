@@ -30,7 +30,7 @@ HEAD = (
     ("✖ DEAD 02:41", "the robot program is gone; what it logged is saved, or held"),
     ("~ NO LINK 14 s", "nobody answers for so long: values are old, edits are kept"),
     ("488/500 elements on", "so many are logged, of all"),
-    ("400 Hz", "ticks a second as measured; of 400 Hz: none was yet"),
+    ("400 Hz", "ticks a second as measured; … of 400 Hz: none was yet"),
     ("318 of 400 Hz slow", "the loop makes fewer ticks than it should; jitter: how far they are off"),
     ("‼ no tick for 4 s", "the loop stands still"), ("118 024 ticks", "of the run until now"),
     ("lost 0", "samples that the buffers could not keep"),
