@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from textual import events
+from textual._compositor import Compositor
 from textual.app import App
 from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
@@ -55,6 +56,26 @@ def styles_parsed_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Stylesheet, "_parse_rules", parse_once)
         patch.setattr(RuleSet, "__hash__", object.__hash__)  # as Textual's, without a call: 45,000 a test of the table
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def painted_when_looked_at() -> Iterator[None]:
+    """Paint what is looked at, once: Textual paints all for a terminal that isn't there, a quarter of these tests."""
+    paint, strips = Compositor.render_update, Compositor.render_strips
+
+    def paint_later(compositor: Compositor, full: bool = False, **options: Any) -> Any:
+        unseen = compositor.root is not None and compositor.root.app.is_headless
+        return None if unseen and not full else paint(compositor, full, **options)
+
+    def strips_of_now(compositor: Compositor, *size: Any) -> Any:
+        if (top := compositor.root) is not None and top is top.app.screen:
+            paint(compositor, screen_stack=top.app._background_screens)
+        return strips(compositor, *size)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Compositor, "render_update", paint_later)
+        patch.setattr(Compositor, "render_strips", strips_of_now)
         yield
 
 
@@ -195,6 +216,11 @@ class Screen:
             assert time.monotonic() < deadline, f"still not: {what or fact}\n{self.text}"
             await self.pilot.pause(0.01)
 
+    async def settled(self) -> None:
+        """Wait until what is under way shows what it asks, or has ended, and all that it set off is done."""
+        await self.until(lambda: not getattr(self.app.screen, "waits", False), "what is under way, or its end")
+        await self.pilot._wait_for_screen()
+
     async def shows(self, words: str) -> None:
         await self.until(lambda: words in self.text, f"{words!r} on the screen")
 
@@ -208,7 +234,7 @@ class Screen:
             name = _character_to_key(key) if len(key) == 1 and not key.isalnum() else key
             await self.until(self._may_be_answered, "a question that was drawn")
             self.app.post_message(events.Key(name, character_of(name)))
-            await self._carried_out()
+            await self.carried_out()
         await self.pilot.pause(0)
 
     async def do(self, *steps: str) -> None:
@@ -222,7 +248,7 @@ class Screen:
         top = self.app.screen if self.app.screen_stack else None
         return not getattr(top, "loses", False) or top.drawn_s <= time.monotonic()
 
-    async def _carried_out(self) -> None:
+    async def carried_out(self) -> None:
         """Waits until the key, what its command posted, and what that opened is done; or waits itself."""
         await self.pilot._wait_for_screen()
         deadline = time.monotonic() + DEADLINE_S
@@ -243,7 +269,7 @@ class Screen:
         names = {"/": "slash", ":": "colon", "*": "asterisk"}
         for char in words:
             self.app.post_message(events.Key(names.get(char, char), char))
-        await self._carried_out()
+        await self.carried_out()
 
     async def type_or_paste(self, words: str) -> None:
         """As somebody brings words in: what is long isn't typed."""
@@ -257,7 +283,9 @@ class Screen:
 @asynccontextmanager
 async def _screen_of(app: SiloApp, size: tuple[int, int] = (80, 24)) -> AsyncIterator[Screen]:
     async with app.run_test(size=size, notifications=True) as pilot:
-        yield Screen(app, pilot)
+        screen = Screen(app, pilot)
+        yield screen
+        assert not app.screen_stack or screen.text is not None  # which is drawn here, where no test looks
         assert not app.unforeseen.errors, (
             app.unforeseen.errors
         )  # which a user is told of, and a test must not pass over

@@ -24,8 +24,7 @@ def burst(screen, keys: str) -> None:
 async def test_keys_typed_fast_into_a_menu_leave_the_table_where_it_is(keys, fake, opened):
     async with opened(fake) as screen:
         burst(screen, keys)
-        for _ in range(10):
-            await screen.pilot.pause(0.02)
+        await screen.carried_out()
         while not isinstance(screen.app.screen, TableScreen):
             assert len(screen.app.screen_stack) > 1, screen.app.screen_stack
             await screen.press("escape")
@@ -46,8 +45,7 @@ async def test_keys_typed_fast_into_the_find_menu_leave_the_plots_where_they_are
         await screen.press("m")
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         burst(screen, keys)
-        for _ in range(10):
-            await screen.pilot.pause(0.02)
+        await screen.carried_out()
         assert any(isinstance(each, TableScreen) for each in screen.app.screen_stack)
 
 

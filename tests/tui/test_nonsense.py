@@ -29,6 +29,7 @@ async def test_strange_lines_are_told_of_and_the_program_goes_on(fake, opened):
     async with opened(fake) as screen:
         for line in LINES:
             CommandRunner(screen.app.context).run(line)
+            assert screen.text is not None, line
             await screen.leave()
             assert screen.app.is_running, line
         CommandRunner(screen.app.context).run("filter")
@@ -43,6 +44,7 @@ async def test_strange_words_in_a_cell_are_told_of_and_the_program_goes_on(key, 
             await screen.press(key)
             await screen.type_or_paste(typed)
             await screen.press("enter")
+            assert screen.text is not None, typed
             await screen.leave()
         await screen.press("d", "7", "enter")
         await screen.until(lambda: screen.value(FIRST, Field.DIVIDER) == "7")
@@ -50,11 +52,11 @@ async def test_strange_words_in_a_cell_are_told_of_and_the_program_goes_on(key, 
 
 @pytest.mark.parametrize("key", ["/", "e", "w", ":"])
 async def test_strange_words_in_a_dialog_are_told_of_and_the_program_goes_on(key, fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         for typed in TYPED:
             await screen.press(key)
             await screen.type_or_paste(typed)
             await screen.press("enter")
+            assert screen.text is not None, typed
             await screen.leave()
         assert screen.app.is_running

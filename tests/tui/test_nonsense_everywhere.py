@@ -68,7 +68,7 @@ async def keys_and_nonsense(screen, scope, way):
             await screen.press("escape")
             while len(screen.app.screen_stack) > 2:
                 screen.app.pop_screen()
-                await screen.pilot.pause()
+                await screen.settled()
             await screen.press(*way)
         key = command.keys.split(",")[0]
         await screen.press(key)
@@ -80,6 +80,7 @@ async def keys_and_nonsense(screen, scope, way):
                 break
             await screen.press("down", "enter")
         assert screen.app.is_running, (scope, key)
+        assert screen.text is not None, (scope, key)
         assert not screen.app.unforeseen.errors, (scope, key, screen.app.unforeseen.errors)
 
 
@@ -120,21 +121,22 @@ async def test_every_key_of_a_file_with_nonsense_behind_it(scope, odd_file, on_f
         await keys_and_nonsense(screen, scope, FILES[scope])
 
 
-@pytest.mark.parametrize("kind", KINDS)
-async def test_strange_lines_of_commands(kind, new_fake, opened, monkeypatch, tmp_path):
+@pytest.mark.sampled
+async def test_strange_lines_of_commands(new_fake, opened, drawn, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    async with opened(loggers_of(kind, new_fake), ready=kind != "nothing in it") as screen:
-        await screen.until(lambda: screen.app.context.has_session, "the table")
-        runner = CommandRunner(screen.app.context)
-        for line in COMPLETED:
-            runner.complete(line)
-        for line in LINES:
-            runner.run(line)
-            for _ in range(4):
-                await screen.pilot.pause()
-            await screen.leave()
-            assert screen.app.is_running, line
-            assert not screen.app.unforeseen.errors, line
+    for kind in drawn(KINDS, 1):
+        async with opened(loggers_of(kind, new_fake), ready=kind != "nothing in it") as screen:
+            await screen.until(lambda: screen.app.context.has_session, "the table")
+            runner = CommandRunner(screen.app.context)
+            for line in COMPLETED:
+                runner.complete(line)
+            for line in LINES:
+                runner.run(line)
+                await screen.settled()
+                assert screen.text is not None, line
+                await screen.leave()
+                assert screen.app.is_running, line
+                assert not screen.app.unforeseen.errors, line
 
 
 # they move; open an empty pane; begin what takes its time
@@ -164,7 +166,7 @@ async def test_no_key_is_silent_where_there_is_nothing_that_it_could_be_about(sc
             await screen.press("escape")
             while screen.app.screen is not upper and len(screen.app.screen_stack) > 2:
                 screen.app.pop_screen()
-                await screen.pilot.pause()
+                await screen.settled()
             if screen.app.context.upper_screen is not upper:
                 await screen.press(*way)
                 upper = screen.app.context.upper_screen

@@ -25,7 +25,7 @@ async def test_of_a_table_that_has_scrolled_both_lines_are_painted(fake, opened,
     async with opened(fake) as screen:
         table = screen.app.screen.table
         await screen.press("G")
-        await screen.until(lambda: table.scroll_offset.y > 0)
+        await screen.until(lambda: table.scroll_offset.y > 0 and screen.text)  # looked at, and so painted
         painted = painted_of(table, monkeypatch)
         await screen.press("k")
         bottom = table.size.height - 1
