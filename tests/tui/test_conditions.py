@@ -156,17 +156,6 @@ class TestScreens:
             await screen.shows("ARMED")
             assert fake.trigger_statuses[0].options.when == "x > 3"
 
-    async def test_a_mistake_in_a_condition_is_said_and_nothing_set(self, fake, opened):
-        async with opened(fake) as screen:
-            await screen.press("T", "N")
-            await screen.shows("the condition: signals")
-            await screen.type("high")
-            await screen.press("tab", "tab")
-            await screen.type("nobody > 3")
-            await screen.shows("no signal is named 'nobody'")
-            await screen.press("escape")
-            assert fake.trigger_statuses == []
-
     async def test_alarms_are_listed_and_acknowledged(self, fake, opened):
         fake.limit_statuses = [HOT, LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0)]
         async with opened(fake) as screen:
@@ -271,33 +260,6 @@ COLD = LimitStatus("/log/a/cold", "/log/a/cold", LimitWord.YELLOW_LOW, "degC", 1
 class TestLists:
     """Filter, order and marks of both lists, and the ways between the screens beside the table."""
 
-    async def test_a_filter_shows_some_lines_and_esc_brings_the_others_back(self, fake, opened):
-        fake.trigger_statuses = [FALL, BLIND, OFF]
-        async with opened(fake) as screen:
-            await screen.press("T")
-            await screen.shows("abs(base/roll) > 0.6")
-            await screen.press("/")
-            await screen.type("-roll spin|low")
-            await screen.press("enter")
-            await screen.shows("/-roll spin|low: 2 of 3")
-            assert "abs(base/roll)" not in screen.text
-            await screen.press("escape")
-            await screen.shows("abs(base/roll)")
-            assert screen.app.screen.scope == "triggers"
-
-    async def test_a_letter_orders_and_the_same_again_turns_round(self, fake, opened):
-        fake.trigger_statuses = [BLIND, FALL, OFF]
-        async with opened(fake) as screen:
-            await screen.press("T")
-            await screen.shows("ARMED")
-            shown = lambda: screen.app.screen.shown_keys  # noqa: E731
-            await screen.press("o", "n")
-            assert shown() == ["fall", "low", "spin"]
-            await screen.press("o", "n")
-            assert shown() == ["spin", "low", "fall"]
-            await screen.press("o", "c")
-            assert shown()[0] == "fall"
-
     async def test_marked_triggers_are_switched_together_and_removed_after_a_question(self, fake, opened):
         fake.trigger_statuses = [FALL, BLIND, OFF]
         async with opened(fake) as screen:
@@ -322,19 +284,6 @@ class TestLists:
             await screen.press("*", "K")
             await screen.until(lambda: ("acknowledge", "/log/LF/HAA/torque", "/log/a/cold") in fake.calls)
 
-    @pytest.mark.parametrize("key", ["x", "t", "!"])
-    async def test_where_what_is_marked_is_filtered_out_a_key_is_about_nothing(self, key, fake, opened):
-        fake.trigger_statuses = [FALL, BLIND, OFF]
-        async with opened(fake) as screen:
-            await screen.press("T")
-            await screen.shows("ARMED")
-            await screen.press("space", "space", "/")
-            await screen.type("spin")
-            await screen.press("enter", key)
-            await screen.shows("the filter leaves out what is marked")
-            assert not screen.app.screen.is_modal
-            assert not [call for call in fake.calls if call[0] in ("remove_trigger", "arm_trigger", "force_trigger")]
-
     async def test_an_alarm_that_slipped_under_the_cursor_is_not_acknowledged_at_once(self, fake, opened):
         fake.limit_statuses = [HOT, COLD]
         async with opened(fake) as screen:
@@ -346,17 +295,6 @@ class TestLists:
             await screen.press("K")
             await screen.shows("LF/HAA/torque is gone, a/cold stands there now")
             assert not [call for call in fake.calls if call[0] == "acknowledge"]
-            await screen.press("K")
-            await screen.until(lambda: ("acknowledge", "/log/a/cold") in fake.calls)
-
-    async def test_a_new_alarm_above_leaves_the_cursor_on_its_line(self, fake, opened):
-        fake.limit_statuses = [COLD]
-        async with opened(fake) as screen:
-            await screen.press("A")
-            await screen.shows("/a/cold")
-            fake.limit_statuses = [HOT, COLD]
-            await screen.press("r")
-            await screen.shows("86.31")
             await screen.press("K")
             await screen.until(lambda: ("acknowledge", "/log/a/cold") in fake.calls)
 

@@ -42,11 +42,6 @@ async def test_of_several_loggers_one_is_chosen(new_fake, opened):
         assert screen.session.name == "legs"
 
 
-async def test_a_logger_can_be_named(new_fake, opened):
-    async with opened(new_fake(name="arm"), new_fake(name="legs"), name="legs") as screen:
-        assert screen.session.name == "legs"
-
-
 async def test_a_name_that_nobody_has_is_told_beside_those_that_run(fake, opened):
     async with opened(fake, name="arm", ready=False) as screen:
         await screen.shows("There is no logger called 'arm'")
@@ -136,15 +131,6 @@ async def test_a_script_is_previewed_before_it_is_loaded(fake, opened):
         await screen.shows("loaded quiet.yaml")
 
 
-async def test_the_load_command_shows_the_difference_first(fake, opened):
-    async with opened(fake, size=(100, 30)) as screen:
-        await screen.type(":load quiet.yaml")
-        await screen.press("enter")
-        await screen.shows("40 → 4")
-        await screen.press("l")
-        await screen.until(lambda: ("load_script", "quiet.yaml") in fake.calls)
-
-
 async def test_what_a_script_has_that_nobody_knows_is_shown_before_and_after_it_is_loaded(fake, opened):
     fake.files["quiet.yaml"] += "colour: red\n"
     async with opened(fake, size=(100, 30)) as screen:
@@ -212,14 +198,6 @@ async def test_an_unknown_command_offers_what_is_near(fake, opened):
         await screen.type(":lod")
         await screen.press("enter")
         await screen.shows("did you")
-
-
-async def test_help_lists_what_can_be_done_here_first(fake, opened):
-    async with opened(fake, size=(100, 40)) as screen:
-        await screen.press("question_mark")
-        await screen.shows("first element")
-        await screen.press("escape")
-        assert isinstance(screen.app.screen, TableScreen)
 
 
 async def test_the_palette_finds_a_command_by_what_it_does(fake, opened):

@@ -147,16 +147,6 @@ async def test_signals_have_one_name_in_events_messages_and_plots(running, opene
         await screen.shows("1 of 4")
 
 
-async def test_a_filter_leaves_lines_out_and_esc_brings_them_back(running, opened):
-    async with opened(running) as screen:
-        await screen.press("E", "/", "-", "E", "enter")
-        await screen.shows("/-E: 2 of 3")
-        assert "elements changed" not in screen.text
-        await screen.until(lambda: "Esc clears it" not in screen.text, "the keys of the list")
-        await screen.press("escape")
-        await screen.shows("elements changed")
-
-
 async def test_enter_goes_there_in_the_plots(running, opened):
     async with opened(running) as screen:
         await screen.press("m")

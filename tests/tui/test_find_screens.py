@@ -227,31 +227,6 @@ async def test_the_detail_plot_goes_from_time_to_histogram(monitor):
         await screen.shows("median")
 
 
-async def test_looking_back_live_and_end_is_now_again(fake, opened):
-    fake.run(60)
-    async with opened(fake) as screen:
-        await screen.type("/LF/HAA/torque")
-        await screen.press("enter", "m")
-        shown = lambda: screen.app.screen  # noqa: E731
-        await screen.until(lambda: not shown().stack.store.empty, "history in the plot")
-        await screen.press("plus", "plus", "pageup")
-        await screen.shows("End: now")
-        await screen.press("end")
-        await screen.shows("live")
-        assert not shown().window.paused
-
-
-async def test_the_highest_of_a_live_plot_is_looked_for_in_what_is_pinned(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
-        await screen.type("/LF/HAA/torque")
-        await screen.press("enter", "m")
-        await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plot")
-        await screen.do("find", "h")
-        await screen.shows("PAUSED")
-        await screen.shows("highest, ")
-
-
 async def test_a_star_looks_in_all_plots_and_another_one_in_the_chosen_again(monitor):
     async with monitor("LF/torque", "RF/torque") as (screen, _):
         await screen.do("find")

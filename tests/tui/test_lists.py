@@ -1,7 +1,12 @@
-"""Lists: filter, order and marks as rules; the keys of the large plot and of the list of loggers on the screen."""
+"""Lists: filter, order and marks as rules, and of each list on the screen; the keys of the list of loggers."""
+
+from typing import NamedTuple
 
 import pytest
 
+from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
+from silo.core.elements import FileType, TriggerOptions, TriggerWord
+from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
 from silo_tui.model.lists.ordering import Marks, Order, arranged, passes
 
 SHOWN = ["a", "b", "c", "d"]
@@ -128,3 +133,126 @@ class TestWhatAKeyIsAbout:
         marks.follow("b", ["a", "c"], 1)
         marks.settle()
         assert marks.meant(["a", "c"], "c") == ["c"]
+
+
+SECOND = 10**9
+
+
+class Case(NamedTuple):
+    """A list, known by the command that leads to it: words of its lines as they stand, and what keys make of them."""
+
+    scope: str
+    lines: str
+    filtered: tuple[str, str]  # what is typed, and what is left
+    ordered: tuple[tuple[str, str], ...]  # a letter, and how they stand then
+    about: tuple[str, ...] = ()  # commands about what is marked
+
+
+CASES = (
+    Case(
+        "triggers", "low fall spin", ("-roll spin|low", "low spin"),
+        (("n", "fall low spin"), ("n", "spin low fall"), ("c", "fall spin low"), ("l", "fall spin low")),
+        ("trigger_remove", "trigger_toggle", "trigger_force"),
+    ),
+    Case(
+        "alarms", "torque cold", ("cold", "cold"), (("n", "cold torque"), ("c", "torque cold"), ("c", "cold torque")),
+        ("acknowledge",),
+    ),
+    Case(
+        "events", "cid ann bob", ("-E", "cid ann"),
+        (("k", "ann cid bob"), ("w", "ann bob cid"), ("t", "cid ann bob"), ("t", "bob ann cid")),
+    ),
+    Case(
+        "recordings", "fall saved died", ("robot -fall", "saved died"),
+        (("s", "saved died fall"), ("s", "fall died saved"), ("z", "died fall saved"), ("w", "died saved fall")),
+        ("delete_recording", "fetch_recording"),
+    ),
+    Case(
+        "parameters", "height trot kp fixed", ("gains", "kp fixed"),
+        (("n", "fixed kp height trot"), ("n", "trot height kp fixed"), ("c", "kp height trot fixed")),
+        ("default_parameter",),
+    ),
+)  # fmt: skip
+
+
+@pytest.fixture
+def listed(fake, monkeypatch):
+    """A logger of which every list has some lines."""
+    fake.run(20)
+    now_ns = fake.now_ns
+    options = TriggerOptions("fall", "abs(base/roll) > 0.6")
+    fake.trigger_statuses = [
+        TriggerStatus(TriggerOptions("low", "diff(voltage) < -0.5"), TriggerWord.BLIND, why="it is off"),
+        TriggerStatus(options, TriggerWord.ARMED, fires=3, last_ns=now_ns),
+        TriggerStatus(TriggerOptions("spin", "norm(imu/rate) > 3"), TriggerWord.OFF),
+    ]
+    fake.limit_statuses = [
+        LimitStatus("/log/LF/HAA/torque", "", LimitWord.RED_HIGH, value=84.2, count=12, alarm=True),
+        LimitStatus("/log/a/cold", "", LimitWord.YELLOW_LOW, value=1.0, count=9, alarm=True),
+    ]
+    for kind, who in (("edited", "bob"), ("marker", "ann"), ("lost", "cid")):
+        fake.happen(kind, f"by {who}", now_ns, who=who)
+    told = (("fall", "trigger fall", 3.0, 200), ("s", "saved by op1", 25.0, 100), ("d", "program died", 6.0, 300))
+    rows = [
+        SavedRecording(stem, [RecordingFile(f"{stem}.silo", FileType.SILO, size, now_ns)], now_ns - place * SECOND,
+                       span_s, why, "robot", 0, own=True)
+        for place, (stem, why, span_s, size) in enumerate(told)
+    ]  # fmt: skip
+    monkeypatch.setattr(fake, "recordings", lambda most=1000: Recordings("/home/ann/logs", rows, 3))
+    fake.put({"/log/gains/kp": 60.0})
+    return fake
+
+
+async def at_list(screen, case):
+    await screen.do(case.scope)
+    await screen.until(lambda: standing(screen, case) == case.lines, "the lines")
+
+
+def standing(screen, case):
+    """Which lines stand on the screen, by their words."""
+    at = screen.app.screen.query("#list-lines").first().region if screen.app.screen.query("#list-lines") else None
+    rows = screen.text.splitlines()[at.y : at.bottom] if at else []
+    return " ".join(word for row in rows for word in case.lines.split() if word in row)
+
+
+def of_each(cases):
+    return pytest.mark.parametrize("case", cases, ids=[case.scope for case in cases])
+
+
+@pytest.mark.slow
+class TestOnTheScreen:
+    @of_each(CASES)
+    async def test_a_filter_leaves_some_lines_and_esc_brings_the_others_back(self, case, listed, opened):
+        async with opened(listed) as screen:
+            await at_list(screen, case)
+            typed, left = case.filtered
+            await screen.do("list_filter")
+            await screen.shows("Esc clears it")
+            await screen.type(typed)
+            await screen.press("enter")
+            assert "Esc clears it" not in screen.text
+            assert standing(screen, case) == left
+            assert f"/{typed}: {len(left.split())} of {len(case.lines.split())}" in screen.text
+            await screen.press("escape")
+            assert (standing(screen, case), screen.app.screen.scope) == (case.lines, case.scope)
+
+    @of_each(CASES)
+    async def test_a_letter_orders_and_the_same_again_turns_round(self, case, listed, opened):
+        async with opened(listed) as screen:
+            await at_list(screen, case)
+            for letter, lines in case.ordered:
+                await screen.do("list_order", letter)
+                assert standing(screen, case) == lines, letter
+
+    @of_each([case for case in CASES if case.about])
+    async def test_where_what_is_marked_is_filtered_out_a_key_is_about_nothing(self, case, listed, opened):
+        async with opened(listed) as screen:
+            await at_list(screen, case)
+            await screen.do("list_mark", "list_filter")
+            await screen.type(case.lines.split()[-1])
+            await screen.press("enter")
+            for command in case.about:
+                await screen.do(command)
+                assert "the filter leaves out what is marked" in screen.text, command
+            assert not screen.app.screen.is_modal
+            assert not listed.calls

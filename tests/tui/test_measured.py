@@ -153,12 +153,6 @@ async def test_worst_first_begins_with_what_is_beyond_a_red_limit(fake, opened):
         await screen.until(lambda: " LL " in next(iter(lines_with(screen, "/imu/temperature")), ""), "its sign")
 
 
-async def test_help_tells_the_signs_of_limits(fake, opened):
-    async with opened(fake, size=(160, 50)) as screen:
-        await screen.press("?")
-        await screen.shows("beyond its red limit")
-
-
 async def test_n_steps_through_norm_and_entries_of_a_vector(fake, opened):
     fake.run()
     async with opened(fake) as screen:

@@ -1,7 +1,5 @@
 """Who did what, who is connected, who has control: as the screens tell it."""
 
-import pytest
-
 from silo.core.elements import Present
 from silo_tui.model.words.people import head_words, people_words
 
@@ -67,17 +65,14 @@ def test_words_of_who_is_there(fake):
     assert head_words(fake.status(), "anna") == ("", "1 other here")
 
 
-@pytest.mark.parametrize(
-    ("typed", "told"),
-    [
-        ("tkae", "control: there is no 'tkae'; did you mean 'take'?"),
-        ("relase", "control: there is no 'relase'; did you mean 'release'?"),
-        ("xyz", "control: there is no 'xyz'; take, force"),
-        ("give", "control: take, force"),
-    ],
-)
-async def test_a_word_of_control_that_is_mistyped_is_told_with_the_one_that_is_near(fake, opened, typed, told):
+async def test_a_word_of_control_that_is_mistyped_is_told_with_the_one_that_is_near(fake, opened):
     async with opened(fake, size=(160, 50)) as screen:
-        await screen.type(f":control {typed}")
-        await screen.press("enter")
-        await screen.shows(told)
+        for typed, told in (
+            ("tkae", "control: there is no 'tkae'; did you mean 'take'?"),
+            ("relase", "control: there is no 'relase'; did you mean 'release'?"),
+            ("xyz", "control: there is no 'xyz'; take, force"),
+            ("give", "control: take, force"),
+        ):
+            await screen.type(f":control {typed}")
+            await screen.press("enter")
+            await screen.shows(told)

@@ -100,28 +100,6 @@ async def test_nothing_saved_yet_is_told_with_the_key_that_saves(opened, fake):
         await screen.shows("Nothing is saved in /home/ann/logs yet. w in the table")
 
 
-async def test_a_filter_leaves_what_has_all_words(opened, fake, logs):
-    async with opened(fake) as screen:
-        await at_recordings(screen)
-        await screen.press("/")
-        await screen.type("robot -fall")
-        await screen.press("enter")
-        await screen.until(lambda: not lines_with(screen, "fall_3"), "the filter")
-        assert lines_with(screen, "…_00006")
-        assert "1 of 3" in screen.text
-        await screen.press("escape")
-        await screen.shows("trigger fall")
-
-
-async def test_an_order_is_chosen_by_its_letter_and_turned_by_it(opened, fake, logs):
-    async with opened(fake) as screen:
-        await at_recordings(screen)
-        await screen.press("o", "s")
-        assert [one.span_s for one in screen.app.screen.shown] == [25.0, 6.0, 3.0]
-        await screen.press("o", "s")
-        assert [one.span_s for one in screen.app.screen.shown] == [3.0, 6.0, 25.0]
-
-
 async def test_what_is_saved_meanwhile_comes_into_the_list(opened, fake, logs):
     async with opened(fake) as screen:
         await at_recordings(screen)
@@ -434,18 +412,6 @@ async def test_events_that_are_shown_are_written_to_a_csv_file(opened, fake, tmp
         assert int(line["time_ns"]) % SECOND == int(line["time"].partition(".")[2].removesuffix("Z"))
 
 
-async def test_events_are_ordered_by_time_kind_or_who(opened, fake):
-    fake.run()
-    for kind, who in (("edited", "bob"), ("marker", "ann"), ("lost", "cid")):
-        fake.happen(kind, f"by {who}", fake.now_ns, who=who)
-    async with opened(fake) as screen:
-        await screen.do("events")
-        await screen.shows("by cid")
-        for keys, found in (("k", "ann cid bob"), ("w", "ann bob cid"), ("t", "cid ann bob"), ("t", "bob ann cid")):
-            await screen.press("o", keys)
-            assert [event.who for event in screen.app.screen.shown if event.who in "ann bob cid"] == found.split()
-
-
 # --------------------------------------------------------------------------------------------- fetching, deleting
 
 
@@ -551,17 +517,6 @@ async def test_the_older_ones_come_when_one_goes_there_or_filters(opened, fake, 
         assert not lines_with(screen, "arm…_00003")
         await screen.press(*keys)
         await screen.shows("arm…_00003")
-
-
-@pytest.mark.parametrize("key", ["x", "w"])
-async def test_where_what_is_marked_is_filtered_out_a_key_is_about_nothing(key, opened, fake, logs):
-    async with opened(fake) as screen:
-        await at_recordings(screen)
-        await screen.press("space", "slash")
-        await screen.type("baseline")
-        await screen.press("enter", key)
-        await screen.shows("the filter leaves out what is marked")
-        assert not screen.app.screen.is_modal
 
 
 @pytest.mark.parametrize("key", ["x", "w"])

@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
-from silo_tui.actions import key_of
 from silo_tui.cli import command
 from silo_tui.settings.options import OPTIONS, Settings
 from silo_tui.settings.reading import path, read, read_file
@@ -44,19 +43,20 @@ async def test_a_theme_shows_at_once_and_w_keeps_it(fake, opened):
         await screen.shows("the settings count until you quit; F2 w keeps them")
 
 
-@pytest.mark.parametrize("place", range(len(OPTIONS)))
-async def test_every_option_can_be_changed_and_goes_back_to_its_default(fake, opened, place):
-    option = OPTIONS[place]
+async def test_every_option_can_be_changed_and_goes_back_to_its_default(fake, opened):
     async with opened(fake) as screen:
-        await screen.press("f2", *["j"] * place, "e")
-        if option.several or not option.words:
-            await screen.press("ctrl+u")
-            await screen.type(option.words[0] if option.several else "2")
-            await screen.press("enter")
-        changed = getattr(screen.app.context.settings, option.name)
-        assert changed != getattr(Settings(), option.name), screen.text
-        await screen.press(*key_of("default_setting").split())
-        assert screen.app.context.settings == Settings()
+        await screen.do("f2")
+        for option in OPTIONS:
+            await screen.do("change_setting")
+            if option.several or not option.words:
+                await screen.press("ctrl+u")
+                await screen.type(option.words[0] if option.several else "2")
+                await screen.press("enter")
+            changed = getattr(screen.app.context.settings, option.name)
+            assert changed != getattr(Settings(), option.name), screen.text
+            await screen.do("default_setting")
+            assert screen.app.context.settings == Settings()
+            await screen.do("list_down")
 
 
 async def test_columns_are_chosen_and_the_table_follows(fake, opened):
@@ -199,19 +199,19 @@ def test_the_command_line_knows_the_themes():
     assert "'dark', 'light', 'contrast', '16'" in done.output
 
 
-@pytest.mark.parametrize(
-    "changed",
-    [{}, {"theme": "light"}, {"mouse": "off"}, {"keys": {"refresh": "f9"}}, {"keymap": "two-layer"}, {"rate": 7.0}],
-)
-async def test_what_another_setting_says_is_done_again_where_it_is_another_one_alone(
-    fake, opened, monkeypatch, changed
-):
+async def test_what_another_setting_says_is_done_again_where_it_is_another_one_alone(fake, opened, monkeypatch):
     done, name_of = set(), theme_name
     monkeypatch.setattr(f"{APP}.terminal.take_mouse", lambda app, wanted: done.add("mouse"))
     monkeypatch.setattr(f"{APP}.use_keys", lambda keymap, keys: done.add("keys"))
     monkeypatch.setattr(f"{APP}.theme.theme_name", lambda name: done.add("theme") or name_of(name))
     async with opened(fake) as screen:
-        done.clear()
         monkeypatch.setattr(screen.session.link, "set_rate", lambda rate: done.add("rate"))
-        screen.app.take_settings(replace(screen.app.context.settings, **changed))
-        assert done == {"keys" if name == "keymap" else name for name in changed}
+        before = screen.app.context.settings
+        for name, word in (
+            ("", ""), ("theme", "light"), ("mouse", "off"), ("keys", {"refresh": "f9"}), ("keymap", "two-layer"),
+            ("rate", 7.0),
+        ):  # fmt: skip
+            done.clear()
+            screen.app.take_settings(replace(before, **({name: word} if name else {})))
+            assert done == {"keys" if name == "keymap" else name} - {""}
+            screen.app.take_settings(before)

@@ -103,31 +103,6 @@ async def test_a_number_is_edited_in_place_for_all_marked(fake, opened):
         assert [screen.value(name, Field.DIVIDER) for name in (FIRST, "/log/base/position")] == ["5", "5"]
 
 
-async def test_a_size_may_be_a_time(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("edit_size")
-        await screen.type("3s")
-        await screen.press("enter")
-        assert screen.value(FIRST, Field.SIZE) == "1200"
-
-
-async def test_a_size_may_be_multiplied(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("edit_size")
-        await screen.type("*2")
-        await screen.press("enter")
-        assert screen.value(FIRST, Field.SIZE) == "8000"
-
-
-@pytest.mark.slow
-async def test_what_can_t_be_is_said_and_the_editor_stays(fake, opened):
-    async with opened(fake) as screen:
-        await screen.do("edit_divider", "0", "enter")
-        await screen.shows("divider must be a whole number from 1")
-        await screen.press("escape")
-        assert screen.session.table.pending_count == (0, 0)
-
-
 async def test_enter_lets_a_value_of_the_field_under_the_cursor_be_chosen(fake, opened):
     async with opened(fake) as screen:
         await screen.do("l", "l", "edit")
