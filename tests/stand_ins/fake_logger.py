@@ -128,12 +128,13 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
         sizes = {place: self.recorded(name).buffer_size for place, name in enumerate(names) if name in known}
         return {place: size for place, size in sizes.items() if size != known[names[place]]}
 
-    def run(self, seconds: float = 12.0) -> None:
-        """As if it had been started that long ago."""
+    def run(self, seconds: float = 12.0) -> "FakeClient":
+        """As if it had been started that long ago; returned for who opens it."""
         self.state, self.started_ns = State.RUNNING, START_NS
         self._recorded = {info.name: info.options for info in self.elements}
         self.now_ns = START_NS + round(seconds * 1e9)
         self.saved = False
+        return self
 
     def advance(self, seconds: float) -> None:
         self.now_ns += round(seconds * 1e9)

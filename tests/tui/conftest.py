@@ -271,6 +271,20 @@ class Screen:
             self.app.post_message(events.Key(names.get(char, char), char))
         await self.carried_out()
 
+    async def enter(self, words: str, *keys: str) -> None:
+        """Type words, press Enter, then keys."""
+        await self.type(words)
+        await self.press("enter", *keys)
+
+    async def plot(self, *keys: str) -> None:
+        """Press keys that lead to plots, and wait for their curves."""
+        await self.press(*keys)
+        await self.curves()
+
+    async def curves(self) -> None:
+        """Wait until the plots have what was logged."""
+        await self.until(lambda: not self.app.screen.stack.store.empty, "history in the plots")
+
     async def type_or_paste(self, words: str) -> None:
         """As somebody brings words in: what is long isn't typed."""
         if len(words) < 40:

@@ -40,8 +40,7 @@ async def test_what_is_typed_after_a_choice_goes_where_it_leads(fake, opened):
 
 @pytest.mark.parametrize("keys", ["f h h", "f r o z e n", "f asterisk h l", "f escape escape j"])
 async def test_keys_typed_fast_into_the_find_menu_leave_the_plots_where_they_are(keys, fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press("m")
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         burst(screen, keys)
@@ -50,8 +49,7 @@ async def test_keys_typed_fast_into_the_find_menu_leave_the_plots_where_they_are
 
 
 async def test_plots_are_drawn_in_any_size_before_they_are_told_of_it(fake, opened, monkeypatch):
-    fake.run()
-    async with opened(fake, size=(160, 50)) as screen:
+    async with opened(fake.run(), size=(160, 50)) as screen:
         await screen.press("j", "space", "space", "space", "m")
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         stack = screen.app.screen.stack

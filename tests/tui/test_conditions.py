@@ -325,8 +325,7 @@ class TestLists:
     async def test_a_command_is_typed_there_too(self, fake, opened):
         async with opened(fake) as screen:
             await screen.press("A", ":")
-            await screen.type("triggers")
-            await screen.press("enter")
+            await screen.enter("triggers")
             await screen.until(lambda: screen.app.screen.scope == "triggers")
 
     async def test_a_row_of_the_table_makes_a_trigger_or_limits(self, fake, opened):

@@ -54,8 +54,7 @@ def test_a_filter_finds_them(table):
 class TestScreens:
     async def test_a_row_has_a_sign_shows_its_expression_and_refuses_edits(self, fake, opened):
         fake.derived = (POWER,)
-        fake.run()
-        async with opened(fake, size=(160, 50)) as screen:
+        async with opened(fake.run(), size=(160, 50)) as screen:
             await screen.press("slash", *"derived", "enter")
             await screen.until(lambda: re.search("^=.*power ", screen.text, re.MULTILINE), "its row with a sign")
             await screen.press("i")
@@ -86,8 +85,7 @@ def test_a_unit_that_follows_is_not_typed_again(table):
 
 
 async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_table(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press("colon", *"derive", "enter")
         await screen.shows("Derive a signal on robot")
         await screen.type("power")
@@ -119,8 +117,7 @@ async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_tab
 
 
 async def test_what_the_robot_refuses_is_said_and_nothing_typed_is_lost(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         fake.refuse_derived = "at most 100 signals are derived; nothing was changed"
         await screen.press("colon", *"derive hot imu/temperature > 3", "enter")
         await screen.shows("one number")

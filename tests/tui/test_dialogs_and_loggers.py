@@ -66,8 +66,7 @@ async def test_edits_are_kept_when_the_robot_program_was_started_again(fake, ope
 
 
 async def test_data_is_saved_in_the_types_that_are_chosen(fake, opened):
-    fake.run()
-    async with opened(fake, size=(100, 30)) as screen:
+    async with opened(fake.run(), size=(100, 30)) as screen:
         await screen.press("w")
         await screen.shows("Save data")
         await screen.press("down", "space", "enter")
@@ -89,8 +88,7 @@ async def test_the_end_of_a_save_whose_dialog_was_left_is_told(fake, opened):
     fake.run()
     fake.save_takes_long = True
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.type(":data csv abc")
-        await screen.press("enter")
+        await screen.enter(":data csv abc")
         await screen.until(lambda: fake.calls)
         await screen.press("escape")
         await screen.shows("its end will be told")
@@ -102,8 +100,7 @@ async def test_the_failure_of_a_save_whose_dialog_was_left_is_told(fake, opened)
     fake.run()
     fake.save_takes_long, fake.save_error = True, "no space left on /home/ann/logs"
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.type(":data csv abc")
-        await screen.press("enter")
+        await screen.enter(":data csv abc")
         await screen.until(lambda: fake.calls)
         await screen.press("escape")
         await screen.shows("its end will be told")
@@ -113,8 +110,7 @@ async def test_the_failure_of_a_save_whose_dialog_was_left_is_told(fake, opened)
 
 async def test_data_command_saves_with_a_name(fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.type(":data silo bag walk3")
-        await screen.press("enter")
+        await screen.enter(":data silo bag walk3")
         await screen.until(lambda: fake.calls)
         assert fake.calls[0] == ("save", [FileType.SILO, FileType.BAG], "walk3")
 
@@ -134,8 +130,7 @@ async def test_a_script_is_previewed_before_it_is_loaded(fake, opened):
 async def test_what_a_script_has_that_nobody_knows_is_shown_before_and_after_it_is_loaded(fake, opened):
     fake.files["quiet.yaml"] += "colour: red\n"
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.type(":load quiet.yaml")
-        await screen.press("enter")
+        await screen.enter(":load quiet.yaml")
         await screen.shows("'colour'")
         await screen.press("l")
         await screen.until(lambda: any("colour" in told.message for told in screen.app._notifications), "the warning")
@@ -147,27 +142,22 @@ async def test_a_script_saved_without_an_ending_gets_it_and_says_so(fake, opened
         await screen.shows("Save the table as a script")
         for _ in range(12):
             await screen.press("backspace")
-        await screen.type("abc")
-        await screen.press("enter")
+        await screen.enter("abc")
         await screen.until(lambda: "abc.yaml" in fake.files, "the script")
         await screen.shows("abc.yaml: scripts end in .yaml")
-        await screen.type(":load abc")
-        await screen.press("enter")
+        await screen.enter(":load abc")
         await screen.shows("abc.yaml says what the logger has already")
 
 
 async def test_loading_an_unknown_script_says_so(fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.type(":load nothing.yaml")
-        await screen.press("enter")
+        await screen.enter(":load nothing.yaml")
         await screen.shows("there is no script")
 
 
 async def test_a_running_logger_takes_a_script_only_around_a_stop(fake, opened):
-    fake.run()
-    async with opened(fake, size=(100, 30)) as screen:
-        await screen.type(":load quiet.yaml")
-        await screen.press("enter")
+    async with opened(fake.run(), size=(100, 30)) as screen:
+        await screen.enter(":load quiet.yaml")
         await screen.shows("40 → 4")
         await screen.press("l")
         await screen.shows("Stop, load, start again?")
@@ -177,8 +167,7 @@ async def test_a_running_logger_takes_a_script_only_around_a_stop(fake, opened):
 
 async def test_an_existing_script_is_overwritten_only_when_asked(fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
-        await screen.type(":save robot.yaml")
-        await screen.press("enter")
+        await screen.enter(":save robot.yaml")
         await screen.shows("Overwrite robot.yaml?")
         await screen.press("y")
         await screen.until(lambda: ("save_script", "robot.yaml", True) in fake.calls)
@@ -187,16 +176,14 @@ async def test_an_existing_script_is_overwritten_only_when_asked(fake, opened):
 async def test_the_set_command_edits_what_is_marked(fake, opened):
     async with opened(fake) as screen:
         await screen.press("space", "space")
-        await screen.type(":set div=4 size=10s buf=grow")
-        await screen.press("enter")
+        await screen.enter(":set div=4 size=10s buf=grow")
         assert [screen.value(FIRST, field) for field in (Field.DIVIDER, Field.SIZE)] == ["4", "1000"]
         assert screen.session.table.pending_count[1] == 2
 
 
 async def test_an_unknown_command_offers_what_is_near(fake, opened):
     async with opened(fake) as screen:
-        await screen.type(":lod")
-        await screen.press("enter")
+        await screen.enter(":lod")
         await screen.shows("did you")
 
 
@@ -232,8 +219,7 @@ async def test_the_palette_finds_what_can_only_be_typed_and_goes_on_in_the_comma
         await screen.shows(":goto NAME")
         await screen.press("enter")
         await screen.shows("Tab completes")
-        await screen.type("imu/temp")
-        await screen.press("enter")
+        await screen.enter("imu/temp")
         await screen.until(lambda: screen.session.table.names[screen.session.rows.row] == "/log/imu/temperature")
 
 
@@ -279,8 +265,7 @@ async def test_a_file_of_this_machine_is_opened_over_the_logger_by_a_word_that_t
 async def test_a_file_that_is_no_log_is_told_and_the_table_stays(fake, opened, tmp_path):
     (tmp_path / "walk.silo").write_text("not a log")
     async with opened(fake, size=(160, 50)) as screen:
-        await screen.type(f":open {tmp_path}/walk.silo")
-        await screen.press("enter")
+        await screen.enter(f":open {tmp_path}/walk.silo")
         await screen.shows("can't be opened")
         assert isinstance(screen.app.screen, TableScreen)
 
@@ -368,8 +353,7 @@ async def test_a_picture_of_the_screen_is_an_svg(fake, opened, tmp_path):
 
 
 async def test_a_picture_that_is_called_png_is_written_as_svg_and_the_large_plot_says_where(fake, opened, tmp_path):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await screen.press("m", "enter")
         await screen.until(
             lambda: screen.app.screen.scope == "detail" and not screen.app.screen.stack.store.empty, "the large plot"
@@ -398,8 +382,7 @@ async def test_what_was_said_last_is_read_whole_on_a_small_screen(fake, opened):
 @pytest.mark.parametrize(("key", "choices"), [("e", ("divider", "size", "buffer", "action")),
                                               ("N", ("A trigger", "Limits", "A signal derived from it"))])  # fmt: skip
 async def test_every_choice_is_on_the_screen_however_few_words_stand_above(fake, opened, key, choices):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press(key)
         await screen.until(lambda: screen.app.screen.is_modal)
         await screen.press("pagedown")

@@ -79,10 +79,8 @@ async def test_esc_lets_what_is_waited_for_go_on(fake, opened, slow):
 
 async def test_marks_that_the_filter_hides_are_changed_only_after_a_question_that_counts_them(fake, opened):
     async with opened(fake) as screen:
-        await screen.type("/torque")
-        await screen.press("enter", "asterisk", "escape")
-        await screen.type("/LF")
-        await screen.press("enter", "t")
+        await screen.enter("/torque", "asterisk", "escape")
+        await screen.enter("/LF", "t")
         await screen.shows("9 of the 12 marked elements are hidden")
         assert screen.session.table.pending_count == (0, 0)
         await screen.press("s")
@@ -92,18 +90,14 @@ async def test_marks_that_the_filter_hides_are_changed_only_after_a_question_tha
 
 async def test_a_typed_edit_of_hidden_marks_asks_with_their_count_too(fake, opened):
     async with opened(fake) as screen:
-        await screen.type("/torque")
-        await screen.press("enter", "asterisk", "escape")
-        await screen.type("/LF")
-        await screen.press("enter")
-        await screen.type(":set div=5")
-        await screen.press("enter")
+        await screen.enter("/torque", "asterisk", "escape")
+        await screen.enter("/LF")
+        await screen.enter(":set div=5")
         await screen.shows("9 of the 12 marked elements are hidden")
         assert screen.session.table.pending_count == (0, 0)
         await screen.press("enter")
         assert screen.session.table.pending_count == (0, 0)
-        await screen.type(":set div=5")
-        await screen.press("enter")
+        await screen.enter(":set div=5")
         await screen.shows("9 of the 12 marked elements are hidden")
         await screen.press("y")
         await screen.until(lambda: screen.session.table.pending_count == (12, 12))
@@ -111,12 +105,9 @@ async def test_a_typed_edit_of_hidden_marks_asks_with_their_count_too(fake, open
 
 async def test_a_typed_edit_that_makes_no_sense_is_refused_before_the_question(fake, opened):
     async with opened(fake) as screen:
-        await screen.type("/torque")
-        await screen.press("enter", "asterisk", "escape")
-        await screen.type("/LF")
-        await screen.press("enter")
-        await screen.type(":set dvi=5")
-        await screen.press("enter")
+        await screen.enter("/torque", "asterisk", "escape")
+        await screen.enter("/LF")
+        await screen.enter(":set dvi=5")
         await screen.shows("dvi")
         assert not screen.app.screen.is_modal
 
@@ -146,8 +137,7 @@ async def test_e_asks_which_field_until_one_was_chosen(fake, opened):
 
 async def test_equal_edits_stand_in_one_line_with_what_they_cost(fake, opened):
     async with opened(fake) as screen:
-        await screen.type("/torque")
-        await screen.press("enter", "asterisk", "d", "5", "enter", "a")
+        await screen.enter("/torque", "asterisk", "d", "5", "enter", "a")
         await screen.shows("12 × /legs/*/*/torque  divider 1 → 5")
         for words in ("memory", "to a file", "topics", "held", "shortest:"):
             assert words in screen.text
@@ -157,14 +147,12 @@ async def test_the_memory_of_an_edit_stands_beside_what_there_is_of_it(fake, ope
     status = fake.status
     monkeypatch.setattr(fake, "status", lambda: msgspec.structs.replace(status(), room_bytes=50_000_000))
     async with opened(fake) as screen:
-        await screen.type(":set size=5000")
-        await screen.press("enter", "a")
+        await screen.enter(":set size=5000", "a")
         await screen.shows("of 50 MB available")
         assert "!!" not in screen.text
         await screen.press("escape")
         await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen)
-        await screen.type(":set size=50M")
-        await screen.press("enter", "a")
+        await screen.enter(":set size=50M", "a")
         await screen.shows("!! of 50 MB available")
 
 
@@ -172,16 +160,14 @@ async def test_a_script_that_differs_in_a_trigger_alone_is_shown_and_loaded(fake
     trigger = "triggers:\n  - name: fall\n    when: abs(base/roll) > 0.6\n    pre_s: 5\n"
     fake.files["walk.yaml"] = fake.files["robot.yaml"] + trigger
     async with opened(fake) as screen:
-        await screen.type(":load walk.yaml")
-        await screen.press("enter")
+        await screen.enter(":load walk.yaml")
         await screen.shows("trigger fall")
         assert "new: abs(base/roll) > 0.6, pre 5 s" in screen.text
         await screen.press("l")
         await screen.shows("loaded walk.yaml: 0 elements changed; trigger fall")
         await screen.until(lambda: [one.options.name for one in screen.session.triggers] == ["fall"])
         fake.files["other.yaml"] = fake.files["walk.yaml"].replace("pre_s: 5", "pre_s: 2")
-        await screen.type(":load other.yaml")
-        await screen.press("enter")
+        await screen.enter(":load other.yaml")
         await screen.shows("pre 5 s → 2 s")
 
 
@@ -276,8 +262,7 @@ def test_how_long_is_held_is_told_of_what_is_edited(robot):
 
 
 async def test_what_a_branch_costs_is_seen_at_once_in_a_small_terminal_too(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press("d", "7", "enter", "j", "d", "8", "enter", "j", "d", "9", "enter")
         await screen.press("j", "d", "6", "enter", "j", "d", "5", "enter", "a")
         await screen.until(lambda: isinstance(screen.app.screen, Question), "the question")

@@ -149,8 +149,7 @@ async def test_signals_have_one_name_in_events_messages_and_plots(running, opene
 
 async def test_enter_goes_there_in_the_plots(running, opened):
     async with opened(running) as screen:
-        await screen.press("m")
-        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.plot("m")
         await screen.do("events", "j", "enter")
         await screen.shows('"push 3" at -1.998 s')
         assert "PAUSED" in screen.text
@@ -169,8 +168,7 @@ async def test_a_marker_has_the_tick_of_the_key_press_and_the_words_that_follow(
         pressed_ns = running.now_ns
         await screen.do("set_marker")
         running.advance(5.0)
-        await screen.type("it slipped")
-        await screen.press("enter")
+        await screen.enter("it slipped")
         await screen.until(lambda: ("mark", "it slipped", pressed_ns) in running.calls)
         await screen.shows('"it slipped"')
 
@@ -183,8 +181,7 @@ async def test_a_marker_left_by_esc_is_none(running, opened):
 
 async def test_plots_have_a_line_and_a_letter_where_something_happened(running, opened):
     async with opened(running) as screen:
-        await screen.press("m")
-        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.plot("m")
         await screen.until(lambda: "╎" in screen.text and "M" in screen.text.splitlines()[-3], "a line and its letter")
 
 
@@ -199,8 +196,7 @@ def flickering(fake):
 
 async def test_limits_of_other_signals_hide_neither_plots_nor_marks(flickering, opened):
     async with opened(flickering) as screen:
-        await screen.press("m")
-        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.plot("m")
         await screen.until(lambda: "M" in screen.text.splitlines()[-3], "the letter of the mark")
         assert "H" not in screen.text.splitlines()[-3]
         await screen.do("space", "previous_event")
@@ -209,8 +205,7 @@ async def test_limits_of_other_signals_hide_neither_plots_nor_marks(flickering, 
 
 async def test_next_event_and_find_go_to_markers(running, opened):
     async with opened(running) as screen:
-        await screen.press("m")
-        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.plot("m")
         await screen.do("space", "find", "m")
         await screen.shows("marker, 1 of 1")
         assert screen.app.screen.window.at_ns == running.happened[1].at_ns
@@ -234,8 +229,7 @@ async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
     write_silo(Recording("bot", time_ns, 500, [x], events=marks), tmp_path / "x.silo")
     async with screen_of(SiloApp(new_finder(), file=open_file(tmp_path / "x.silo"))) as screen:
         await screen.shows("/log/x"[5:])
-        await screen.press("m")
-        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.plot("m")
         await screen.until(lambda: "╎" in screen.text)
         await screen.do("events")
         await screen.shows('M "push 3"')
@@ -246,8 +240,7 @@ async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
 async def test_letters_stand_beside_the_times_of_the_axis_never_over_them(flickering, opened):
     fake = flickering
     async with opened(fake) as screen:
-        await screen.press("m")
-        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.plot("m")
         name = screen.app.screen.stack.on_screen()[0].name
         for step in range(200):
             fake.happen("limit", f"{name} H 3 Nm at tick 1, limit 2", fake.now_ns - step * SECOND // 20)
@@ -258,8 +251,7 @@ async def test_letters_stand_beside_the_times_of_the_axis_never_over_them(flicke
 
 async def test_both_cursors_have_their_letter_where_they_stand_on_one_another(running, opened):
     async with opened(running) as screen:
-        await screen.press("m")
-        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.plot("m")
         await screen.do("space", "cursor_b")
 
         def axis():

@@ -170,8 +170,7 @@ async def test_at_80_columns_an_order_by_value_shows_the_values(path, on_file):
 
 async def test_a_measured_term_lets_only_pass_what_the_file_has(path, on_file):
     async with on_file(path) as screen:
-        await screen.type("/value>60")
-        await screen.press("enter")
+        await screen.enter("/value>60")
         await screen.until(lambda: order(screen) == ["ramp"])
         await screen.shows("1 of 4")
 
@@ -182,8 +181,7 @@ async def test_every_measured_term_is_answered_from_the_file(path, on_file):
             ("changed>5s", "low"), ("changed<1s", "ramp spike vector"), ("max>80", "ramp spike"), ("rate<95%", ""),
             ("rate>99Hz mean<0", "low"), ("frozen", ""), ("-alarm std<10", "low spike"), ("fill>1%", ""),
         ):  # fmt: skip
-            await screen.type(f"/{words}")
-            await screen.press("enter")
+            await screen.enter(f"/{words}")
             await screen.until(lambda found=found: " ".join(order(screen)) == found, words)
             await screen.press("escape")
             assert len(order(screen)) == 4
@@ -191,8 +189,7 @@ async def test_every_measured_term_is_answered_from_the_file(path, on_file):
 
 async def test_terms_follow_the_cursor_of_the_plots(path, on_file):
     async with on_file(path) as screen:
-        await screen.type("/|value|>60")
-        await screen.press("enter")
+        await screen.enter("/|value|>60")
         await screen.until(lambda: order(screen) == ["low", "ramp"])
         screen.session.time_ns = int(TIMES[400])
         screen.app.screen.request_view()

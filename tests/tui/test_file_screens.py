@@ -66,9 +66,8 @@ def monitor(screen):
 
 
 async def plot(screen, words):
-    await screen.type(f"/{words}")
-    await screen.press("enter", "m")
-    await screen.until(lambda: not monitor(screen).stack.store.empty, "plots")
+    await screen.enter(f"/{words}", "m")
+    await screen.curves()
     await screen.pilot.pause()
 
 
@@ -131,8 +130,7 @@ async def test_the_inspector_says_at_how_many_ticks_an_element_could_not_be_read
 
 async def test_the_filter_and_marks_work_as_on_a_logger(path, on_file):
     async with on_file(path) as screen:
-        await screen.type("/unit:Nm")
-        await screen.press("enter")
+        await screen.enter("/unit:Nm")
         await screen.shows("1 of 5")
         await screen.press("asterisk")
         await screen.shows("1 marked")
@@ -164,7 +162,7 @@ async def test_plots_show_the_whole_file_with_its_facts(path, on_file, size):
 async def test_all_marked_elements_are_plotted(path, on_file):
     async with on_file(path, (120, 40)) as screen:
         await screen.press("asterisk", "m")
-        await screen.until(lambda: not monitor(screen).stack.store.empty)
+        await screen.curves()
         names = [plotted.name for plotted in monitor(screen).stack.plots]
         assert len(names) == 7
 
@@ -334,22 +332,17 @@ async def test_a_key_that_edits_a_logger_says_that_a_file_has_nothing_to_edit(pa
 
 async def test_words_are_typed_over_a_file_and_its_plots(path, on_file, tmp_path):
     async with on_file(path) as screen:
-        await screen.type(":goto operator")
-        await screen.press("enter")
+        await screen.enter(":goto operator")
         names, rows = screen.session.table.names, screen.session.rows
         await screen.until(lambda: names[rows.row] == "/log/state/operator", "the element")
-        await screen.type(":filter torque")
-        await screen.press("enter")
+        await screen.enter(":filter torque")
         await screen.until(lambda: len(rows.shown) == 1, "the filter")
-        await screen.type(":start")
-        await screen.press("enter")
+        await screen.enter(":start")
         await screen.shows(":start: a saved file: nothing to edit")
         await screen.press("m", ":")
-        await screen.type(f"picture {tmp_path}/x.svg")
-        await screen.press("enter")
+        await screen.enter(f"picture {tmp_path}/x.svg")
         await screen.until((tmp_path / "x.svg").exists, "the picture")
-        await screen.type(":help")
-        await screen.press("enter")
+        await screen.enter(":help")
         await screen.shows("help of")
 
 
@@ -361,7 +354,7 @@ async def test_a_damaged_file_says_what_is_missing(path, on_file):
         assert screen.session.warnings[0][:30] in screen.text.splitlines()[1]
         assert any("name" in line for line in screen.text.splitlines()[2:4]), "two lines at most"
         await screen.press("m")
-        await screen.until(lambda: not monitor(screen).stack.store.empty)
+        await screen.curves()
         await screen.shows(screen.session.warnings[0][:30])
 
 
@@ -411,7 +404,7 @@ async def test_taking_the_last_plot_away_leads_back_to_the_table(path, on_file):
 async def test_the_values_of_the_table_are_those_at_the_cursor(path, on_file):
     async with on_file(path, (160, 50)) as screen:
         await screen.press("G", "k", "m")
-        await screen.until(lambda: not monitor(screen).stack.store.empty)
+        await screen.curves()
         await screen.press("home", "escape")
         await screen.shows("at 0 s")
         await screen.shows("ann")

@@ -18,8 +18,7 @@ LIMIT = LimitStatus(f"/log/legs/{LONG}", LONG, LimitWord.RED_HIGH, "degC", 84.2,
 async def filtered(screen, words):
     await screen.until(lambda: isinstance(screen.app.screen, ListScreen) and screen.app.screen.all, "lines")
     await screen.press("/")
-    await screen.type(words)
-    await screen.press("enter")
+    await screen.enter(words)
     return screen.app.screen
 
 

@@ -88,8 +88,7 @@ async def test_brackets_go_from_crossing_to_crossing(monitor):
         await screen.shows("Enter finds it")
         for _ in range(12):
             await screen.press("backspace")
-        await screen.type(">0.5")
-        await screen.press("enter")
+        await screen.enter(">0.5")
         await screen.shows("crossing of 0.5 rising in /LF/torque, 1 of")
         first = shown.file.time_ns
         assert first == START_NS + 34 * STEP_NS  # sin(pi / 6) lies between ticks 33 and 34
@@ -102,8 +101,7 @@ async def test_brackets_go_from_crossing_to_crossing(monitor):
 async def test_what_is_no_level_is_said_and_can_be_typed_again(monitor):
     async with monitor("LF/torque") as (screen, _):
         await screen.do("find", "x")
-        await screen.type("fast")
-        await screen.press("enter")
+        await screen.enter("fast")
         await screen.shows("is no number")
         await screen.press("escape")
         await screen.shows("whole file")

@@ -48,8 +48,7 @@ async def test_a_correction_typed_in_one_piece_is_made_where_it_was_typed(fake, 
 
 
 async def test_applying_around_a_stop_says_what_would_be_dropped_and_saves_it_when_asked(fake, opened):
-    fake.run()
-    async with opened(fake, size=(100, 30)) as screen:
+    async with opened(fake.run(), size=(100, 30)) as screen:
         await screen.do("toggle", "a")
         held = f"{fake.status().held_samples:,}".replace(",", " ")
         assert fake.ticks == 4800  # of which buffers of 4000 samples hold 10 s
@@ -138,8 +137,7 @@ async def test_a_key_that_steps_goes_on_from_what_is_marked_and_not_from_the_cur
 
 async def test_set_knows_the_words_of_the_shell(fake, opened):
     async with opened(fake) as screen:
-        await screen.type(":set divider=5 buffer=growing action=save size=10s off")
-        await screen.press("enter")
+        await screen.enter(":set divider=5 buffer=growing action=save size=10s off")
         await screen.shows("5 fields changed")
         row = screen.session.table.row(FIRST)
         assert list(screen.session.table.values[:, row]) == [0, 5, 1, 2, 800]
@@ -190,8 +188,7 @@ async def test_a_field_that_is_not_shown_can_be_edited_all_the_same(fake, opened
 
 
 async def test_without_a_link_no_dialog_opens(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.do("toggle")
         fake.cut()
         await screen.shows("NO LINK")
@@ -205,8 +202,7 @@ async def test_without_a_link_no_dialog_opens(fake, opened):
 
 @pytest.mark.parametrize("to", ["", "m", "E", "A", "T", "F"])
 async def test_r_tries_the_link_now_and_the_head_says_since_when_and_what_it_was(fake, opened, to):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press(*to)
         fake.cut()
         await screen.shows("~ NO LINK")
@@ -261,8 +257,7 @@ async def test_the_span_that_a_start_drops_is_told_in_minutes(new_fake, opened):
 
 
 async def test_a_logger_that_is_back_and_slow_to_answer_is_asked_once_until_it_has_answered(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         fake.cut()
         await screen.shows("~ NO LINK")
         answers, asked, hello = threading.Event(), [], fake._hello
@@ -302,8 +297,7 @@ async def test_a_logger_without_elements_and_no_logger_at_all_say_what_to_write_
 @pytest.mark.parametrize("keys", [(), ("m",), ("T",), ("m", "enter", "c")])
 async def test_news_of_the_robot_and_the_answer_to_a_key_have_a_line_each(fake, opened, monkeypatch, keys):
     monkeypatch.setattr(context, "READ_S", 3600.0)
-    fake.run()
-    async with opened(fake, size=(120, 30)) as screen:
+    async with opened(fake.run(), size=(120, 30)) as screen:
         await screen.press(*keys)
         screen.app.context.upper_screen.say("an answer to a key")
         fake.publish(EventKind.BLIND, "gripper is blind", by="bob@lab")
@@ -323,8 +317,7 @@ LONG = " ".join(f"word{number}" for number in range(30))
 
 @pytest.mark.parametrize("keys", [(), ("m",), ("T",)])
 async def test_a_long_answer_wraps_and_stays_among_all_that_was_said(fake, opened, keys):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press(*keys)
         screen.app.context.say(LONG)
         await screen.shows("word29")

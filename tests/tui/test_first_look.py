@@ -31,8 +31,7 @@ def test_what_is_near_a_limit_is_a_filter_for_just_that():
 
 @pytest.mark.parametrize("letter", ["h", "n", "s"])
 async def test_a_view_that_is_there_without_being_kept(fake, opened, letter):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.do("view")
         await screen.shows("Look at what?")
         await screen.press(letter)
@@ -43,8 +42,7 @@ async def test_a_view_that_is_there_without_being_kept(fake, opened, letter):
 
 
 async def test_the_tour_goes_on_as_its_steps_are_done(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press("question_mark")
         await screen.shows("t Tour")
         await screen.press("t")

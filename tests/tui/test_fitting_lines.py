@@ -41,8 +41,7 @@ async def test_a_filter_hides_neither_what_is_pending_nor_the_key_that_applies_i
         await screen.press("*")
         screen.session.table.edit(range(4), Field.DIVIDER, 7)
         await screen.press("/")
-        await screen.type("a_filter_of_many_letters|LF|joints|motors|torques|velocity")
-        await screen.press("enter")
+        await screen.enter("a_filter_of_many_letters|LF|joints|motors|torques|velocity")
         screen.app.context.say("what was said last, in a sentence that takes half of the line")
         await screen.shows("4 pending")
         assert "a Apply" in screen.text

@@ -179,8 +179,7 @@ async def test_a_script_is_loaded_into_all_that_are_marked(robots, opened):
         await screen.shows("3 loggers")
         await screen.do("*", "load_into_loggers")
         await screen.shows("Load a script into 3 loggers")
-        await screen.type("quiet")
-        await screen.press("enter")
+        await screen.enter("quiet")
         await screen.until(lambda: all(("load_script", "quiet.yaml") in fake.calls for fake in robots), "the loads")
         await screen.shows("load: 3 did, 0 did not, 0 waiting")
 
@@ -208,8 +207,7 @@ async def test_the_list_is_filtered_and_ordered_and_a_line_that_is_gone_is_not_o
         await screen.press("o", "n")
         await screen.shows("by logger")
         await screen.press("/")
-        await screen.type("arm")
-        await screen.press("enter")
+        await screen.enter("arm")
         await screen.shows("/arm: 1 of 3")
         assert "base" not in screen.text
 

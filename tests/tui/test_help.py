@@ -133,6 +133,5 @@ async def test_letters_are_words_while_they_are_typed(fake, opened):
 async def test_a_command_that_writes_is_refused_from_help_too(fake, opened):
     async with opened(fake, read_only=True) as screen:
         await screen.press("question_mark", "slash")
-        await screen.type("switch logging")
-        await screen.press("enter")
+        await screen.enter("switch logging")
         await screen.shows("read-only")

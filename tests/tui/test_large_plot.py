@@ -18,9 +18,8 @@ SHARED = (
 
 
 async def open_large(screen, words="/LF/HAA/torque"):
-    await screen.type(words)
-    await screen.press("enter", "m")
-    await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plot")
+    await screen.enter(words, "m")
+    await screen.curves()
     below = screen.app.screen
     await screen.press("enter")
     await screen.until(lambda: screen.app.screen is not below and not screen.app.screen.stack.store.empty, "large plot")
@@ -38,8 +37,7 @@ def test_the_large_plot_has_the_keys_of_the_monitor():
 
 
 async def test_it_lives_on_with_its_status_and_values(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_large(screen)
         await screen.shows("RUNNING")
         fake.advance(2.0)
@@ -48,8 +46,7 @@ async def test_it_lives_on_with_its_status_and_values(fake, opened):
 
 
 async def test_a_moment_is_found_in_it_and_the_monitor_stands_there_too(fake, opened):
-    fake.run(21)
-    async with opened(fake) as screen:
+    async with opened(fake.run(21)) as screen:
         below = await open_large(screen)
         await screen.press("f", "h")
         await screen.shows("of 3: 40")
@@ -65,10 +62,8 @@ async def test_a_moment_is_found_in_it_and_the_monitor_stands_there_too(fake, op
 
 async def test_it_begins_where_the_monitor_stands(new_fake, opened):
     fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.GROWING)])
-    fake.run(61)
-    async with opened(fake) as screen:
-        await screen.press("m")
-        await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plot")
+    async with opened(fake.run(61)) as screen:
+        await screen.plot("m")
         await screen.press("f", "h")
         await screen.shows("of 16: 40")
         for count in range(15, 10, -1):
@@ -83,10 +78,8 @@ async def test_it_begins_where_the_monitor_stands(new_fake, opened):
 
 async def test_a_pause_in_it_holds_all_plots_of_the_monitor(new_fake, opened):
     fake = new_fake([scalar(TORQUE, "Nm"), scalar("/log/legs/LF/HFE/torque", "Nm")])
-    fake.run(20)
-    async with opened(fake) as screen:
-        await screen.press("asterisk", "m")
-        await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plots")
+    async with opened(fake.run(20)) as screen:
+        await screen.plot("asterisk", "m")
         await screen.press("enter", "space")
         await screen.shows("held, all here")
         assert set(large(screen).pause.source.names) == {TORQUE, "/log/legs/LF/HFE/torque"}
@@ -94,8 +87,7 @@ async def test_a_pause_in_it_holds_all_plots_of_the_monitor(new_fake, opened):
 
 async def test_cursor_b_samples_home_end_and_all_work_in_it(new_fake, opened):
     fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.GROWING)])
-    fake.run(30)
-    async with opened(fake, size=(100, 30)) as screen:
+    async with opened(fake.run(30), size=(100, 30)) as screen:
         await open_large(screen)
         await screen.press("space")
         await screen.shows("held, all here")
@@ -113,8 +105,7 @@ async def test_cursor_b_samples_home_end_and_all_work_in_it(new_fake, opened):
 
 
 async def test_a_click_puts_the_cursor_there(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_large(screen)
         await screen.pilot.click("PlotStack", offset=(40, 6))
         await screen.shows("at cursor")
@@ -122,10 +113,8 @@ async def test_a_click_puts_the_cursor_there(fake, opened):
 
 async def test_n_and_z_go_through_the_entries_of_a_vector_in_plots(new_fake, opened):
     fake = new_fake([vector("/log/base/position", "m")])
-    fake.run(20)
-    async with opened(fake) as screen:
-        await screen.press("m")
-        await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plots")
+    async with opened(fake.run(20)) as screen:
+        await screen.plot("m")
         names = lambda: [each.name[-1] for each in screen.app.screen.stack.plots]  # noqa: E731
         assert names() == ["x", "y", "z"]
         await screen.press("j", "z")
@@ -145,8 +134,7 @@ def dots(screen):
 
 @pytest.mark.parametrize("wider", [0, 1, 2, 4])
 async def test_held_beyond_what_there_is_the_large_plot_shows_what_the_small_one_shows(wider, fake, opened):
-    fake.run(60.0)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60.0)) as screen:
         await screen.press("m")
         await screen.until(lambda: dots(screen) > 20)
         await screen.press(*["-"] * wider)
@@ -160,8 +148,7 @@ async def test_held_beyond_what_there_is_the_large_plot_shows_what_the_small_one
 
 
 async def test_find_in_a_spectrum_finds_peaks_by_their_height(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_large(screen)
         await screen.press("tab", "tab")
         await screen.until(lambda: large(screen)._peaks)

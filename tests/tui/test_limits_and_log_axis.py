@@ -92,9 +92,8 @@ class TestScreens:
         fake.limit_statuses = [limited(-4.0, 20.0)]
         async with opened(fake, size=(100, 30)) as screen:
             await screen.until(lambda: TORQUE in screen.session.bounds)
-            await screen.type("/LF/HAA/torque")
-            await screen.press("enter", "m")
-            await screen.until(lambda: not screen.app.screen.stack.store.empty)
+            await screen.enter("/LF/HAA/torque", "m")
+            await screen.curves()
             await screen.shows("├HH▲")
             lines = screen.text.splitlines()
             assert any("╌" in line and line.rstrip().endswith("├H") for line in lines)
@@ -106,27 +105,22 @@ class TestScreens:
         fake.limit_statuses = [limited(None, 20.0)]
         async with opened(fake) as screen:
             await screen.until(lambda: TORQUE in screen.session.bounds)
-            await screen.type("/LF/HAA/torque")
-            await screen.press("enter", "m")
-            await screen.until(lambda: not screen.app.screen.stack.store.empty)
+            await screen.enter("/LF/HAA/torque", "m")
+            await screen.curves()
             await screen.press("f", "o")
             await screen.shows("outside limits, 3 of 3: 40")
 
     async def test_without_limits_that_is_said(self, fake, opened):
-        fake.run(61)
-        async with opened(fake) as screen:
-            await screen.type("/LF/HAA/torque")
-            await screen.press("enter", "m")
-            await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        async with opened(fake.run(61)) as screen:
+            await screen.enter("/LF/HAA/torque", "m")
+            await screen.curves()
             await screen.press("f", "o")
             await screen.shows("none, no limits are set on these signals")
 
     async def test_y_makes_powers_of_ten_of_any_plot_and_goes_back(self, fake, opened):
-        fake.run(61)
-        async with opened(fake) as screen:
-            await screen.type("/LF/HAA/torque")
-            await screen.press("enter", "m")
-            await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        async with opened(fake.run(61)) as screen:
+            await screen.enter("/LF/HAA/torque", "m")
+            await screen.curves()
             await screen.press("Y")
             await screen.shows("1e2 ┤")
             assert any(line.strip().startswith("0 ┤") for line in screen.text.splitlines())

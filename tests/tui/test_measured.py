@@ -61,8 +61,7 @@ async def test_an_order_by_value_is_two_keys_and_shows_the_largest_first(fake, o
 
 
 async def test_rows_don_t_move_within_three_seconds_of_a_key_and_the_cursor_stays(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press("o", "v")
         rows, table = screen.session.rows, screen.session.table
         await screen.until(lambda: table.facts.of("value", len(table)) is not None)
@@ -93,8 +92,7 @@ async def test_z_makes_a_tree_that_folds_and_edits_as_a_whole(fake, opened):
     async with opened(fake) as screen:
         await screen.press("o", "n")
         await screen.shows("▼ base")
-        await screen.type(":goto LF/HAA/torque")
-        await screen.press("enter", "z")
+        await screen.enter(":goto LF/HAA/torque", "z")
         await screen.shows("► HAA")
         await screen.shows("== 1 of 5")
         line = next(line for line in screen.text.splitlines() if "► HAA" in line)
@@ -115,8 +113,7 @@ async def test_a_folded_branch_counts_what_is_beyond_its_limits_below_it(fake, o
     ]  # fmt: skip
     async with opened(fake) as screen:
         await screen.press("o", "n")
-        await screen.type(":goto LF/HAA/torque")
-        await screen.press("enter", "z")
+        await screen.enter(":goto LF/HAA/torque", "z")
         await screen.until(lambda: "HH 1 of 5" in next(iter(lines_with(screen, "► HAA")), ""), "the branch's sign")
         await screen.press("k", "z")
         await screen.until(lambda: "HH 1 of 16" in next(iter(lines_with(screen, "► LF")), ""), "the branch above")
@@ -131,8 +128,7 @@ async def test_alarm_as_a_filter_lets_pass_what_is_beyond_its_limits(fake, opene
     fake.facts = {"signs": {TORQUE: FROZEN}}
     fake.limit_statuses = [over("/log/imu/temperature", LimitWord.RED_HIGH)]
     async with opened(fake) as screen:
-        await screen.type("/alarm")
-        await screen.press("enter")
+        await screen.enter("/alarm")
         table = screen.session.table
         await screen.until(
             lambda: [table.names[row] for row in screen.session.rows.shown] == ["/log/imu/temperature", TORQUE]
@@ -154,18 +150,15 @@ async def test_worst_first_begins_with_what_is_beyond_a_red_limit(fake, opened):
 
 
 async def test_n_steps_through_norm_and_entries_of_a_vector(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
-        await screen.type(":goto imu/acceleration")
-        await screen.press("enter", "n")
+    async with opened(fake.run()) as screen:
+        await screen.enter(":goto imu/acceleration", "n")
         await screen.shows("|3| ")
         await screen.press("n", "n")
         await screen.shows(" y ")
 
 
 async def test_zero_begins_the_statistics_anew(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.until(lambda: screen.session.table.facts.since_ns == fake.since_ns > 0)
         fake.advance(30)
         await screen.press("Z")
@@ -183,8 +176,7 @@ async def test_the_inspector_gives_way_first_and_comes_by_i(fake, opened):
 async def test_a_narrow_screen_has_the_inspector_below_the_table_with_values_and_plots_beside_the_facts(
     size, fake, opened
 ):
-    fake.run(20)
-    async with opened(fake, size=size) as screen:
+    async with opened(fake.run(20), size=size) as screen:
         await screen.press("G", "i")
         below = screen.app.screen.inspector
         await screen.until(lambda: below.region.y == screen.app.screen.table.region.bottom, "the inspector below")
@@ -195,8 +187,7 @@ async def test_a_narrow_screen_has_the_inspector_below_the_table_with_values_and
         shown = [screen.session.short_name(last.name), "divider ", "size ", "4000", "held "]
         await screen.until(lambda: all(words in screen.text for words in shown), "the facts")
         assert sum(shown[0] in line for line in screen.text.splitlines()) == 2
-        await screen.type("//imu/acceleration")
-        await screen.press("enter")
+        await screen.enter("//imu/acceleration")
         for words in ("vector 3 f8 [m/s2]", "x ", "y ", "z ", "which holds  10 s at 400 Hz"):
             await screen.shows(words)
         await screen.until(lambda: re.search(r"logging +on +x ", screen.text), "an entry beside the facts")
@@ -231,10 +222,8 @@ async def test_a_logger_that_knows_no_surveys_is_shown_all_the_same(fake, opened
 
 
 async def test_statistics_of_a_vector_are_marked_as_those_of_its_norm_where_that_is_asked_for(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
-        await screen.type("/imu/acceleration")
-        await screen.press("enter", "C")
+    async with opened(fake.run()) as screen:
+        await screen.enter("/imu/acceleration", "C")
         await screen.shows("mean")
         await screen.press("n")
         await screen.until(lambda: any("|3| " in line for line in screen.text.splitlines()[2:-3]), "the norm, marked")
@@ -245,8 +234,7 @@ async def test_statistics_of_an_enumeration_are_its_labels(fake, opened):
     gait = "/log/state/gait"
     fake.facts = {"min": {gait: 0.0}, "max": {gait: 2.0}, "mean": {gait: 0.7}, "std": {gait: 0.3}}
     async with opened(fake, size=(100, 24)) as screen:
-        await screen.type("/state/gait")
-        await screen.press("enter", "C")
+        await screen.enter("/state/gait", "C")
         await screen.until(lambda: "trot" in screen.text and "stand" in screen.text, "labels")
         line = next(line for line in screen.text.splitlines() if "gait" in line and "trot" in line)
         assert "0.7" not in line
@@ -255,8 +243,7 @@ async def test_statistics_of_an_enumeration_are_its_labels(fake, opened):
 
 async def test_a_message_leaves_the_count_of_the_filter_beside_it(fake, opened):
     async with opened(fake) as screen:
-        await screen.type("/torque")
-        await screen.press("enter", "asterisk", "u")
+        await screen.enter("/torque", "asterisk", "u")
         await screen.shows("nothing to undo")
         line = next(line for line in screen.text.splitlines() if "nothing to undo" in line)
         assert "/torque: " in line
@@ -300,8 +287,7 @@ async def test_value_and_statistics_of_a_row_are_of_one_moment(fake, opened):
     fake.run()
     fake.facts = {"value": {TORQUE: 11.125}, "max": {TORQUE: 11.125}, "min": {TORQUE: 11.125}}
     async with opened(fake) as screen:
-        await screen.type("/LF/HAA/torque")
-        await screen.press("enter", "C")
+        await screen.enter("/LF/HAA/torque", "C")
         await screen.until(lambda: row_with(screen, "HAA/torque").count("11.1250") == 3, "three numbers that agree")
 
 
@@ -311,8 +297,7 @@ async def test_ordered_by_value_the_values_are_those_of_the_order_after_a_filter
     fake.facts = {"value": {name: float(10 * place) for place, name in enumerate(legs)}}
     async with opened(fake) as screen:
         await screen.press("o", "v")
-        await screen.type("/torque")
-        await screen.press("enter")
+        await screen.enter("/torque")
         await screen.shows(f"{10.0 * (len(legs) - 1):.4f}")
         shown = [float(found) for found in re.findall(r"torque.*?(\d+\.\d{4})", screen.text)]
         assert len(shown) == len(legs)
@@ -323,8 +308,7 @@ async def test_samples_that_are_no_numbers_are_told_of_the_row_under_the_cursor(
     fake.run()
     fake.facts = {"bad": {TORQUE: 12.0}}
     async with opened(fake, size=(120, 24)) as screen:
-        await screen.type("/LF/HAA/torque")
-        await screen.press("enter", "C", "j")
+        await screen.enter("/LF/HAA/torque", "C", "j")
         await screen.until(lambda: screen.session.table.facts.detail(TORQUE, "bad") == 12.0)
         screen.app.screen.say("")
         await screen.shows("12 samples nan or inf, left out of min to std")
@@ -347,23 +331,20 @@ async def test_value_and_statistics_of_a_row_have_decimals_alike(fake, opened):
     fake.run()
     fake.facts = {"value": {TORQUE: 11.125}, "max": {TORQUE: 31.5}, "min": {TORQUE: 1.78e-15}, "mean": {TORQUE: 2.5}}
     async with opened(fake) as screen:
-        await screen.type("/LF/HAA/torque")
-        await screen.press("enter", "C")
+        await screen.enter("/LF/HAA/torque", "C")
         await screen.until(lambda: re.search(r"11\.1[23] +0\.00 +31\.50 +2\.50", row_with(screen, "HAA/torque")))
 
 
 async def test_least_and_most_of_whole_numbers_are_whole(new_fake, opened):
     fake = new_fake([scalar("/log/solver/iterations", dtype="<i4")])
     fake.facts = {"min": {"/log/solver/iterations": 5.0}, "max": {"/log/solver/iterations": 28.0}}
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press("C")
         await screen.until(lambda: re.search(r" 5 +28 +-?\d+\.\d\d ", row_with(screen, "/solver/iterations")))
 
 
 async def test_over_how_long_statistics_are_stands_in_the_head(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press("C")
         fake.since_ns = fake.now_ns - 720 * 10**9
         await screen.until(lambda: "mean 12m" in screen.text.splitlines()[1])
@@ -380,8 +361,7 @@ async def test_entries_beside_statistics_are_of_their_moment(fake, opened):
 @pytest.mark.parametrize(("size", "entries"), [((80, 24), 3), ((120, 24), 6)])
 async def test_what_names_don_t_need_shows_entries_of_vectors(size, entries, new_fake, opened):
     fake = new_fake([vector("/log/base/twist", "m/s", "abcdef"[:entries]), scalar("/log/legs/LF/KFE/velocity")])
-    fake.run()
-    async with opened(fake, size=size) as screen:
+    async with opened(fake.run(), size=size) as screen:
         await screen.until(lambda: len(re.findall(r"-?\d\.\d\d\b", row_with(screen, "/base/twist"))) == entries)
         assert "…" not in row_with(screen, "/base/twist")
 

@@ -22,22 +22,19 @@ def monitor(screen):
 
 
 async def open_torque(screen):
-    await screen.type("/LF/HAA/torque")
-    await screen.press("enter", "m")
-    await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plot")
+    await screen.enter("/LF/HAA/torque", "m")
+    await screen.curves()
 
 
 async def test_plots_are_full_the_moment_they_open(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         low, _ = monitor(screen).stack.store.window(TORQUE, monitor(screen).stack.store.end, 100)
         assert not np.isnan(low).any()
 
 
 async def test_a_spike_of_one_sample_shows(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         await screen.shows("max 40")
         top = screen.text.splitlines()[2]
@@ -45,8 +42,7 @@ async def test_a_spike_of_one_sample_shows(fake, opened):
 
 
 async def test_new_values_move_the_plot(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         before = monitor(screen).stack.store.end
         fake.advance(2.0)
@@ -54,8 +50,7 @@ async def test_new_values_move_the_plot(fake, opened):
 
 
 async def test_a_pause_holds_the_picture_while_the_logger_goes_on(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         await screen.press("space")
         await screen.shows("PAUSED")
@@ -67,8 +62,7 @@ async def test_a_pause_holds_the_picture_while_the_logger_goes_on(fake, opened):
 
 
 async def test_zoom_shows_another_span(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         await screen.press("plus")
         await screen.shows("5 s shown")
@@ -77,8 +71,7 @@ async def test_zoom_shows_another_span(fake, opened):
 
 
 async def test_frames_that_got_lost_are_fetched_from_the_history(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         await screen.until(lambda: fake.views[-1].seen_ns == fake.now_ns, "a frame")
         store = monitor(screen).stack.store
@@ -141,8 +134,7 @@ async def test_what_was_overwritten_is_said_under_the_plots(fake, opened):
 
 
 async def test_the_cursor_reads_values(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         await screen.press("left")
         await screen.shows("at cursor")
@@ -166,8 +158,7 @@ async def test_the_cursor_is_drawn_a_cell_further_for_each_press(fake, opened):
 
 
 async def test_a_paused_window_walks_back_with_its_cursor(fake, opened):
-    fake.run(30)
-    async with opened(fake) as screen:
+    async with opened(fake.run(30)) as screen:
         await open_torque(screen)
         await screen.press("space", "left")
         end = monitor(screen).window.paused_end_ns
@@ -176,8 +167,7 @@ async def test_a_paused_window_walks_back_with_its_cursor(fake, opened):
 
 
 async def test_a_held_scale_stays(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         await screen.press("y")
         await screen.shows("y held")
@@ -188,33 +178,28 @@ async def test_a_held_scale_stays(fake, opened):
 
 
 async def test_every_marked_element_has_its_plots(fake, opened):
-    fake.run(20)
-    async with opened(fake, size=(120, 40)) as screen:
+    async with opened(fake.run(20), size=(120, 40)) as screen:
         await screen.press("space", "space", "m")
         await screen.shows("/base/position_z")
         assert len(monitor(screen).stack.plots) == 7
 
 
 async def test_an_element_that_is_only_saved_is_plotted(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
-        await screen.type("/solver_cost")
-        await screen.press("enter", "m")
+    async with opened(fake.run(20)) as screen:
+        await screen.enter("/solver_cost", "m")
         await screen.shows("/state/solver_cost")
         await screen.shows("max")
 
 
 async def test_escape_leaves_the_monitor_and_the_table_has_its_view_again(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         await screen.press("escape")
         await screen.until(lambda: fake.views[-1].values == (TORQUE,) and not fake.views[-1].plots)
 
 
 async def test_the_detail_plot_has_axes(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         await screen.press("enter")
         await screen.shows("TIME")
@@ -223,8 +208,7 @@ async def test_the_detail_plot_has_axes(fake, opened):
 
 
 async def test_a_short_span_of_a_pause_zooms_on_in_the_large_plot(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         await screen.press("space", *["plus"] * 12, "enter")
         await screen.shows("TIME")
@@ -235,17 +219,14 @@ async def test_a_short_span_of_a_pause_zooms_on_in_the_large_plot(fake, opened):
 
 
 async def test_two_signals_can_be_plotted_against_one_another(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
-        await screen.type("/LF torque")
-        await screen.press("enter", "asterisk", "m", "enter", "tab")
+    async with opened(fake.run(20)) as screen:
+        await screen.enter("/LF torque", "asterisk", "m", "enter", "tab")
         await screen.shows("X-Y")
         await screen.shows("r = ")
 
 
 async def test_a_lost_link_is_told_over_the_plots(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         fake.cut()
         await screen.shows("No link to robot")
@@ -253,8 +234,7 @@ async def test_a_lost_link_is_told_over_the_plots(fake, opened):
 
 
 async def test_the_line_of_the_plots_says_that_the_logger_is_dead(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         await screen.shows("│ live │")
         fake.state, fake.reason = State.DEAD, "nothing is known of why"
@@ -267,19 +247,17 @@ async def test_the_line_of_the_plots_says_that_the_logger_is_dead(fake, opened):
 
 
 async def test_a_second_that_passes_before_the_plots_are_laid_out_ends_nothing(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         screen.app.screen.command_monitor()  # on the stack, nothing of it made yet
         assert not screen.app.context.upper_screen.is_mounted
         screen.app._second()
         screen.app._poll()
-        await screen.until(lambda: not monitor(screen).stack.store.empty)
+        await screen.curves()
 
 
 @pytest.mark.parametrize("mode", ["PAUSED 41 s ago, 3 s held", "SCOPE normal  CAUGHT 0.8 s ago"])
 async def test_the_head_keeps_alarm_loss_and_recording_where_the_mode_is_long(mode, fake, opened, monkeypatch):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await open_torque(screen)
         bar = monitor(screen).status_bar
         monkeypatch.setattr("silo_tui.widgets.bars.head_words", lambda *_: (("12 alarms HH", "HH 12"), True, ("", "")))

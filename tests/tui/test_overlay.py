@@ -100,11 +100,9 @@ def test_a_plot_without_a_ghost_is_as_it_was():
 async def test_O_lays_a_run_over_the_plots_and_lifts_it_again(opened, fake, tmp_path):
     fake.logs = tmp_path / "logs"
     write(saved(seconds=30), fake.logs, "robot", ["silo"], "old_walk", why="saved by ann")
-    fake.run(12.0)
-    async with opened(fake, size=(100, 30)) as screen:
+    async with opened(fake.run(12.0), size=(100, 30)) as screen:
         await screen.press("/")
-        await screen.type("base/position")
-        await screen.press("enter", "m")
+        await screen.enter("base/position", "m")
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
         await screen.do("recordings")
         await screen.shows("old_walk")

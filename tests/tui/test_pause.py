@@ -20,9 +20,8 @@ def monitor(screen):
 
 
 async def open_torque(screen):
-    await screen.type("/LF/HAA/torque")
-    await screen.press("enter", "m")
-    await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plot")
+    await screen.enter("/LF/HAA/torque", "m")
+    await screen.curves()
 
 
 async def hold(screen):
@@ -53,8 +52,7 @@ def deep(new_fake):
 
 async def test_space_pins_the_picture_and_as_much_before_it(deep, opened):
     fake = deep
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         held = await hold(screen)
         await screen.shows(" ago, 20 s held")
@@ -65,8 +63,7 @@ async def test_space_pins_the_picture_and_as_much_before_it(deep, opened):
 
 async def test_what_is_pinned_stays_when_the_buffers_overwrite_it(new_fake, opened):
     fake = new_fake([scalar(TORQUE, "Nm", buffer=BufferType.LOOPING, size=8000)])
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await screen.press("m")
         await screen.until(lambda: not store_of(screen).empty, "history in the plot")
         held = await hold(screen)
@@ -81,8 +78,7 @@ async def test_what_is_pinned_stays_when_the_buffers_overwrite_it(new_fake, open
 
 
 async def test_zoom_pan_and_samples_work_after_the_link_was_cut(fake, opened):
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         held = await hold(screen)
         fake.cut()
@@ -94,8 +90,7 @@ async def test_zoom_pan_and_samples_work_after_the_link_was_cut(fake, opened):
 
 
 async def test_a_link_that_is_cut_at_once_leaves_the_picture(fake, opened):
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.until(lambda: filled(screen), "the whole picture")
         fake.cut()
@@ -105,8 +100,7 @@ async def test_a_link_that_is_cut_at_once_leaves_the_picture(fake, opened):
 
 
 async def test_space_again_lets_go_and_shows_what_comes(fake, opened):
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         held = await hold(screen)
         await screen.press("space")
@@ -125,8 +119,7 @@ async def test_space_again_lets_go_and_shows_what_comes(fake, opened):
     ],
 )
 async def test_what_one_key_entered_escape_leaves_in_one(fake, opened, keys, steps):
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         shown = monitor(screen)
         await screen.do(*keys)
@@ -139,8 +132,7 @@ async def test_what_one_key_entered_escape_leaves_in_one(fake, opened, keys, ste
 
 
 async def test_leaving_the_plots_lets_go_of_the_pin(fake, opened):
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await hold(screen)
         await screen.press("escape", "escape")
@@ -149,8 +141,7 @@ async def test_leaving_the_plots_lets_go_of_the_pin(fake, opened):
 
 async def test_scrolling_back_while_it_runs_looks_into_the_buffers_and_end_returns(deep, opened):
     fake = deep
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.press("pageup", "pageup")
         await screen.shows("End: now")
@@ -162,16 +153,14 @@ async def test_scrolling_back_while_it_runs_looks_into_the_buffers_and_end_retur
 
 
 async def test_where_the_buffers_hold_no_more_than_the_picture_scrolling_back_says_so(fake, opened):
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.press("pageup")
         await screen.shows("that is the oldest that is held")
 
 
 async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom(fake, opened):
-    fake.run(61)
-    async with opened(fake) as screen:
+    async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         held = await hold(screen)
         for column_ns in (1_000_000, 10_000_000, 250_000_000):
@@ -183,8 +172,7 @@ async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom(fake,
 
 
 async def test_columns_of_what_is_not_fetched_come_from_wider_ones(fake, opened):
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         held = await hold(screen)
         held.main._slices.clear()
@@ -196,8 +184,7 @@ async def test_columns_of_what_is_not_fetched_come_from_wider_ones(fake, opened)
 
 async def test_the_axis_of_an_earlier_window_counts_from_where_the_cursor_counts(deep, opened):
     fake = deep
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await hold(screen)
         await screen.press("home")
@@ -209,11 +196,9 @@ async def test_the_axis_of_an_earlier_window_counts_from_where_the_cursor_counts
 
 
 async def test_what_was_found_is_read_whole_at_80_columns(fake, opened):
-    fake.run(60)
-    async with opened(fake) as screen:
-        await screen.type("/LF/")
-        await screen.press("enter", "asterisk", "m")
-        await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plot")
+    async with opened(fake.run(60)) as screen:
+        await screen.enter("/LF/", "asterisk", "m")
+        await screen.curves()
         await screen.do("find", "h")
         await screen.until(
             lambda: re.search(r"highest in \S+, \d+ of \d+: \S+ at -\d+\.\d+ s", screen.text), "the answer"
@@ -237,8 +222,7 @@ def spiked(new_fake):
 
 async def test_the_highest_is_looked_for_in_all_that_the_buffers_hold(spiked, opened):
     fake = spiked()
-    fake.run(61)
-    async with opened(fake) as screen:
+    async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         await screen.press("plus", "plus", "plus")  # a second, in which there is no spike, as in the one before
         await screen.until(lambda: monitor(screen).window.span_s == 1.0)
@@ -254,8 +238,7 @@ async def test_the_highest_is_looked_for_in_all_that_the_buffers_hold(spiked, op
 
 async def test_brackets_step_from_spike_to_spike_far_beyond_the_pin(spiked, opened):
     fake = spiked()
-    fake.run(61)
-    async with opened(fake) as screen:
+    async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         await screen.do("find", "h")
         await screen.shows("16 of 16: 40")
@@ -300,8 +283,7 @@ async def test_next_event_goes_beyond_the_pin(spiked, opened):
 
 async def test_what_was_pinned_elsewhere_survives_link_and_buffers(spiked, opened):
     fake = spiked()
-    fake.run(61)
-    async with opened(fake) as screen:
+    async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         await screen.do("find", "h")
         await screen.shows("16 of 16: 40")
@@ -319,8 +301,7 @@ async def test_what_was_pinned_elsewhere_survives_link_and_buffers(spiked, opene
 
 async def test_all_pins_are_let_go_of_with_the_pause(spiked, opened):
     fake = spiked()
-    fake.run(61)
-    async with opened(fake) as screen:
+    async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         await screen.press("space", "home")
         await screen.until(lambda: len(fake.pins) > 1, "a second pin")
@@ -330,8 +311,7 @@ async def test_all_pins_are_let_go_of_with_the_pause(spiked, opened):
 
 async def test_finding_from_an_earlier_window_looks_at_what_came_after_it_too(spiked, opened):
     fake = spiked()
-    fake.run(61)
-    async with opened(fake) as screen:
+    async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         await screen.press("pageup", "pageup", "pageup")
         await screen.shows("End: now")
@@ -343,8 +323,7 @@ async def test_finding_from_an_earlier_window_looks_at_what_came_after_it_too(sp
 
 async def test_a_full_stop_steps_into_what_no_pin_has(spiked, opened):
     fake = spiked()
-    fake.run(61)
-    async with opened(fake) as screen:
+    async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         held = await hold(screen)
         begin = held.main.begin_ns
@@ -359,14 +338,12 @@ GAIT = "/log/state/gait"
 
 
 async def open_gait(screen):
-    await screen.type("/gait")
-    await screen.press("enter", "m")
-    await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plot")
+    await screen.enter("/gait", "m")
+    await screen.curves()
 
 
 async def test_in_a_pause_words_and_values_are_those_of_the_cursor_not_of_now(fake, opened):
-    fake.run(61)
-    async with opened(fake) as screen:
+    async with opened(fake.run(61)) as screen:
         await open_gait(screen)
         words = ("stand", "walk", "trot")  # each for 3 s
         pinned = words[int(61 / 3) % 3]
@@ -386,8 +363,7 @@ async def test_in_a_pause_words_and_values_are_those_of_the_cursor_not_of_now(fa
 
 
 async def test_a_crossing_is_offered_at_the_value_under_the_cursor(fake, opened):
-    fake.run(61)
-    async with opened(fake) as screen:
+    async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         await screen.do("find", "h")
         await screen.shows("of 3: 40")
@@ -435,8 +411,7 @@ async def test_a_pin_without_rows_leaves_the_times_and_the_picture_as_they_were(
 
 
 async def test_with_the_link_cut_the_head_claims_no_seconds_and_the_highest_of_the_picture_is_found(fake, opened):
-    fake.run(61)
-    async with opened(fake) as screen:
+    async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         await screen.until(lambda: filled(screen), "the whole picture")
         fake.cut()
@@ -452,8 +427,7 @@ async def test_with_the_link_cut_the_head_claims_no_seconds_and_the_highest_of_t
 
 async def test_what_could_not_be_pinned_is_pinned_whole_when_the_link_is_back(deep, opened):
     fake = deep
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.until(lambda: filled(screen), "the whole picture")
         fake.cut()
@@ -466,8 +440,7 @@ async def test_what_could_not_be_pinned_is_pinned_whole_when_the_link_is_back(de
 
 
 async def test_the_title_tells_the_sample_that_was_found_before_those_of_its_column(fake, opened):
-    fake.run(61)
-    async with opened(fake) as screen:
+    async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         await hold(screen)
         await screen.do("find", "h")
@@ -476,8 +449,7 @@ async def test_the_title_tells_the_sample_that_was_found_before_those_of_its_col
 
 
 async def test_two_cursors_over_the_picture_alone_tell_what_its_columns_tell(fake, opened):
-    fake.run(61)
-    async with opened(fake) as screen:
+    async with opened(fake.run(61)) as screen:
         await open_torque(screen)
         await screen.until(lambda: filled(screen), "the whole picture")
         fake.cut()
@@ -493,8 +465,7 @@ async def test_two_cursors_over_the_picture_alone_tell_what_its_columns_tell(fak
 async def test_what_lies_between_is_added_up_in_the_helper_where_it_is_not_here(deep, opened, monkeypatch):
     monkeypatch.setattr("silo_tui.model.samples.pinned.QUICK_S", 0.0)
     fake = deep
-    fake.run(60)
-    async with opened(fake) as screen:
+    async with opened(fake.run(60)) as screen:
         await open_torque(screen)
         await screen.press("space")
         await screen.shows("11 s of 20 s here")

@@ -18,17 +18,13 @@ async def test_the_head_says_who_else_has_control_and_how_many_are_there(fake, o
 
 async def test_control_is_taken_released_and_handed_over_by_words(fake, opened):
     async with opened(fake, size=(160, 50)) as screen:
-        await screen.type(":control take")
-        await screen.press("enter")
+        await screen.enter(":control take")
         await screen.shows("you have control")
-        await screen.type(":control release")
-        await screen.press("enter")
+        await screen.enter(":control release")
         await screen.shows("control of robot is released")
-        await screen.type(":control give anna")
-        await screen.press("enter")
+        await screen.enter(":control give anna")
         await screen.shows("anna has control")
-        await screen.type(":control")
-        await screen.press("enter")
+        await screen.enter(":control")
         await screen.shows("anna (proven) from desk2, silo-tui 2 has control since")
 
 
@@ -44,8 +40,7 @@ async def test_control_that_is_handed_to_us_is_renewed_from_then_on(fake, opened
 async def test_a_viewer_takes_no_control(fake, opened):
     fake.may_edit = False
     async with opened(fake) as screen:
-        await screen.type(":control take")
-        await screen.press("enter")
+        await screen.enter(":control take")
         await screen.shows("may look at anymal/robot, not change it")
         assert fake.calls == []
 
@@ -73,6 +68,5 @@ async def test_a_word_of_control_that_is_mistyped_is_told_with_the_one_that_is_n
             ("xyz", "control: there is no 'xyz'; take, force"),
             ("give", "control: take, force"),
         ):
-            await screen.type(f":control {typed}")
-            await screen.press("enter")
+            await screen.enter(f":control {typed}")
             await screen.shows(told)

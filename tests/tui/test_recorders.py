@@ -87,8 +87,7 @@ class TestScreens:
 
     async def test_typed_with_a_name_that_nobody_has_it_says_so(self, fake, opened):
         async with opened(fake) as screen:
-            await screen.type(":record nobody")
-            await screen.press("enter")
+            await screen.enter(":record nobody")
             await screen.shows("no element matches 'nobody'")
 
     async def test_one_is_stopped_after_a_question(self, fake, opened):

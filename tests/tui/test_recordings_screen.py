@@ -112,8 +112,7 @@ async def test_what_is_saved_meanwhile_comes_into_the_list(opened, fake, logs):
 
 
 async def test_enter_opens_the_file_and_escape_comes_back_to_the_same_row(opened, fake, logs):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await at_recordings(screen)
         await screen.press("j", "enter")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
@@ -132,8 +131,7 @@ async def test_enter_opens_the_file_and_escape_comes_back_to_the_same_row(opened
 
 
 async def test_plots_from_which_it_was_opened_are_there_again_and_go_on(opened, fake, logs):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press("m")
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
         plotted = [each.name for each in screen.app.screen.stack.plots]
@@ -150,8 +148,7 @@ async def test_plots_from_which_it_was_opened_are_there_again_and_go_on(opened, 
 
 
 async def test_what_happened_to_the_logger_meanwhile_is_followed_on_coming_back(opened, fake, logs):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         live = screen.session
         await at_recordings(screen)
         await screen.press("enter")
@@ -281,8 +278,7 @@ async def test_a_capture_that_is_nowhere_any_more_is_told(opened, fake, captured
 
 
 async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left(opened, fake, logs):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
         left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
         fake.publish(EventKind.CRASHED, fake.reason, files=left)
@@ -293,8 +289,7 @@ async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left(opened, fak
 
 
 async def test_on_the_plots_of_a_dead_robot_enter_opens_what_it_left_and_why_is_said_once(opened, fake, logs):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press("m")
         await screen.until(lambda: screen.app.screen.scope == "monitor", "the plots")
         fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
@@ -307,8 +302,7 @@ async def test_on_the_plots_of_a_dead_robot_enter_opens_what_it_left_and_why_is_
 
 
 async def test_what_a_dead_robot_left_here_is_opened_without_a_link_too(opened, fake, logs):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
         left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
         fake.publish(EventKind.CRASHED, fake.reason, files=left)
@@ -333,8 +327,7 @@ async def test_who_comes_later_to_a_dead_robot_opens_it_too(opened, fake, logs, 
 
 @pytest.mark.parametrize(("key", "says"), [("A", "F lists it"), ("F", "It is in this list")])
 async def test_the_banner_names_the_key_that_opens_it_on_the_screen_where_it_stands(opened, fake, logs, key, says):
-    fake.run()
-    async with opened(fake, size=(160, 50)) as screen:
+    async with opened(fake.run(), size=(160, 50)) as screen:
         fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
         fake.publish(EventKind.CRASHED, fake.reason, files=[])
         await screen.shows("Enter opens it")
@@ -402,8 +395,7 @@ async def test_events_that_are_shown_are_written_to_a_csv_file(opened, fake, tmp
         await screen.shows("/M: 1 of")
         await screen.press("w")
         await screen.shows("1 event as filtered")
-        await screen.type(str(tmp_path / "marks"))
-        await screen.press("enter")
+        await screen.enter(str(tmp_path / "marks"))
         await screen.shows("1 event written")
         with (tmp_path / "marks.csv").open() as file:
             (line,) = csv.DictReader(file)

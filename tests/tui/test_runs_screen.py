@@ -65,15 +65,13 @@ async def test_a_statistic_is_a_column_and_an_order(fake, opened, folder):
     async with opened(fake) as screen:
         await on_runs(screen, folder)
         await screen.do("runs_column")
-        await screen.type("max(tau)")
-        await screen.press("enter")
+        await screen.enter("max(tau)")
         await screen.shows("max(tau)")
         assert list(screen.app.screen.values["max(tau)"].values()) == [3.0, 6.0, 9.0]
         await screen.press("o", "v", "o", "v")
         await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run0", "run1", "run2"])
         await screen.do("runs_column")
-        await screen.type("max(nothing)")
-        await screen.press("enter")
+        await screen.enter("max(nothing)")
         await screen.shows("no run has 'nothing'")
 
 
@@ -83,8 +81,7 @@ async def test_marked_runs_lie_over_each_other(fake, opened, folder):
         await screen.do("overlay_runs")
         await screen.shows("two or more lie over each other")
         await screen.do("*", "overlay_runs")
-        await screen.type("push")
-        await screen.press("enter")
+        await screen.enter("push")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
         assert list(screen.app.screen.file.table.names) == [f"/log/tau/run{number}" for number in range(3)]
 

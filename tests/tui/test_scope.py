@@ -63,9 +63,8 @@ class TestModel:
 
 async def open_scope(screen, fake):
     """The torque has one sample of 40 at 4, 8, ... s."""
-    await screen.type("/LF/HAA/torque")
-    await screen.press("enter", "m")
-    await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plot")
+    await screen.enter("/LF/HAA/torque", "m")
+    await screen.curves()
     await screen.do("catch")
     await screen.shows("SCOPE normal")
     return screen.app.screen
@@ -80,8 +79,7 @@ async def run_to(screen, fake, seconds):
 @pytest.mark.slow
 class TestScreen:
     async def test_a_pulse_of_one_sample_is_caught_by_one_key_on_the_plot(self, fake, opened):
-        fake.run(21)
-        async with opened(fake) as screen:
+        async with opened(fake.run(21)) as screen:
             scope = await open_scope(screen, fake)
             await screen.shows("ARMED")
             assert 5 < scope.settings.level < 40  # halfway
@@ -97,16 +95,14 @@ class TestScreen:
             assert not fake.pins
 
     async def test_crossings_between_two_looks_are_counted(self, fake, opened):
-        fake.run(21)
-        async with opened(fake) as screen:
+        async with opened(fake.run(21)) as screen:
             scope = await open_scope(screen, fake)
             await run_to(screen, fake, 33)
             await screen.shows("2 more came between")
             assert scope.caught == 3
 
     async def test_single_catches_once_until_space_arms_it_again(self, fake, opened):
-        fake.run(21)
-        async with opened(fake) as screen:
+        async with opened(fake.run(21)) as screen:
             scope = await open_scope(screen, fake)
             await screen.do("scope_mode")
             await screen.shows("SCOPE single")
@@ -121,16 +117,14 @@ class TestScreen:
             await screen.until(lambda: scope.caught == 2, "one more")
 
     async def test_force_shows_what_is_there_without_a_crossing(self, fake, opened):
-        fake.run(21)
-        async with opened(fake) as screen:
+        async with opened(fake.run(21)) as screen:
             scope = await open_scope(screen, fake)
             await screen.do("scope_force")
             await screen.until(lambda: np.isfinite(scope.stack.store.low).any(), "a picture")
             assert not scope.caught
 
     async def test_the_level_moves_and_settings_are_typed(self, fake, opened):
-        fake.run(21)
-        async with opened(fake) as screen:
+        async with opened(fake.run(21)) as screen:
             scope = await open_scope(screen, fake)
             for key, sign in (("level_up", 1), ("level_down", -1), ("level_down", -1)):
                 before = scope.settings.level  # a step is a share of the scale, which follows what comes
@@ -146,8 +140,7 @@ class TestScreen:
             await screen.until(lambda: screen.app.screen is not scope, "the monitor")
 
     async def test_an_element_that_is_off_makes_it_blind_and_says_why(self, fake, opened):
-        fake.run(21)
-        async with opened(fake) as screen:
+        async with opened(fake.run(21)) as screen:
             await open_scope(screen, fake)
             find = fake.find
 

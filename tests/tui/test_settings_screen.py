@@ -50,8 +50,7 @@ async def test_every_option_can_be_changed_and_goes_back_to_its_default(fake, op
             await screen.do("change_setting")
             if option.several or not option.words:
                 await screen.press("ctrl+u")
-                await screen.type(option.words[0] if option.several else "2")
-                await screen.press("enter")
+                await screen.enter(option.words[0] if option.several else "2")
             changed = getattr(screen.app.context.settings, option.name)
             assert changed != getattr(Settings(), option.name), screen.text
             await screen.do("default_setting")
@@ -63,8 +62,7 @@ async def test_columns_are_chosen_and_the_table_follows(fake, opened):
     async with opened(fake) as screen:
         assert " buf " in screen.text
         await screen.press("f2", *["j"] * (len(OPTIONS) - 1), "e")
-        await screen.type("size div")
-        await screen.press("enter", "escape")
+        await screen.enter("size div", "escape")
         await screen.until(lambda: " buf " not in screen.text)
         assert " div " in screen.text
 
@@ -72,8 +70,7 @@ async def test_columns_are_chosen_and_the_table_follows(fake, opened):
 async def test_what_cant_be_is_told_in_the_words_of_the_file(fake, opened):
     async with opened(fake) as screen:
         await screen.press("f2", "j", "j", "j", "e", "ctrl+u")
-        await screen.type("99")
-        await screen.press("enter")
+        await screen.enter("99")
         await screen.shows("rate is 0.5 to 10, not 99; nothing was changed")
         assert screen.app.context.settings == Settings()
 
@@ -81,8 +78,7 @@ async def test_what_cant_be_is_told_in_the_words_of_the_file(fake, opened):
 async def test_a_key_is_changed_by_pressing_it(fake, opened):
     async with opened(fake) as screen:
         await screen.press("f2", "slash")
-        await screen.type("key filter")
-        await screen.press("enter", "e")
+        await screen.enter("key filter", "e")
         await screen.shows("Press the key of filter (Filter)")
         await screen.press("e")
         await screen.shows("e is edit (Edit) already (table)")
@@ -151,8 +147,7 @@ async def test_settings_are_there_before_a_logger_is(new_finder, screen_of):
 async def test_a_slower_rate_asks_the_logger_for_fewer_frames(fake, opened):
     async with opened(fake) as screen:
         await screen.press("f2", "j", "j", "j", "e", "ctrl+u")
-        await screen.type("1")
-        await screen.press("enter")
+        await screen.enter("1")
         assert screen.session.link._rate_hz == 1.0
 
 
@@ -161,8 +156,7 @@ SIZES = [(80, 24), (60, 20), (160, 50)]
 
 @pytest.mark.parametrize("size", SIZES)
 async def test_the_key_bar_always_ends_with_help_and_quit(fake, opened, size):
-    fake.run()
-    async with opened(fake, size=size) as screen:
+    async with opened(fake.run(), size=size) as screen:
         for keys in ((), ("V", "j"), ("m",), ("space",), ("left",), ("enter",)):
             await screen.press(*keys)
             await screen.pilot.pause()
@@ -171,8 +165,7 @@ async def test_the_key_bar_always_ends_with_help_and_quit(fake, opened, size):
 
 
 async def test_the_key_bar_shows_what_counts_in_a_mode(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.press("V")
         assert screen.text.split("\n")[-1].startswith(" V Mark the range  Esc Leave it")
         await screen.press("escape")

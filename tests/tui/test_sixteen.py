@@ -65,7 +65,7 @@ async def do(screen, number, way=0):
 
 async def plots(screen):
     await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
-    await screen.until(lambda: not screen.app.screen.stack.store.empty, "curves")
+    await screen.curves()
     return screen.app.screen
 
 
@@ -75,8 +75,7 @@ def test_the_page_has_sixteen_tasks_of_few_keys():
 
 
 async def test_1_the_hottest_motor_is_on_top(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await do(screen, 1)
         rows = screen.session.rows
         await screen.until(lambda: "value" in screen.session.table.facts.quantities, "what was measured")
@@ -110,8 +109,7 @@ async def test_2_three_torques_and_nothing_else_are_plotted_live(robot, request,
 
 
 async def test_3_and_4_all_torques_are_edited_and_applied_while_it_runs(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await do(screen, 3)
         await screen.until(lambda: screen.session.table.pending_count[1] == 12, "the edits")
         assert (screen.value(TORQUE, Field.DIVIDER), screen.value(TORQUE, Field.SIZE)) == ("5", "800")
@@ -138,28 +136,23 @@ async def test_6_it_is_started_and_stopped(fake, opened):
 
 
 async def test_7_three_formats_are_saved(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await do(screen, 7)
         await screen.until(lambda: fake.calls, "the save")
         assert set(fake.calls[0][1]) == set(FileType)
 
 
 async def test_8_a_spike_is_found_and_read(fake, opened):
-    fake.run(21)
-    async with opened(fake) as screen:
-        await screen.type("/LF/HAA/torque")
-        await screen.press("enter", "m")
+    async with opened(fake.run(21)) as screen:
+        await screen.enter("/LF/HAA/torque", "m")
         await plots(screen)
         await do(screen, 8)
         await screen.until(lambda: re.search(r"highest, \d of \d: 40.0000 at -\d", screen.text), "the spike")
 
 
 async def test_9_two_signals_stand_in_one_plot(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
-        await screen.type("/LF HAA torque|velocity")
-        await screen.press("enter")
+    async with opened(fake.run(20)) as screen:
+        await screen.enter("/LF HAA torque|velocity")
         await do(screen, 9)
         shown = await plots(screen)
         assert [len(panel) for panel in shown.stack.panels] == [2]
@@ -167,10 +160,8 @@ async def test_9_two_signals_stand_in_one_plot(fake, opened):
 
 
 async def test_10_the_time_of_the_maximum_is_told(fake, opened):
-    fake.run(21)
-    async with opened(fake) as screen:
-        await screen.type("/LF/HAA/torque")
-        await screen.press("enter", "m")
+    async with opened(fake.run(21)) as screen:
+        await screen.enter("/LF/HAA/torque", "m")
         await plots(screen)
         await do(screen, 10)
         await screen.until(lambda: re.search(r"highest.* at -\d", screen.text), "when it was")
@@ -216,8 +207,7 @@ async def test_13_another_logger_is_opened(new_fake, opened):
 
 
 async def test_14_the_table_is_ordered_by_rate(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await do(screen, 14)
         await screen.shows("by rate ↓")
 

@@ -15,37 +15,32 @@ FIRST = "/log/base/orientation"
 
 
 async def test_a_single_logger_opens_by_itself(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         assert "● RUNNING" in screen.text
         assert "/base/position" in screen.text
 
 
 async def test_how_far_a_logger_is_durable_stands_in_the_header_and_moves_on(fake, opened):
     fake.durable_ticks = 12
-    fake.run()
-    async with opened(fake, size=(120, 30)) as screen:
+    async with opened(fake.run(), size=(120, 30)) as screen:
         await screen.shows("durable to tick 12")
         fake.durable_ticks = 98
         await screen.shows("durable to tick 98")
 
 
 async def test_a_logger_without_journal_says_nothing_of_durable_ticks(fake, opened):
-    fake.run()
-    async with opened(fake, size=(120, 30)) as screen:
+    async with opened(fake.run(), size=(120, 30)) as screen:
         assert "RUNNING" in screen.text
         assert "durable" not in screen.text
 
 
 async def test_live_values_come_to_the_screen(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.shows("-2.3896")  # the position of the first joint
 
 
 async def test_an_element_that_is_only_saved_has_its_value_too(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.type("/solver_cost")
         await screen.until(lambda: fake.views and fake.views[-1].values == ("/log/state/solver_cost",))
         value = float(signal("/log/state/solver_cost", np.array([fake.seconds]))[0])
@@ -53,8 +48,7 @@ async def test_an_element_that_is_only_saved_has_its_value_too(fake, opened):
 
 
 async def test_a_full_buffer_says_so_instead_of_an_old_value(fake, opened):
-    fake.run(20)
-    async with opened(fake, size=(180, 40)) as screen:
+    async with opened(fake.run(20), size=(180, 40)) as screen:
         await screen.type("/LF/HAA/current")
         await screen.shows("full")
         await screen.shows("buffer full: this is its last sample")
@@ -145,8 +139,7 @@ async def test_buffers_of_gigabytes_are_told_of_when_they_are_applied_as_in_the_
 
 
 async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.do("toggle", "a")
         await screen.shows("stop, apply, start again")
         await screen.press("enter")  # the first choice keeps them pending
@@ -184,8 +177,7 @@ async def test_an_edit_that_came_between_is_not_overwritten(fake, opened):
 
 
 async def test_pending_edits_survive_a_lost_link_and_are_rebased(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.do("edit_divider", "5", "enter")
         fake.cut()
         await screen.shows("No link to robot")
@@ -198,8 +190,7 @@ async def test_pending_edits_survive_a_lost_link_and_are_rebased(fake, opened):
 
 
 async def test_a_dead_robot_is_told_with_where_the_data_is(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         fake.state, fake.reason = State.DEAD, "Its data was saved to /home/ann/logs/x.silo."
         fake.publish(EventKind.CRASHED, "the robot program died")
         await screen.shows("robot died:")
@@ -246,16 +237,14 @@ async def test_a_logger_that_lets_us_only_watch_says_so(fake, opened):
 async def test_escape_backs_out_of_range_filter_and_marks_but_keeps_edits(fake, opened):
     async with opened(fake) as screen:
         await screen.do("toggle", "space", "V")
-        await screen.type("/base")
-        await screen.press("enter", "escape", "escape", "escape")
+        await screen.enter("/base", "escape", "escape", "escape")
         rows = screen.session.rows
         assert (rows.anchor, rows.filter.text, rows.marked_count) == (None, "", 0)
         assert screen.session.table.pending_count == (1, 1)
 
 
 async def test_one_view_is_about_what_is_on_the_screen(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.until(lambda: fake.views)
         assert len(fake.views[-1].values) == 20
         await screen.press("G")
@@ -290,8 +279,7 @@ async def test_nothing_enabled_is_told(new_fake, robot, opened):
         msgspec.structs.replace(info, options=msgspec.structs.replace(info.options, enabled=False)) for info in robot
     ]
     fake = new_fake(off)
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.shows("Nothing is logged")
 
 

@@ -91,8 +91,7 @@ def test_every_theme_of_the_settings_is_there():
 
 @pytest.mark.parametrize("word", OPTION["theme"].words)
 async def test_the_table_is_drawn_in_every_theme(fake, opened, word):
-    fake.run()
-    async with opened(fake, settings=Settings(theme=word)) as screen:
+    async with opened(fake.run(), settings=Settings(theme=word)) as screen:
         await screen.do("j", "space", "edit_divider", "5", "enter", "V", "j")
         assert screen.app.theme == f"silo-{word}"
         await screen.shows("pending")
@@ -103,8 +102,7 @@ async def test_the_table_is_drawn_in_every_theme(fake, opened, word):
 @pytest.mark.parametrize("word", OPTION["theme"].words)
 async def test_without_colours_none_are_sent_and_the_cursor_is_reversed(fake, opened, monkeypatch, word):
     monkeypatch.setenv("NO_COLOR", "1")
-    fake.run()
-    async with opened(fake, settings=Settings(theme=word)) as screen:
+    async with opened(fake.run(), settings=Settings(theme=word)) as screen:
         await screen.do("j", "space", "edit_divider", "5", "enter")
         await screen.shows("pending")
         lines = [screen.app.screen.get_style_at(3, y) for y in range(3, 7)]
@@ -123,8 +121,7 @@ def filtered(screen):
 
 
 async def test_sixteen_colours_send_nothing_but_these(fake, opened):
-    fake.run()
-    async with opened(fake, settings=Settings(theme="16")) as screen:
+    async with opened(fake.run(), settings=Settings(theme="16")) as screen:
         await screen.do("j", "space", "edit_divider", "5", "enter", "question_mark")
         await screen.pilot.pause()
         styles = [segment.style for line in screen._lines() for segment in line if segment.style]
@@ -137,8 +134,7 @@ async def test_sixteen_colours_send_nothing_but_these(fake, opened):
 @pytest.mark.slow
 @pytest.mark.parametrize("word", ("dark", "light", "contrast", "16"))
 async def test_the_line_under_the_cursor_is_of_one_colour(fake, opened, word):
-    fake.run()
-    async with opened(fake, settings=Settings(theme=word)) as screen:
+    async with opened(fake.run(), settings=Settings(theme=word)) as screen:
         await screen.press("j")
         await screen.until(lambda: "…" not in screen.text.splitlines()[3][-8:], "values")
         table = screen.app.screen.table

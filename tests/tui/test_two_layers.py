@@ -182,8 +182,7 @@ def bar(screen):
 
 
 async def test_the_bar_has_room_for_what_commands_the_logger_and_says_what_waits(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         assert bar(screen) == " space Mark m Plot / Filter e Edit g Go v View r Rec S Stop w Save ? Help q Quit"
         await screen.do("toggle")
         assert "r Rec a Apply 1 S Stop w Save" in bar(screen)
@@ -219,8 +218,7 @@ async def test_the_bar_has_one_order_on_every_screen_and_no_menu_without_an_entr
 
 
 async def test_home_is_the_table_from_wherever_one_is(fake, opened):
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         for steps in (("monitor", "detail"), ("events",), ("triggers",), ("monitor", "alarms"), ("loggers",)):
             await screen.do(*steps)
             await screen.until(lambda: screen.app.screen.scope not in ("table", ""))
@@ -229,8 +227,7 @@ async def test_home_is_the_table_from_wherever_one_is(fake, opened):
 
 
 async def test_stopping_offers_a_restart_and_what_drops_is_answered_by_its_own_letter(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         await screen.do("start_stop")
         await screen.shows("Stop and save  (s)")
         await screen.press("r")

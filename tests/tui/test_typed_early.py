@@ -50,8 +50,7 @@ async def test_an_answer_typed_before_its_dialog_is_made_is_for_the_dialog(slow_
 
 
 async def test_a_question_that_loses_something_takes_no_answer_from_before(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         burst(screen, "t a D")
         await screen.until(lambda: isinstance(screen.app.screen, Question), "the question")
         await screen.shows("were dropped")
@@ -63,8 +62,7 @@ async def test_a_question_that_loses_something_takes_no_answer_from_before(fake,
 
 
 async def test_what_loses_nothing_may_be_answered_blind(fake, opened):
-    fake.run(20)
-    async with opened(fake) as screen:
+    async with opened(fake.run(20)) as screen:
         burst(screen, "S y")
         await screen.until(lambda: any(call[0] == "stop" for call in fake.calls))
 

@@ -83,8 +83,7 @@ def test_what_is_no_name_is_refused(name):
 
 async def run(screen, line):
     await screen.press("colon")
-    await screen.type(line)
-    await screen.press("enter")
+    await screen.enter(line)
 
 
 async def test_a_view_is_kept_and_put_on_the_screen_again(new_fake, opened):
@@ -184,8 +183,7 @@ async def test_a_view_keeps_the_held_scale_of_signals_that_share_a_plot(new_fake
     layout = KeptLayout(plots=(pair,), scales={"|".join(pair): (-300.0, 700.0)})
     files.save(files.place("joined"), layout)
     fake = new_fake()
-    fake.run()
-    async with opened(fake, view="joined") as screen:
+    async with opened(fake.run(), view="joined") as screen:
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         await screen.shows("700 ┤")
         scales = screen.app.screen.window.scales
@@ -241,8 +239,7 @@ async def test_what_another_terminal_shows_now_is_left_to_it(new_fake, opened):
 
 async def test_edits_and_plots_that_were_left_both_come_back(new_fake, opened):
     fake = new_fake()
-    fake.run()
-    async with opened(fake) as screen:
+    async with opened(fake.run()) as screen:
         await screen.do("toggle", "m")
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         mine = files.left_by_us(screen.session.name)
