@@ -35,7 +35,7 @@ if importlib.util.find_spec("websockets"):
     from websockets.exceptions import InvalidStatus
     from websockets.sync.client import connect
 
-    from silo.bridges.foxglove import viewer as viewers
+    from silo.bridges.foxglove import server as viewers
     from silo.bridges.foxglove.server import Terms, ViewerServer
     from tests.stand_ins.foxglove_viewer import WEBSOCKET, Viewer
 
