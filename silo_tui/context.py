@@ -199,6 +199,11 @@ class Context:
         """The uppermost full screen, below any dialog."""
         return next((screen for screen in reversed(self.app.screen_stack) if isinstance(screen, SiloScreen)), None)
 
+    def screen_of(self, scope: str) -> "SiloScreen | None":
+        """The full screen of a scope; None where it isn't there."""
+        screens = (screen for screen in self.app.screen_stack if isinstance(screen, SiloScreen))
+        return next((screen for screen in screens if screen.scope == scope), None)
+
     def tell(self, news: "Callable[[SiloScreen], None]") -> None:
         """Call `news` with every full screen that is there; one that is being made draws what is new by itself."""
         for screen in self.app.screen_stack:

@@ -23,10 +23,7 @@ from silo_tui.model.words import command_line
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.model.words.paths import typed_file
 from silo_tui.model.words.people import people_words
-from silo_tui.screens.dialogs import recorder
-from silo_tui.screens.dialogs.exporting import picture
 from silo_tui.screens.dialogs.questions import Choice, Question, confirmed
-from silo_tui.screens.files.opened import open_path
 from silo_tui.sessions.live import why
 from silo_tui.settings.themes import THEMES
 from silo_tui.theme import theme_name
@@ -137,6 +134,8 @@ class CommandRunner:
         self._context.try_link()
 
     def command_record(self, typed: Spelled) -> None:
+        from silo_tui.screens.dialogs import recorder
+
         self._context.run_flow(recorder.begin(self._context, self._context.session, 0, typed.rest))
 
     def command_open(self, typed: Spelled) -> None:
@@ -151,6 +150,8 @@ class CommandRunner:
     async def _open(self, path: str) -> None:
         self._context.say(f"reading {path} …")
         try:
+            from silo_tui.screens.files.opened import open_path
+
             await open_path(self._context, path)
         except (SiloError, OSError) as error:
             self._context.fail(f"{path} can't be opened: {error}")
@@ -220,6 +221,8 @@ class CommandRunner:
 
     def _write_picture(self, path: Path, note: str) -> None:
         try:
+            from silo_tui.screens.dialogs.exporting import picture
+
             path.write_text(picture(self._context.app), "utf-8")
         except OSError as error:
             self._context.fail(f"can't write the picture: {error}")

@@ -2,29 +2,28 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING, cast
 
 from silo_tui.context import Context
 from silo_tui.layouts.layout import KeptLayout
 from silo_tui.model.drawing.window import SPANS_S
 from silo_tui.model.table.columns import TREE
-from silo_tui.screens.plots.monitor import MonitorScreen
-from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.live import Session
+
+if TYPE_CHECKING:
+    from silo_tui.screens.plots.monitor import MonitorScreen
+    from silo_tui.screens.table import TableScreen
 
 NORM = "norm"
 
 
-def _table_of(context: Context) -> TableScreen | None:
-    return next((each for each in context.app.screen_stack if isinstance(each, TableScreen)), None)
-
-
-def _monitor_of(context: Context) -> MonitorScreen | None:
-    return next((each for each in context.app.screen_stack if isinstance(each, MonitorScreen)), None)
+def _table_of(context: Context) -> "TableScreen | None":
+    return cast("TableScreen | None", context.screen_of("table"))
 
 
 def capture(context: Context) -> KeptLayout | None:
     """Return what is on the screens of the logger that is open; None without one."""
-    table, monitor = _table_of(context), _monitor_of(context)
+    table, monitor = _table_of(context), cast("MonitorScreen | None", context.screen_of("monitor"))
     if table is None or not context.has_session or context.file_over_logger or not len(context.session.table):
         return None
     rows, short = context.session.rows, context.session.short_name
@@ -117,6 +116,8 @@ async def show(context: Context, layout: KeptLayout) -> str:
     gone = [name for name in names if name not in entries]
     if len(gone) < len(names):
         elements = list(dict.fromkeys(entries[name][0] for name in names if name in entries))
+        from silo_tui.screens.plots.monitor import MonitorScreen
+
         monitor = MonitorScreen(session, table.source, elements)
         window, stack = monitor.window, monitor.stack
         plotted = {each.name: each for each in stack.plots}

@@ -12,12 +12,10 @@ from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.settings.typed import ElementSettings, examples, read_settings
 from silo_tui.actions import BY_ID, Command, key_of
-from silo_tui.model.table import derived
 from silo_tui.model.table.columns import STEADY
 from silo_tui.model.table.fields import Field, next_value, parse_change, phrase_for
 from silo_tui.model.words import text
 from silo_tui.model.words.command_line import BY_KEY, Spelled
-from silo_tui.screens.dialogs.derive import ask_derived, forget
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.elements import ElementsScreen
 from silo_tui.widgets.bars import KeyBar
@@ -88,6 +86,9 @@ class Editing(ElementsScreen):
 
     def derive(self, name: str = "", expression: str = "") -> None:
         """Make a derived signal, or change the one of that name; what isn't said is asked for."""
+        from silo_tui.model.table import derived
+        from silo_tui.screens.dialogs.derive import ask_derived
+
         one = derived.named(self.session.table, name)
         one = msgspec.structs.replace(one, expression=expression) if expression else one
         self.context.run_flow(ask_derived(self.context, self.session, one))
@@ -300,6 +301,8 @@ class Editing(ElementsScreen):
         return bool(len(targets) and self.session.table.derived[targets].all())
 
     def command_forget_derived(self) -> None:
+        from silo_tui.screens.dialogs.derive import forget
+
         if self._all_derived:
             self.context.run_flow(forget(self.context, self.session, self.session.rows.targets().tolist()))
         else:

@@ -27,7 +27,6 @@ from silo_tui.model.drawing.sparklines import trends
 from silo_tui.model.lists.happened import newest
 from silo_tui.model.lists.recorders import WritingPace
 from silo_tui.model.plots.limits import Bounds4
-from silo_tui.model.plots.overlay import Overlay
 from silo_tui.model.samples.live import LiveValues
 from silo_tui.model.table.columns import LIVE_COLUMNS, TableColumn
 from silo_tui.model.table.facts import Facts
@@ -42,6 +41,7 @@ if TYPE_CHECKING:
     from silo.analysis.reports import ElementReport
     from silo.client.client import Client
     from silo.conditions.requests import TriggerTried
+    from silo_tui.model.plots.overlay import Overlay
 
 Result = TypeVar("Result")
 
