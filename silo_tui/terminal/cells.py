@@ -5,6 +5,7 @@ Knows neither Textual nor a terminal: text in, text out.
 
 import re
 from collections.abc import Iterable, Iterator
+from operator import ne
 
 from rich.cells import cell_len
 
@@ -15,6 +16,8 @@ TAIL = ""  # the second cell of a wide character
 UNKNOWN = "\0"  # what the terminal may show where we don't know; no cell is this
 LONG_BLANK = 12  # blanks that are erased instead of sent, where the terminal erases to the background's colour
 GAP = 4  # cells that didn't change are sent again where the way over them costs as much
+PROBE = 10  # cells of what is wanted that are looked for in what is shown, to see by how much it went to the left
+WORTH = 8  # cells that need be spared so that a line is moved
 
 # one cell each in every terminal; most of what we draw
 _SINGLE = re.compile("[ -~\xa0-\xac\xae-\u02ff\u0370-\u0482\u2010-\u2027\u2190-\u2193\u2500-\u25fc\u2800-\u28ff]*")
@@ -80,6 +83,12 @@ class Grid:
         """Make a row that of another grid of the same size."""
         self.chars[row], self.styles[row] = other.chars[row][:], other.styles[row][:]
 
+    def delete(self, row: int, start: int, count: int) -> None:
+        """Take cells out, as terminals do it: what is right of them moves; nothing is known of what comes in there."""
+        chars, styles = self.chars[row], self.styles[row]
+        chars[start:] = [*chars[start + count :], *UNKNOWN * count]
+        styles[start:] = [*styles[start + count :], *[DEFAULT] * count]
+
     def _halve(self, row: int, column: int) -> None:
         """A wide character of which one half is overwritten is gone, as terminals do it."""
         chars = self.chars[row]
@@ -112,13 +121,20 @@ def _clusters(text: str) -> Iterator[str]:
 
 
 def difference(
-    sent: Grid, wanted: Grid, rows: Iterable[int], styles: Styles, budget: int, *, erases: bool = False
+    sent: Grid,
+    wanted: Grid,
+    rows: Iterable[int],
+    styles: Styles,
+    budget: int,
+    *,
+    erases: bool = False,
+    deletes: bool = False,
 ) -> tuple[str, int | None]:
     """Return what makes a terminal that shows `sent` show `wanted` in these rows, and write it into `sent`.
 
     The terminal's style is the default before and after; `erases` says that it erases to the background in force
-    (terminfo: bce). Whole rows are sent until there are `budget` characters or
-    more; the first row that must wait is returned too, None where all is sent.
+    (terminfo: bce), `deletes` that it can take characters out of a line (dch). Whole rows are sent until there are
+    `budget` characters or more; the first row that must wait is returned too, None where all is sent.
     """
     pieces: list[str] = []
     size, style = 0, DEFAULT
@@ -129,12 +145,39 @@ def difference(
             return "".join([*pieces, styles.way(style, DEFAULT)]), row
         begin = len(pieces)
         cell = -1
+        if deletes and (moved := _moved(sent.chars[row], wanted.chars[row])) is not None:
+            cell, count = moved
+            pieces.append(f"\x1b[{row + 1};{cell + 1}H\x1b[{count}P")
+            sent.delete(row, cell, count)
         for start, stop in _runs(sent, wanted, row, styles):
-            pieces.append(f"\x1b[{row + 1};{start + 1}H" if cell < 0 else f"\x1b[{start - cell}C")
+            if start != cell:
+                way = f"\x1b[{row + 1};{start + 1}H" if cell < 0 else f"\x1b[{start - cell}C"
+                pieces.append(way if start > cell else f"\x1b[{start + 1}G")
             style, cell = _draw(pieces, wanted, row, (start, stop), styles, style, erases=erases)
         size += sum(len(piece) for piece in pieces[begin:])
         sent.take_row(wanted, row)
     return "".join([*pieces, styles.way(style, DEFAULT)]), None
+
+
+def _moved(shown: list[str], wanted: list[str]) -> tuple[int, int] | None:
+    """Return from which cell on how many are to be taken out, so that the rest of a line needn't be sent again.
+
+    A plot that goes on is the one before, some cells to the left. None where nothing is spared.
+    """
+    old, new = "".join(shown), "".join(wanted)
+    changed = [at for at, (was, char) in enumerate(zip(old, new, strict=False)) if was != char]
+    if len(changed) <= WORTH or len(old) != len(shown) or not _SINGLE.fullmatch(old) or not _SINGLE.fullmatch(new):
+        return None
+    start, least, best = changed[0], len(changed) - WORTH, 0
+    for at in changed[2 :: len(changed) // 4]:
+        found = old.find(new[at : at + PROBE], at + 1)
+        count = found - at
+        if found < 0 or new[at : at + PROBE].isspace() or count == best:
+            continue
+        left = count + sum(map(ne, old[start + count :], new[start:]))
+        if left < least:
+            least, best = left, count
+    return (start, best) if best else None
 
 
 def _runs(sent: Grid, wanted: Grid, row: int, styles: Styles) -> Iterator[tuple[int, int]]:

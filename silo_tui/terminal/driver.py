@@ -91,7 +91,7 @@ class CellDriver(LinuxDriver):
         self._screens = 0  # begun
         self._suspended = False
         self._owner = threading.get_ident()
-        self._erases = _erases_to_background()
+        self._erases, self._deletes = _told_of_terminal()
         self._written = threading.Event()
         self._written.set()
         self._timer: asyncio.TimerHandle | None = None
@@ -208,7 +208,9 @@ class CellDriver(LinuxDriver):
         rows = [*range(self._next_row, sent.height), *range(min(self._next_row, sent.height))]
         if urgent:  # what a key changed goes first
             rows.sort(key=lambda row: follower.touched[row] < self._urgent_from)
-        text, waits = difference(sent, follower.grid, rows, self._styles, room, erases=self._erases)
+        text, waits = difference(
+            sent, follower.grid, rows, self._styles, room, erases=self._erases, deletes=self._deletes
+        )
         self._next_row = 0 if waits is None else waits
         self._rows_waiting = waits is not None
         cursor = (follower.row, min(follower.column, sent.width - 1))
@@ -362,12 +364,15 @@ class CellDriver(LinuxDriver):
                 keys.end()
 
 
-def _erases_to_background() -> bool:
-    """Return whether erasing fills with the background in force here, as the terminal's description says."""
+def _told_of_terminal() -> tuple[bool, bool]:
+    """Return whether erasing fills with the background in force here, and whether characters can be taken out of lines.
+
+    As the terminal's description says.
+    """
     try:
         import curses
 
         curses.setupterm(os.environ.get("TERM") or "dumb", sys.__stderr__.fileno() if sys.__stderr__ else -1)
-        return curses.tigetflag("bce") == 1
+        return curses.tigetflag("bce") == 1, curses.tigetstr("dch") == b"\x1b[%p1%dP"
     except Exception:  # noqa: BLE001 - curses.error is one; without a description nothing is taken for granted
-        return False
+        return False, False

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from textwrap import wrap
 from typing import ClassVar
 
@@ -11,7 +10,6 @@ from rich.style import Style
 from textual import events
 from textual.message import Message
 from textual.strip import Strip
-from textual.widget import Widget
 
 from silo_tui.model.drawing.big_plot import BigPlot
 from silo_tui.model.drawing.dots import BLANK
@@ -19,13 +17,14 @@ from silo_tui.model.plots.picture import AXIS
 from silo_tui.unforeseen import Guarded
 from silo_tui.widgets.plot_stack import CURSOR_A
 from silo_tui.widgets.series import series_style
+from silo_tui.widgets.styled import Styled, segments_of
 
 WIDE, SIDE = 140, 42  # from how many columns on the notes stand at the right, and how much they take
 BELOW = 4  # lines for them elsewhere
 RIGHT = 11  # cells for a second axis
 
 
-class DetailPlot(Guarded, Widget):
+class DetailPlot(Guarded, Styled):
     """Draws a `BigPlot`, or says why there is none."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {"plot--quiet", "plot--line", "plot--cursor", "plot--title"}
@@ -74,7 +73,7 @@ class DetailPlot(Guarded, Widget):
 
     def render_line(self, y: int) -> Strip:
         """One line of the plot, its axis, or the notes."""
-        quiet = self.get_component_rich_style("plot--quiet")
+        quiet = self._style("plot--quiet")
         if self.plot is None:
             return Strip([Segment(f"  {self.message}" if y == 1 else "", quiet)]).adjust_cell_length(
                 self.size.width, quiet
@@ -94,7 +93,7 @@ class DetailPlot(Guarded, Widget):
 
     def _note(self, line: int, width: int) -> list[Segment]:
         words = self._wrapped(width - 2)
-        style = self.get_component_rich_style("plot--title")
+        style = self._style("plot--title")
         return [Segment(f" {words[line]}", style + Style(bold=False))] if line < len(words) else []
 
     def _wrapped(self, width: int) -> list[str]:
@@ -111,28 +110,27 @@ class DetailPlot(Guarded, Widget):
 
     def _color(self, owner: int) -> Style:
         if owner < 0:
-            return self.get_component_rich_style("plot--quiet")
-        line = self.get_component_rich_style("plot--line")
+            return self._style("plot--quiet")
+        line = self._style("plot--line")
         if self.plot is not None and self.plot.aged:
-            return (self.get_component_rich_style("plot--quiet"), line, line, line + Style(bold=True))[owner]
+            return (self._style("plot--quiet"), line, line, line + Style(bold=True))[owner]
         return line if owner == 0 else line + series_style(self.app, owner)
 
     def _curve(self, plot: BigPlot, y: int) -> list[Segment]:
-        quiet = self.get_component_rich_style("plot--quiet")
+        quiet = self._style("plot--quiet")
         chars = list(plot.lines[y]) if y < len(plot.lines) else []
         styles = [self._color(owner) for owner in plot.owners[y].tolist()] if chars else []
         if self.cursor is not None and self.cursor < len(chars):
             chars[self.cursor] = chars[self.cursor].replace(BLANK, CURSOR_A)
-            styles[self.cursor] = self.get_component_rich_style("plot--cursor")
+            styles[self.cursor] = self._style("plot--cursor")
         for line, cell, sign in plot.spots:
             for place, char in enumerate(sign):
                 if line == y and cell + place < len(chars):
                     chars[cell + place] = char
-                    styles[cell + place] = self.get_component_rich_style("plot--title")
+                    styles[cell + place] = self._style("plot--title")
         label = plot.left.get(y, "")
         found = [Segment(f"{label:>{AXIS - 1}} {'┤' if label else '│'}", quiet)]
-        pieces = groupby(zip(chars, styles, strict=True), lambda cell: cell[1])
-        found += [Segment("".join(char for char, _ in some), its) for its, some in pieces]
+        found += segments_of(chars, styles)
         right = plot.right.get(y, "")
         return [*found, Segment(f"{'├' if right else '│'}{right}", quiet)]
 

@@ -41,6 +41,7 @@ from silo_tui.model.words.names import MIN_WIDTH, fitting_names, shared_space
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
 from silo_tui.unforeseen import Guarded
+from silo_tui.widgets.styled import Styled
 
 FLAGS = 2
 TREND = 10
@@ -75,7 +76,7 @@ class Content(NamedTuple):
     rail: str
 
 
-class ElementTable(Guarded, ScrollView, can_focus=True):
+class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
     """Name, settings and newest values of the shown elements; holds the cursor."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
@@ -111,7 +112,6 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         self._offered: list[TableColumn] = []
         self._laid: Layout | None = None
         self._strips: dict[tuple[object, ...], Strip] = {}
-        self._styles: dict[str, Style] = {}
         self._masks_of = (-1, -1)
         self._settings: dict[int, bytes] = {}
         self._painted: dict[int, Content] = {}
@@ -308,7 +308,6 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         """Follow a change of the theme."""
         super().notify_style_update()
         self._forget()
-        self._styles.clear()
 
     def on_click(self, event: events.Click) -> None:
         """Put the cursor there, edit where it was already, mark in front of a name."""
@@ -420,15 +419,6 @@ class ElementTable(Guarded, ScrollView, can_focus=True):
         self._range[self.rows.range_rows()] = True
         self._masks_of = (table.version, anchor)
         self._settings.clear()
-
-    def _style(self, *names: str) -> Style:
-        key = " ".join(names)
-        if key not in self._styles:
-            style = self.get_component_rich_style(names[0])
-            for name in filter(None, names[1:]):
-                style += self.get_component_rich_style(name, partial=True)
-            self._styles[key] = style
-        return self._styles[key]
 
     def _other_segments(self, line: int, position: int, *, is_cursor: bool) -> Iterator[Segment]:
         """Yield a branch, or one entry of a vector."""

@@ -5,7 +5,6 @@ Measured: 5 - 8 ms for a screen full; twenty of Textual's Sparkline widgets at 1
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import ClassVar
 
 from rich.segment import Segment
@@ -14,7 +13,6 @@ from textual import events
 from textual.geometry import Region, Size
 from textual.message import Message
 from textual.strip import Strip
-from textual.widget import Widget
 
 from silo.core.arrays.columns import Gap
 from silo_tui.actions import key_of
@@ -49,12 +47,13 @@ from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
 from silo_tui.unforeseen import Guarded
 from silo_tui.widgets.series import most_series, series_style
+from silo_tui.widgets.styled import Styled, segments_of
 
 CURSOR_A, CURSOR_B = "│", "┊"
 GHOST = Style(dim=True)
 
 
-class PlotStack(Guarded, Widget):
+class PlotStack(Guarded, Styled):
     """Keeps the plots of a screen, which is chosen and which come first, and draws those that fit."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
@@ -82,6 +81,7 @@ class PlotStack(Guarded, Widget):
         self._drawn_panels: dict[int, Drawn] = {}
         self._drawn: dict[int, list[Segment]] = {}
         self._drawn_for = Size(0, 0)
+        self._drawn_end = 0  # of the store
         self._happened: dict[frozenset[str], dict[int, str]] = {}  # by the signals that it happened to
         self._happened_key: tuple[int, ...] = ()
 
@@ -109,14 +109,30 @@ class PlotStack(Guarded, Widget):
 
     def redraw(self) -> None:
         """Everything anew."""
-        self._drawn_panels.clear()
-        self._drawn.clear()
+        self._forget_drawn()
         self.refresh()
 
-    def advance(self) -> None:
-        """New columns came: only lines that look different are painted."""
+    def notify_style_update(self) -> None:
+        """Follow a change of the theme, also while nothing moves."""
+        super().notify_style_update()
+        self._forget_drawn()
+
+    def _forget_drawn(self) -> None:
         self._drawn_panels.clear()
-        drawn, self._drawn = self._drawn, {}
+        self._drawn, self._drawn_end = {}, self.store.end
+
+    def advance(self) -> None:
+        """New columns came: only lines that look different are painted.
+
+        The picture goes on by whole cells of two columns: half a cell on, every cell of a curve would look different.
+        """
+        if not self.store.empty and (self.store.end - self._drawn_end) % 2:
+            self.store.advance_to(self.store.end + 1)
+        drawn = self._drawn
+        self._forget_drawn()
+        self._paint_changed(drawn)
+
+    def _paint_changed(self, drawn: dict[int, list[Segment]]) -> None:
         for line in range(self.size.height):
             if drawn.get(line) != self._line(line):
                 self.refresh(Region(0, line, self.size.width, 1))
@@ -130,14 +146,10 @@ class PlotStack(Guarded, Widget):
     def _line(self, y: int) -> list[Segment]:
         if self._drawn_for != self.size:  # lines are asked for before anybody is told of another size
             self._drawn_for = self.size
-            self._drawn_panels.clear()
-            self._drawn.clear()
+            self._forget_drawn()
         if y not in self._drawn:
             self._drawn[y] = self._segments(y)
         return self._drawn[y]
-
-    def _style(self, name: str) -> Style:
-        return self.get_component_rich_style(name)
 
     def _segments(self, y: int) -> list[Segment]:
         found = self.place_of(y)
@@ -347,8 +359,7 @@ class PlotStack(Guarded, Widget):
                 at = max(0, len(chars) - 1 - cursor // 2)
                 chars[at] = chars[at].replace(BLANK, sign).replace(EVENT_LINE, sign).replace(LIMIT, sign)
                 styles[at] = self._style("plot--cursor")
-        pieces = groupby(zip(chars, styles, strict=True), lambda cell: cell[1])
-        return [Segment("".join(char for char, _ in some), its) for its, some in pieces]
+        return segments_of(chars, styles)
 
     def _event_cells(self, of: Sequence[Plotted]) -> dict[int, str]:
         """In which cells something happened to these signals, or to all, and its letter."""
@@ -448,6 +459,8 @@ class PlotStack(Guarded, Widget):
     def _take(self, panels: Sequence[Panel]) -> None:
         # what is asked for many times a frame is found once: with 700 panels it took 50 ms
         self.panels = list(panels)
+        self._heights: list[int] = []
+        self._heights_for: tuple[Size, int] | None = None
         self._plots = [plotted for panel in panels for plotted in panel]
         self.two_sided = any(any(sides(panel)) for panel in panels if has_curves(panel))
         self.worded = any(len(panel) > 1 or not has_curves(panel) for panel in panels)
@@ -478,6 +491,7 @@ class PlotStack(Guarded, Widget):
         """Show these panels; the chosen signal stays the chosen one if it is still there."""
         chosen = self.plots[self.chosen] if self.plots else None
         self._take(panels)
+        self._forget_drawn()
         plots = self.plots
         self.choose(plots.index(chosen) if chosen in plots else self.chosen)
 
@@ -502,7 +516,10 @@ class PlotStack(Guarded, Widget):
 
     def heights(self) -> list[int]:
         """Return how many lines each panel takes that is on the screen."""
-        return heights(self.panels, self.first, self._room, self.size.width)
+        if (key := (self.size, self.first)) != self._heights_for:
+            self._heights_for = key
+            self._heights = heights(self.panels, self.first, self._room, self.size.width)
+        return self._heights
 
     @property
     def fitting(self) -> int:
@@ -515,8 +532,16 @@ class PlotStack(Guarded, Widget):
 
     def choose(self, index: int) -> bool:
         """Chooses a signal and brings it on the screen; True when other panels are visible then."""
-        self.chosen = max(0, min(index, len(self.plots) - 1))
+        before, self.chosen = self.chosen_panel, max(0, min(index, len(self.plots) - 1))
         first = first_to_show(self.panels, self.first, self.chosen_panel, self._room, self.size.width)
         moved, self.first = first != self.first, first
-        self.redraw()
-        return moved
+        if moved or not self._drawn or self.chosen_panel == before:
+            self.redraw()
+            return moved
+        drawn, changed = self._drawn.copy(), (before, self.chosen_panel)
+        for line in [line for line in drawn if (place := self.place_of(line)) and place[0] in changed]:
+            del self._drawn[line]
+        for panel in changed:
+            self._drawn_panels.pop(panel, None)
+        self._paint_changed(drawn)
+        return False

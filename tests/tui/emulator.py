@@ -98,6 +98,9 @@ class Emulator:
             for column in range(self.column, min(self.width, self.column + first)):
                 self._halve(column)
                 self.cells[self.row][column] = (" ", "", self.style[1], frozenset())
+        elif final == "P":
+            row, blank = self.cells[self.row], (" ", "", self.style[1], frozenset())
+            row[self.column :] = [*row[self.column + first :], *[blank] * min(first, self.width - self.column)]
         elif final == "J":
             self.cells = [[(" ", "", self.style[1], frozenset())] * self.width for _ in range(self.height)]
         elif final == "m" and not between and codes[:1] not in {">"}:

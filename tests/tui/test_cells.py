@@ -71,10 +71,17 @@ def scroll(draw):
     )
 
 
+def plot(draw):
+    """A line of dots that goes on: all of it some cells to the left, beside what stands still."""
+    line = draw.choices("⠉⣿⠒⡇ ", k=WIDTH + 30)
+    at, style = draw.randrange(30), draw.choice(STYLES)
+    return painted((draw.randrange(2), 0), [("  10 │", ""), ("".join(line[at : at + WIDTH - 10]), style), ("│", "31")])
+
+
 def frames_of(draw):
     """Random frames; drawn by a seed, because drawing each letter by itself takes ten times as long."""
     for _ in range(draw.randrange(7)):
-        yield "".join(draw.choice([span, span, dialog, scroll])(draw) for _ in range(draw.randint(1, 5)))
+        yield "".join(draw.choice([span, span, dialog, scroll, plot])(draw) for _ in range(draw.randint(1, 5)))
 
 
 SEEDS = st.integers(0, 1 << 32).map(random.Random)
@@ -83,20 +90,20 @@ SEEDS = st.integers(0, 1 << 32).map(random.Random)
 class Line:
     """What Textual writes, followed, and sent as differences to an emulated terminal."""
 
-    def __init__(self, *, erases=True):
+    def __init__(self, *, erases=True, deletes=True):
         self.styles = Styles()
         self.through = []
         self.follower = Follower(WIDTH, HEIGHT, self.styles, self.through.append)
         self.sent = Grid(WIDTH, HEIGHT)
         self.terminal = Emulator(WIDTH, HEIGHT)
-        self.erases = erases
+        self.able = {"erases": erases, "deletes": deletes}
 
     def paint(self, frame):
         self.follower.feed(frame)
 
     def send(self, budget=NO_BUDGET, first=0):
         rows = [*range(first, HEIGHT), *range(first)]
-        text, waits = difference(self.sent, self.follower.grid, rows, self.styles, budget, erases=self.erases)
+        text, waits = difference(self.sent, self.follower.grid, rows, self.styles, budget, **self.able)
         self.terminal.feed(text)
         return text, waits
 
@@ -104,10 +111,10 @@ class Line:
         self.sent = Grid(WIDTH, HEIGHT, UNKNOWN)
 
 
-@given(SEEDS, st.booleans())
+@given(SEEDS, st.booleans(), st.booleans())
 @settings(max_examples=100, deadline=None)
-def test_the_picture_after_differences_is_that_of_full_repaints(draw, erases):
-    line, repainted = Line(erases=erases), Emulator(WIDTH, HEIGHT)
+def test_the_picture_after_differences_is_that_of_full_repaints(draw, erases, deletes):
+    line, repainted = Line(erases=erases, deletes=deletes), Emulator(WIDTH, HEIGHT)
     for frame in frames_of(draw):
         line.paint(frame)
         repainted.feed(frame)
@@ -185,6 +192,26 @@ def test_after_blanks_were_erased_what_changed_behind_them_is_at_its_place():
     line.paint(painted((0, 0), [(" " * 20 + "same" * 3 + " " * 20, "44")]))
     line.send()
     assert line.terminal.text.splitlines()[0] == " " * 20 + "same" * 3
+
+
+CURVE = "".join(random.Random(1).choices("⠉⣿⠒⡇", k=WIDTH))
+
+
+def test_of_a_curve_that_went_on_only_what_is_new_is_sent():
+    line = Line()
+    line.paint(painted((0, 0), [(f"1 │{CURVE[:60]}│", "")]))
+    line.send()
+    line.paint(painted((0, 0), [(f"1 │{CURVE[3:63]}│", "")]))
+    assert line.send()[0] == f"\x1b[1;4H\x1b[3P\x1b[57C{CURVE[60:63]}│      "
+    assert line.terminal.text.splitlines()[0] == f"1 │{CURVE[3:63]}│"
+
+
+def test_a_terminal_that_can_t_take_out_characters_is_not_asked_to():
+    line = Line(deletes=False)
+    line.paint(painted((0, 0), [(CURVE, "")]))
+    line.send()
+    line.paint(painted((0, 0), [(CURVE[3:] + "⠉⠉⠉", "")]))
+    assert line.send()[0] == f"\x1b[1;1H{CURVE[3:]}⠉⠉⠉"
 
 
 def test_what_doesn_t_fit_waits_and_comes_next():

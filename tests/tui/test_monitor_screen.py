@@ -49,6 +49,45 @@ async def test_new_values_move_the_plot(fake, opened):
         await screen.until(lambda: monitor(screen).stack.store.end > before)
 
 
+async def test_a_curve_goes_on_by_whole_cells_so_that_its_cells_stay_as_they_are(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        store, first = monitor(screen).stack.store, monitor(screen).stack.store.end
+        for _ in range(6):
+            before = store.end
+            fake.advance(0.5)
+            await screen.until(lambda before=before: store.end > before, "new columns")
+            assert (store.end - first) % 2 == 0
+
+
+async def test_plots_that_stand_still_follow_a_change_of_the_theme(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("space")
+        await screen.shows("PAUSED")
+        before = [segment.style.color for segment in monitor(screen).stack.render_line(2)]
+        screen.app.theme = "silo-light"
+        await screen.until(
+            lambda: not {segment.style.color for segment in monitor(screen).stack.render_line(2)} & set(before)
+        )
+
+
+async def test_another_plot_that_is_chosen_leaves_the_rest_as_a_whole_repaint_shows_it(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.type("/LF")
+        await screen.press("enter", "asterisk", "m")
+        await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plots")
+        for key in ("j", "j", "k", "j"):
+            await screen.press(key)
+            shown = screen.text
+            monitor(screen).stack.redraw()
+            await screen.pilot.pause()
+            assert screen.text == shown, key
+
+
 async def test_a_pause_holds_the_picture_while_the_logger_goes_on(fake, opened):
     async with opened(fake.run(20)) as screen:
         await open_torque(screen)
