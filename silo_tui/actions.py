@@ -286,7 +286,7 @@ COMMANDS: tuple[Command, ...] = (
             _BOTH + _DETAIL + _EVENTS, writes=True, asks=True),
     Command("episode_redo", "f7", "Episode redo", "the newest episode went badly and is to be done again", "Events",
             _BOTH + _DETAIL + _EVENTS, writes=True, asks=True),
-    Command("episode", "f8", "Episode begins", "begin an episode by hand; its name is asked for", "Events",
+    Command("episode", "f8", "Episode", "begin an episode by hand; its name is asked for", "Events",
             _BOTH + _DETAIL + _EVENTS, writes=True, asks=True,
             typed=_read(("episode",), "", ":episode begin NAME", "an episode: begin, end, good, bad, redo", 9)),
     Command("events", "E", "Events", "what happened, and who did it", "Go",
@@ -321,7 +321,7 @@ COMMANDS: tuple[Command, ...] = (
             4, writes=True, asks=True),
     Command("record", "N", "Record", "a new recording of all, marked or named signals, for days", "Recordings",
             _RECORDINGS, 5, writes=True, asks=True, typed=_read(("record",))),
-    Command("stop_recording", "t", "Stop recording", "end a recording that runs; its parts stay", "Recordings",
+    Command("stop_recording", "t", "Stop rec", "end a recording that runs; its parts stay", "Recordings",
             _RECORDINGS, 6, writes=True, asks=True),
     # ------------------------------------------------------------------------------------- runs of this machine
     Command("runs", "f3", "Runs", "the runs of a folder of this machine, by what was measured", "Go", _TABLES,

@@ -114,7 +114,7 @@ class MenuReader:
             return place, "a saved file has no logger" if place == "of a logger" else f"it has a use in {place}"
         own = scope in command.scopes or "any" in command.scopes
         if not context.has_session and not own and command.asks | command.writes | bool(command.scopes):
-            return "no logger open", f"no logger is open; {key_of('open_logger')} opens one"
+            return "no logger", f"no logger is open; {key_of('open_logger')} opens one"
         if command.writes and context.read_only:
             return "read-only", "silo-tui was started with --read-only"
         if context.has_session and scope != "loggers":

@@ -524,7 +524,7 @@ async def test_what_is_being_written_is_neither_deleted_nor_fetched(key, opened,
     monkeypatch.setattr(fake, "recordings", unfinished)
     async with opened(fake) as screen:
         await screen.do("recordings")
-        await screen.shows("being written")
+        await screen.shows("not finished yet")
         await screen.press(key)
         await screen.shows("nothing to delete here" if key == "x" else "nothing to fetch here")
         await screen.press("*", key)
