@@ -36,7 +36,7 @@ def recording(new_logger):
     return logger.snapshot()
 
 
-@pytest.mark.filterwarnings("ignore::silo.analysis.log.LogWarning")
+@pytest.mark.filterwarnings("ignore::silo.LogWarning")
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_a_log_that_is_opened_says_what_could_not_be_read(tmp_path, recording, ending):
     path = tmp_path / f"log{ending}"
@@ -56,7 +56,7 @@ def test_opening_warns_of_it(tmp_path, recording):
 
 @pytest.mark.parametrize("source", ENDINGS)
 @pytest.mark.parametrize("target", ENDINGS)
-@pytest.mark.filterwarnings("ignore::silo.analysis.log.LogWarning")
+@pytest.mark.filterwarnings("ignore::silo.LogWarning")
 def test_convert_carries_it_from_any_format_to_any(tmp_path, recording, source, target):
     first, second = tmp_path / f"a{source}", tmp_path / f"b{target}"
     writer_for(first)(recording, first, None)
