@@ -8,11 +8,12 @@ import json
 import os
 import re
 from pathlib import Path
-from typing import Any
-
-import zenoh
+from typing import TYPE_CHECKING, Any
 
 from silo.errors import ConnectionLostError
+
+if TYPE_CHECKING:
+    import zenoh
 
 LOCAL = "local"  # in place of a configuration: the loggers of this computer alone
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
@@ -108,8 +109,10 @@ def find_file(config: str) -> str:
     )
 
 
-def from_file(config: str) -> zenoh.Config:
+def from_file(config: str) -> "zenoh.Config":
     """Return what a file says, its paths made absolute. Raises ConnectionLostError for what is no configuration."""
+    import zenoh  # of the folder of settings nobody waits for it
+
     try:
         settings: zenoh.Config = zenoh.Config.from_file(config)
     except (zenoh.ZError, OSError) as error:
@@ -130,7 +133,9 @@ def written(config: str) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def insert(settings: zenoh.Config, values: dict[str, Any], unless: dict[str, Any] | None = None, at: str = "") -> None:
+def insert(
+    settings: "zenoh.Config", values: dict[str, Any], unless: dict[str, Any] | None = None, at: str = ""
+) -> None:
     """Set values, except those that `unless` has."""
     for name, value in values.items():
         given = (unless or {}).get(name)
@@ -140,7 +145,7 @@ def insert(settings: zenoh.Config, values: dict[str, Any], unless: dict[str, Any
             settings.insert_json5(at + name, json.dumps(value))
 
 
-def endpoints_of(settings: zenoh.Config, key: str, mode: str) -> list[str]:
+def endpoints_of(settings: "zenoh.Config", key: str, mode: str) -> list[str]:
     """Return the endpoints to `connect` to or to `listen` on, in that mode."""
     found = json.loads(settings.get_json(f"{key}/endpoints"))
     if isinstance(found, dict):
@@ -148,13 +153,13 @@ def endpoints_of(settings: zenoh.Config, key: str, mode: str) -> list[str]:
     return list(found)
 
 
-def listened(settings: zenoh.Config) -> list[str]:
+def listened(settings: "zenoh.Config") -> list[str]:
     """Return what a file says to listen on; nothing if it leaves Zenoh's default, which is the whole network."""
     found = endpoints_of(settings, "listen", "peer")
     return [endpoint for endpoint in found if endpoint not in ("tcp/[::]:0", "tcp/[::]:7447")]
 
 
-def user_of(settings: zenoh.Config) -> str:
+def user_of(settings: "zenoh.Config") -> str:
     """Return the user name of a configuration; empty where it has none."""
     return json.loads(settings.get_json("transport/auth/usrpwd/user")) or ""
 
