@@ -67,7 +67,7 @@ def test_a_stop_within_post_closes_the_capture_with_its_reason(bench, client, ev
     bench.ticks(100)
     bench.logger.stop()
     ((path,),) = captured(events)
-    with pytest.warns(silo.analysis.log.LogWarning, match="451 ticks before its end"):
+    with pytest.warns(silo.LogWarning, match="451 ticks before its end"):
         log = silo.open_log(path)
     assert len(log["x"]) == 55
 
@@ -80,7 +80,7 @@ def test_a_new_run_within_post_closes_the_capture_and_begins_anew(bench, client,
     bench.x[...] = 0
     bench.ticks(300)
     (first,), (second,) = captured(events, 2)
-    with pytest.warns(silo.analysis.log.LogWarning):
+    with pytest.warns(silo.LogWarning):
         assert len(silo.open_log(first)["x"]) == 15
     assert len(silo.open_log(second)["x"]) == 106
 
@@ -119,7 +119,7 @@ def test_a_robot_that_is_killed_within_post_leaves_a_capture_that_says_so(robots
         wait_until(lambda: any(event.kind is EventKind.TRIGGERED for event in events))
         robot.kill()
         ((path,),) = captured(events)
-    with pytest.warns(silo.analysis.log.LogWarning, match="the robot program died"):
+    with pytest.warns(silo.LogWarning, match="the robot program died"):
         assert silo.open_log(path).recording.extras.capture.trigger == "late"
 
 
