@@ -111,7 +111,11 @@ def test_every_command_reaches_the_robot_that_it_names_and_says_by_whom(laborato
     address = laboratory.addresses[which]
     meant = laboratory.robot_of(address)
     (other,) = (robot for robot in laboratory.robots if robot is not meant)
-    known, untouched = len(laboratory.happened(meant)), laboratory.happened(other)
+    # each has told of its own start before anything is asked of it
+    known, untouched = (
+        len(wait_until(lambda: laboratory.happened(meant))),
+        wait_until(lambda: laboratory.happened(other)),
+    )
     for words, _ in CHANGES:
         done = laboratory.run(laboratory.anna, *(word.format(address) for word in words))
         assert done.returncode == 0, (words, done.stderr)
