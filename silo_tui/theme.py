@@ -5,7 +5,7 @@ five of `ROLES`: `alarm` over a red limit, failed, lost, in conflict; `warning` 
 stopped; `pending` edits that wait; `dead` what no longer answers, or ended; `selected` what is marked. Their signs
 (`HH`, `H`, `*`, `×` and `~`, `>`) stand beside them without colours too. On `background`, `panel` (bars), `boost`
 (lines to type in) and `line` (under the cursor). Each is told from its grounds by a contrast of 4.5 (WCAG), in
-`silo-contrast` by 7. The colours of curves beside each other: `widgets/series.py`.
+`silo-contrast` by 7. The colours of curves beside each other: `widgets/styled.py`.
 """
 
 import os

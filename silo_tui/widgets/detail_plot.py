@@ -16,8 +16,7 @@ from silo_tui.model.drawing.dots import BLANK
 from silo_tui.model.plots.picture import AXIS
 from silo_tui.unforeseen import Guarded
 from silo_tui.widgets.plot_stack import CURSOR_A
-from silo_tui.widgets.series import series_style
-from silo_tui.widgets.styled import Styled, segments_of
+from silo_tui.widgets.styled import Styled, segments_of, series_style
 
 WIDE, SIDE = 140, 42  # from how many columns on the notes stand at the right, and how much they take
 BELOW = 4  # lines for them elsewhere

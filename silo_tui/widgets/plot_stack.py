@@ -46,8 +46,7 @@ from silo_tui.model.samples.source import PlotSource
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
 from silo_tui.unforeseen import Guarded
-from silo_tui.widgets.series import most_series, series_style
-from silo_tui.widgets.styled import Styled, segments_of
+from silo_tui.widgets.styled import Styled, most_series, segments_of, series_style
 
 CURSOR_A, CURSOR_B = "│", "┊"
 GHOST = Style(dim=True)

@@ -1,5 +1,6 @@
 """The monitor and the detail plot, driven by keys."""
 
+import re
 import threading
 from dataclasses import replace
 
@@ -80,6 +81,7 @@ async def test_another_plot_that_is_chosen_leaves_the_rest_as_a_whole_repaint_sh
         await screen.type("/LF")
         await screen.press("enter", "asterisk", "m")
         await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plots")
+        await screen.until(lambda: not re.search(r"now -\s", screen.text), "the newest of each signal")
         for key in ("j", "j", "k", "j"):
             await screen.press(key)
             shown = screen.text

@@ -16,7 +16,7 @@ from silo_tui.model.drawing.columns import ColumnPiece
 from silo_tui.model.drawing.plots import Plotted, draw_panel, together
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.panels import first_to_show, gathered, heights, isolate, join, least_height, sides, stacked
-from silo_tui.widgets.series import _style
+from silo_tui.widgets.styled import _style
 
 
 def plotted(name, unit="Nm", dtype="<f8", labels=None):
