@@ -233,20 +233,21 @@ def told_names(
 ) -> Callable[[C], C]:
     """Have the objects of a class tell of attributes that they lack, as `no_attribute` does.
 
-    fixed: what to write instead of setting an attribute of one that stays as it is.
+    fixed: what to write instead of setting or deleting an attribute of one that stays as it is.
     """
 
     def missing(self: object, name: str) -> NoReturn:
         no_attribute(what, name, type(self), others or {}, way_out)
 
-    def setting(self: object, name: str, value: object) -> NoReturn:
+    def keeping(self: object, name: str, value: object = None) -> NoReturn:
         raise UnknownNameError(f"{what} keeps its .{name}: {fixed}; nothing was changed", name=name)
 
     def wrapped(cls: C) -> C:
         if "__getattr__" not in vars(cls):
             setattr(cls, "__getattr__", missing)  # noqa: B010  # type checkers know which names there are
         if fixed:
-            setattr(cls, "__setattr__", setting)  # noqa: B010
+            setattr(cls, "__setattr__", keeping)  # noqa: B010
+            setattr(cls, "__delattr__", keeping)  # noqa: B010
         return cls
 
     return wrapped
