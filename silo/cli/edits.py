@@ -167,7 +167,7 @@ def _set(
                 "(its buffers are cleared by a start: `silo save` before), or --cut (it goes on as changed); "
                 "nothing was changed"
             )
-        if keep == "refuse" and status.ticks and not status.saved:
+        if keep == "refuse" and status.run_ticks and not status.saved:
             raise RefusedError(
                 f"logger '{status.logger}' holds {many(status.held_samples, 'sample')} of up to "
                 f"{duration(status.held_s)}, of which some are in no file, and a restart clears them: add --save or "

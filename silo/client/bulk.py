@@ -138,5 +138,5 @@ def loading(path: str) -> Job:
 
 
 def _state(status: Status) -> str:
-    unsaved = ", not saved" if status.state.value == "stopped" and status.ticks and not status.saved else ""
-    return f"{status.state.value}, {status.ticks} ticks{unsaved}"
+    unsaved = ", not saved" if status.state.value == "stopped" and status.run_ticks and not status.saved else ""
+    return f"{status.state.value}, {status.run_ticks} ticks{unsaved}"

@@ -530,6 +530,11 @@ class Status(msgspec.Struct, frozen=True):
         """When the run began, whatever cuts it had since."""
         return self.begun_ns or self.started_ns
 
+    @property
+    def run_ticks(self) -> int:
+        """How many ticks the run has, those before its cuts too."""
+        return self.before_ticks + self.ticks
+
 
 class Table(msgspec.Struct, frozen=True):
     """The element table at one revision. Order is that of registration and never changes while the logger lives.

@@ -76,8 +76,9 @@ class Summary(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     """A logger in a few hundred bytes, for who looks at many: put on `.../summary` while somebody subscribes.
 
     At most once a second when it says something new, else every ten seconds, as any single one may be dropped. Fields
-    are those of `Status`, sent without their names in this order: new ones come last. `closed` is set in the last one
-    of a program that closed its logger; without it program and helper were killed, or the link is cut.
+    are those of `Status`, sent without their names in this order: new ones come last; but `started_ns` and `ticks` are
+    of the whole run, its `run_began_ns` and `run_ticks`. `closed` is set in the last one of a program that closed its
+    logger; without it program and helper were killed, or the link is cut.
     """
 
     state: State
@@ -105,7 +106,7 @@ class Summary(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     def of(cls, status: Status) -> "Summary":
         """Return what a status says, in short."""
         taken = {name: getattr(status, name) for name in cls.__struct_fields__ if name not in ("closed", "control")}
-        taken |= {"started_ns": status.run_began_ns, "ticks": status.before_ticks + status.ticks}  # of all stretches
+        taken |= {"started_ns": status.run_began_ns, "ticks": status.run_ticks}
         taken["clients"] = [one.who for one in status.clients[:MOST_NAMES]]
         control = status.control.who if status.control is not None else ""
         return cls(**{**taken, "reason": status.reason[:MOST_REASON], "control": control})

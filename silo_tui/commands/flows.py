@@ -80,7 +80,7 @@ async def restart(context: Context) -> None:
 def _is_unsaved(context: Context) -> bool:
     """Return whether a new start would drop something."""
     status = context.session.status
-    return not status.saved and status.ticks > 0
+    return not status.saved and status.run_ticks > 0
 
 
 def _held(context: Context) -> str:

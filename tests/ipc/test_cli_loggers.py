@@ -276,7 +276,7 @@ def test_two_clients_change_a_running_logger_at_cuts_and_no_tick_is_lost(log: si
             one.apply([silo.Edit(names[0], divider=3)], -1)
         wait_until(lambda: not log._present.cut_off)
         log.stop()
-        wait_until(lambda: (now := one.status()).before_ticks + now.ticks == log.ticks)
+        wait_until(lambda: one.status().run_ticks == log.ticks)
         assert one.status().run_began_ns == began_ns < one.status().started_ns
     log.save()
     whole = silo.open_log(log.options.folder)
@@ -285,6 +285,20 @@ def test_two_clients_change_a_running_logger_at_cuts_and_no_tick_is_lost(log: si
     told = [event for event in whole.recording.events if event.kind == "cut"]
     assert len(told) == 2 * CUTS + 1
     assert all("@" in event.who for event in told)
+
+
+def test_ticks_are_of_the_whole_run_as_its_time_is(log: silo.Logger, command: Run) -> None:
+    log.set(buffer="growing")
+    log.start()
+    wait_until(lambda: log.ticks > 10)
+    log.set("q", divider=2, cut=True)
+    wait_until(lambda: not log._present.cut_off)
+    said = command("stop", "arm").out
+    whole = log.ticks
+    assert f"arm: stopped, {whole} ticks" in said
+    assert f"stopped, {whole} ticks" in command("stop", "--all").out
+    assert f" {whole} " in command("ls").out
+    assert f"{whole} ticks" in command("info", "arm").out
 
 
 CUTS = 4

@@ -92,13 +92,14 @@ def _telling_what_was_left(logger: str | None) -> Iterator[None]:
 
 def _show_status(status: "Status") -> None:
     limit = f"{status.max_time_s:g} s" if status.max_time_s else "none"
-    unsaved = "" if status.saved or not status.ticks else f", not saved ({_held(status)})"
+    unsaved = "" if status.saved or not status.run_ticks else f", not saved ({_held(status)})"
+    since = logged_for(status)
     rows = [
         ("logger", f"{status.logger} on {status.host}, user {status.user}"),
         ("state", f"{status.state.value}{f' ({status.reason})' if status.reason else ''}{_stalled(status)}"),
         *_recording(status),
         ("frequency", f"{status.frequency_hz:g} Hz{_measured(status)}"),
-        ("logged", f"{status.ticks} ticks{f' in {logged_for(status)}' if logged_for(status) != '-' else ''}{unsaved}"),
+        ("logged", f"{status.run_ticks} ticks{f' in {since}' if since != '-' else ''}{unsaved}"),
         ("lost", f"{status.lost} samples"),
         *_failed(status),
         *_unheld(status),
@@ -140,10 +141,10 @@ def _recording(status: "Status") -> list[tuple[str, str]]:
     """A line of a dead logger: where its recording is."""
     if status.state.value != "dead":
         return []
-    if not status.ticks:
+    if not status.run_ticks:
         return [("recording", "none: it had logged nothing, or what it logged can't be read")]
     if status.saved:
-        return [("recording", f"all {many(status.ticks, 'tick')} stand in files in {status.folder}")]
+        return [("recording", f"all {many(status.run_ticks, 'tick')} stand in files in {status.folder}")]
     return [("recording", f"{_held(status)}, and not all of it is in a file: `silo recover` saves it")]
 
 

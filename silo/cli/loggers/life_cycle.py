@@ -93,9 +93,9 @@ def restart(logger: str | None, save_first: bool, discard: bool, everyone: bool)
 
 
 def _say_state(status: "Status") -> None:
-    unsaved = status.state.value == "stopped" and status.ticks and not status.saved
+    unsaved = status.state.value == "stopped" and status.run_ticks and not status.saved
     hint = f", not saved (`silo save {status.logger}`)" if unsaved else ""
-    click.echo(f"{status.logger}: {status.state.value}, {many(status.ticks, 'tick')}{hint}")
+    click.echo(f"{status.logger}: {status.state.value}, {many(status.run_ticks, 'tick')}{hint}")
 
 
 @click.command()

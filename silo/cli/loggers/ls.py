@@ -264,7 +264,7 @@ def _ls_row(one: "Member") -> tuple[str, ...]:
         f"{one.word} {whole_duration(status.idle_s)}" if one.stalled else one.word,
         logged_for(status),
         "0" if one.stalled else f"{status.measured_hz:.4g}" if status.measured_hz else "-",
-        str(status.ticks),
+        str(status.run_ticks),
         str(status.lost),
         f"{status.enabled}/{status.elements}",
         str(status.pid),
