@@ -484,6 +484,17 @@ class TestParameters:
                 with pytest.raises(ValueError, match="a request"):
                     answer(data)
 
+    def test_a_text_that_is_no_utf_8_is_told_in_words_and_the_next_is_answered(self, asked, other):
+        ask, _, _ = asked
+        token = next(one for one in tokens(other) if "::GetParameters_/" in one)
+        key = "/".join(["7" + token.split("/")[-4].replace("%", "/"), *token.split("/")[-3:-1]])
+        wrong = b"\0\1\0\0" + struct.pack("<II", 1, 4) + b"k\xffp\0"
+        attachment = Attachment(3, time.time_ns(), bytes(range(16))).encoded()
+        (reply,) = other.get(key, payload=wrong, attachment=attachment, timeout=DEADLINE_S)
+        told = reply.err.payload.to_bytes().decode()
+        assert told == r"silo: a request has a text that is not UTF-8: b'k\xffp'"
+        assert ask("GetParameters", ["log.legs.kp"]).values[0].double_value == 40.0
+
 
 class TestPrograms:
     def test_no_router_is_said_with_the_way_out(self, runtime_folder, monkeypatch):

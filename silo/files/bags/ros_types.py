@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.arguments import shown
 from silo.core.kinds import ARRAY, KINDS, STRUCT, Kind, is_complex, kind_named
 from silo.core.recording import RecordedElement, RecordedEntry
 from silo.errors import SaveError
@@ -219,7 +220,10 @@ class CdrReader:
         """Return a text."""
         size = self.count()
         self._at += size
-        return self._body[self._at - size : self._at].rstrip(b"\0").decode()
+        try:
+            return self._body[self._at - size : self._at].rstrip(b"\0").decode()
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{self._what} has a text that is not UTF-8: {shown(error.object)}") from None
 
     def items(self, read: Callable[[], T]) -> list[T]:
         """Return a list of what `read` reads."""
