@@ -15,6 +15,8 @@ from silo.segment.layout import TIME_RING, SegmentSchema
 from silo.segment.reader import SegmentReader
 from silo.segment.retention import kept_rows
 
+_SINCE_CUT = "the last cut"
+
 
 @dataclass(frozen=True)
 class Holdings:
@@ -67,7 +69,7 @@ def segment_holdings(reader: SegmentReader | JournalReader, kept: list[RetainedA
     `kept` is what `kept_alike` returned for it, where this is asked again and again.
     """
     schema, ticks = reader.schema, reader.ticks
-    since = "the last cut" if schema.cut is not None else "start"
+    since = _SINCE_CUT if schema.cut is not None else "start"
     first_tick = max(0, ticks - schema.time_buffer_size) if schema.time_buffer_type is BufferType.LOOPING else 0
     first_tick = max(first_tick, reader.first(TIME_RING))
     alike = kept_alike(schema) if kept is None else kept
@@ -95,10 +97,11 @@ def _stamp(reader: SegmentReader | JournalReader, tick: int) -> int:
 
 def recording_holdings(recording: Recording) -> Holdings:
     """What a recording holds, as it is written to a file."""
+    since = _SINCE_CUT if recording.stretch is not None and recording.stretch.part > 1 else "start"
     held = [element for element in recording.elements if element.count]
     if not held:
-        return Holdings(recording.offset, 0, 0, 0.0)
+        return Holdings(recording.offset, 0, 0, 0.0, since)
     oldest = min(element.first for element in held)
     newest = max(element.first + (element.count - 1) * element.divider for element in held)
     seconds = int(recording.time_ns[newest] - recording.time_ns[oldest]) / 1e9
-    return Holdings(recording.offset, len(held), sum(element.count for element in held), seconds)
+    return Holdings(recording.offset, len(held), sum(element.count for element in held), seconds, since)

@@ -36,5 +36,21 @@ def test_a_looping_buffer_is_told_by_its_samples_not_by_the_ticks_since_start(ne
     assert told.text == "1000 samples of 1 element over 9.99 s, of 12840 ticks since start"
 
 
+@pytest.mark.parametrize("ticks", [0, 3])
+def test_a_stretch_is_told_by_what_it_has_since_its_cut(new_logger, ticks):
+    logger = new_logger()
+    logger.array("x", buffer="growing")
+    logger.start()
+    logger.collect()
+    assert recording_holdings(logger.snapshot()).since == "start"
+    logger.set("x", divider=2, cut=True)
+    for _ in range(ticks):
+        logger.collect()
+    reader = SegmentReader(logger._present.path)
+    told = segment_holdings(reader)
+    assert (told.ticks, told.since) == (ticks, "the last cut")
+    assert recording_holdings(reader.snapshot()) == told
+
+
 def test_nothing_is_told_as_nothing():
     assert Holdings(1, 0, 0, 0.0).text == "no sample, of 1 tick since start"
