@@ -4,6 +4,7 @@ import json
 import math
 import shutil
 import subprocess
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
-from silo.core.elements import BufferType, Entry, FileType
+from silo.core.elements import BufferType, Entry, FileType, Stretch
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
 from silo.files.bags import writer
@@ -266,6 +267,13 @@ class TestMetadata:
         with file.open("rb") as opened:
             records = {record.name: record.metadata for record in make_reader(opened).iter_metadata()}
         assert yaml.safe_load(records["rosbag2"]["serialized_metadata"]) == information
+
+    def test_viewers_are_told_of_which_run_that_was_cut_it_is_a_part(self, robot, tmp_path):
+        part = replace(robot, about={"operator": "alice"}, stretch=Stretch("1f", 2))
+        write(part, tmp_path, "robot", [FileType.BAG])
+        with next(tmp_path.rglob("*.mcap")).open("rb") as opened:
+            (told,) = [one.metadata for one in make_reader(opened).iter_metadata() if one.name == "silo"]
+        assert (told["about cut"], told["about operator"]) == ("part 2 of run 1f", "alice")
 
 
 READ_WITH_NODE = """

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import silo
 from silo.analysis.signal import Signal
+from silo.core.elements import Stretch
 from silo.datasets.check import check_lerobot
 from silo.datasets.frames import Wanted, frames, wanted_of
 from silo.datasets.lerobot import write_lerobot
@@ -309,7 +310,7 @@ def test_a_head_that_says_something_else_is_found(made, tmp_path):
 @pytest.mark.slow
 def test_rerun_finds_its_file_whole_with_what_was_told(runs, tmp_path):
     pytest.importorskip("rerun")
-    recording = replace(silo.open_log(runs[0]).recording, warnings=("a wheel was loose",))
+    recording = replace(silo.open_log(runs[0]).recording, warnings=("a wheel was loose",), stretch=Stretch("1f", 2))
     silo.Log(recording).save(tmp_path / "run.rrd")
 
     def said(*arguments):
@@ -321,6 +322,7 @@ def test_rerun_finds_its_file_whole_with_what_was_told(runs, tmp_path):
     assert "/log/joints/q: 2" in said("stats")
     everything = said("print", "-vvv")
     assert "a wheel was loose" in everything
+    assert "part 2 of run 1f" in everything
     assert "0/399.png" in everything
 
 

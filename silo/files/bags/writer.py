@@ -272,7 +272,7 @@ def _summary(recording: Recording) -> dict[str, str]:
         "frequency_hz": frequency,
         "elements": str(len(recording.elements)),
         "ticks": str(len(recording.time_ns)),
-        **{f"about {key}": text for key, text in recording.about.items()},
+        **{f"about {key}": text for key, text in recording.told_about.items()},
     }
 
 

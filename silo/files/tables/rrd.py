@@ -33,7 +33,7 @@ def write_rrd(recording: Recording, path: Path, progress: Progress | None = None
             f"/proc/self/fd/{file.fileno()}"
         )  # Rerun takes a path: of the file that is to be whole or not at all
         stream.send_recording_name(path.stem)
-        for key, value in recording.about.items():
+        for key, value in recording.told_about.items():
             stream.send_property(f"about/{key}", rerun.TextDocument(value))
         for number, warning in enumerate(recording.warnings):
             stream.send_property(f"warnings/{number}", rerun.TextDocument(warning))
