@@ -22,7 +22,7 @@ from silo.core.elements import Stretch
 from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, LogNotFoundError
 from silo.files.added import added_formats
-from silo.files.formats import read_recording
+from silo.files.formats import LOG_ENDINGS, read_recording
 from silo.files.naming import find_log, find_logs
 
 MOST_RUNS = 10**9
@@ -134,7 +134,9 @@ def _of_files(logs: Sequence[Log]) -> Log:
 def _whole_run(path: Path, recording: Recording, stretch: Stretch) -> Recording:
     """The run that was cut of which a recording is a stretch: with those that lie beside it."""
     found = {stretch.part: recording}
-    for other in [other for other in find_logs(path.parent) if "_part" in other.stem and other != path]:
+    named = path.is_dir() or path.suffix in LOG_ENDINGS  # those that are found by a folder; of others the same ending
+    beside = find_logs(path.parent) if named else path.parent.glob(f"*{path.suffix}")
+    for other in [other for other in beside if "_part" in other.stem and other != path]:
         one = read_recording(other, added_formats)
         its = one.stretch
         # of one that was saved more than once what has most

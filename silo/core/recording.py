@@ -4,6 +4,7 @@ The segment's reader makes a `Recording` (a snapshot), every file writer takes o
 It knows no logger, no file and no process.
 """
 
+import re
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -253,6 +254,18 @@ class Recording:
     def entry_count(self) -> int:
         """Scalar signals of all elements, the time stamps not counted."""
         return sum(len(element.entries) for element in self.elements)
+
+
+_STRETCH_TOLD = re.compile(r"(?:part (\d+)|(\d+) parts) of run (\w+)")
+
+
+def with_stretch(recording: Recording) -> Recording:
+    """The recording with `stretch` where its file told that in `about` alone, as files did at first."""
+    told = _STRETCH_TOLD.fullmatch(recording.about.get("cut", "")) if recording.stretch is None else None
+    if told is None:
+        return recording
+    about = {key: text for key, text in recording.about.items() if key != "cut"}
+    return replace(recording, about=about, stretch=Stretch(told[3], int(told[1] or 0), int(told[2] or 1)))
 
 
 def alike(kind: Callable[..., Made], source: object, **changes: Any) -> Made:

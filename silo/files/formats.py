@@ -317,13 +317,13 @@ def read_recording(path: "str | os.PathLike[str]", added: Added | None = None) -
     if source.is_dir():
         if not is_bag_folder(source):
             raise FileFormatError(f"'{source}' is a folder without a bag in it")
-        return _clock_told(FOLDER.load_reader()(source))
+        return _as_read(FOLDER.load_reader()(source))
     found = format_of(source) if source.suffix else None
     own = found is not None and found.reader and not found.folder
     if added is not None and not own and source.suffix != SQLITE_ENDING and _by_mark(source) is None:
         others = added()
         if (read := others.reader(source)) is not None:
-            return _clock_told(read(source))
+            return _as_read(read(source))
         left_out = "".join(f"; {words}" for words in others.left_out)
     refuse_others(source)
     if source.suffix == SQLITE_ENDING:
@@ -337,7 +337,7 @@ def read_recording(path: "str | os.PathLike[str]", added: Added | None = None) -
         ending = source.suffix.lower() or "files without ending"
         raise FileFormatError(f"'{source}': silo doesn't read {ending}, only {readable()}{left_out}")
     try:
-        return _clock_told(found.load_reader()(source))
+        return _as_read(found.load_reader()(source))
     except MemoryError:
         raise FileFormatError(
             f"'{source}' takes more memory than there is ({source.stat().st_size:,} bytes); convert it to .silo where "
@@ -363,6 +363,12 @@ def starts_with(path: Path, mark: bytes) -> bool:
     with contextlib.suppress(OSError), path.open("rb") as file:
         return file.read(len(mark)) == mark
     return False
+
+
+def _as_read(recording: "Recording") -> "Recording":
+    from silo.core.recording import with_stretch
+
+    return _clock_told(with_stretch(recording))
 
 
 def _clock_told(recording: "Recording") -> "Recording":

@@ -2,6 +2,7 @@
 
 import itertools
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -284,3 +285,28 @@ def test_a_run_whose_elements_were_changed_is_saved_with_the_times_of_each_or_to
     assert again.recording.stretch == whole.recording.stretch
     assert again.recording.told_about["cut"].startswith("2 parts of run ")
     assert again["x"].time_ns.tolist() == whole["x"].time_ns.tolist()
+
+
+@pytest.mark.parametrize("kind", ["silo", "mcap", "npz", "csv"])
+def test_files_that_told_in_words_which_stretch_they_are_are_one_log(new_logger, tmp_path, kind):
+    logger = new_logger()
+    loop = Loop(logger)
+    loop.turn(4)
+    logger.set("x", divider=3, cut=True)
+    loop.turn(4)
+    logger.save("silo")
+    paths, old = [], tmp_path / "old"
+    old.mkdir()
+    for path in sorted(tmp_path.glob("*_part*.silo")):
+        recording = silo.open_log(path, alone=True).recording
+        told = replace(recording, about={**recording.about, "cut": recording.stretch.text}, stretch=None)
+        paths.append(old / f"{path.stem}.{kind}")
+        silo.Log(told).save(paths[-1])
+    for which in (paths[1], paths):
+        log = silo.open_log(which)
+        assert log["n"].values.tolist() == list(range(8))
+        assert log.recording.stretch.parts == 2
+        assert log.recording.told_about["cut"] == log.recording.stretch.text
+    told = replace(log.recording, about=log.recording.told_about, stretch=None)
+    silo.Log(told).save(tmp_path / "whole.npz")
+    assert silo.open_log(tmp_path / "whole.npz").recording.stretch == log.recording.stretch
