@@ -248,7 +248,7 @@ class Recording:
     @property
     def told_about(self) -> dict[str, str]:
         """What is shown of where it comes from: `about`, and which part of a run that was cut it is."""
-        return {**self.about, **({"cut": self.stretch.text} if self.stretch is not None else {})}
+        return {**({"cut": self.stretch.text} if self.stretch is not None else {}), **self.about}
 
     @property
     def entry_count(self) -> int:

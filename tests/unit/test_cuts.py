@@ -310,3 +310,13 @@ def test_files_that_told_in_words_which_stretch_they_are_are_one_log(new_logger,
     told = replace(log.recording, about=log.recording.told_about, stretch=None)
     silo.Log(told).save(tmp_path / "whole.npz")
     assert silo.open_log(tmp_path / "whole.npz").recording.stretch == log.recording.stretch
+
+
+def test_what_a_program_says_of_a_cut_stays_beside_that_its_run_was_cut(new_logger, tmp_path):
+    logger = new_logger(about={"cut": "diamond"})
+    loop = Loop(logger)
+    loop.turn()
+    logger.set("x", divider=3, cut=True)
+    loop.turn()
+    logger.save()
+    assert loop.whole(tmp_path).recording.told_about["cut"] == "diamond"
