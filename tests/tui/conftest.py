@@ -62,7 +62,7 @@ def styles_parsed_once() -> Iterator[None]:
 @pytest.fixture(autouse=True, scope="session")
 def painted_when_looked_at() -> Iterator[None]:
     """Paint what is looked at, once: Textual paints all for a terminal that isn't there, a quarter of these tests."""
-    paint, strips = Compositor.render_update, Compositor.render_strips
+    paint, strips, pop = Compositor.render_update, Compositor.render_strips, App.pop_screen
 
     def paint_later(compositor: Compositor, full: bool = False, **options: Any) -> Any:
         unseen = compositor.root is not None and compositor.root.app.is_headless
@@ -73,7 +73,13 @@ def painted_when_looked_at() -> Iterator[None]:
             paint(compositor, screen_stack=top.app._background_screens)
         return strips(compositor, *size)
 
+    def pop_painted(app: App[Any]) -> Any:
+        if app.is_headless and app.screen_stack:  # what stood there only between two keys, too
+            app.screen._compositor.render_strips()
+        return pop(app)
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(App, "pop_screen", pop_painted)
         patch.setattr(Compositor, "render_update", paint_later)
         patch.setattr(Compositor, "render_strips", strips_of_now)
         yield

@@ -84,10 +84,10 @@ async def test_another_plot_that_is_chosen_leaves_the_rest_as_a_whole_repaint_sh
         await screen.until(lambda: not re.search(r"now -\s", screen.text), "the newest of each signal")
         for key in ("j", "j", "k", "j"):
             await screen.press(key)
-            shown = screen.text
+            shown = list(screen._lines())  # with their styles
             monitor(screen).stack.redraw()
             await screen.pilot.pause()
-            assert screen.text == shown, key
+            assert list(screen._lines()) == shown, key
 
 
 async def test_a_pause_holds_the_picture_while_the_logger_goes_on(fake, opened):

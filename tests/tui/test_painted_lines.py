@@ -3,6 +3,7 @@
 import pytest
 from rich.text import Text
 from textual.app import App
+from textual.screen import ModalScreen
 
 from silo_tui.widgets.lines import Lines
 
@@ -46,3 +47,18 @@ async def test_of_a_list_that_has_scrolled_both_lines_are_painted(monkeypatch):
         painted = painted_of(lines, monkeypatch)
         lines.move(98)
         assert painted == {8, 9}
+
+
+async def test_what_can_t_be_painted_fails_the_test_also_where_it_was_closed_at_once():
+    class Bad(ModalScreen):
+        def compose(self):
+            yield Unpaintable("some")
+
+    class Unpaintable(Lines):
+        def render_line(self, y):
+            raise KeyError(y)
+
+    with pytest.raises(KeyError):
+        async with App().run_test(size=(40, 10)) as pilot:
+            await pilot.app.push_screen(Bad())
+            await pilot.app.pop_screen()
