@@ -242,8 +242,6 @@ class Editing(ElementsScreen):
 
     def value_now(self, command_id: str) -> str:
         """Return the value that a command would change, of the first element that it is about."""
-        if command_id == "edit_all":
-            return "div=5 size=10s"
         field, targets = FIELDS_BY_COMMAND.get(command_id), self.session.rows.targets()
         if field is None or not len(targets):
             return ""

@@ -198,8 +198,11 @@ class Session:
 
     async def turns_true(self, condition: str) -> "TriggerTried":
         """Return when a condition turned true in all that is held. Raises a SiloError where that can't be told."""
-        wanted = TriggerOptions("find", condition)
-        return await self._link.read(lambda client: client.try_trigger(wanted))
+        return await self.tried(TriggerOptions("find", condition))
+
+    async def tried(self, trigger: TriggerOptions) -> "TriggerTried":
+        """Return what a trigger would have done in all that is held. Raises a SiloError where that can't be told."""
+        return await self._link.read(lambda client: client.try_trigger(trigger))
 
     async def mark(self, words: str, at_ns: int) -> LoggedEvent:
         """Mark the tick of a moment; of a logger that has no tick yet, the moment is now."""

@@ -7,6 +7,7 @@ from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.elements import SignalLimits, TriggerOptions, TriggerWord
 from silo.errors import ElementError, RefusedError
 from silo_tui.model.lists.conditions import (
+    alarms_words,
     fields_of,
     head_words,
     limit_row,
@@ -72,7 +73,7 @@ class TestWords:
 
     @pytest.mark.parametrize(
         ("label", "typed", "says"),
-        [("HH", "four", "HH is red high, a number; got 'four'"), ("persist", "1.5", "persist is how many samples"),
+        [("HH", "four", "HH is red high, a number; got 'four'"), ("persist", "3.0", "a whole number; got '3.0'"),
          ("hyst", "some", "hyst is how far inside"), ("stale", "soon", "stale must be a time")],
     )  # fmt: skip
     def test_a_line_that_makes_no_limits_says_what_it_is(self, label, typed, says):
@@ -87,6 +88,13 @@ class TestWords:
     def test_what_makes_no_sense_is_said(self, field, typed, says):
         with pytest.raises((ValueError, Exception), match=says):
             options_of_fields({**fields_of(FALL.options), field: typed}, FALL.options)
+
+    @pytest.mark.parametrize(
+        ("alarms", "says"), [(1, "1 was over, seen by nobody │ 1 limit"), (2, "2 were over, seen by nobody │ 2 limits")]
+    )
+    def test_alarms_that_are_over_and_that_nobody_has_seen_are_counted(self, alarms, says):
+        over = LimitStatus("/log/y", "/log/y", LimitWord.OK, alarm=True)
+        assert alarms_words([over] * alarms) == f"0 over limits now, {says}"
 
     def test_a_test_shows_where_it_would_have_fired(self, fake):
         first, places, size = tried_lines(fake.try_trigger(FALL.options), 60, 20)
@@ -203,6 +211,35 @@ class TestScreens:
         assert next(call for call in fake.calls if call[0] == "set_limits")[1] == SignalLimits(
             "/log/LF/HAA/torque", (None, None, 50.0, 70.0), 3, 1.0, 0.5, "x > 1"
         )
+
+    @pytest.mark.parametrize(
+        ("key", "typed"), [("A", {"signal": "LF/HAA/torque", "H": "50"}), ("T", {"name": "a", "when": "x > 1"})]
+    )
+    async def test_without_a_link_a_dialog_says_that_and_nothing_of_what_is_typed(
+        self, fake, opened, monkeypatch, key, typed
+    ):
+        async with opened(fake) as screen:
+            await screen.press(key, "N")
+            await screen.until(lambda: screen.app.screen.query("#form-told"))
+            with monkeypatch.context() as patch:
+                patch.setattr(screen.session, "link", None)
+                for name, words in typed.items():
+                    screen.app.screen.field(name).value = words
+                await screen.shows(f"not connected to {screen.session.name} yet")
+
+    async def test_a_history_that_is_refused_leaves_how_often_limits_would_have_been_violated(
+        self, fake, opened, monkeypatch
+    ):
+        def busy(*asked):
+            raise RefusedError("busy; ask again")
+
+        async with opened(fake.run(20)) as screen:
+            await screen.press("A", "N")
+            await screen.until(lambda: screen.app.screen.query("#form-told"))
+            monkeypatch.setattr(fake, "history", busy)
+            screen.app.screen.field("signal").value, screen.app.screen.field("H").value = "legs/LF/HAA/torque", "50"
+            await screen.shows("would have been violated 3 ×")
+            assert "busy" not in screen.text
 
     @pytest.mark.parametrize("kind", ["limits", "trigger"])
     async def test_what_is_refused_stays_as_it_was_typed(self, fake, opened, monkeypatch, kind):

@@ -308,6 +308,7 @@ async def test_tab_doesn_t_leave_an_editor_behind(fake, opened):
 
 async def test_several_fields_are_set_by_words_in_one_line(fake, opened):
     async with opened(fake) as screen:
+        assert not screen.app.screen.value_now("edit_all")  # what the menu tells as the present value
         await screen.do("edit_all")
         await screen.shows("or words: div=5 size=10s buf=loop")
         await screen.type("div=5 size=10s bfu=grow")

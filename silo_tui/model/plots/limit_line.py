@@ -35,7 +35,7 @@ def limits_of_fields(fields: Mapping[str, str], before: SignalLimits) -> SignalL
         try:
             return read(typed) if typed not in ("", "-") else None
         except ValueError:
-            raise ValueError(f"{label} is {what}, a number; got {typed!r}") from None
+            raise ValueError(f"{label} is {what}, a {'whole ' * (read is int)}number; got {typed!r}") from None
 
     low, warn_low, warn_high, high = (given(label, what, float) for label, what in BOUNDS.items())
     bounds: Bounds4 = (low, warn_low, warn_high, high)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from silo.core.elements import SignalLimits, TriggerOptions
+from silo.errors import SiloError
 from silo.judging.definitions import rule_of
 from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.drawing.plots import draw, plots_of
@@ -78,18 +79,18 @@ class LimitsDialog(Form[LimitsWish]):
         """Return how often they would have been violated."""
         if not self.fields["signal"].strip():
             return HELP
-        limits, link = self.made().limits, self._session.link
+        limits = self.made().limits
         if limits is None:
             return TAKES_AWAY
         low, high = (self._inner(limits, places) for places in ((1, 0), (2, 3)))
         shown = self.fields["signal"].strip()
         tests = [f"{shown} < {low!r}"] if low is not None else []
         tests += [f"{shown} > {high!r}"] if high is not None else []
-        if not tests or link is None:
+        if not tests:
             return STALE
         when = " or ".join(tests)
         wanted = TriggerOptions("new", f"({when}) and ({limits.when})" if limits.when else when)
-        tried = await link.read(lambda client: client.try_trigger(wanted))
+        tried = await self._session.tried(wanted)
         told = tried_lines(tried, self.told_width, 0, "would have been violated")[:2]
         return "\n".join([*told, *await self._trend(limits, shown)])
 
@@ -104,7 +105,10 @@ class LimitsDialog(Form[LimitsWish]):
             return []
         store = ColumnStore([plotted.name], 2 * width, window.column_ns(2 * width))
         store.advance_to(end_ns // store.column_ns + 1)
-        store.take(await source.history([plotted.name], end_ns - window.span_ns, end_ns, store.column_ns))
+        try:
+            store.take(await source.history([plotted.name], end_ns - window.span_ns, end_ns, store.column_ns))
+        except SiloError:
+            return []  # how often they would have been violated is told without its curve
         picture = draw(store, window, plotted, width, TREND_LINES, source.period_ns(plotted.element.name))
         beside = [""] * TREND_LINES
         for line in lines_of(limits.bounds, picture.axis, TREND_LINES):

@@ -56,14 +56,12 @@ class TriggerEditor(Form[TriggerOptions]):
 
     async def look(self) -> str:
         """Return what it would have done."""
-        fields, link = self.fields, self._session.link
+        fields = self.fields
         if not fields["when"].strip():
             return "the condition: signals, numbers with units, and or not, prev diff rate mean min max any all"
         unnamed = not fields["name"].strip()  # the condition counts while there is no name yet
         made = options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
-        if link is None:
-            return ""
-        tried = await link.read(lambda client: client.try_trigger(made))
+        tried = await self._session.tried(made)
         return "\n".join([*tried_lines(tried, self.told_width, made.keep), *([UNNAMED] if unnamed else [])])
 
     def made(self) -> TriggerOptions:
