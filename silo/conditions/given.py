@@ -63,9 +63,9 @@ class TakesConditions(Generic[DoneT]):
         """
         from silo.judging.definitions import MOST_STALE_S, bounds_given, seconds
 
+        name = text("the signal's name", name, 'limit("joints/tau", (-40, -30, 30, 40))')
         if bounds is None:
             return self._remove_limits(name)
-        name = text("the signal's name", name, 'limit("joints/tau", (-40, -30, 30, 40))')
         text("when", when, 'when="controller/mode == STANCE"')
         four, stale_s = bounds_given(name, bounds), seconds("stale", stale, MOST_STALE_S)
         return self._set_limits(SignalLimits(name, four, persistence, hysteresis, stale_s, when))
@@ -124,9 +124,9 @@ class TakesConditions(Generic[DoneT]):
         from silo.files.formats import file_types
         from silo.judging.definitions import MOST_TRIGGER_S, seconds
 
+        name = line("the trigger's name", name, _TRIGGER)
         if when is None:
             return self._remove_trigger(name)
-        name = line("the trigger's name", name, _TRIGGER)
         given = {"pre": pre, "post": post, "persist": persist, "holdoff": holdoff}
         times: dict[str, Any] = {f"{key}_s": seconds(key, time, MOST_TRIGGER_S) for key, time in given.items()}
         return self._set_trigger(

@@ -67,6 +67,8 @@ MISTAKES = {
     "log.trigger('fall', 'joints/q_x > 1', before='5s')": "log.trigger() has no argument 'before', it takes name",
     "log.trigger('fall', 'joints/q_x > 1', 5, 1)": "name the others: pre=5",
     "log.trigger('fall', 'joints/q_x > 1', presist='1s')": "did you mean 'persist'?",
+    "log.trigger(5, None)": "the trigger's name must be a text, got 5 (int)",
+    "log.limit(5, None)": "the signal's name must be a text, got 5 (int)",
     "log.limit('joints/q')": "log.limit() needs bounds: write log.limit(name, bounds",
     "log.limit('joints/q', -1, 1)": "log.limit() takes 2 arguments by place (name, bounds), got 3",
     "log.limit('joints/q', low=-1)": "log.limit() has no argument 'low', it takes name, bounds",
