@@ -38,7 +38,7 @@ from silo.logger.current_run import CurrentRun, check_cut, unsaved_of
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
 from silo.logger.results import Elements, LoggedElement, as_html
-from silo.logger.run_data import RunData
+from silo.logger.run_data import RunData, types_in_one_list
 from silo.logger.scripted_table import ScriptedTable
 from silo.logger.tunables import Tunables
 from silo.logger.unclosed import (
@@ -175,7 +175,7 @@ class Logger(LoggerNames):
 
     snapshot = of("_data", RunData.snapshot)
     read_new_values = of("_data", RunData.read_new_values)
-    save = of("_data", RunData.save)
+    save = types_in_one_list(of("_data", RunData.save))
     record = of("_data", RunData.record)
     stop_recording = of("_data", RunData.stop_recording)
 

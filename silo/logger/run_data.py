@@ -5,8 +5,10 @@ import dataclasses
 import logging
 import os
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import wraps
 from pathlib import Path
+from typing import ParamSpec
 
 from silo.core.arguments import path, text, texts
 from silo.core.calls import told_class
@@ -20,6 +22,8 @@ from silo.logger.registrations import Registrations
 from silo.logger.results import LoggedElement, NewValues, NewValuesReader, SavedFiles, look_at
 from silo.logger.unclosed import save_run
 from silo.loop.run import Run
+
+P = ParamSpec("P")
 
 log = logging.getLogger("silo")
 
@@ -126,16 +130,13 @@ class RunData:
         Raises:
             SaveError: the system refuses. Nothing stands under the final name, the data is still in memory.
             StateError: nothing was logged yet.
-            ElementError: a type is none that can be saved, or stands where the name does.
+            ElementError: a type is none that can be saved, or stands where the name does; `name="csv"` is a name.
         """
         # the control program loads nothing of files until it saves
-        from silo.files.formats import SAVED_NAMES, file_types
+        from silo.files.formats import file_types
 
         chosen = file_types(types)
         name = text("name", name or "", 'log.save(name="first_walk")')
-        if name in SAVED_NAMES:
-            given = [*(one.name.lower() for one in chosen), name]
-            raise ElementError(f"log.save() takes types in one list, got {name!r} for a name: write log.save({given})")
         where = path("folder", folder) if folder else Path(self._options.folder)
         self._life.check_open()
         run = self._present.run
@@ -283,3 +284,22 @@ class RunData:
                 self._present.mark_saved(run, ticks)
                 if run is self._present.run:
                     self.save_cut_off()  # a save is of all stretches: of those, too, that could not be saved before
+
+
+def types_in_one_list(save: Callable[P, SavedFiles]) -> Callable[P, SavedFiles]:
+    """Have `log.save("csv", "silo")` refused: the second is meant as a type, unless it is given as `name=`."""
+
+    @wraps(save)
+    def call(*args: P.args, **kwargs: P.kwargs) -> SavedFiles:
+        if len(args) > 2 and isinstance(name := args[2], str):  # the logger is the first
+            from silo.files.formats import SAVED_NAMES, file_types
+
+            if name in SAVED_NAMES:
+                given = [*(one.name.lower() for one in file_types(args[1])), name]
+                raise ElementError(
+                    f"log.save() takes types in one list, got {name!r} for a name: write log.save({given}); "
+                    f"a file of that name is log.save(..., name={name!r})"
+                )
+        return save(*args, **kwargs)
+
+    return call

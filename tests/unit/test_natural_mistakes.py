@@ -166,6 +166,7 @@ WORK = {
     "[row.name for row in silo.compare(run, run)]": [],
     "open(log.save('csv')).read(5)": "time,",
     "len(silo.open_log(log.save('silo')[0]))": 1,
+    "log.save('csv', name='silo').path.endswith('/silo.csv')": True,
 }
 
 
