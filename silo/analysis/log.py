@@ -201,7 +201,7 @@ class Log(Mapping[str, Signal]):
     if not TYPE_CHECKING:  # type checkers know which names there are
 
         def __getattr__(self, name: str) -> object:
-            known = not name.startswith("_") and name not in _OTHER_NAMES and name in self
+            known = not name.startswith("_") and name in self
             others = {name: f"the signal is log['{name}']"} if known else _OTHER_NAMES
             return no_attribute("a log", name, type(self), others)
 

@@ -402,7 +402,7 @@ class Signal(Samples, _Operators):
     if not TYPE_CHECKING:  # type checkers know which names there are
 
         def __getattr__(self, name: str) -> object:
-            others = {one: f"it is signal['{one}']" for one in self.components} | _OTHER_NAMES
+            others = _OTHER_NAMES | {one: f"it is signal['{one}']" for one in self.components}
             return no_attribute("a signal", name, type(self), others)
 
     # ------------------------------------------------------------------------------------------------------- plotting

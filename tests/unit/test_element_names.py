@@ -19,6 +19,18 @@ def test_asking_for_an_attribute_of_an_elements_name_says_how_to_look_at_it(new_
     assert "q" not in dir(logger)
 
 
+@pytest.mark.parametrize("name", ["error", "status", "rate", "time", "mean", "data", "put", "wait", "marker", "shape"])
+def test_an_element_goes_before_what_others_mean_by_its_name(new_logger, name):
+    logger = new_logger()
+    logger.array(name)
+    with pytest.raises(UnknownNameError, match=rf"a logger has no '{name}': its element is log\['/log/{name}'\]"):
+        getattr(logger, name)
+    logger.start()
+    logger.collect()
+    with pytest.raises(UnknownNameError, match=rf"a log has no '{name}': the signal is log\['{name}'\]"):
+        getattr(silo.Log(logger.snapshot()), name)
+
+
 def test_another_logger_has_no_such_name_and_python_says_so(new_logger):
     new_logger("one").array("q_of_one", 3)
     with pytest.raises(AttributeError, match="'Logger' object has no attribute 'q_of_one'") as raised:
@@ -145,3 +157,12 @@ def test_an_element_that_has_no_name_is_refused_with_what_to_write(given, words)
 )
 def test_an_element_is_called_as_it_is_told_or_as_its_attribute_or_its_function(given, name):
     assert element_name(*given) == name
+
+
+def test_a_component_goes_before_what_others_mean_by_its_name(new_logger):
+    logger = new_logger()
+    logger.array("v", 2, kind="components(t, turn)")
+    logger.start()
+    logger.collect()
+    with pytest.raises(UnknownNameError, match=r"it is signal\['t'\]"):
+        _ = silo.Log(logger.snapshot())["v"].t
