@@ -5,6 +5,7 @@ names several. What an element of several scalars gives is a vector. The result 
 what `silo.expressions.evaluation` computes.
 """
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,7 +19,7 @@ from silo.core.elements import Derived, Entry
 from silo.core.names import Found, Names, did_you_mean, is_glob, nearest
 from silo.errors import ElementError, ExpressionError
 from silo.expressions.operations import FUNCTIONS
-from silo.expressions.parsing import Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
+from silo.expressions.parsing import UNIT, Call, ComparisonChain, Expression, Name, Node, Number, Operation, parse
 
 OFF = -1  # the source of an element that isn't logged
 
@@ -406,14 +407,32 @@ class _Binder:
             sides = self._in_one_unit(sides, node.arguments)
             return _Found(Computed(f"{name}_of", self._gathered(sides, node)), 0, _unit(rule, sides))
         width = self._width(sides, node)
-        if rule.takes and first.unit and units.factor(first.unit, rule.takes) is None:
-            raise self._error(
-                f"{name} takes numbers or angles, and this is in '{first.unit}': divide it by 1{first.unit}",
-                node.arguments[0],
-            )
+        if rule.takes and first.unit:
+            sides = [self._plain(first, name, rule.takes, node.arguments[0]), *sides[1:]]
         if rule.takes or len(sides) > 1:
             sides = self._in_one_unit(sides, node.arguments, rule.takes)
         return _Found(Computed(name, tuple(side.part for side in sides)), width, _unit(rule, sides))
+
+    def _plain(self, side: _Found, name: str, takes: str, node: Node) -> _Found:
+        """What a function of numbers or angles is given: of what has a unit that is none, a number where it can be."""
+        unit = side.unit or "-"
+        factor = units.factor(unit, takes)
+        if factor is None and "cycle" not in unit and units.factor(unit, "Hz*s") is not None:
+            return replace(self._in_one_unit([side], [node], "Hz*s")[0], unit=None)  # 2 pi f t
+        if factor is None:
+            divided = f"divide it by 1{unit}, or " if UNIT.fullmatch(unit) else ""
+            raise self._error(
+                f"{name} takes numbers or angles, and this is in '{unit}': {divided}derive a signal of it with "
+                f"unit='{takes}'",
+                node,
+            )
+        if factor != 1 and _is_scaled(side.part, factor):
+            raise self._error(
+                f"this is an angle in '{unit}', which {name} converts by itself, times {factor:.5g}: it would be "
+                f"converted twice; leave the factor out, {name}(x)",
+                node,
+            )
+        return side
 
     def _gathered(self, sides: Sequence[_Found], node: Call) -> tuple[Part, ...]:
         if len(sides) == 1 and not sides[0].width:
@@ -442,6 +461,25 @@ class _Binder:
 def _unit(rule: UnitRule, sides: Sequence[_Found]) -> str | None:
     unit = rule.of(next((side.unit for side in sides if side.unit), "-"))
     return None if unit == "-" else unit
+
+
+def _is_scaled(part: Part, factor: float) -> bool:
+    """Whether somebody multiplied by about this factor, in one of the terms of a sum."""
+    if isinstance(part, Computed) and part.operator in ("+", "-", "neg", "abs"):
+        return any(_is_scaled(one, factor) for one in part.parts)
+    return not isinstance(part, Constant) and math.isclose(abs(_constant(part)), factor, rel_tol=1e-3)
+
+
+def _constant(part: Part) -> float:
+    """By which number a product is multiplied."""
+    if isinstance(part, Constant):
+        return part.value
+    if not isinstance(part, Computed) or part.operator not in ("*", "/", "neg"):
+        return 1.0
+    first, *others = map(_constant, part.parts)
+    for other in others:
+        first = first * other if part.operator == "*" else first / other if other else math.inf
+    return first
 
 
 def _is_time(node: Node) -> bool:

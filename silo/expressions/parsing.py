@@ -21,7 +21,7 @@ from silo.expressions.operations import FUNCTIONS, Function
 MOST_CHARACTERS = 500
 
 _NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_UNIT = re.compile(r"[A-Za-zµμΩ°][A-Za-z0-9µμΩ°]*(?:/[A-Za-zµμΩ°][A-Za-z0-9]*)*")
+UNIT = re.compile(r"[A-Za-zµμΩ°][A-Za-z0-9µμΩ°]*(?:/[A-Za-zµμΩ°][A-Za-z0-9]*)*")
 _OPERATOR = re.compile(r"\*\*|[<>=!]=|[-+*/%<>(),]")
 _LETTER = re.compile(r"[^\W\d]|[_/]")
 _CLASS = re.compile(r"\[[^\[\]\s]{1,50}\]")
@@ -119,7 +119,7 @@ class _Tokenizer:
         return at + 1 >= len(self._text) or self._text[at + 1].isspace()
 
     def _number(self, at: int, end: int) -> int:
-        unit = _UNIT.match(self._text, end)
+        unit = UNIT.match(self._text, end)
         if unit:
             self._units[at] = unit[0]
             self._python[end : unit.end()] = " " * (unit.end() - end)

@@ -1,13 +1,14 @@
 """Reading and binding expressions: what they mean, and errors that show the place."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.core.elements import Entry
+from silo.core.elements import Derived, Entry
 from silo.errors import ExpressionError
 from silo.expressions.binding import OFF, BoundSignal, Catalogue, Constant, Known, bind
 from silo.expressions.derived_signals import Lookback, lookback
@@ -222,3 +223,37 @@ def test_a_sine_of_what_is_no_angle_is_refused_and_of_a_number_of_degrees_taken(
         bind("sin(tau)", CATALOGUE)
     assert bind("sin(tau / 1Nm) > sin(30deg)", CATALOGUE).logical
     assert bind("sqrt(rate(roll) * roll)", CATALOGUE).unit == "rad/s^0.5"
+
+
+@pytest.mark.parametrize("unit", ["Nm", "%", "m/s^2", "m/s2", "N*m", "N·m", "kg m^2", "[parsec]", "1/s", "cycle"])
+def test_what_is_told_of_a_sine_of_no_angle_can_be_typed(unit):
+    elements = [known("/log/x", unit=unit)]
+    with pytest.raises(ExpressionError, match="takes numbers or angles") as caught:
+        bind("sin(x)", Catalogue(elements, "/log"))
+    divided = re.search(r"divide it by (\S+),", caught.value.reason)
+    if divided:
+        assert bind(f"sin(x / {divided[1]})", Catalogue(elements, "/log")).unit == "-"
+    given = re.search("derive a signal of it with unit='(.+)'", caught.value.reason)[1]
+    derived = Catalogue(elements, "/log", (Derived("/log/angle", "x", given),))
+    assert bind("sin(angle)", derived).unit == "-"
+
+
+@pytest.mark.parametrize(("unit", "turns"), [("Hz", 0.25), ("kHz", 0.00025), ("1/s", 0.25)])
+def test_a_sine_of_turns_that_were_made_radians_is_of_that_number(unit, turns):
+    rows = SourceRows(np.arange(1), np.arange(1), {(0, 0): np.array([turns]), (1, 0): np.array([1.0])})
+    bound = bind("sin(6.283185307 * f * t)", Catalogue([known("/log/f", unit=unit), known("/log/t", unit="s")], "/log"))
+    assert np.allclose(Evaluator(bound).feed({0: rows}).values[0], 1.0)
+
+
+@pytest.mark.parametrize(
+    "angle", ["d * 3.14159265 / 180", "0.01745 * d", "d / 57.2958", "-d * 3.1416 / 180 + 0.1", "made"]
+)
+def test_an_angle_that_somebody_made_radians_is_not_converted_again_without_a_word(angle):
+    elements = [known("/log/d", unit="deg")]
+    catalogue = Catalogue(elements, "/log", (Derived("/log/made", "d * 3.14159 / 180", ""),))
+    with pytest.raises(ExpressionError, match=r"an angle in 'deg', which sin converts by itself.*leave the factor out"):
+        bind(f"sin({angle})", catalogue)
+    for fit in ("d", "d * 0.018", "2 * d - 3", "1deg * 3"):
+        assert bind(f"sin({fit}) > 0.5 * sin(d)", catalogue).logical
+    meant = Catalogue(elements, "/log", (Derived("/log/made", "d * 3.14159 / 180", "rad"),))
+    assert bind("sin(made)", meant).unit == "-"
