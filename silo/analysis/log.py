@@ -146,10 +146,18 @@ class Log(Mapping[str, Signal]):
     def __delitem__(self, name: str) -> NoReturn:
         self.__setitem__(name, None)
 
-    def __array__(self, *_: object, **__: object) -> NoReturn:
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        if dtype is not None and np.dtype(dtype) == object:
+            one = np.empty((), object)
+            one[()] = self
+            return one
         raise ArgumentError(
             "a log is no array: log.to_pandas() is a table of all signals, log['/log/x'].values an array"
         )
+
+    def __array_ufunc__(self, ufunc: np.ufunc, *_: object, **__: object) -> object:
+        # an array is no log, and no part of one
+        return ufunc is np.not_equal if ufunc in (np.equal, np.not_equal) else self.__array__()
 
     def __enter__(self) -> "Log":
         return self

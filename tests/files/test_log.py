@@ -387,3 +387,18 @@ class TestNamesThatAreMeant:
             assert matching(names, [pattern]) == ["/log/joints/q"]
             assert select(names, [pattern]) == [0]
         assert matching(names, ["/nope", "/mode"]) == ["/log/mode"]
+
+
+def test_arrays_hold_logs_as_any_object_and_equal_none(new_logger):
+    logger = new_logger()
+    logger.array("x")
+    logger.start()
+    logger.collect()
+    log, array = silo.Log(logger.snapshot()), np.arange(3)
+    held = np.array([log, log], dtype=object)
+    assert held.shape == (2,)
+    assert all(one is log for one in held)
+    assert (log == array, array == log, log != array, array != log, log in [array]) == (False, False, True, True, False)
+    for wrong in (lambda: np.array([log]), lambda: np.asarray(log, float), lambda: np.sin(log), lambda: array - log):
+        with pytest.raises(silo.errors.ArgumentError, match=r"a log is no array: log.to_pandas"):
+            wrong()
