@@ -301,6 +301,15 @@ def test_ticks_are_of_the_whole_run_as_its_time_is(log: silo.Logger, command: Ru
     assert f"{whole} ticks" in command("info", "arm").out
 
 
+def test_a_file_that_is_called_as_a_logger_does_not_hide_it(
+    log: silo.Logger, command: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("arm").touch()
+    shown = command("info", "arm", "tau")
+    assert (shown.code, "/log/joints/tau" in shown.out) == (0, True), shown.err
+
+
 CUTS = 4
 
 

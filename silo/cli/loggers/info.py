@@ -47,7 +47,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
 
         print_file_info(words[0], as_json)
         return
-    if len(words) > 1 and os.path.isfile(words[0]):  # noqa: PTH113
+    if len(words) > 1 and os.path.isfile(words[0]) and means_saved(words[0]):  # noqa: PTH113
         raise click.UsageError(f"one file at a time: silo info {words[0]}; of its signals `silo stats FILE NAME`")
     logger, patterns = split_logger(words)
     with _telling_what_was_left(logger), connect(logger) as client:
