@@ -139,17 +139,17 @@ class FileSession(Session):
     def _turns_true(self, condition: str) -> TriggerTried:
         judge = RecordingJudge(self.source.recording)
         bound, found = bind(condition, judge.catalogue).condition(), list[tuple[int, int]]()
-        before, judged = UNOBSERVABLE, 0
+        before, judged, blind = UNOBSERVABLE, 0, 0
         for batch in judge.batches(bound):
             codes = batch.codes()
             known = codes != UNOBSERVABLE
             told = np.concatenate([[before], codes[known]])
             rises = np.flatnonzero((told[1:] == TRUE) & (told[:-1] == FALSE))
             found += zip(batch.ticks[known][rises].tolist(), batch.time_ns[known][rises].tolist(), strict=True)
-            before, judged = int(told[-1]), judged + len(codes)
-        source = self.source
+            before, judged, blind = int(told[-1]), judged + len(codes), blind + int(np.count_nonzero(~known))
+        begin_ns, end_ns = self.source.begin_ns, self.source.end_ns
         ticks, times = map(list, zip(*found, strict=True)) if found else ([], [])
-        return TriggerTried(len(found), ticks, times, 0, self.status.ticks - 1, source.begin_ns, source.end_ns, judged)
+        return TriggerTried(len(found), ticks, times, 0, self.status.ticks - 1, begin_ns, end_ns, judged, blind)
 
     def read(self, names: Sequence[str]) -> None:
         """Bring the values of these elements at the moment shown."""

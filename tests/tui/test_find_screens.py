@@ -1,14 +1,18 @@
 """Find moments, two cursors, plots that share an axis: driven by keys, on a file and on a logger."""
 
 import asyncio
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from silo.analysis.log import Log
+from silo.conditions.requests import TriggerTried
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.app import SiloApp
+from silo_tui.model.samples.find import Search, What
+from silo_tui.screens.plots.finding import turned
 from silo_tui.screens.plots.monitor import FileMonitorScreen
 from silo_tui.sessions.recorded import FileSession
 
@@ -80,6 +84,50 @@ async def test_where_a_condition_of_any_signals_turns_true_is_found_by_a_form_th
         await screen.shows("9 of 11")
         await screen.do("find", "w")
         assert screen.app.screen.fields == {"when": "LF/torque > 0.5"}
+
+
+async def test_of_a_condition_that_nothing_tells_a_file_says_that_it_was_blind():
+    whole = recording()
+    bad = replace(whole, elements=(*whole.elements, element("bad", np.full(TICKS, np.nan))))
+    tried = await FileSession(Log(bad, "robot.silo")).turns_true("bad > 1")
+    assert (tried.fires, tried.judged, tried.blind) == (0, TICKS, TICKS)
+
+
+@pytest.mark.parametrize(
+    ("fires", "times_s", "begin_s", "says"),
+    [
+        (0, [], 21, "none, the logger has overwritten what is held here"),
+        (2000, range(21, 30), 0, "none, only later ones are told"),
+        (0, [], 5, "none in 15 s held"),
+    ],
+)
+def test_of_a_pause_it_is_told_what_a_test_of_now_says_nothing_of(fires, times_s, begin_s, says):
+    times = [each * 10**9 for each in times_s]
+    tried = TriggerTried(fires, [0] * len(times), times, 0, 1, begin_s * 10**9, 60 * 10**9)
+    assert turned(Search(What.CONDITION, condition="x > 1"), tried, 20 * 10**9).none().endswith(says)
+
+
+async def test_before_the_oldest_moment_that_is_told_it_says_how_many_there_are_and_judges_nothing_anew(monitor):
+    judged = []
+
+    async def newest_two(condition):
+        judged.append(condition)
+        end_ns = START_NS + 3 * 10**9
+        return TriggerTried(1500, [400, 800], [START_NS + 10**9, START_NS + 2 * 10**9], 0, 1, START_NS, end_ns)
+
+    async with monitor("position") as (screen, shown):
+        await screen.do("find", "w")
+        await screen.until(lambda: screen.app.screen.is_modal, "the form")
+        shown.session.turns_true = newest_two
+        await screen.type("LF/torque > 0.5")
+        await screen.press("enter")
+        await screen.shows("1500 of 1500")
+        await screen.do("previous_found")
+        await screen.shows("1499 of 1500")
+        before = len(judged)
+        await screen.do("previous_found")
+        await screen.shows("1498 older ones are not told")
+        assert len(judged) == before
 
 
 async def test_brackets_go_from_crossing_to_crossing(monitor):

@@ -66,8 +66,8 @@ class SearchResult:
 
     def ends_before(self, now_ns: int, step: int) -> bool:
         """Return whether the next one isn't here, but there may be more that way."""
-        if self.place(now_ns, step) is not None:
-            return False
+        if self.search.condition or self.place(now_ns, step) is not None:
+            return False  # of a condition the newest are told, wherever one asks from
         return self.before > 0 if step < 0 else self.before + len(self.moments) < self.total
 
 
@@ -135,11 +135,16 @@ class _Told:
 
 
 def turned(search: Search, tried: "TriggerTried", end_ns: int) -> SearchResult:
-    """Return the moments until a time at which a condition turned true, as a test of it found them."""
+    """Return the moments until a time at which a condition turned true, as a test of it found them.
+
+    The test judged what is held now: of a pause that may be nothing any more, and only the newest are told.
+    """
     moments = tuple(Moment(time_ns, "", "turns true") for time_ns in tried.time_ns if time_ns <= end_ns)
-    held_s = max(0, min(tried.end_ns, end_ns) - tried.begin_ns) / 1e9
-    older = tried.fires - len(tried.time_ns)  # only the newest are told
-    return SearchResult(search, (), end_ns, moments, held_s, older + len(moments), older, tried.why)
+    older = tried.fires - len(tried.time_ns)
+    gone, unseen = tried.begin_ns > end_ns, older > 0 and not moments
+    held_s = 0.0 if gone or unseen else max(0, min(tried.end_ns, end_ns) - tried.begin_ns) / 1e9
+    lost = "the logger has overwritten what is held here" if gone else "only later ones are told" if unseen else ""
+    return SearchResult(search, (), end_ns, moments, held_s, older + len(moments), older, tried.why or lost)
 
 
 def _happened(source: HeldRows, plots: Sequence[Plotted], search: Search) -> SearchResult:

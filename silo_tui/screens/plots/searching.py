@@ -128,6 +128,9 @@ class MomentSearch:
             self.screen.say(found.none())
             return
         place = found.place(self.screen.now_ns, step)
+        if place is None and step < 0 and found.before:
+            self.screen.say(f"{words}: {found.before} older ones are not told")
+            return
         if place is None:
             which = "only one" if found.total == 1 else f"{'last' if step > 0 else 'first'} of {found.total}"
             self.screen.say(f"{words}: that is the {which}")
