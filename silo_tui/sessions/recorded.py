@@ -6,6 +6,7 @@ It has no link, so that nothing of it can be asked of a robot; `time_ns` is the 
 import asyncio
 import contextlib
 import os
+import threading
 import warnings
 from collections.abc import Callable, Sequence
 from datetime import datetime
@@ -134,13 +135,19 @@ class FileSession(Session):
 
     async def turns_true(self, condition: str) -> TriggerTried:
         """Return when a condition turned true in the file. Raises ExpressionError with the place of a mistake."""
-        return await asyncio.to_thread(self._turns_true, condition)
+        left = threading.Event()
+        try:
+            return await asyncio.to_thread(self._turns_true, condition, left)
+        finally:
+            left.set()  # a thread goes on when nobody waits for it any more
 
-    def _turns_true(self, condition: str) -> TriggerTried:
+    def _turns_true(self, condition: str, left: threading.Event) -> TriggerTried:
         judge = RecordingJudge(self.source.recording)
         bound, found = bind(condition, judge.catalogue).condition(), list[tuple[int, int]]()
         before, judged, blind = UNOBSERVABLE, 0, 0
         for batch in judge.batches(bound):
+            if left.is_set():
+                break
             codes = batch.codes()
             known = codes != UNOBSERVABLE
             told = np.concatenate([[before], codes[known]])

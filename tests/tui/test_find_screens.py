@@ -1,6 +1,7 @@
 """Find moments, two cursors, plots that share an axis: driven by keys, on a file and on a logger."""
 
 import asyncio
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +11,13 @@ from silo.analysis.log import Log
 from silo.conditions.requests import TriggerTried
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from silo.expressions.over_recordings import RecordingJudge
 from silo_tui.app import SiloApp
 from silo_tui.model.samples.find import Search, What
 from silo_tui.screens.plots.finding import turned
 from silo_tui.screens.plots.monitor import FileMonitorScreen
 from silo_tui.sessions.recorded import FileSession
+from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -128,6 +131,28 @@ async def test_before_the_oldest_moment_that_is_told_it_says_how_many_there_are_
         await screen.do("previous_found")
         await screen.shows("1498 older ones are not told")
         assert len(judged) == before
+
+
+async def test_a_condition_that_is_judged_in_a_file_for_nobody_any_more_reads_no_further(monkeypatch):
+    batches, begun, ended, whole = RecordingJudge.batches, threading.Event(), threading.Event(), []
+
+    def many(judge, bound):
+        first = next(iter(batches(judge, bound)))
+        try:
+            for _ in range(20_000):
+                begun.set()
+                yield first
+            whole.append(True)
+        finally:
+            ended.set()
+
+    monkeypatch.setattr(RecordingJudge, "batches", many)
+    judging = asyncio.create_task(FileSession(Log(recording(), "robot.silo")).turns_true("LF/torque > 0.5"))
+    await asyncio.to_thread(begun.wait, DEADLINE_S)
+    judging.cancel()
+    await asyncio.to_thread(ended.wait, DEADLINE_S)
+    assert ended.is_set()
+    assert not whole
 
 
 async def test_brackets_go_from_crossing_to_crossing(monitor):
