@@ -1,5 +1,6 @@
 """Choosing a logger, scripts, saving data, the command line, help, and the palette."""
 
+import asyncio
 import importlib
 import pkgutil
 
@@ -74,14 +75,34 @@ async def test_data_is_saved_in_the_types_that_are_chosen(fake, opened):
         assert fake.calls == [("save", [FileType.SILO, FileType.CSV], "")]
         await screen.shows("/home/ann/logs/robot_00001.silo")
         await screen.shows("1.23 MB")
+        await screen.shows("o Opens it")
 
 
-async def test_a_failed_save_says_why(fake, opened):
+def after(job, done):
+    """Returns a job that tells when it was done."""
+
+    async def run():
+        await job()
+        done.set()
+
+    return run
+
+
+async def test_a_failed_save_says_why_until_something_else_is_to_be_saved(fake, opened, monkeypatch):
     fake.run()
     fake.save_error = "no space left on /home/ann/logs: 3 MB free, 40 MB needed"
     async with opened(fake, size=(100, 30)) as screen:
         await screen.press("w", "enter")
         await screen.shows("no space left")
+        told = screen.app.screen.query_one("#form-told")
+        looked = asyncio.Event()
+        monkeypatch.setattr(screen.app.screen, "_look_now", after(screen.app.screen._look_now, looked))
+        screen.app.screen.look_soon()
+        await looked.wait()
+        assert "no space left" in screen.text and told.has_class("failed")
+        await screen.press("down", "space")  # something else is to be saved
+        await screen.shows(".csv: ")
+        assert not told.has_class("failed")
 
 
 async def test_the_end_of_a_save_whose_dialog_was_left_is_told(fake, opened):

@@ -220,7 +220,7 @@ async def test_after_a_save_one_key_opens_the_file(opened, fake, logs, monkeypat
     monkeypatch.setattr(fake, "save", save)
     async with opened(fake) as screen:
         await screen.press("w", "enter")
-        await screen.shows("o opens it")
+        await screen.shows("o Opens it")
         await screen.press("o")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
         await screen.until(lambda: "fall_3" in screen.text.partition("\n")[0], "its name")

@@ -187,7 +187,7 @@ async def test_12_what_was_just_saved_is_opened(fake, opened, tmp_path):
         for key, _ in keys[:-1]:
             await free(screen)
             await screen.press(NAMES.get(key, key))
-        await screen.shows("o opens it")
+        await screen.shows("o Opens it")
         await screen.press(keys[-1][0])
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
 

@@ -54,7 +54,8 @@ class SaveDialog(Form[list[SavedFile]]):
         self._go_on = go_on  # leaves by itself when the files are there
         self._saving = False
         self._files: list[SavedFile] | None = None
-        self._told = ""  # of a save that began
+        self._asked: list[SavedFile] | None = None  # of the last save
+        self._told = ""  # of it, until something else is to be
 
     def above(self) -> ComposeResult:
         """Yield the folder, and the types."""
@@ -74,6 +75,8 @@ class SaveDialog(Form[list[SavedFile]]):
         """Give the focus to the first line; Enter saves from there too."""
         self.query_one(ProgressBar).display = False
         self.query_one(CheckLine).focus()
+        for line in self.query(CheckLine):
+            self.watch(line, "value", self.look_soon, init=False)
         self.look_soon()
         if self._at_once:
             self._begin()
@@ -99,20 +102,24 @@ class SaveDialog(Form[list[SavedFile]]):
 
     async def look(self) -> str:
         """Return what would be written of how much; of a save that began, how it stands."""
-        if self._told:
+        session = self.context.session
+        if not self._stands():
+            await session.refresh_status()  # which counts what is held
+        if self._stands():  # also of a save that began meanwhile
             return self._told
-        files, session = self.made(), self.context.session
-        await session.refresh_status()  # which counts what is held
-        status = session.status
+        self.query_one("#form-told").set_class(False, "failed")
+        files, status = self.made(), session.status
         names = ", ".join(f"{one.path or status.logger + '_…'}{SAVED[one.type].ending}" for one in files)
         held = f"{text.count(status.held_samples)} samples over {duration(status.held_s)}"
         return f"{names}: {held}" if status.held_samples else f"{names}: nothing is held yet"
+
+    def _stands(self) -> bool:
+        return bool(self._told) and (self._saving or self._files is not None or self.made() == self._asked)
 
     def action_turn(self, kind: str) -> None:
         """Tick a type, or not."""
         if self._files is None and not self._saving:
             self.query_one(f"#type-{kind}", CheckLine).action_turn()
-            self.look_soon()
 
     def action_save(self) -> None:
         """Save from wherever the focus is; closes when that is done."""
@@ -148,7 +155,7 @@ class SaveDialog(Form[list[SavedFile]]):
         except (SiloError, ValueError) as error:
             self.tell(str(error))
             return
-        self._saving = True
+        self._saving, self._asked = True, files
         self.query_one(ProgressBar).display = True
         self.query_one(ProgressBar).update(progress=0.0)
         self._result("Saving …")
@@ -202,7 +209,10 @@ class SaveDialog(Form[list[SavedFile]]):
                 self.dismiss(self._files)
                 return
             where = [f"{file.path}\n  {size_text(file.size_bytes)}" for file in event.files]
-            self._result("\n".join([*where, "", "o opens it   Enter or Esc closes"]))
+            self._result("\n".join(where))
+            self.KEYS_HERE = "o Opens it  Enter Esc Close"
+            if (screen := self.context.upper_screen) is not None:
+                screen.show_keys_above()
             for done in [*self.query(CheckLine), *self.query(".form-line"), bar]:
                 done.display = False  # three formats and where they are don't fit 80x24 together
             self.query_one("#save-go", Button).label = "Close"
@@ -216,6 +226,6 @@ class SaveDialog(Form[list[SavedFile]]):
             bar.update(progress=event.progress)
 
     def _result(self, words: str, *, failed: bool = False) -> None:
-        self._told = "" if failed else words
+        self._told = words
         self.tell(words)
         self.query_one("#form-told").set_class(failed, "failed")
