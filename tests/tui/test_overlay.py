@@ -1,5 +1,6 @@
 """A saved run over the live plots: aligned by time since start, behind the live curves, nothing that isn't in it."""
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -10,7 +11,7 @@ from silo.files import write
 from silo_tui.model.drawing.columns import ColumnPiece, ColumnStore
 from silo_tui.model.drawing.plots import Plotted, draw_panel, together
 from silo_tui.model.drawing.window import PlotWindow
-from silo_tui.model.plots.overlay import ghost_piece, overlay_of
+from silo_tui.model.plots.overlay import Overlay, ghost_piece, overlay_of
 from silo_tui.model.samples.recorded import RecordingSource
 from silo_tui.screens.lists.recordings import RecordingsScreen
 from silo_tui.screens.plots.monitor import MonitorScreen
@@ -97,7 +98,7 @@ def test_a_plot_without_a_ghost_is_as_it_was():
 
 
 @pytest.mark.slow
-async def test_O_lays_a_run_over_the_plots_and_lifts_it_again(opened, fake, tmp_path):
+async def test_O_lays_a_run_over_the_plots_and_lifts_it_again(opened, fake, tmp_path, monkeypatch):
     fake.logs = tmp_path / "logs"
     write(saved(seconds=30), fake.logs, "robot", ["silo"], "old_walk", why="saved by ann")
     async with opened(fake.run(12.0), size=(100, 30)) as screen:
@@ -120,6 +121,13 @@ async def test_O_lays_a_run_over_the_plots_and_lifts_it_again(opened, fake, tmp_
         fake.advance(5.0)
         await screen.until(lambda: stack.store.end * stack.store.column_ns > START_NS + 16 * SECOND, "time goes by")
         assert ghost_piece(stack.ghost, X, stack.store.end, stack.columns).high[-1] > ghost.high[-1]
+        status = screen.session.status  # a cut is no new start
+        cut = msgspec.structs.replace(status, started_ns=START_NS + 16 * SECOND, begun_ns=START_NS, before_ticks=6400)
+        screen.session.status = cut
+        columns, began = Overlay.columns, []
+        monkeypatch.setattr(Overlay, "columns", lambda *given: began.append(given[-1]) or columns(*given))
+        await screen.app.screen._fill_ghost(stack.store)
+        assert set(began) == {START_NS}
         await screen.do("recordings")
         await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
         await screen.shows("old_walk")

@@ -172,7 +172,7 @@ class PlotScreen(SiloScreen):
 
     async def _fill_ghost(self, store: ColumnStore) -> None:
         """Read what a saved run had in this window, and in the next one: the live one goes on."""
-        overlay, began_ns = self.session.overlay, self.session.status.started_ns
+        overlay, began_ns = self.session.overlay, self.session.status.run_began_ns
         if overlay is None or not began_ns or not store.names:
             self.stack.ghost = None
             return
