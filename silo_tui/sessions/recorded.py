@@ -215,10 +215,13 @@ def _bounds_of(recording: Recording, elements: Sequence[ElementInfo]) -> dict[st
 
 
 def open_file(which: str | os.PathLike[str] | int) -> FileSession:
-    """Open what `silo.open_log` takes. Raises its errors, and `FileFormatError` for a log without data."""
+    """Open what `silo.open_log` takes; of a run that was cut that part alone: the screen has one time for all.
+
+    Raises its errors, and `FileFormatError` for a log without data.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)  # the banner shows them
-        log = open_log(which)
+        log = open_log(which, alone=True)
     if not len(log.time_ns) or not len(log):
         what = "time stamps" if len(log) else "signals"
         told = f" ({'; '.join(log.warnings)})" if log.warnings else ""
@@ -228,4 +231,7 @@ def open_file(which: str | os.PathLike[str] | int) -> FileSession:
             f"'{log.path}' is a bag of others, each topic with time stamps of its own, and the screen has one time for "
             f"all: `silo convert --rate 100 {log.path} run.silo`, then `silo-tui run.silo`; or `silo plot`, as it is"
         )
-    return FileSession(log)
+    session = FileSession(log)
+    if log.recording.stretch is not None and log.recording.stretch.part:
+        session.warnings += (f"{log.recording.stretch.text}, shown alone: silo.open_log reads all parts as one",)
+    return session

@@ -281,7 +281,7 @@ def test_client_may_come_before_the_logger(robots, runtime) -> None:
         wait_until(lambda: client.status().state is State.RUNNING)
 
 
-def test_helper_stays_small(robot, watcher, until) -> None:
+def test_helper_stays_small(cold, robot, watcher) -> None:
     watcher.client.wait_saved(watcher.client.save(), 30)
     text = Path(f"/proc/{robot.helper_pid}/status").read_text()
     (size,) = [int(line.split()[1]) for line in text.splitlines() if line.startswith("VmRSS")]

@@ -1,5 +1,7 @@
 """The entries that widgets, filter, help, palette and command line are made from are whole and lead somewhere."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -112,6 +114,7 @@ def test_a_command_without_keys_can_be_typed_and_is_carried_out():
 
 async def test_every_argument_that_can_be_completed_has_its_choices(fake, opened):
     fake.derive("hot", "imu/temperature > 3")
+    Path("logs").mkdir()
     async with opened(fake) as screen:
         runner = CommandRunner(screen.app.context)
         screen.app.context.learn_scripts()

@@ -155,8 +155,8 @@ async def test_a_file_is_ordered_by_what_its_samples_say(path, on_file):
             ("i", "low spike ramp vector"), ("t", "ramp vector spike low"), ("c", "ramp spike vector low"),
         ):  # fmt: skip
             await screen.press("j", "o", letter)
-            await screen.until(lambda: screen.session.table.facts.time_ns, "what was reckoned")
-            assert (" ".join(order(screen)), screen.session.rows.position) == (found, 0), letter
+            await screen.until(lambda found=found: " ".join(order(screen)) == found, f"by {letter}: {found}")
+            assert screen.session.rows.position == 0, letter
 
 
 async def test_at_80_columns_an_order_by_value_shows_the_values(path, on_file):

@@ -47,6 +47,9 @@ async def test_the_tour_goes_on_as_its_steps_are_done(fake, opened):
         await screen.shows("t Tour")
         await screen.press("t")
         await screen.shows("tour 1 of 6: /, then type torque")
+        await screen.do("settings")  # which has no table
+        await screen.until(lambda: screen.app.screen.scope == "settings", "the settings")
+        await screen.press("escape")
         await screen.press("slash", *"torque", "enter")
         await screen.shows("tour 2 of 6")
         await screen.do("mark", "mark")

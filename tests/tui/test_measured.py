@@ -44,7 +44,7 @@ async def test_a_slow_element_of_a_loop_at_its_rate_has_its_sign(fake, opened):
     fake.facts = {"signs": {"/log/base/position": SLOW}}
     async with opened(fake) as screen:
         await screen.until(lambda: any("<<" in line for line in lines_with(screen, "/base/position")), "its sign")
-        screen.session.rows.move_to_row(screen.session.table.row("/log/base/position"))
+        await screen.press("j")
         await screen.shows("<< slow: fewer samples")
 
 
@@ -186,11 +186,13 @@ async def test_a_narrow_screen_has_the_inspector_below_the_table_with_values_and
         # the row under the cursor is still to be seen, and what it is stands below
         shown = [screen.session.short_name(last.name), "divider ", "size ", "4000", "held "]
         await screen.until(lambda: all(words in screen.text for words in shown), "the facts")
-        assert sum(shown[0] in line for line in screen.text.splitlines()) == 2
+        await screen.until(lambda: sum(shown[0] in line for line in screen.text.splitlines()) == 2, "row and facts")
         await screen.enter("//imu/acceleration")
         for words in ("vector 3 f8 [m/s2]", "x ", "y ", "z ", "which holds  10 s at 400 Hz"):
             await screen.shows(words)
-        await screen.until(lambda: re.search(r"logging +on +x ", screen.text), "an entry beside the facts")
+        await screen.until(
+            lambda: re.search(r"(vector 3 f8 .*|logging +on) +x ", screen.text), "an entry beside the facts"
+        )
         if size[1] >= 24:
             await screen.until(lambda: set("⣿⡇⢸⠉⣀⠃⠘") & set(screen.text), "a plot")
         await screen.press("i")

@@ -73,7 +73,7 @@ def test_options_are_asked_and_made_by_both_words(log, caplog):
     options = ElementOptions(buffer_size=7, buffer_type=silo.BufferType.GROWING)
     assert (options.size, options.buffer_size, options.buffer_type) == (7, 7, silo.BufferType.GROWING)
     assert len(told(caplog)) == 2
-    with pytest.raises(AttributeError, match="no attribute 'buffer_length'"):
+    with pytest.raises(AttributeError, match="has no 'buffer_length'"):
         _ = options.buffer_length
 
 

@@ -27,7 +27,7 @@ MEANINGS = {
     "HH": "above its red limit", "LL": "below its red limit", "H": "above its yellow limit",
     "L": "below its yellow limit", "NN": "nan or inf among its newest values",
     "==": "frozen: it changes no more, or a limit calls it stale",
-    "<<": "slow: fewer samples than its divider asks for; of a slow loop the head tells alone",
+    "<<": "slow: fewer samples than its divider asks for",
     "XX": "samples lost: the buffer could not keep them",
     OLD: "the value is old: no link, or the program is dead",
 }  # fmt: skip
