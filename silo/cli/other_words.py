@@ -22,6 +22,7 @@ _INSTEAD = {
     "`silo script load LOGGER FILE`": "load apply",
     "`silo trigger add LOGGER NAME 'WHEN'`": "capture on when",
     "`silo check FILE --limit NAME=-40,-30,30,40`; log.limit(...) in a program": "limit limits alarm",
+    "`silo trigger test LOGGER 'WHEN'` tells when; `/` in the plots of silo-tui goes there": "find where search",
     "`silo mark LOGGER 'TEXT'`": "event log annotate note_tick",
     "`silo remote add NAME ENDPOINT|FILE`; then `silo ls` has its loggers": "connect ssh login robots host_add",
     "`silo remote doctor NAME`": "doctor ping test diagnose",

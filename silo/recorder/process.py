@@ -91,7 +91,7 @@ class Spare:
 
 
 class RecorderProcess:
-    """A recorder that was started. Methods are for who holds the lock of `Recording`, but `wait`."""
+    """A recorder that was started. Methods are for who holds the lock of `EndlessRecordings`."""
 
     def __init__(self, kept: RecorderHandover) -> None:
         self.kept = kept
