@@ -115,7 +115,7 @@ async def test_a_name_that_can_be_no_file_is_said_at_once_and_stays_to_be_mended
         await screen.press("left", "backspace")
         await screen.shows("ab.silo: ")
         await screen.press("enter")
-        await screen.shows("o opens it")
+        await screen.shows("o Opens it")
         assert fake.calls == [("save", [FileType.SILO], "ab")]
 
 

@@ -73,7 +73,7 @@ def test_colours_are_named_in_one_place_only():
     sheets = [*folder.rglob("*.tcss"), *(set(folder.rglob("*.py")) - {folder / "theme.py"})]
     literal = re.compile(r"#[0-9a-f]{6}\b|bold (?:red|yellow|green|cyan|magenta)|\$(?:error|secondary|accent)\b")
     assert [
-        (path.name, found) for path in sheets if path.stem != "series" and (found := literal.findall(path.read_text()))
+        (path.name, found) for path in sheets if path.stem != "styled" and (found := literal.findall(path.read_text()))
     ] == []
 
 
