@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.types import StringParamType
@@ -29,13 +29,6 @@ READ_ONLY = "silo read-only"  # in the meta of the root's context
 
 _Made = TypeVar("_Made")
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
-
-
-class ShowsProgress(Protocol):
-    """What shows how much is done."""
-
-    def __call__(self, done: float, total: float = 1.0) -> None:
-        """Show a share, or so much of a total."""
 
 
 class TypedPath(click.Path):
@@ -363,11 +356,6 @@ def unsaved(*, save_first: bool, discard: bool) -> str:
     return "save" if save_first else "discard" if discard else "refuse"
 
 
-def say_saved(text: str) -> None:
-    """Print where a run was saved before a start cleared it."""
-    click.echo(text)
-
-
 @contextmanager
 def naming_ways_out(command: str, client: "Client") -> Iterator[None]:
     """Say in commands how to go on after a refusal: over unsaved data, or of a start while it runs."""
@@ -420,7 +408,7 @@ def show(value: object, as_json: bool, text: Callable[[], str]) -> None:
 
 
 @contextmanager
-def progress(label: str) -> "Iterator[ShowsProgress]":
+def progress(label: str) -> Iterator[Callable[..., None]]:
     """Give what shows how much is done, as a share or of a total: a bar on a terminal, nothing elsewhere."""
     if not sys.stderr.isatty():
         yield lambda done, total=1.0: None
@@ -437,16 +425,20 @@ def progress(label: str) -> "Iterator[ShowsProgress]":
 
 def show_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> None:
     """Print rows in columns; those numbered in `right` are aligned right."""
-    if not rows:
-        return
-    shown = [[printable(cell) for cell in row] for row in rows]  # of other computers, too
-    widths = [max(len(row[column]) for row in shown) for column in range(len(shown[0]))]
-    for row in shown:
-        cells = [
+    for line in aligned([[printable(cell) for cell in row] for row in rows], right):  # of other computers, too
+        click.echo(line)
+
+
+def aligned(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> list[str]:
+    """Return rows as lines of columns; those numbered in `right` are aligned right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
             cell.rjust(width) if column in right else cell.ljust(width)
             for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        click.echo("  ".join(cells).rstrip())
+        ).rstrip()
+        for row in rows
+    ]
 
 
 def type_of(info: "ElementInfo") -> str:

@@ -10,7 +10,6 @@ from click.shell_completion import CompletionItem
 from silo.cli.common import (
     complete_words,
     connect,
-    say_saved,
     show_rows,
     split_logger,
     tell_viewers,
@@ -177,7 +176,7 @@ def _set(
         try:
             applied = client.apply(edits, table.revision)
         finally:
-            client.start(keep, say_saved)
+            client.start(keep, click.echo)
     _tell_rate(settings, options, status.frequency_hz)
     for warning in applied.warnings:
         click.echo(warning, err=True)

@@ -70,15 +70,10 @@ _ROWS = (
 )
 
 
-def _commands() -> dict[str, LazyCommand]:
-    found = {}
-    for section, name, place, summary in _ROWS:
-        module, _, attribute = place.partition(":")
-        found[name] = LazyCommand(section, f"silo.cli.{module}", attribute or name, summary)
-    return found
-
-
-COMMANDS = _commands()
+COMMANDS = {
+    name: LazyCommand(section, f"silo.cli.{place.partition(':')[0]}", place.partition(":")[2] or name, summary)
+    for section, name, place, summary in _ROWS
+}
 
 
 class FailedError(click.ClickException):

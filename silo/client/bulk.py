@@ -4,9 +4,8 @@ So many at a time, each by a client of its own over the session that its configu
 of another silo is an answer, too.
 """
 
-import queue
-import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 
 from silo.client.client import LONGEST_S, Client
@@ -31,35 +30,21 @@ class Outcome:
     files: tuple[SavedFile, ...] = ()
 
 
-Job = Callable[[Client], tuple[str, tuple[SavedFile, ...]]]
+Answer = tuple[str, tuple[SavedFile, ...]]
+Job = Callable[[Client], Answer]
 
 
 def outcomes(
     targets: Sequence[LoggerAddress], job: Job, *, read_only: bool = False, at_once: int = AT_ONCE
 ) -> Iterator[Outcome]:
     """Yield one outcome for each logger as it comes. Who stops iterating has no further ones asked."""
-    waiting: queue.SimpleQueue[tuple[int, LoggerAddress]] = queue.SimpleQueue()
-    for item in enumerate(targets):
-        waiting.put(item)
-    answers: queue.SimpleQueue[Outcome] = queue.SimpleQueue()
-    stop = threading.Event()
-
-    def work() -> None:
-        while not stop.is_set():
-            try:
-                place, found = waiting.get_nowait()
-            except queue.Empty:
-                return
-            answers.put(_ask(place, found, job, read_only=read_only))
-
-    threads = [threading.Thread(target=work, name="silo-bulk") for _ in range(min(at_once, len(targets)))]
-    for thread in threads:
-        thread.start()
+    pool = ThreadPoolExecutor(max(1, min(at_once, len(targets))), "silo-bulk")
     try:
-        for _ in targets:
-            yield answers.get()
+        asked = [pool.submit(_ask, place, found, job, read_only=read_only) for place, found in enumerate(targets)]
+        for done in as_completed(asked):
+            yield done.result()
     finally:
-        stop.set()
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _ask(place: int, found: LoggerAddress, job: Job, *, read_only: bool) -> Outcome:
@@ -76,65 +61,47 @@ def _ask(place: int, found: LoggerAddress, job: Job, *, read_only: bool) -> Outc
 # ------------------------------------------------------------------------------------------------- what can be asked
 
 
-def stopping() -> Job:
-    """Return a job that stops."""
-    return lambda client: (_state(client.stop()), ())
+def stopping(client: Client) -> Answer:
+    """Stop."""
+    return _state(client.stop()), ()
 
 
-def stopping_and_saving() -> Job:
-    """Return a job that stops, and then saves, so that the last tick is in the file too."""
-
-    def job(client: Client) -> tuple[str, tuple[SavedFile, ...]]:
-        client.stop()
-        told, files = saving([FileType.SILO])(client)
-        return f"stopped, {told}", files
-
-    return job
+def stopping_and_saving(client: Client) -> Answer:
+    """Stop, and then save, so that the last tick is in the file too."""
+    client.stop()
+    told, files = saving(client, [FileType.SILO])
+    return f"stopped, {told}", files
 
 
-def starting(unsaved: Unsaved | str = Unsaved.REFUSE) -> Job:
-    """Return a job that starts; one that runs goes on."""
-
-    def job(client: Client) -> tuple[str, tuple[SavedFile, ...]]:
-        if client.status().state.value == "running":
-            return "runs already, left alone", ()
-        return _begun(client.start, unsaved)
-
-    return job
+def starting(client: Client, unsaved: Unsaved | str = Unsaved.REFUSE) -> Answer:
+    """Start; one that runs goes on."""
+    if client.status().state.value == "running":
+        return "runs already, left alone", ()
+    return _begun(client.start, unsaved)
 
 
-def restarting(unsaved: Unsaved | str = Unsaved.REFUSE) -> Job:
-    """Return a job that starts anew."""
-    return lambda client: _begun(client.restart, unsaved)
+def restarting(client: Client, unsaved: Unsaved | str = Unsaved.REFUSE) -> Answer:
+    """Start anew."""
+    return _begun(client.restart, unsaved)
 
 
-def _begun(
-    start: Callable[[Unsaved | str, Callable[[str], None]], Status], unsaved: Unsaved | str
-) -> tuple[str, tuple[()]]:
+def _begun(start: Callable[[Unsaved | str, Callable[[str], None]], Status], unsaved: Unsaved | str) -> Answer:
     said: list[str] = []
     return "; ".join([_state(start(unsaved, said.append)), *said]), ()
 
 
-def saving(types: Sequence[FileType], name: str = "", timeout_s: float = LONGEST_S) -> Job:
-    """Return a job that saves, and waits for the files."""
-
-    def job(client: Client) -> tuple[str, tuple[SavedFile, ...]]:
-        files = client.wait_saved(client.save(types, name), timeout_s)
-        told = ", ".join(f"{file.path} {size_text(file.size_bytes)}" for file in files)
-        return f"saved {told}", tuple(files)
-
-    return job
+def saving(client: Client, types: Sequence[FileType], name: str = "", timeout_s: float = LONGEST_S) -> Answer:
+    """Save, and wait for the files."""
+    files = client.wait_saved(client.save(types, name), timeout_s)
+    told = ", ".join(f"{file.path} {size_text(file.size_bytes)}" for file in files)
+    return f"saved {told}", tuple(files)
 
 
-def loading(path: str) -> Job:
-    """Return a job that loads a script of the robot's own folder."""
-
-    def job(client: Client) -> tuple[str, tuple[SavedFile, ...]]:
-        applied = client.load_script(path)
-        unknown = f", {len(applied.unknown)} names of it unknown" if applied.unknown else ""
-        return f"loaded {path or 'its script'}: {applied.changed} elements changed{unknown}", ()
-
-    return job
+def loading(client: Client, path: str) -> Answer:
+    """Load a script of the robot's own folder."""
+    applied = client.load_script(path)
+    unknown = f", {len(applied.unknown)} names of it unknown" if applied.unknown else ""
+    return f"loaded {path or 'its script'}: {applied.changed} elements changed{unknown}", ()
 
 
 def _state(status: Status) -> str:

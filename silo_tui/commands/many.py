@@ -7,6 +7,7 @@ import asyncio
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
@@ -85,8 +86,8 @@ class Many:
         verb = "Stop" if not stopped else "Start" if not running else "Start or stop"
         answer = await self._put(f"{verb} {many(len(able), 'logger')}?", body, choices)
         if answer in ("stop", "stop save"):
-            return "stop", running, stopping() if answer == "stop" else stopping_and_saving()
-        return ("start", stopped, starting(answer)) if answer else None
+            return "stop", running, stopping if answer == "stop" else stopping_and_saving
+        return ("start", stopped, partial(starting, unsaved=answer)) if answer else None
 
     async def _restart(
         self, able: Sequence[fleet.LoggerLine], body: Text
@@ -99,7 +100,7 @@ class Many:
         if not any(map(fleet.is_unsaved, able)):
             choices = [Choice("refuse", f"Restart {count}", "y")]
         answer = await self._put(f"Restart {count}?", body, choices)
-        return ("restart", able, restarting(answer)) if answer else None
+        return ("restart", able, partial(restarting, unsaved=answer)) if answer else None
 
     async def _save(
         self, able: Sequence[fleet.LoggerLine], body: Text
@@ -111,7 +112,7 @@ class Many:
                    Choice("all", "Save as .silo, CSV and bag", "a")]  # fmt: skip
         answer = await self._put(f"Save {many(len(able), 'logger')}?", body, choices)
         types = [FileType.SILO] if answer == "silo" else [FileType.SILO, FileType.CSV, FileType.BAG]
-        return ("save", able, saving(types)) if answer else None
+        return ("save", able, partial(saving, types=types)) if answer else None
 
     async def _load(
         self, able: Sequence[fleet.LoggerLine], body: Text
@@ -124,7 +125,7 @@ class Many:
         if not name:
             return None
         name = name if name.endswith((".yaml", ".yml")) else f"{name}.yaml"
-        return "load", able, loading(name)
+        return "load", able, partial(loading, path=name)
 
     # ---------------------------------------------------------------------------------------------------- the answers
 

@@ -8,14 +8,14 @@ import termios
 import time
 import tty
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from silo.cli.verbs import verb
 from silo.core.tuning.asked import excitation_of
 from silo.core.tuning.excitation import ends_of, number_at
-from silo.core.tuning.parameters import Excitation, Wave, value_text
+from silo.core.tuning.parameters import Wave, value_text
 
 if TYPE_CHECKING:
     from silo.client.client import Client
@@ -34,16 +34,7 @@ _ENDS = (signal.SIGTERM, signal.SIGHUP)  # of its terminal, or whoever runs it: 
 @click.option("--ramp", metavar="TIME", help="In which it rises and falls; up to 1s, of a step 0 if not given.")
 @click.option("-y", "--yes", is_flag=True, help="Don't ask.")
 def excite(
-    client: "Client",
-    name: str,
-    chirp: str | None,
-    multisine: str | None,
-    prbs: str | None,
-    step: bool,
-    amplitude: float,
-    lasting: str,
-    ramp: str | None,
-    yes: bool,
+    client: "Client", name: str, step: bool, amplitude: float, lasting: str, ramp: str | None, yes: bool, **waves: Any
 ) -> None:
     """Move a parameter, or an input of the program, around its value for a while; any key ends it.
 
@@ -57,7 +48,10 @@ def excite(
       silo excite anymal kp --step --amplitude 5 --for 3s --yes
       silo excite 'tau_offset[3]' --multisine 0.5-40Hz --amplitude 1 --for 60s
     """
-    what = _wanted(name, chirp, multisine, prbs, amplitude, lasting, ramp, step=step)
+    given = [(wave, words) for wave in Wave if (words := waves.get(wave.value, "" if step else None)) is not None]
+    if len(given) != 1:
+        raise click.UsageError("say one of --chirp 0.1-20Hz, --multisine 0.1-20Hz, --prbs 50Hz, --step")
+    what = excitation_of(name, *given[0], amplitude, lasting, ramp)
     info = client.parameters.info(what.name)
     low, high = (number_at(end, what.index) for end in ends_of(info, what))
     around = value_text(number_at(info.value, what.index), info.unit)
@@ -71,67 +65,46 @@ def excite(
         click.confirm("begin?", abort=True)
     for number in _ENDS:
         signal.signal(number, signal.default_int_handler)
-    with _keys() as key_within:
-        if key_within is not None:
+    with _keys() as keyboard:
+        if keyboard:
             click.echo("any key ends it")
 
         def wait(state: "ExcitationState", seconds: float) -> bool:
-            if key_within is None:
+            if not keyboard:
                 time.sleep(seconds)
                 return False
             click.echo(f"\r{state.at_s:6.1f} of {what.duration_s:g} s ", nl=False)
-            return key_within(seconds)
+            return _key_within(seconds)
 
         ended = client.parameters.excite(
             name, what.wave, amplitude=what.amplitude, duration=what.duration_s, low_hz=what.low_hz,
             high_hz=what.high_hz, ramp=what.ramp_s, wait=wait,
         )  # fmt: skip
-        if key_within is not None:
+        if keyboard:
             click.echo("")
     click.echo(f"{name}: {ended.ended or 'it goes back'}; rows {ended.tick} to {ended.until}")
 
 
-def _wanted(
-    name: str,
-    chirp: str | None,
-    multisine: str | None,
-    prbs: str | None,
-    amplitude: float,
-    lasting: str,
-    ramp: str | None,
-    *,
-    step: bool,
-) -> Excitation:
-    """Return what the words ask for. Raises UsageError or ElementError."""
-    chosen = [(Wave.CHIRP, chirp), (Wave.MULTISINE, multisine), (Wave.PRBS, prbs), (Wave.STEP, "" if step else None)]
-    given = [(wave, words) for wave, words in chosen if words is not None]
-    if len(given) != 1:
-        raise click.UsageError("say one of --chirp 0.1-20Hz, --multisine 0.1-20Hz, --prbs 50Hz, --step")
-    return excitation_of(name, *given[0], amplitude, lasting, ramp)
-
-
-class _Keys:
-    """Says within so many seconds whether a key was pressed, or Ctrl-C."""
-
-    def __call__(self, seconds: float) -> bool:
-        try:
-            if not select.select([sys.stdin], [], [], seconds)[0]:
-                return False
-        except KeyboardInterrupt:
-            return True
-        termios.tcflush(sys.stdin, termios.TCIFLUSH)
+def _key_within(seconds: float) -> bool:
+    """Whether a key is pressed within so many seconds, or Ctrl-C."""
+    try:
+        if not select.select([sys.stdin], [], [], seconds)[0]:
+            return False
+    except KeyboardInterrupt:
         return True
+    termios.tcflush(sys.stdin, termios.TCIFLUSH)
+    return True
 
 
 @contextlib.contextmanager
-def _keys() -> Iterator[_Keys | None]:
-    """Have single keys told while this goes on; None where there is no keyboard."""
+def _keys() -> Iterator[bool]:
+    """Have single keys told while this goes on; yields whether there is a keyboard."""
     if not sys.stdin.isatty():
-        yield None
+        yield False
         return
     before = termios.tcgetattr(sys.stdin)
     tty.setcbreak(sys.stdin)
     try:
-        yield _Keys()
+        yield True
     finally:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from silo.cli.common import configuration, show_json
+from silo.cli.common import aligned, configuration, show_json
 from silo.core.printing import printable
 from silo.core.quantities.writing import clock_text, many, size_text
 
@@ -95,16 +95,8 @@ def screen_lines(found: "FleetNow", chosen: "Sequence[Member]", room: int, now_s
     most = max(1, room - len(notes) - 2)
     shown = each[:most] if len(each) <= most else each[: most - 1]
     rows = [HEADER, *(_cells(one, names[one.key], now_s, now_ns) for one in shown)]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(HEADER))]
-    lines = [
-        "  ".join(
-            cell.rjust(width) if column in RIGHT else cell.ljust(width)
-            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
     more = [f"and {len(each) - len(shown)} more that are no worse"] if len(shown) < len(each) else []
-    return [*(lines if shown else []), *more, *notes, total][: max(1, room)]
+    return [*(aligned(rows, RIGHT) if shown else []), *more, *notes, total][: max(1, room)]
 
 
 def _cells(one: "Member", name: str, now_s: float, now_ns: int) -> tuple[str, ...]:
@@ -129,9 +121,7 @@ def _cells(one: "Member", name: str, now_s: float, now_ns: int) -> tuple[str, ..
 def _after(one: "Member") -> str:
     """What is known of one that is gone, or dead."""
     assert one.summary is not None
-    if one.lost:
-        return f"was {one.summary.state.value}"
-    return one.summary.reason
+    return f"was {one.summary.state.value}" if one.lost else one.summary.reason
 
 
 # ----------------------------------------------------------------------------------------------------------- in a pipe

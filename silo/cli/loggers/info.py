@@ -91,31 +91,38 @@ def _telling_what_was_left(logger: str | None) -> Iterator[None]:
 
 
 def _show_status(status: "Status") -> None:
-    limit = f"{status.max_time_s:g} s" if status.max_time_s else "none"
-    unsaved = "" if status.saved or not status.run_ticks else f", not saved ({_held(status)})"
-    since = logged_for(status)
-    rows = [
-        ("logger", f"{status.logger} on {status.host}, user {status.user}"),
-        ("state", f"{status.state.value}{f' ({status.reason})' if status.reason else ''}{_stalled(status)}"),
-        *_recording(status),
-        ("frequency", f"{status.frequency_hz:g} Hz{_measured(status)}"),
-        ("logged", f"{status.run_ticks} ticks{f' in {since}' if since != '-' else ''}{unsaved}"),
-        ("lost", f"{status.lost} samples"),
-        *_failed(status),
-        *_unheld(status),
-        *_durable(status),
-        ("elements", f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"),
-        *([("derived", f"{many(status.derived, 'signal')}: `silo derive ls`")] if status.derived else []),
-        *_endless(status),
-        ("time limit", limit),
-        ("memory", size_text(status.segment_bytes)),
-        *_held_runs(status),
-        ("folder", status.folder),
-        ("script", status.script),
-        ("process", f"{status.pid}, helper {status.helper_pid}"),
-        ("revision", str(status.revision)),
+    since, most, ticks = logged_for(status), status.held_bytes_most, status.durable_ticks
+    failed = ", ".join(f"{name} at {many(count, 'tick')}" for name, count in status.failed_most.items())
+    unheld = ", ".join(f"{name} (seen at tick {tick})" for name, tick in status.unheld.items())
+    held = f"{many(status.held_runs, 'earlier run')}, {size_text(status.held_bytes)}"
+    held += f", of at most {status.held_runs_most} runs, {most / 1e6:.0f} MB"
+    later = many(max(0, status.ticks - ticks), "tick")
+    logged = f"{status.run_ticks} ticks{f' in {since}' if since != '-' else ''}"
+    logged += f", not saved ({_held(status)})" if status.run_ticks and not status.saved else ""
+    elements = f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"
+    recorded = f"{many(status.recorders, 'recording')} under way: `silo record {status.logger} --ls`"
+    rows = [  # whether it is told, what it is, the words
+        (True, "logger", f"{status.logger} on {status.host}, user {status.user}"),
+        (True, "state", f"{status.state.value}{f' ({status.reason})' if status.reason else ''}{_stalled(status)}"),
+        (status.state.value == "dead", "recording", _recording(status)),
+        (True, "frequency", f"{status.frequency_hz:g} Hz{_measured(status)}"),
+        (True, "logged", logged),
+        (True, "lost", f"{status.lost} samples"),
+        (status.failed, "failed", f"{many(status.failed, 'sample')} could not be read: {failed}"),
+        (status.unheld, "unheld", f"nobody but silo holds the array any more, its values stay: {unheld}"),
+        (ticks >= 0, "durable", f"to tick {ticks}; a power cut now would lose {later} after it"),
+        (True, "elements", elements),
+        (status.derived, "derived", f"{many(status.derived, 'signal')}: `silo derive ls`"),
+        (status.recorders, "recorded", recorded),
+        (True, "time limit", f"{status.max_time_s:g} s" if status.max_time_s else "none"),
+        (True, "memory", size_text(status.segment_bytes)),
+        (most, "held", held),
+        (True, "folder", status.folder),
+        (True, "script", status.script),
+        (True, "process", f"{status.pid}, helper {status.helper_pid}"),
+        (True, "revision", str(status.revision)),
     ]
-    show_rows(rows)
+    show_rows([words for told, *words in rows if told])
 
 
 def _stalled(status: "Status") -> str:
@@ -130,65 +137,21 @@ def _measured(status: "Status") -> str:
     if status.state.value != "running":
         return ""
     idle = is_stalled(status.idle_s, status.frequency_hz)
-    return (
-        f", measured {0.0 if idle else status.measured_hz:.4g} Hz"
-        if idle or status.measured_hz
-        else ", not measured yet"
-    )
+    hz = 0.0 if idle else status.measured_hz
+    return f", measured {hz:.4g} Hz" if idle or hz else ", not measured yet"
 
 
-def _recording(status: "Status") -> list[tuple[str, str]]:
-    """A line of a dead logger: where its recording is."""
-    if status.state.value != "dead":
-        return []
+def _recording(status: "Status") -> str:
+    """Where the recording of a dead logger is."""
     if not status.run_ticks:
-        return [("recording", "none: it had logged nothing, or what it logged can't be read")]
+        return "none: it had logged nothing, or what it logged can't be read"
     if status.saved:
-        return [("recording", f"all {many(status.run_ticks, 'tick')} stand in files in {status.folder}")]
-    return [("recording", f"{_held(status)}, and not all of it is in a file: `silo recover` saves it")]
+        return f"all {many(status.run_ticks, 'tick')} stand in files in {status.folder}"
+    return f"{_held(status)}, and not all of it is in a file: `silo recover` saves it"
 
 
 def _held(status: "Status") -> str:
     return f"the buffers hold {many(status.held_samples, 'sample')} of up to {duration(status.held_s)}"
-
-
-def _failed(status: "Status") -> list[tuple[str, str]]:
-    """A line where attributes or functions could not be read."""
-    if not status.failed:
-        return []
-    names = ", ".join(f"{name} at {many(count, 'tick')}" for name, count in status.failed_most.items())
-    return [("failed", f"{many(status.failed, 'sample')} could not be read: {names}")]
-
-
-def _unheld(status: "Status") -> list[tuple[str, str]]:
-    """A line where the program assigned arrays anew."""
-    if not status.unheld:
-        return []
-    names = ", ".join(f"{name} (seen at tick {tick})" for name, tick in status.unheld.items())
-    return [("unheld", f"nobody but silo holds the array any more, its values stay: {names}")]
-
-
-def _endless(status: "Status") -> list[tuple[str, str]]:
-    """A line where something is recorded without end."""
-    if not status.recorders:
-        return []
-    return [("recorded", f"{many(status.recorders, 'recording')} under way: `silo record {status.logger} --ls`")]
-
-
-def _held_runs(status: "Status") -> list[tuple[str, str]]:
-    """A line of the memory of runs that are over, and are still read by recorders or triggers."""
-    if not status.held_bytes_most:
-        return []
-    held = f"{many(status.held_runs, 'earlier run')}, {size_text(status.held_bytes)}"
-    return [("held", f"{held}, of at most {status.held_runs_most} runs, {status.held_bytes_most / 1e6:.0f} MB")]
-
-
-def _durable(status: "Status") -> list[tuple[str, str]]:
-    """A line where there is a journal."""
-    if status.durable_ticks < 0:
-        return []
-    later = max(0, status.ticks - status.durable_ticks)
-    return [("durable", f"to tick {status.durable_ticks}; a power cut now would lose {many(later, 'tick')} after it")]
 
 
 def _show_elements(elements: "list[ElementInfo]") -> None:

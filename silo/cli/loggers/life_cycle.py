@@ -11,7 +11,6 @@ from silo.cli.common import (
     logger_argument,
     naming_ways_out,
     progress,
-    say_saved,
     show_json,
     types_option,
     unsaved,
@@ -40,10 +39,10 @@ def start(logger: str | None, save_first: bool, discard: bool, everyone: bool) -
     if (found := many_meant("start", logger, everyone=everyone)) is not None:
         from silo.client.bulk import starting
 
-        carry_out("start", found, starting(chosen))
+        carry_out("start", found, lambda client: starting(client, chosen))
         return
     with connect(logger) as client, naming_ways_out("start", client):
-        _say_state(client.start(chosen, say_saved))
+        _say_state(client.start(chosen, click.echo))
 
 
 @click.command()
@@ -64,7 +63,7 @@ def stop(logger: str | None, everyone: bool) -> None:
     if (found := many_meant("stop", logger, everyone=everyone)) is not None:
         from silo.client.bulk import stopping
 
-        carry_out("stop", found, stopping())
+        carry_out("stop", found, stopping)
         return
     with connect(logger) as client:
         _say_state(client.stop())
@@ -86,10 +85,10 @@ def restart(logger: str | None, save_first: bool, discard: bool, everyone: bool)
     if (found := many_meant("restart", logger, everyone=everyone)) is not None:
         from silo.client.bulk import restarting
 
-        carry_out("restart", found, restarting(chosen))
+        carry_out("restart", found, lambda client: restarting(client, chosen))
         return
     with connect(logger) as client, naming_ways_out("restart", client):
-        _say_state(client.restart(chosen, say_saved))
+        _say_state(client.restart(chosen, click.echo))
 
 
 def _say_state(status: "Status") -> None:
@@ -120,7 +119,7 @@ def save(logger: str | None, types: tuple[str, ...], name: str, timeout: float, 
     if (found := many_meant("save", logger, everyone=everyone)) is not None:
         from silo.client.bulk import saving
 
-        carry_out("save", found, saving(chosen, name, timeout), as_json=as_json)
+        carry_out("save", found, lambda client: saving(client, chosen, name, timeout), as_json=as_json)
         return
     with connect(logger) as client, progress("saving") as tell:
         files = client.wait_saved(client.save(chosen, name), timeout, tell)

@@ -22,8 +22,9 @@ from silo.errors import ConnectionLostError
 from silo.net.configuration import LOCAL
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
+    from silo.core.elements import Status
     from silo.fleet.fleet import FleetNow
     from silo.fleet.member import Member
     from silo.net.found import LoggerAddress
@@ -119,54 +120,28 @@ def _several(labels: list[str]) -> str:
     return f"{', '.join(labels[:MOST_NAMED])}{more}"
 
 
+# columns that are shown where one of the loggers has something in them, of the others a word for nothing
+_MORE: "tuple[tuple[str, Callable[[Status], str], str], ...]" = (
+    ("DURABLE TO TICK", lambda one: str(one.durable_ticks) if one.durable_ticks >= 0 else "", "-"),
+    ("REC", lambda one: str(one.recorders or ""), "0"),
+    ("FREE", lambda one: size_text(one.disk_free_bytes) if one.disk_bytes else "", "-"),
+    ("ALARM", lambda one: f"{one.alarm} {one.alarms}" if one.alarms else "", "-"),
+    ("DENIED", lambda one: str(one.denied or ""), "-"),  # logins and changes; `silo events` tells whose
+    ("WHO", lambda one: " ".join(dict.fromkeys(each.who.split(" ", 1)[0] for each in one.clients)), "-"),
+)
+
+
 def _show_table(answers: "list[Member]") -> None:
     header = ("LOGGER", "HOST", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
-    rows = [header, *map(_ls_row, answers)]
-    durable = [answer.status.durable_ticks if answer.status else -1 for answer in answers]
-    if max(durable) >= 0:  # somebody asked for it
-        last = ("DURABLE TO TICK", *(str(tick) if tick >= 0 else "-" for tick in durable))
-        rows = [(*row, end) for row, end in zip(rows, last, strict=True)]
-    recorders = [answer.status.recorders if answer.status else 0 for answer in answers]
-    if any(recorders):
-        rows = [(*row, end) for row, end in zip(rows, ("REC", *map(str, recorders)), strict=True)]
-    right = (3, 4, 5, 6, 7, 8, *range(10, len(rows[0])))
-    for title, texts in (
-        ("FREE", _free(answers)),
-        ("ALARM", _alarms(answers)),
-        ("DENIED", _denied(answers)),
-        ("WHO", _people(answers)),
-    ):
+    columns = [list(column) for column in zip(header, *map(_ls_row, answers), strict=True)]
+    for title, text, none in _MORE:
+        texts = [text(answer.status) if answer.status else "" for answer in answers]
         if any(texts):
-            rows = [(*row, end) for row, end in zip(rows, (title, *(text or "-" for text in texts)), strict=True)]
-            right = (*right, len(rows[0]) - 1) if title == "FREE" else right
-    apart = _addresses([answer.found for answer in answers])
-    if any(apart):
-        rows = [(*row, end) for row, end in zip(rows, ("ADDRESS", *apart), strict=True)]
-    show_rows(rows, right=right)
-
-
-def _free(answers: "list[Member]") -> list[str]:
-    """How much room is left where each saves."""
-
-    known = [answer.status for answer in answers]
-    return [size_text(one.disk_free_bytes) if one is not None and one.disk_bytes else "" for one in known]
-
-
-def _alarms(answers: "list[Member]") -> list[str]:
-    known = [answer.status for answer in answers]
-    return [f"{one.alarm} {one.alarms}" if one is not None and one.alarms else "" for one in known]
-
-
-def _denied(answers: "list[Member]") -> list[str]:
-    """How many logins and changes were denied lately; `silo events` tells whose."""
-    known = [answer.status for answer in answers]
-    return [str(one.denied) if one is not None and one.denied else "" for one in known]
-
-
-def _people(answers: "list[Member]") -> list[str]:
-    """Who is connected to each, without the programs that they use."""
-    known = [answer.status.clients if answer.status is not None else [] for answer in answers]
-    return [" ".join(dict.fromkeys(one.who.split(" ", 1)[0] for one in people)) for people in known]
+            columns.append([title, *(each or none for each in texts)])
+    if any(apart := _addresses([answer.found for answer in answers])):
+        columns.append(["ADDRESS", *apart])
+    numbers = ("SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "DURABLE TO TICK", "REC", "FREE")
+    show_rows(list(zip(*columns, strict=True)), [place for place, one in enumerate(columns) if one[0] in numbers])
 
 
 def _addresses(found: "Sequence[LoggerAddress]") -> list[str]:

@@ -132,7 +132,7 @@ def load(words: Target, dry_run: bool, everyone: bool) -> None:
     if not dry_run and (found := many_meant("load the script for", logger, everyone=everyone)) is not None:
         from silo.client.bulk import loading
 
-        carry_out("load", found, loading(path))
+        carry_out("load", found, lambda client: loading(client, path))
         return
     with connect(logger) as client:
         if dry_run:

@@ -34,10 +34,11 @@ _MOST_CURVES = 20
 def print_file_info(which: str | Path, as_json: bool) -> None:
     """Print what is in a log: elements with unit, type, samples, rate, span, lost. Raises `SiloError`."""
     from silo.analysis.reports import format_report, report
+    from silo.files.saving import size_of
 
     path = find_saved(which)
     recording = _read(path)
-    facts = report(recording, str(path), _size_of(path))
+    facts = report(recording, str(path), size_of(path))
     show(facts, as_json, lambda: format_report(facts, _columns()))
 
 
@@ -158,6 +159,7 @@ def convert_command(
         _make_data_set(sources, target, force, options | {"to": kind})
         return
     from silo.files.convert import convert
+    from silo.files.saving import size_of
 
     given = next((f"--{name}" for name, value in options.items() if value), "")
     if given or len(sources) > 1:
@@ -167,7 +169,7 @@ def convert_command(
     with progress(f"{target.name}") as tell:
         recording = convert(path, target, tell, force, lambda read: read if rate is None else _at_rate(read, rate))
     _warn(recording)
-    click.echo(f"{target}  {_size_of(target)} bytes, {recording.entry_count} signals, {len(recording.time_ns)} ticks")
+    click.echo(f"{target}  {size_of(target)} bytes, {recording.entry_count} signals, {len(recording.time_ns)} ticks")
 
 
 @click.command("stats")
@@ -418,12 +420,6 @@ def _windowed(
 def _warn(recording: "Recording") -> None:
     for warning in recording.warnings:
         click.echo(f"warning: {warning}", err=True)
-
-
-def _size_of(path: Path) -> int:
-    from silo.files.saving import size_of
-
-    return size_of(path)
 
 
 def _columns() -> int:

@@ -88,11 +88,13 @@ def fetch(logger: str, names: tuple[str, ...], folder: Path, force: bool, patien
       silo files fetch demo 17
       silo files fetch demo demo_20260102_13-07-27_00007.silo -o logs
     """
+    from silo.files.saving import size_of
+
     with connect(logger) as client:
         for name in _meant(client, names):
             with progress(name) as tell:
                 path = client.fetch(name, folder, tell, replace=force, patience_s=patience)
-            click.echo(f"{path}  {size_text(_size(path))}")
+            click.echo(f"{path}  {size_text(size_of(path))}")
 
 
 @files.command()
@@ -148,7 +150,3 @@ def _row(one: "SavedRecording") -> tuple[str, ...]:
         return one.stem, "part", when, "-", size_text(one.size_bytes), "being written, or its writer died"
     why = "not looked into yet" if one.unread else one.why or "-"
     return one.stem, types, when, f"{one.span_s:.1f} s" if one.span_s else "-", size_text(one.size_bytes), why
-
-
-def _size(path: Path) -> int:
-    return sum(file.stat().st_size for file in path.iterdir()) if path.is_dir() else path.stat().st_size
