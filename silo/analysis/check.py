@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silo.core.elements import SignalLimits
+from silo.core.conditions import SignalLimits
 from silo.core.recording import Recording
 from silo.errors import ElementError
 from silo.expressions.binding import bind

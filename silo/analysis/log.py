@@ -28,7 +28,7 @@ from silo.analysis.stretches import clipped, resampled
 from silo.core.arguments import INT64, real, shown, switch, text
 from silo.core.arguments import path as file_path
 from silo.core.calls import no_attribute, told_class
-from silo.core.elements import NO_EXTRAS
+from silo.core.conditions import NO_EXTRAS
 from silo.core.episodes.words import Episode
 from silo.core.kinds import SCALAR
 from silo.core.names import did_you_mean, is_glob

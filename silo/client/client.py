@@ -608,7 +608,7 @@ class Client(
         some: Sequence[str] = (),
         some_quantities: Sequence[str] = (),
     ) -> Survey:
-        """Return quantities (of `silo.rpc.quantities.QUANTITIES`) of elements or entries; without names of all.
+        """Return quantities (of `silo.rpc.statistics.QUANTITIES`) of elements or entries; without names of all.
 
         Statistics are over all samples since this client asked first (`reset`: anew), and end when it hasn't asked for
         a minute. `derived`: without names, derived signals follow. `some` are those of which `some_quantities` are

@@ -4,7 +4,8 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Generic, TypeVar
 
 from silo.core.arguments import line, switch, text, whole
-from silo.core.elements import FileType, SignalLimits, TriggerOptions
+from silo.core.conditions import SignalLimits, TriggerOptions
+from silo.core.elements import FileType
 
 MOST_KEPT = 1_000_000
 _TRIGGER = 'trigger("fall", "abs(base/roll) > 0.6")'

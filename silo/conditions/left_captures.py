@@ -15,7 +15,8 @@ from silo.conditions.captures.files import write_capture
 from silo.conditions.memory import lost_news, runs_there, untold
 from silo.conditions.segment_judge import SegmentJudge
 from silo.conditions.state_file import JudgeState, Untold
-from silo.core.elements import Conditions, LoggedEvent, SavedFile
+from silo.core.conditions import Conditions
+from silo.core.elements import LoggedEvent, SavedFile
 from silo.core.runtime import HELD_SUFFIX
 from silo.errors import SegmentError, SiloError, StateError
 from silo.files.event_log import add_missing, read_events

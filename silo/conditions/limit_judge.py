@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from silo.conditions.rows import JudgedRows
 from silo.conditions.standing import LimitStatus, LimitWord
-from silo.core.elements import SignalLimits
+from silo.core.conditions import SignalLimits
 from silo.errors import ElementError
 from silo.expressions.binding import OFF, BoundExpression, BoundSignal, ScalarPlace, means_else
 from silo.expressions.evaluation import Evaluator, EvaluatorMemory, SourceRows

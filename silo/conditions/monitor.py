@@ -22,7 +22,8 @@ import msgspec
 from silo.conditions.captures.writer import CaptureWriter
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.arguments import real
-from silo.core.elements import Conditions, ElementInfo, LoggerOptions, TriggerOptions, TriggerWord
+from silo.core.conditions import Conditions, TriggerOptions, TriggerWord
+from silo.core.elements import ElementInfo, LoggerOptions
 from silo.core.runtime import runtime_dir
 from silo.errors import ElementError, SegmentError, SiloError
 from silo.rpc.leases import Leases

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.arguments import line, text, texts
 from silo.core.calls import told_class
-from silo.core.elements import Derived, SignalLimits, TriggerOptions
+from silo.core.conditions import Derived, SignalLimits, TriggerOptions
 from silo.rpc.declaring import Caller, Lane, Reply, ask, change, given
 
 _EXAMPLE = 'client.derive("power", "joints/tau * joints/qd")'

@@ -4,15 +4,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from silo.conditions import requests
-from silo.core.elements import (
-    Conditions,
-    Derived,
-    ElementInfo,
-    LoggerOptions,
-    SignalLimits,
-    TriggerOptions,
-    join_name,
-)
+from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.elements import ElementInfo, LoggerOptions, join_name
 from silo.rpc.serving import Server
 
 

@@ -3,7 +3,8 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from silo.core.elements import BufferType, Derived, ElementInfo
+from silo.core.conditions import Derived
+from silo.core.elements import BufferType, ElementInfo
 from silo.expressions.binding import OFF, BoundExpression, Catalogue, Known, ScalarPlace
 from silo.expressions.evaluation import SourceRows
 from silo.segment.layout import ElementSchema, EntrySchema

@@ -16,7 +16,8 @@ from silo.conditions.requests import TriggerTried
 from silo.conditions.rows import JudgedRows
 from silo.conditions.standing import CapturedSpan, TriggerStatus
 from silo.conditions.state_file import JudgeState, KeptCapture, KeptTrigger, Untold
-from silo.core.elements import Conditions, Derived, ElementInfo, TriggerOptions, TriggerWord
+from silo.core.conditions import Conditions, Derived, TriggerOptions, TriggerWord
+from silo.core.elements import ElementInfo
 from silo.errors import ElementError
 from silo.expressions.binding import BoundExpression, means_else
 from silo.expressions.evaluation import UNOBSERVABLE, Evaluator

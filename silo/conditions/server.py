@@ -10,7 +10,7 @@ from silo.conditions import requests
 from silo.conditions.monitor import Judge
 from silo.conditions.requests import Alarms, ConditionRequests, Triggers, TriggerTried
 from silo.conditions.standing import worst_first
-from silo.core.elements import SignalLimits, TriggerOptions
+from silo.core.conditions import SignalLimits, TriggerOptions
 from silo.core.quantities.writing import many
 from silo.rpc.declaring import Request, request_of
 from silo.rpc.published import EventKind

@@ -2,7 +2,8 @@
 
 import msgspec
 
-from silo.core.elements import SignalLimits, TriggerOptions, TriggerWord, Word
+from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord
+from silo.core.elements import Word
 
 
 class CapturedSpan(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -13,7 +13,8 @@ import msgspec
 import numpy as np
 
 from silo.conditions.limit_judge import LimitMemory
-from silo.core.elements import Conditions, ElementInfo, TriggerOptions
+from silo.core.conditions import Conditions, TriggerOptions
+from silo.core.elements import ElementInfo
 from silo.core.runtime import process_start, runtime_dir, write_private
 from silo.errors import SegmentError
 from silo.expressions.evaluation import EvaluatorMemory

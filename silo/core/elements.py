@@ -206,14 +206,6 @@ class ElementInfo(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     expression: str = ""
 
 
-class Derived(msgspec.Struct, frozen=True):
-    """A signal that is computed from others wherever rows are read: `name` is whole, `unit` may be empty."""
-
-    name: str
-    expression: str
-    unit: str = ""
-
-
 class Sought(str, enum.Enum):
     """What one looks for in the samples of a signal; `silo.expressions.search` has the rules."""
 
@@ -225,75 +217,6 @@ class Sought(str, enum.Enum):
     NOT_FINITE = "not finite"
     OUTSIDE = "outside"
     HOLE = "hole"
-
-
-class SignalLimits(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Limits of an element or of one scalar of it; `bounds` are red low, yellow low, yellow high, red high.
-
-    A bound that there isn't is None. `persistence` samples in a row make a state, `hysteresis` is how far inside a
-    bound it ends, `stale_s` how long a value may stay the same (0: for ever), `when` a condition that must hold.
-    """
-
-    name: str
-    bounds: tuple[float | None, float | None, float | None, float | None] = (None, None, None, None)
-    persistence: int = 1
-    hysteresis: float = 0.0
-    stale_s: float = 0.0
-    when: str = ""
-
-
-class TriggerOptions(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A condition, and what is captured around the ticks at which it fires; see `Logger.trigger`.
-
-    `slope` and `mode` are words of `silo.judging.triggers`, `keep` is how many captures stay on the disk, 0 for all.
-    Not `armed`, it is kept and fires never. In mode auto it fires by itself `patience_s` after the end of a capture.
-    """
-
-    name: str
-    when: str
-    pre_s: float = 0.0
-    post_s: float = 0.0
-    slope: str = "rising"
-    rearm: str = ""
-    persist_s: float = 0.0
-    holdoff_s: float = 0.0
-    mode: str = "normal"
-    save: tuple[FileType, ...] = (FileType.SILO,)
-    keep: int = 0
-    armed: bool = True
-    patience_s: float = 0.0
-
-
-class CaptureFacts(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What a log is if a trigger captured it: ticks `first` to `last` were asked for, around those of `fires`.
-
-    `ended` tells why it is shorter, empty if it isn't.
-    """
-
-    trigger: str
-    number: int
-    first: int
-    last: int
-    fires: tuple[int, ...] = ()
-    fires_ns: tuple[int, ...] = ()
-    ended: str = ""
-
-
-class Conditions(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What belongs to a log beside its elements. A derived signal may use those before it."""
-
-    derived: tuple[Derived, ...] = ()
-    limits: tuple[SignalLimits, ...] = ()
-    triggers: tuple[TriggerOptions, ...] = ()
-    capture: CaptureFacts | None = None
-
-    @property
-    def judged(self) -> bool:
-        """Whether there is a limit or a trigger."""
-        return bool(self.limits or self.triggers)
-
-
-NO_EXTRAS = Conditions()
 
 
 class Stretch(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -429,19 +352,6 @@ class RecorderState(Word):
         return self in (RecorderState.ENDED, RecorderState.FAILED)
 
 
-class TriggerWord(Word):
-    """What a trigger does now."""
-
-    ARMED = "armed"
-    FIRING = "firing"  # a capture is under way
-    HOLDOFF = "holdoff"
-    BLIND = "blind"  # its condition can't be told
-    FIRED = "fired"  # once, in mode single: arm it again
-    OFF = "off"
-    WAITING = "waiting"  # there is no run
-    OTHER = "other"
-
-
 class GroupRole(str, enum.Enum):
     """What members of a group may do that is let in: look, or change things too."""
 
@@ -534,6 +444,15 @@ class Status(msgspec.Struct, frozen=True):
     def run_ticks(self) -> int:
         """How many ticks the run has, those before its cuts too."""
         return self.before_ticks + self.ticks
+
+
+STALLED_S = 3.0  # on two busy processors a loop of 400 Hz stood still for up to 0.4 s
+STALLED_PERIODS = 5
+
+
+def is_stalled(idle_s: float, frequency_hz: float) -> bool:
+    """Return whether a logger that runs has had no tick for so long that it is not only slow."""
+    return idle_s >= STALLED_S and idle_s * frequency_hz >= STALLED_PERIODS
 
 
 class Table(msgspec.Struct, frozen=True):

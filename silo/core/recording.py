@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.calls import no_attribute
-from silo.core.elements import NO_EXTRAS, BufferType, Conditions, Entry, LoggedEvent, Stretch
+from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
 from silo.core.printing import html_table
 from silo.core.quantities.writing import many
 from silo.errors import ArgumentError, LogWarning

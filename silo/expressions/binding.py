@@ -15,7 +15,8 @@ import numpy as np
 
 from silo.core import units
 from silo.core.arrays.function_units import UnitRule
-from silo.core.elements import Derived, Entry
+from silo.core.conditions import Derived
+from silo.core.elements import Entry
 from silo.core.names import Found, Names, did_you_mean, is_glob, nearest
 from silo.errors import ElementError, ExpressionError
 from silo.expressions.operations import FUNCTIONS

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import BufferType, Derived, Entry
+from silo.core.conditions import Derived
+from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike
 from silo.expressions.binding import BoundExpression
 from silo.expressions.derived_signals import bound_derived, entries_of, info_of

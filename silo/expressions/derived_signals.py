@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import msgspec
 
-from silo.core.elements import Action, BufferType, Derived, ElementInfo, ElementOptions, Entry
+from silo.core.conditions import Derived
+from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, Entry
 from silo.core.kinds import ARRAY, SCALAR
 from silo.errors import ElementError, ExpressionError
 from silo.expressions.binding import OFF, BoundExpression, Catalogue, Computed, Known, Part, Remembered, bind

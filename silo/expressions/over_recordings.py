@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.values import as_floats
-from silo.core.elements import Derived, Entry
+from silo.core.conditions import Derived
+from silo.core.elements import Entry
 from silo.core.recording import (
     RecordedElement,
     RecordedEntry,

@@ -23,7 +23,7 @@ from pathlib import Path
 import msgspec
 
 from silo.core.child import end_abandoned_holder, note_holder
-from silo.core.elements import Conditions
+from silo.core.conditions import Conditions
 from silo.core.quantities.writing import many, size_text
 from silo.core.runtime import open_own, read_own
 from silo.errors import SaveError

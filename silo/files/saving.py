@@ -11,7 +11,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
+from silo.core.conditions import Conditions
+from silo.core.elements import FileType, LoggedEvent, SavedFile
 from silo.core.quantities.writing import size_text
 from silo.core.recording import Progress, Recording, with_events
 from silo.errors import SaveError

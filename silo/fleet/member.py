@@ -6,8 +6,7 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from silo.core.elements import State, Status
-from silo.core.stalls import is_stalled
+from silo.core.elements import State, Status, is_stalled
 from silo.net.found import LoggerAddress
 from silo.rpc.published import Summary
 

@@ -24,7 +24,8 @@ from silo.conditions.monitor import Judge
 from silo.control.authentication import Authentication
 from silo.control.denials import Denials
 from silo.control.server import ControlLock
-from silo.core.elements import Conditions, Derived, FileType, State
+from silo.core.conditions import Conditions, Derived
+from silo.core.elements import FileType, State
 from silo.core.quantities.writing import many
 from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError

@@ -5,7 +5,8 @@ import queue
 import threading
 from dataclasses import dataclass
 
-from silo.core.elements import Conditions, SavedFile
+from silo.core.conditions import Conditions
+from silo.core.elements import SavedFile
 from silo.errors import SegmentError, SiloError
 from silo.files.saving import describe
 from silo.helper.robot_link import RobotLink

@@ -14,7 +14,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import BufferType, Derived, ElementInfo
+from silo.core.conditions import Derived
+from silo.core.elements import BufferType, ElementInfo
 from silo.expressions.binding import OFF, BoundExpression, Catalogue, Known
 from silo.expressions.derived_signals import Lookback, bound_derived, info_of, lookback
 from silo.expressions.evaluation import Evaluator, SourceRows

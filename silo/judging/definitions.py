@@ -6,7 +6,8 @@ import msgspec
 import numpy as np
 
 from silo.core.arguments import real, shown, whole
-from silo.core.elements import BufferType, Conditions, Derived, ElementInfo, SignalLimits, TriggerOptions
+from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.elements import BufferType, ElementInfo
 from silo.core.quantities.reading import both_meanings, seconds_of
 from silo.errors import ElementError, ExpressionError
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind

@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from silo.core.elements import Derived, ElementInfo, TriggerOptions
+from silo.core.conditions import Derived, TriggerOptions
+from silo.core.elements import ElementInfo
 from silo.expressions.binding import (
     OFF,
     BoundExpression,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import TriggerWord
+from silo.core.conditions import TriggerWord
 from silo.errors import ElementError
 from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
 

@@ -14,9 +14,8 @@ from pathlib import Path
 import msgspec
 import zenoh
 
-from silo.core.elements import Present, State
+from silo.core.elements import Present, State, is_stalled
 from silo.core.runtime import disk_room
-from silo.core.stalls import is_stalled
 from silo.errors import SegmentError
 from silo.history.pins import Pins
 from silo.live.feeds import Round

@@ -22,8 +22,8 @@ from silo.live.newest import NewestValues
 from silo.live.requests import GetSurvey, Survey
 from silo.net.keys import may_use
 from silo.rpc.leases import Leases
-from silo.rpc.quantities import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
+from silo.rpc.statistics import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.segment.layout import ElementSchema, EntrySchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader

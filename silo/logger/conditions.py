@@ -12,17 +12,8 @@ import msgspec
 from silo.conditions.given import TakesConditions
 from silo.core.arguments import line, shown, text
 from silo.core.calls import told_class
-from silo.core.elements import (
-    NO_EXTRAS,
-    Conditions,
-    Derived,
-    Edit,
-    ElementInfo,
-    LoggerOptions,
-    SignalLimits,
-    TriggerOptions,
-    join_name,
-)
+from silo.core.conditions import NO_EXTRAS, Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.elements import Edit, ElementInfo, LoggerOptions, join_name
 from silo.errors import ElementError, SaveError
 from silo.logger.life_cycle import LifeCycle
 from silo.logger.registrations import Registrations
@@ -118,7 +109,7 @@ class LoggerConditions(TakesConditions[None]):
 
         if not isinstance(limits, SignalLimits):
             raise ElementError(
-                f"limits must be silo.core.elements.SignalLimits, got {shown(limits)}; write "
+                f"limits must be silo.core.conditions.SignalLimits, got {shown(limits)}; write "
                 'log.limit("joints/tau", (-40, -30, 30, 40)); nothing was changed'
             )
         with self._life.lock:
@@ -142,7 +133,7 @@ class LoggerConditions(TakesConditions[None]):
 
         if not isinstance(trigger, TriggerOptions):
             raise ElementError(
-                f"a trigger must be silo.core.elements.TriggerOptions, got {shown(trigger)}; write "
+                f"a trigger must be silo.core.conditions.TriggerOptions, got {shown(trigger)}; write "
                 'log.trigger("fall", "abs(base/roll) > 0.6"); nothing was changed'
             )
         try:

@@ -13,7 +13,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from silo.core.elements import Conditions, ElementInfo, LoggerOptions, Storage
+from silo.core.conditions import Conditions
+from silo.core.elements import ElementInfo, LoggerOptions, Storage
 from silo.errors import NoRoomError, StateError, UnsavedError
 from silo.journal.format import remove_journals
 from silo.journal.holdings import segment_holdings

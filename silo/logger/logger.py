@@ -14,14 +14,8 @@ from typing import TYPE_CHECKING
 
 from silo.core.arguments import switch, whole, word
 from silo.core.calls import of, told_class
-from silo.core.elements import (
-    DEFAULT_MAX_TIME_S,
-    Conditions,
-    ControlMode,
-    GroupRole,
-    Storage,
-    Threads,
-)
+from silo.core.conditions import Conditions
+from silo.core.elements import DEFAULT_MAX_TIME_S, ControlMode, GroupRole, Storage, Threads
 from silo.core.episodes.block import EpisodeBlock
 from silo.errors import SiloError, StateError
 from silo.logger.arguments.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord

@@ -17,7 +17,8 @@ from numpy.typing import DTypeLike, NDArray
 
 from silo.core.arguments import path as file_path
 from silo.core.calls import call_problem
-from silo.core.elements import DEFAULT_OPTIONS, NO_EXTRAS, ElementInfo, Entry, LoggerOptions, join_name
+from silo.core.conditions import NO_EXTRAS
+from silo.core.elements import DEFAULT_OPTIONS, ElementInfo, Entry, LoggerOptions, join_name
 from silo.core.episodes.block import EpisodeBlock
 from silo.core.kinds import index_suffixes, kind_by_shape
 from silo.core.recording import Recording

@@ -21,15 +21,8 @@ from silo.core import units
 from silo.core.arguments import line, switch, text
 from silo.core.arguments import path as file_path
 from silo.core.calls import present_words, told_class, unknown_argument
-from silo.core.elements import (
-    DEFAULT_OPTIONS,
-    Conditions,
-    Edit,
-    ElementInfo,
-    LoggerOptions,
-    Problem,
-    join_name,
-)
+from silo.core.conditions import Conditions
+from silo.core.elements import DEFAULT_OPTIONS, Edit, ElementInfo, LoggerOptions, Problem, join_name
 from silo.core.kinds import STRUCT, struct_text
 from silo.errors import ArgumentError, ElementError, ScriptError, SourceError
 from silo.logger.arguments.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch

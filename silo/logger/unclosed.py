@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from silo.core.elements import Conditions, FileType, LoggerOptions, SavedFile, Storage
+from silo.core.conditions import Conditions
+from silo.core.elements import FileType, LoggerOptions, SavedFile, Storage
 from silo.core.recording import Recording
 from silo.errors import SiloError
 from silo.journal.format import list_journals, remove_journal

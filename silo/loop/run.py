@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import NO_EXTRAS, Conditions, LoggerOptions, Storage, Threads
+from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.elements import LoggerOptions, Storage, Threads
 from silo.core.runtime import (
     SEGMENT_SUFFIX,
     announce_segment,

@@ -15,7 +15,8 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 from numpy.typing import NDArray
 
-from silo.core.elements import BufferType, Conditions
+from silo.core.conditions import Conditions
+from silo.core.elements import BufferType
 from silo.core.names import matching
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, alike
 from silo.errors import SaveError

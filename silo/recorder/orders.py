@@ -5,7 +5,8 @@ from functools import partial
 
 import msgspec
 
-from silo.core.elements import Conditions, RecorderState
+from silo.core.conditions import Conditions
+from silo.core.elements import RecorderState
 
 MAX_PACKET_BYTES = 180_000  # within the send buffer of a socket as Linux has it by default
 TEXT_BYTES = 2_000

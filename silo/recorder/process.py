@@ -12,7 +12,8 @@ from pathlib import Path
 import msgspec
 
 from silo.core.child import PIPE, ChildProcess
-from silo.core.elements import NO_EXTRAS, Conditions, RecorderState
+from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.elements import RecorderState
 from silo.core.runtime import process_facts, write_private
 from silo.files.manifest import RecordedTotals, read_written
 from silo.recorder.orders import (

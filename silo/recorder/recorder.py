@@ -17,7 +17,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from silo.core.elements import Conditions, RecorderState
+from silo.core.conditions import Conditions
+from silo.core.elements import RecorderState
 from silo.core.quantities.writing import many
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason

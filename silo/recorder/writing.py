@@ -23,7 +23,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import Conditions, LoggedEvent, RecorderState
+from silo.core.conditions import Conditions
+from silo.core.elements import LoggedEvent, RecorderState
 from silo.core.recording import RecordedElement
 from silo.core.runtime import disk_room, sync
 from silo.errors import SiloError

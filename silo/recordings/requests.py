@@ -6,7 +6,8 @@ import msgspec
 
 from silo.core.arguments import text, whole
 from silo.core.calls import told_class
-from silo.core.elements import Conditions, FileType, FileTypes
+from silo.core.conditions import Conditions
+from silo.core.elements import FileType, FileTypes
 from silo.rpc.declaring import Caller, Do, Lane, Reply, SlowAsk, ask, change, given
 
 

@@ -15,7 +15,8 @@ from pathlib import Path
 import msgspec
 
 from silo.core.child import PIPE, ChildProcess, note_holder
-from silo.core.elements import Conditions, FileType, LoggedEvent, SavedFile
+from silo.core.conditions import Conditions
+from silo.core.elements import FileType, LoggedEvent, SavedFile
 from silo.errors import SaveError, SiloError
 from silo.files import LogOfRun, PartlySavedError, write, write_run
 from silo.journal.holdings import Holdings, segment_holdings

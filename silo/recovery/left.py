@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from silo.core.elements import CUT, Conditions, FileType, LoggedEvent, SavedFile
+from silo.core.conditions import Conditions
+from silo.core.elements import CUT, FileType, LoggedEvent, SavedFile
 from silo.core.runtime import is_at, open_own
 from silo.errors import StateError
 from silo.journal.holdings import Holdings, recording_holdings

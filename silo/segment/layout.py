@@ -23,7 +23,8 @@ from typing import TypeVar
 
 import msgspec
 
-from silo.core.elements import NO_EXTRAS, BufferType, Conditions, ElementInfo, ElementOptions, Entry
+from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
 from silo.core.tuning.parameters import ParameterInfo
 
 MAGIC = int.from_bytes(b"SILOSEG1", "little")

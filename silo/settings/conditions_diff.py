@@ -3,7 +3,8 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from silo.core.elements import Conditions, Derived, FieldChange, FileType, SignalLimits, TriggerOptions
+from silo.core.conditions import Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.elements import FieldChange, FileType
 
 NONE = "none"  # what stands for one that there isn't
 

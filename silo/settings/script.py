@@ -18,7 +18,8 @@ from pathlib import Path
 import msgspec
 import yaml
 
-from silo.core.elements import NO_EXTRAS, Conditions, ElementInfo, ElementOptions
+from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.elements import ElementInfo, ElementOptions
 from silo.core.names import nearest
 from silo.errors import SaveError, ScriptError
 from silo.settings.options import IN_SCRIPT, OptionValue

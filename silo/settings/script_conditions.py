@@ -25,7 +25,8 @@ from typing import Any, Final, Literal, TypeVar
 import msgspec
 import yaml
 
-from silo.core.elements import NO_EXTRAS, Conditions, Derived, ElementInfo, FileType, SignalLimits, TriggerOptions
+from silo.core.conditions import NO_EXTRAS, Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.elements import ElementInfo, FileType
 from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import many
 from silo.settings.options import OPTION, shorten

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import yaml
 
-from silo.core.elements import Conditions
+from silo.core.conditions import Conditions
 from silo.core.names import did_you_mean, nearest
 from silo.settings.options import IN_SCRIPT, OPTIONS, ElementOption, OptionValue, shorten
 from silo.settings.script_conditions import KEYS, Kind, given_kinds, read_extras

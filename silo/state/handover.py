@@ -12,7 +12,8 @@ import socket
 
 import msgspec
 
-from silo.core.elements import NO_EXTRAS, Conditions, State, Table
+from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.elements import State, Table
 from silo.errors import ConnectionLostError
 
 MAX_OFFER_BYTES = 16_384

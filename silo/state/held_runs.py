@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from silo.core.elements import Conditions
+from silo.core.conditions import Conditions
 from silo.core.runtime import HELD_SUFFIX, is_at, list_held, runtime_dir
 from silo.errors import SegmentError
 from silo.rpc.published import EventKind

@@ -5,7 +5,8 @@ from collections.abc import Callable, Sequence
 
 from silo.core.arguments import line, shown, switch, whole
 from silo.core.calls import told_class
-from silo.core.elements import Conditions, Edit, ElementOptions, LoggedEvent, Problem, Status, Table
+from silo.core.conditions import Conditions
+from silo.core.elements import Edit, ElementOptions, LoggedEvent, Problem, Status, Table
 from silo.errors import ElementError
 from silo.rpc.declaring import Ask, Caller, Reply, RobotRequest, ask, change, request_of
 from silo.rpc.published import Summary

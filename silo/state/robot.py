@@ -5,7 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from silo.core.elements import Conditions, Edit, ElementInfo, Problem
+from silo.core.conditions import Conditions
+from silo.core.elements import Edit, ElementInfo, Problem
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 from silo.rpc.serving import Server
 from silo.segment.retention import large_text

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import msgspec
 from textual.geometry import Region
 
-from silo.core.elements import TriggerOptions
+from silo.core.conditions import TriggerOptions
 from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.settings.typed import ElementSettings, examples, read_settings

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from silo.conditions.standing import LimitStatus, TriggerStatus
-from silo.core.elements import LoggedEvent, SavedFile, State, Status, TriggerOptions
+from silo.core.conditions import TriggerOptions
+from silo.core.elements import LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
 from silo.errors import RefusedError
 from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import Recordings
 from silo.rpc.frames import Frame
 from silo.rpc.published import Event, EventKind
-from silo.rpc.quantities import SLOW, SLOW_SHARE
 from silo.rpc.refusals import RefusedWhy
+from silo.rpc.statistics import SLOW, SLOW_SHARE
 from silo.settings.typed import ElementSettings, apply_settings
 from silo.state.requests import EditsApplied, Unsaved
 from silo_tui.model.drawing.columns import ColumnStore

@@ -10,9 +10,8 @@ from rich.text import Text
 from textual.app import RenderResult
 from textual.widget import Widget
 
-from silo.core.elements import State
-from silo.core.quantities.writing import clock_text
-from silo.core.stalls import idle_words, is_stalled
+from silo.core.elements import State, is_stalled
+from silo.core.quantities.writing import clock_text, idle_words
 from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_that_retries, with_keys
 from silo_tui.keymap import in_bar
 from silo_tui.model.lists.conditions import head_words

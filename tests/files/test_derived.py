@@ -7,7 +7,8 @@ import pytest
 
 import silo
 from silo.analysis.log import Log
-from silo.core.elements import BufferType, Conditions, Derived, Entry
+from silo.core.conditions import Conditions, Derived
+from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.expressions.derived_samples import with_derived
 from silo.files import write

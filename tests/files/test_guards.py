@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import silo
 from silo.cli.group import cli
-from silo.core.elements import SignalLimits
+from silo.core.conditions import SignalLimits
 from silo.errors import ScriptError
 from silo.guards.guard import guard, words
 from silo.guards.rules import Rule, read_rules

@@ -6,7 +6,8 @@ import pytest
 from silo.analysis.plots.charts import ChartSpec, make_chart
 from silo.analysis.plots.drawing import draw_axes, draw_text
 from silo.cli.main import run
-from silo.core.elements import BufferType, Conditions, Derived, Entry, SignalLimits
+from silo.core.conditions import Conditions, Derived, SignalLimits
+from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
 

@@ -10,7 +10,8 @@ from click.testing import CliRunner
 
 import silo
 from silo.cli.logs.files import plot_command, print_file_info, stats_command
-from silo.core.elements import BufferType, Conditions, Entry, SignalLimits
+from silo.core.conditions import Conditions, SignalLimits
+from silo.core.elements import BufferType, Entry
 from silo.core.recording import LazyEntry, RecordedElement, RecordedEntry, Recording
 from silo.files.formats import writer_for
 

@@ -21,18 +21,8 @@ import silo
 from silo.conditions.monitor import Judge
 from silo.control.requests import TakeControl
 from silo.control.server import ControlLock
-from silo.core.elements import (
-    Derived,
-    Edit,
-    ElementOptions,
-    FileType,
-    Problem,
-    SavedFile,
-    SignalLimits,
-    Sought,
-    Table,
-    TriggerOptions,
-)
+from silo.core.conditions import Derived, SignalLimits, TriggerOptions
+from silo.core.elements import Edit, ElementOptions, FileType, Problem, SavedFile, Sought, Table
 from silo.core.tuning.parameters import Excitation, Wave
 from silo.errors import SiloError
 from silo.fleet.exchange import decode_reply, encoded

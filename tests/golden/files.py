@@ -6,16 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from silo.core.elements import (
-    BufferType,
-    CaptureFacts,
-    Conditions,
-    Derived,
-    Entry,
-    LoggedEvent,
-    SignalLimits,
-    TriggerOptions,
-)
+from silo.core.conditions import CaptureFacts, Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.elements import BufferType, Entry, LoggedEvent
 from silo.core.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording
 from silo.files.formats import writer_for
 

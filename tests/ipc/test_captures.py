@@ -9,7 +9,7 @@ import silo
 import silo.analysis.log
 from silo.client.client import Client
 from silo.conditions.standing import LimitWord
-from silo.core.elements import TriggerWord
+from silo.core.conditions import TriggerWord
 from silo.rpc.published import EventKind
 from silo.settings.script import read_script
 from tests.waiting import wait_until

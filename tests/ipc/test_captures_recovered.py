@@ -10,7 +10,8 @@ import pytest
 import silo
 from silo.cli.main import run
 from silo.client.client import Client
-from silo.core.elements import FileType, TriggerOptions
+from silo.core.conditions import TriggerOptions
+from silo.core.elements import FileType
 from silo.core.runtime import list_segments
 from silo.errors import LogWarning, SaveError
 from silo.files.event_log import read_events

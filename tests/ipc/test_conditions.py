@@ -9,7 +9,8 @@ from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.conditions.standing import LimitWord
-from silo.core.elements import FileType, SignalLimits, TriggerOptions, TriggerWord
+from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord
+from silo.core.elements import FileType
 from silo.errors import ElementError
 from silo.rpc.published import EventKind
 from silo.settings.script import read_script

@@ -15,7 +15,7 @@ import silo
 from silo.cli.main import run as silo_run
 from silo.client.client import Client
 from silo.conditions.state_file import read_state, state_path, store_state
-from silo.core.elements import TriggerWord
+from silo.core.conditions import TriggerWord
 from silo.core.runtime import boot_id, list_held, pid_namespace, process_start
 from silo.errors import ConnectionLostError, LogWarning
 from silo.files.event_log import read_events

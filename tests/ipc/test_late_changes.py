@@ -8,7 +8,8 @@ from collections.abc import Callable
 import pytest
 
 from silo.client.client import Client
-from silo.core.elements import FileType, TriggerOptions
+from silo.core.conditions import TriggerOptions
+from silo.core.elements import FileType
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError
 from silo.fleet.exchange import decode_reply, encoded
 from silo.requests import AddMark

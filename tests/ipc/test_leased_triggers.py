@@ -3,7 +3,7 @@
 import pytest
 
 from silo.client.client import Client
-from silo.core.elements import TriggerOptions, TriggerWord
+from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.errors import RefusedError
 from tests.ipc.test_conditions import judged, trigger
 from tests.waiting import wait_until

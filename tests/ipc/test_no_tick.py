@@ -8,8 +8,8 @@ import pytest
 
 from silo.cli.loggers.ls import _ls_row
 from silo.client.client import Client
-from silo.core.elements import State
-from silo.core.stalls import idle_words, is_stalled
+from silo.core.elements import State, is_stalled
+from silo.core.quantities.writing import idle_words
 from silo.fleet.member import Member, Stands
 from silo.live.publisher import differs
 from silo.net.found import LoggerAddress

@@ -13,7 +13,8 @@ from silo.client.client import Client
 from silo.conditions import requests as conditions
 from silo.conditions.requests import ConditionRequests
 from silo.conditions.robot import ConditionRobot
-from silo.core.elements import Problem, TriggerOptions
+from silo.core.conditions import TriggerOptions
+from silo.core.elements import Problem
 from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, SaveError, StateError, UnsavedError
 from silo.helper import control_threads
 from silo.logger.serving import answers

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.core.elements import Derived, Entry
+from silo.core.conditions import Derived
+from silo.core.elements import Entry
 from silo.errors import ExpressionError
 from silo.expressions.binding import OFF, BoundSignal, Catalogue, Constant, Known, bind
 from silo.expressions.derived_signals import Lookback, lookback

@@ -5,7 +5,7 @@ import numpy as np
 from hypothesis import settings
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from silo.core.elements import TriggerWord
+from silo.core.conditions import TriggerWord
 from silo.judging.limits import Limit, LimitRule
 from silo.judging.triggers import Trigger
 from tests.examples import examples

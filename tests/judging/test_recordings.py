@@ -12,7 +12,8 @@ from silo.analysis.log import Log
 from silo.analysis.plots.curves import pick
 from silo.cli.codes import EXIT_BLIND, EXIT_FAILED, EXIT_FOUND
 from silo.cli.main import run
-from silo.core.elements import BufferType, Conditions, Derived, Entry, SignalLimits
+from silo.core.conditions import Conditions, Derived, SignalLimits
+from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ExpressionError
 from silo.expressions.over_recordings import BATCH_TICKS

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import silo
-import silo.core.elements
+import silo.core.conditions
 from silo.conditions.segment_judge import MOST_SPOOL_BYTES, SegmentJudge, try_trigger
 from silo.conditions.standing import TriggerWord
 from silo.segment.reader import SegmentReader
@@ -307,7 +307,7 @@ def test_a_trigger_that_is_removed_and_set_again_within_post_has_two_captures(ro
     robot.ticks(50, [(40, 0)])
     whole = robot.judge.step().whole
     extras = robot.judge.extras
-    robot.judge.adopt(silo.core.elements.Conditions())
+    robot.judge.adopt(silo.core.conditions.Conditions())
     robot.judge.adopt(extras)
     robot.ticks(200, [(10, 0)])
     whole += robot.judge.step().whole
@@ -409,7 +409,7 @@ def test_a_try_of_a_trigger_judges_as_the_trigger_does(robot):
     robot.logger.set("off", enabled=False)
     robot.start()
     robot.ticks(200, [(40, 0), (60, 0)])
-    tried = silo.core.elements.TriggerOptions("try", "any(fast/x_0 > 50, off > 1)")
+    tried = silo.core.conditions.TriggerOptions("try", "any(fast/x_0 > 50, off > 1)")
     found = try_trigger(tried, SegmentReader(robot.logger._present.path), robot.logger.elements)
     assert found.ticks == [40, 60]
 

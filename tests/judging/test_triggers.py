@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.core.elements import TriggerWord
+from silo.core.conditions import TriggerWord
 from silo.errors import ElementError
 from silo.judging.triggers import BufferSpan, Slope, Trigger, TriggerMode, TriggerRule, check_pre
 from tests.examples import examples

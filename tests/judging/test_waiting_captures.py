@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pytest
 
 from silo.conditions.captures.writer import MOST_WAITING, WaitingCaptures
-from silo.core.elements import TriggerOptions
+from silo.core.conditions import TriggerOptions
 from silo.files.manifest import CaptureEntry, CaptureFile, CaptureList
 from silo.judging.triggers import Capture
 

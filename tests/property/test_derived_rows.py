@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 import silo
 from silo.analysis.log import Log
-from silo.core.elements import BufferType, Derived
+from silo.core.conditions import Derived
+from silo.core.elements import BufferType
 from silo.journal.derived_rows import DerivedReader, derived_plan
 from silo.segment.reader import SegmentReader
 from tests.examples import examples

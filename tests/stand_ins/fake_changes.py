@@ -7,17 +7,8 @@ from typing import Any
 import msgspec
 
 from silo.conditions.standing import TriggerStatus
-from silo.core.elements import (
-    Conditions,
-    Edit,
-    ElementOptions,
-    FileType,
-    RecorderState,
-    SavedFile,
-    State,
-    Status,
-    TriggerWord,
-)
+from silo.core.conditions import Conditions, TriggerWord
+from silo.core.elements import Edit, ElementOptions, FileType, RecorderState, SavedFile, State, Status
 from silo.core.quantities.reading import read_keep, read_split
 from silo.errors import ScriptError
 from silo.recorder.requests import RecorderInfo, RecorderStarted

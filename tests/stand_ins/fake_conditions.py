@@ -4,13 +4,8 @@ from collections.abc import Sequence
 
 from silo.conditions.requests import Alarms, Triggers, TriggerTried
 from silo.conditions.standing import TriggerStatus
-from silo.core.elements import (
-    Derived,
-    SignalLimits,
-    TriggerOptions,
-    TriggerWord,
-    join_name,
-)
+from silo.core.conditions import Derived, SignalLimits, TriggerOptions, TriggerWord
+from silo.core.elements import join_name
 from silo.errors import ElementError
 from silo.judging.definitions import with_derived, without_derived
 from silo.rpc.refusals import RefusedWhy

@@ -12,15 +12,14 @@ import msgspec
 
 from silo.client.bulk import Outcome
 from silo.conditions.standing import LimitStatus, TriggerStatus
+from silo.core.conditions import Derived, SignalLimits
 from silo.core.elements import (
     BufferType,
     Control,
-    Derived,
     ElementInfo,
     ElementOptions,
     LoggedEvent,
     Present,
-    SignalLimits,
     State,
     Status,
     Table,

@@ -8,11 +8,7 @@ from typing import Any
 import numpy as np
 
 from silo.core.arrays.columns import ColumnGrid, HistoryColumns, bins_of
-from silo.core.elements import (
-    BufferType,
-    ElementInfo,
-    Sought,
-)
+from silo.core.elements import BufferType, ElementInfo, Sought
 from silo.expressions.search import Finder, FoundMoments, Looking
 from silo.expressions.span import Between, between
 from silo.history.arrays import SampleArrays
@@ -20,8 +16,8 @@ from silo.history.requests import PinOpened
 from silo.live.requests import Survey
 from silo.rpc.frames import Frame
 from silo.rpc.published import NotLive
-from silo.rpc.quantities import QUANTITIES
 from silo.rpc.refusals import RefusedWhy
+from silo.rpc.statistics import QUANTITIES
 from tests.stand_ins.fake_signals import HZ, held_ticks, refused, signal
 
 

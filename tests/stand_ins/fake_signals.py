@@ -6,14 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from silo.core.elements import (
-    Action,
-    BufferType,
-    ElementInfo,
-    ElementOptions,
-    Entry,
-    Problem,
-)
+from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, Entry, Problem
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
 
 START_NS = 1_790_000_000_000_000_000

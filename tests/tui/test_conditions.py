@@ -4,7 +4,7 @@ import pytest
 from msgspec.structs import replace
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
-from silo.core.elements import SignalLimits, TriggerOptions, TriggerWord
+from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord
 from silo.errors import ElementError, RefusedError
 from silo_tui.model.lists.conditions import (
     alarms_words,

@@ -5,7 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from silo.core.elements import Derived, Table
+from silo.core.conditions import Derived
+from silo.core.elements import Table
 from silo.errors import ElementError
 from silo.expressions.derived_signals import derived_infos
 from silo_tui.model.table import derived

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from silo.core.arrays.columns import Gap, NonFinite, holes_of
 from silo.core.arrays.values import newest_values
-from silo.core.elements import BufferType, CaptureFacts, Conditions, Entry
+from silo.core.conditions import CaptureFacts, Conditions
+from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.model.samples.recorded import RecordingSource
 from tests.examples import examples

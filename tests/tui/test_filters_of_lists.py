@@ -3,7 +3,7 @@
 import pytest
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
-from silo.core.elements import TriggerOptions
+from silo.core.conditions import TriggerOptions
 from silo_tui.screens.lists.list_screen import ListScreen
 from silo_tui.settings.options import Settings
 

@@ -9,7 +9,7 @@ import pytest
 from textual import events
 
 from silo.conditions.standing import TriggerStatus
-from silo.core.elements import TriggerOptions, TriggerWord
+from silo.core.conditions import TriggerOptions, TriggerWord
 from silo_tui.screens.lists.recordings import RecordingsScreen
 from silo_tui.screens.lists.settings import SettingsScreen
 from silo_tui.screens.lists.triggers import TriggersScreen

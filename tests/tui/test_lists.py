@@ -5,7 +5,8 @@ from typing import NamedTuple
 import pytest
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
-from silo.core.elements import FileType, TriggerOptions, TriggerWord
+from silo.core.conditions import TriggerOptions, TriggerWord
+from silo.core.elements import FileType
 from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
 from silo_tui.model.lists.ordering import Marks, Order, arranged, passes
 

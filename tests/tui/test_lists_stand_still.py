@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, TriggerWord
-from silo.core.elements import LoggedEvent, TriggerOptions
+from silo.core.conditions import TriggerOptions
+from silo.core.elements import LoggedEvent
 from silo.core.tuning.parameters import ParameterInfo, ParameterKind
 from silo.fleet.member import Member
 from silo.net.found import LoggerAddress

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from silo.conditions.standing import TriggerStatus
-from silo.core.elements import BufferType, Entry, FileType, LoggedEvent, SavedFile, State, TriggerOptions, TriggerWord
+from silo.core.conditions import TriggerOptions, TriggerWord
+from silo.core.elements import BufferType, Entry, FileType, LoggedEvent, SavedFile, State
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo.errors import ConnectionLostError
 from silo.files import write

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
-from silo.core.elements import BufferType, Entry, FileType, RecorderState, State, TriggerOptions, TriggerWord
+from silo.core.conditions import TriggerOptions, TriggerWord
+from silo.core.elements import BufferType, Entry, FileType, RecorderState, State
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.silo.writer import write_silo
 from silo.fleet.member import Member
@@ -16,7 +17,7 @@ from silo.net.found import LoggerAddress
 from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
 from silo.rpc.published import Summary
-from silo.rpc.quantities import FROZEN, NOT_FINITE
+from silo.rpc.statistics import FROZEN, NOT_FINITE
 from silo_tui.app import SiloApp
 from silo_tui.layouts import files
 from silo_tui.layouts.layout import KeptLayout

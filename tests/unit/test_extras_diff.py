@@ -1,6 +1,7 @@
 """What differs between derived signals, limits and triggers, in words."""
 
-from silo.core.elements import NO_EXTRAS, Conditions, Derived, FileType, SignalLimits, TriggerOptions
+from silo.core.conditions import NO_EXTRAS, Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.elements import FileType
 from silo.settings.conditions_diff import diff_extras
 
 FALL = TriggerOptions("fall", "abs(base/roll) > 0.6", 5.0, 1.0)

@@ -7,7 +7,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from silo.core.elements import Action, BufferType, Conditions, FileType
+from silo.core.conditions import Conditions
+from silo.core.elements import Action, BufferType, FileType
 from silo.errors import ScriptError
 from silo.settings.script import (
     MAX_PROBLEMS,

@@ -7,8 +7,8 @@ import silo
 from silo.live.requests import GetSurvey, Survey
 from silo.live.statistics import Sums, Surveyor, Tally
 from silo.logger.serving.answers import robot_state
-from silo.rpc.quantities import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.rpc.refusals import Refused, answered
+from silo.rpc.statistics import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.segment.reader import SegmentReader
 from silo.state.replica import Replica
 from tests.waiting import wait_until

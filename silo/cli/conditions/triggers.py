@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from silo.client.client import Client
     from silo.conditions.requests import Triggers, TriggerTried
     from silo.conditions.standing import TriggerStatus
-    from silo.core.elements import TriggerOptions
+    from silo.core.conditions import TriggerOptions
 
 MOST_TIMES = 10
 
@@ -47,7 +47,7 @@ def _rule_options(command: "click.decorators.FC") -> "click.decorators.FC":
 
 def _made(name: str, when: str, pre: str, post: str, edge: str, rearm: str, persist: str, holdoff: str,
           mode: str = "normal", types: tuple[str, ...] = ("silo",), keep: int = 0) -> "TriggerOptions":  # fmt: skip
-    from silo.core.elements import TriggerOptions
+    from silo.core.conditions import TriggerOptions
     from silo.judging.definitions import MOST_TRIGGER_S, seconds
 
     def given(what: str, text: str) -> float:

@@ -100,7 +100,7 @@ def screen_lines(found: "FleetNow", chosen: "Sequence[Member]", room: int, now_s
 
 
 def _cells(one: "Member", name: str, now_s: float, now_ns: int) -> tuple[str, ...]:
-    from silo.core.stalls import idle_words
+    from silo.core.quantities.writing import idle_words
 
     told, run_s, unseen_s = one.summary, one.run_s(now_ns), one.unseen_s(now_s)
     if told is None:
@@ -188,7 +188,7 @@ def changed(found: "FleetNow", chosen: "Sequence[Member]", known: "dict[str, Kno
 
 def sentence(one: "Member") -> str:
     """Return all that is known of a logger in a line."""
-    from silo.core.stalls import idle_words
+    from silo.core.quantities.writing import idle_words
 
     told = one.summary
     if told is None:

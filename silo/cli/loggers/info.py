@@ -20,8 +20,8 @@ from silo.cli.common import (
     split_logger,
     type_of,
 )
-from silo.core.quantities.writing import duration, many, size_text
-from silo.core.stalls import idle_words, is_stalled
+from silo.core.elements import is_stalled
+from silo.core.quantities.writing import duration, idle_words, many, size_text
 from silo.errors import ConnectionLostError
 
 if TYPE_CHECKING:

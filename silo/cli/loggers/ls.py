@@ -226,7 +226,7 @@ def _tell_journals(folder: str) -> None:
 
 
 def _ls_row(one: "Member") -> tuple[str, ...]:
-    from silo.core.stalls import whole_duration
+    from silo.core.quantities.writing import whole_duration
 
     found, status = one.found, one.status
     if status is None:

@@ -11,7 +11,7 @@ from silo.cli.common import LogWord, TypedPath, find_saved, show_json, show_rows
 
 if TYPE_CHECKING:
     from silo.analysis.check import Finding
-    from silo.core.elements import SignalLimits
+    from silo.core.conditions import SignalLimits
 
 
 @click.command("check")
@@ -78,7 +78,7 @@ def check_command(
 
 
 def _limits(text: str, when: str) -> "SignalLimits":
-    from silo.core.elements import SignalLimits
+    from silo.core.conditions import SignalLimits
 
     name, sign, rest = text.rpartition("=")
     words = [word.strip() for word in rest.split(",")]

@@ -5,7 +5,8 @@ import dataclasses
 import msgspec
 import numpy as np
 
-from silo.core.elements import BufferType, CaptureFacts, Conditions, LoggedEvent, TriggerOptions
+from silo.core.conditions import CaptureFacts, Conditions, TriggerOptions
+from silo.core.elements import BufferType, LoggedEvent
 from silo.core.episodes.words import within_ticks
 from silo.core.recording import Failures, Recording
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, longest_capture

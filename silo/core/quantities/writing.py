@@ -31,3 +31,14 @@ def size_text(size_bytes: float) -> str:
 def many(count: int, noun: str) -> str:
     """Return `1 element`, `3 elements`."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def idle_words(idle_s: float) -> str:
+    """Return `no tick for 4 min`."""
+    return f"no tick for {whole_duration(idle_s)}"
+
+
+def whole_duration(seconds: float) -> str:
+    """Return a time that goes on, in whole units: `14 s`, `5 min`, `3 h`."""
+    unit = 1 if seconds < 120 else 60 if seconds < 7200 else 3600
+    return duration(float(seconds // unit * unit))

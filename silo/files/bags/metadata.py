@@ -9,7 +9,8 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from silo.core.elements import NO_EXTRAS, BufferType, Conditions, Entry, LoggedEvent, Stretch
+from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
 from silo.core.recording import NO_FAILURES, Failures
 from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
 from silo.files.silo.format import Missing

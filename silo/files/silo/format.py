@@ -16,7 +16,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.elements import MARKER, NO_EXTRAS, BufferType, Conditions, LoggedEvent, Stretch
+from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.elements import MARKER, BufferType, LoggedEvent, Stretch
 from silo.core.kinds import SCALAR
 from silo.core.recording import (
     NO_FAILURES,

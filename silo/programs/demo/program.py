@@ -11,7 +11,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from silo.core.elements import NO_EXTRAS, Action, FileType
+from silo.core.conditions import NO_EXTRAS
+from silo.core.elements import Action, FileType
 from silo.core.quantities.writing import many, size_text
 from silo.logger.logger import Logger
 from silo.programs.demo.gait import HEIGHT_M, STEP_HEIGHT_M

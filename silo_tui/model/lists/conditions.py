@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 from silo.conditions.requests import TriggerTried
 from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
-from silo.core.elements import ElementInfo, FileType, TriggerOptions, TriggerWord
+from silo.core.conditions import TriggerOptions, TriggerWord
+from silo.core.elements import ElementInfo, FileType
 from silo.core.names import Names
 from silo.core.quantities.writing import clock_text, many, size_text
 from silo.errors import ExpressionError

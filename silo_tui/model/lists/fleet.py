@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from silo.core.elements import State
-from silo.core.quantities.writing import clock_text, many, size_text
-from silo.core.stalls import idle_words
+from silo.core.quantities.writing import clock_text, idle_words, many, size_text
 from silo.fleet.member import NO_TICK, Member, Stands, segments
 from silo_tui.model.lists.conditions import ago
 from silo_tui.model.lists.ordering import Order

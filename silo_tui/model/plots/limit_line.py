@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-from silo.core.elements import SignalLimits
+from silo.core.conditions import SignalLimits
 from silo.judging.definitions import MOST_STALE_S, seconds
 from silo_tui.model.plots.limits import Bounds4
 from silo_tui.model.words import text

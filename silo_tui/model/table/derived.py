@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from silo.core.elements import Conditions, Derived, ElementInfo, join_name
+from silo.core.conditions import Conditions, Derived
+from silo.core.elements import ElementInfo, join_name
 from silo.core.quantities.writing import many
 from silo.errors import ElementError
 from silo.expressions.derived_signals import derived_infos

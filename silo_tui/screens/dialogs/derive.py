@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from silo.core.elements import Derived
+from silo.core.conditions import Derived
 from silo.core.quantities.writing import many
 from silo.errors import RefusedError
 from silo_tui.context import Context

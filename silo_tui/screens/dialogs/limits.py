@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from silo.core.elements import SignalLimits, TriggerOptions
+from silo.core.conditions import SignalLimits, TriggerOptions
 from silo.errors import SiloError
 from silo.judging.definitions import rule_of
 from silo_tui.model.drawing.columns import ColumnStore

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from silo.core.elements import TriggerOptions
+from silo.core.conditions import TriggerOptions
 from silo_tui.context import Context
 from silo_tui.model.lists.conditions import fields_of, options_of_fields, tried_lines
 from silo_tui.screens.dialogs.form import Form, taken

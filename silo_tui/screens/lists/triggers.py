@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from silo.conditions.standing import TriggerStatus
-from silo.core.elements import SavedFile, TriggerOptions, TriggerWord
+from silo.core.conditions import TriggerOptions, TriggerWord
+from silo.core.elements import SavedFile
 from silo.core.quantities.writing import many
 from silo.files.formats import kind_of
 from silo_tui.actions import key_of

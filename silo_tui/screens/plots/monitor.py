@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 from textual.message import Message
 
-from silo.core.elements import TriggerOptions
+from silo.core.conditions import TriggerOptions
 from silo.errors import SiloError
 from silo_tui.modal import run_aside
 from silo_tui.model.plots.scope import Scope, fitting_span, halfway

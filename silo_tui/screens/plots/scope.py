@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 from textual.app import ComposeResult
 
-from silo.core.elements import LoggedEvent, TriggerOptions
+from silo.core.conditions import TriggerOptions
+from silo.core.elements import LoggedEvent
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
 from silo_tui.context import SiloScreen
