@@ -8,6 +8,7 @@ starts is warm, too. Its parent is the nursery, and its command line that one's.
 import contextlib
 import fcntl
 import functools
+import gc
 import importlib.util
 import inspect
 import io
@@ -145,6 +146,7 @@ def fork_for_all() -> Callable[[], None]:
     import silo.logger.logger
     import silo.recorder.__main__  # noqa: F401
 
+    gc.freeze()  # a process that was forked looks through nothing of it, nor copies it by that
     print("ready", flush=True)
     children: dict[int, tuple[int, socket.socket]] = {}  # by what tells of its end: its pid, and who is told
     while True:

@@ -2,7 +2,9 @@
 
 import argparse
 import logging
+import os
 import sys
+import threading
 
 from silo.helper.helper import Helper, ServingOptions, open_link
 from silo.recordings.heap import limit_heap
@@ -27,5 +29,14 @@ def main() -> int:
     return Helper(robot, arguments.name, serving, arguments.id).run()
 
 
+def _end(code: int) -> None:
+    """End without taking Python apart, which takes 0.3 s more, and `Logger.close()` waits for that."""
+    for thread in threading.enumerate():
+        if not thread.daemon and thread is not threading.main_thread():
+            thread.join()
+    sys.stdout.flush()
+    os._exit(code)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    _end(main())
