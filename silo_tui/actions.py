@@ -162,7 +162,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("range", "V", "Range", "begin a range, move, the same key marks it", "Find and mark", _TABLES),
     Command("sort", "o", "Order", "choose an order; its letter again turns it round", "Find and mark", _TABLES, 3,
             typed=_read(("sort",), "sorts", ":sort div", "order by a column", 6)),
-    Command("fold", "z", "Fold", "fold a name space, or unfold a vector into its entries", "Find and mark", _TABLES, 4),
+    Command("fold", "z", "Fold", "fold or unfold a name space, a vector into its entries", "Find and mark", _TABLES, 4),
     Command("component", "n", "Entry", "norm of a vector, its first entry, the next ...", "Look", _TABLES),
     Command("columns", "C", "Columns", "settings or values, statistics, timing", "Look", _TABLES),
     Command("zero", "Z", "Zero", "statistics from now on", "Look", _TABLE + _MONITOR),
@@ -295,7 +295,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("go_to_event", "enter", "Go there", "the plots stand still where it happened", "Events", _HAPPENED, 1),
     Command("write_events", "w", "Write", "the lines that are shown to a CSV file here", "Events", _HAPPENED, 5),
     # ------------------------------------------------------------------------------------------------- loggers
-    Command("loggers", "ctrl+l", "Loggers", "all loggers, how each stands; choose another, command many", "Go",
+    Command("loggers", "ctrl+l", "Loggers", "all loggers, how each stands; choose another, command many; "
+            "`silo-tui --serve` is all of it in a browser", "Go",
             _BOTH + _DETAIL + _ASIDE, typed=Typed(("loggers", "fleet"))),
     Command("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
     Command("start_stop_loggers", "S", "Start/Stop", "start or stop it, or all that are marked, after a question that "
@@ -335,7 +336,7 @@ COMMANDS: tuple[Command, ...] = (
             _TABLE + _MONITOR + _DETAIL + _ALARMS + _PARAMETERS + _RECORDINGS + _EVENTS, typed=Typed(("triggers",))),
     Command("alarms", "A", "Alarms", "what is, or was, beyond its limits", "Go",
             _TABLE + _MONITOR + _DETAIL + _TRIGGERS + _PARAMETERS + _RECORDINGS + _EVENTS, typed=Typed(("alarms",))),
-    Command("plot_conditions", "m", "Plots", "plot what the line, or what is marked, is about", "Triggers and alarms",
+    Command("plot_conditions", "m", "Plot", "plot what the line, or what is marked, is about", "Triggers and alarms",
             _CONDITIONS + _PARAMETERS, 7),
     Command("trigger_toggle", "t", "Arm/Off", "have the trigger watch, or no more", "Triggers", _TRIGGERS, 1,
             writes=True, asks=True),
@@ -536,10 +537,13 @@ def typed_on_file(command: Command) -> bool:
 
 
 def edits_by(key: str, scope: str) -> bool:
-    """Return whether a key edits, or commands the logger, on the screen of a logger that is like that of a file."""
+    """Return whether a key edits, or commands the logger, on the screen of a logger that is like that of a file, or,
+    where it has no use there, on any.
+    """
     like = scope.replace("file_", "").replace("file", "table")
-    there = [command for command in commands_for(like) if command.writes or command.group == "Edit"]
-    return scope in FILE_SCOPES and any(key in command.keys.split(",") for command in there)
+    there = [command for command in commands_for(like) if key in command.keys.split(",")]
+    there = there or [command for command in map(with_keys, COMMANDS) if key in command.keys.split(",")]
+    return scope in FILE_SCOPES and any(command.writes or command.group == "Edit" for command in there)
 
 
 def why_no_use(key: str, scope: str) -> str:

@@ -3,6 +3,7 @@
 
 import asyncio
 import os
+import shlex
 from collections.abc import Callable, Sequence
 from functools import partialmethod
 from typing import TYPE_CHECKING, Any, ClassVar, cast
@@ -507,6 +508,8 @@ class SiloApp(Guarded, App[None]):
                 self.context.runner.run(line)
 
         screen = self.context.upper_screen
+        if word == "open" and (session := self._live_session) is not None and session.left_files:
+            word = f"open {shlex.quote(session.left_files[0].path)}"  # of a dead robot
         on_file = screen is not None and screen.scope in FILE_SCOPES
         words = "goto filter sort picture theme help quit" if on_file else "view theme start stop help quit"
         self.push_screen(CommandLine(self.context.runner.complete, words, f"{word} " if word else ""), run)

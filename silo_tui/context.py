@@ -26,7 +26,7 @@ from silo_tui.sessions.live import Session
 from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import SettingsProblem
 from silo_tui.tour import Tour
-from silo_tui.widgets.bars import KeyBar
+from silo_tui.widgets.bars import OPENS, KeyBar, left_a_file
 from silo_tui.widgets.inputs import Fleeting
 from silo_tui.widgets.messages import MessageLine
 
@@ -420,8 +420,13 @@ class SiloScreen(Leaving[None]):
         """Return what a key of the bar is called now; empty where it has no use now."""
         if command.id == "again":
             return f"again: {BY_ID[self.repeated].label}" if self.repeated else ""
-        if command.id == "start_stop" and self.context.has_session:
-            return "Stop" if self.context.session.running else "Start"
+        session = self.context.session if self.context.has_session else None
+        if session is not None and session.dead and command.id in ("start_stop", "save_data"):
+            return ""
+        if session is not None and command.id in OPENS.get(self.scope, ())[:1] and left_a_file(session):
+            return "Open the file"
+        if session is not None and command.id == "start_stop":
+            return "Stop" if session.running else "Start"
         return command.label
 
     def update_keys(self) -> None:

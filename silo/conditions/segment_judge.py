@@ -208,10 +208,12 @@ class SegmentJudge:
             silent = self._rows.silent_why(one.expressions)
             why = f"{', '.join(off[:3])} is off" if off else silent or "its signals have no value now"
         last = trigger.capture.fires[-1] if trigger.capture else None
-        left_s = trigger.holdoff_left(tick) / self.reader.schema.frequency_hz if state is TriggerWord.HOLDOFF else 0.0
+        hz = self.reader.schema.frequency_hz
+        left_s = trigger.holdoff_left(tick) / hz if state is TriggerWord.HOLDOFF else 0.0
+        begun = trigger.capture.first if trigger.capture and state is TriggerWord.FIRING else tick
         return TriggerStatus(
             one.options, state, trigger.fires, trigger.captures, last.tick if last else -1, last.time_ns if last else 0,
-            left_s, why, whole=_whole(trigger, tick),
+            left_s, why, whole=_whole(trigger, tick), capturing_s=(tick - begun) / hz,
         )  # fmt: skip
 
     # ------------------------------------------------------------------------------------------------------ judging

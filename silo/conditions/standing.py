@@ -22,6 +22,7 @@ class TriggerStatus(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `last_tick` and `last_ns` are of the last fire, -1 and 0 where there was none; `files` those of its newest capture.
     `whole` is the newest capture that has all its ticks. `owner` is the client that holds it under a lease.
+    `capturing_s` is how much the capture that is under way holds so far.
     """
 
     options: TriggerOptions
@@ -35,6 +36,7 @@ class TriggerStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     files: tuple[str, ...] = ()
     whole: CapturedSpan | None = None
     owner: str = ""
+    capturing_s: float = 0.0
 
 
 class LimitWord(Word):

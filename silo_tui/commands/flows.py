@@ -40,7 +40,7 @@ async def start_stop(context: Context) -> None:
         context.say("started")
     else:
         body = f"What was logged stays in memory; {key_of('save_data')} saves it."
-        choices = [Choice("no", "No"), Choice("stop", "Stop", "y"), Choice("save", "Stop and save", "s")]
+        choices = [Choice("", "No"), Choice("stop", "Stop", "y"), Choice("save", "Stop and save", "s")]
         choices.append(Choice("restart", "Stop and start again: asks what becomes of the data", "r"))
         answer = await context.app.push_screen_wait(Question("Stop logging?", body, choices))
         if answer == "stop":
@@ -63,7 +63,7 @@ async def restart(context: Context) -> None:
     unsaved: Unsaved | None = Unsaved.REFUSE
     if session.running:
         answer = await _ask_around(
-            context, "Restart logging?", Text(SPLIT), Choice("no", "Don't restart"), "restart", "y"
+            context, "Restart logging?", Text(SPLIT), [Choice("", "Don't restart")], "restart", "y"
         )
         if answer is None or (answer == "save" and not await _stop_and_save(context)):
             return
@@ -99,7 +99,7 @@ async def _start_over(context: Context) -> Unsaved | None:
     held = _held(context)
     body = f"The last recording ({held}) is not saved, and starting drops it."
     choices = [
-        Choice("no", "Don't start"), Choice("save", "Save it, then start", "s"),
+        Choice("save", "Save it, then start", "s"), Choice("", "Don't start"),
         Choice("drop", f"Drop {held} and start", "D", loses=True),
     ]  # fmt: skip
     answer = await context.app.push_screen_wait(Question("Start without saving?", body, choices))
@@ -109,22 +109,22 @@ async def _start_over(context: Context) -> Unsaved | None:
 
 
 async def _ask_around(
-    context: Context, title: str, body: Text, harmless: Choice, steps: str, key: str, others: Sequence[Choice] = ()
+    context: Context, title: str, body: Text, first: Sequence[Choice], steps: str, key: str, last: Sequence[Choice] = ()
 ) -> str | None:
-    """Ask before a running logger is stopped and started again; None, an answer of `others`, "save", "drop" or "go".
+    """Ask before a running logger is stopped and started again; None, an answer of the others, "save", "drop" or "go".
 
     "save": what was logged is to be saved in between. "drop": it is to be dropped. "go": there is nothing to save.
     """
     await context.session.refresh_status()  # it may have been saved, and gone on since
-    choices = [harmless]
+    choices = [*first]
     if _is_unsaved(context):
         held = _held(context)
         body = Text(f"{held} are not saved, and starting again drops them.\n", style="bold").append_text(body)
         choices += [Choice("save", f"Save, {steps}", "s"), Choice("drop", f"Drop {held}: {steps}", "D", loses=True)]
     else:
         choices.append(Choice("go", steps[:1].upper() + steps[1:], key))
-    answer = await context.app.push_screen_wait(Question(title, body, [*choices, *others]))
-    return None if answer == harmless.value else answer
+    answer: str | None = await context.app.push_screen_wait(Question(title, body, [*choices, *last]))
+    return answer
 
 
 async def _stop_and_save(context: Context) -> bool:
@@ -179,15 +179,13 @@ async def apply(context: Context) -> None:
 async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> str | None:
     elements = len({change.name for change in changes})
     title = f"Apply {many(len(changes), 'edit')} to {many(elements, 'element')}?"
-    keep, discard = Choice("keep", "Keep them pending"), Choice("discard", "Discard all edits", "D", loses=True)
-    body = Text()
+    keep = Choice("", "Keep them pending")
+    discard = Choice("discard", f"Discard all edits; {key_of('undo')} brings them back", "x")
+    body = _what_changes(context, changes)
     if context.session.running:
-        body.append_text(_what_changes(context, changes))
         body.append(f"\nThe logger runs, and a running logger takes no edits but at a cut. {SPLIT}", style="bold")
         go_on = Choice("cut", "Apply and go on: no tick is lost, what it has is saved", "g")
-        discard = Choice("discard", discard.label, loses=True)  # no letter: here D drops what was logged
-        return await _ask_around(context, title, body, keep, "stop, apply, start again", "a", [go_on, discard])
-    body.append_text(_what_changes(context, changes))
+        return await _ask_around(context, title, body, [go_on, keep], "stop, apply, start again", "a", [discard])
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
 
 
@@ -251,11 +249,11 @@ async def _settle_conflicts(context: Context) -> bool:
     if len(conflicts) > 200:
         body.append(f"and {len(conflicts) - 200} more\n")
     choices = [
-        Choice("back", f"Decide later (look at each: {key_of('discard')} takes theirs)"),
+        Choice("", f"Decide later (look at each: {key_of('discard')} takes theirs)"),
         Choice("theirs", "Take theirs", "t", loses=True),
         Choice("mine", "Keep yours", "y", loses=True),
     ]
-    answer = await context.app.push_screen_wait(Question(f"{many(len(conflicts), 'conflict')}", body, choices))
+    answer = await context.app.push_screen_wait(Question(f"Settle {many(len(conflicts), 'conflict')}?", body, choices))
     if answer not in {"theirs", "mine"}:
         return False
     table.resolve(list(range(len(table))), keep_mine=answer == "mine")
@@ -283,7 +281,7 @@ async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldCh
         return "", []
     if seen:
         return name, diff.extras
-    choices = [Choice("load", f"Load {name}", "l"), Choice("no", "Don't")]
+    choices = [Choice("load", f"Load {name}", "l"), Choice("", "Don't")]
     question = Question(f"Load {diff.path}?", script_diff_text(diff), choices)
     return (name if await context.app.push_screen_wait(question) == "load" else ""), diff.extras
 
@@ -303,8 +301,8 @@ async def load_script(context: Context, path: str = "") -> None:
     around, unsaved = session.running, Unsaved.REFUSE
     if around:
         body_text = Text(f"The logger runs, and a running logger takes no script. {SPLIT}")
-        no, steps = Choice("no", "Don't load"), "stop, load, start again"
-        answer = await _ask_around(context, "Stop, load, start again?", body_text, no, steps, "y")
+        no, steps = Choice("", "Don't load"), "stop, load, start again"
+        answer = await _ask_around(context, "Stop, load, start again?", body_text, [no], steps, "y")
         if answer is None or (answer == "save" and not await _stop_and_save(context)):
             return
         unsaved = _decided(answer)
@@ -342,11 +340,12 @@ async def save_script(context: Context, path: str | None = None) -> None:
     session = context.session
     if path is None:
         fields, _ = session.table.pending_count
-        body = f"On the robot, in the folder of {session.status.script or 'its script'}."
+        folder, _, current = session.status.script.rpartition("/")
+        body = f"in {folder or 'the folder of its scripts'}, on the robot"
         if fields:
-            body += f" {many(fields, 'pending edit')} will not be in it: apply them first."
-        current = text.file_name(session.status.script)
-        path = await context.app.push_screen_wait(Prompt("Save the table as a script", body, current, "name.yaml"))
+            body += f"\n{many(fields, 'pending edit')} will not be in it: apply them first."
+        prompt = Prompt("Save the table as a script", body, current, "name.yaml", label="name")
+        path = await context.app.push_screen_wait(prompt)
     if path is None:
         return
     name = _script_name(path)
@@ -412,9 +411,9 @@ async def take_up_edits(context: Context) -> None:
             old, new = phrase_for(field, edit.old), phrase_for(field, edit.new)
             changes.append(PendingChange(edit.name, field.label, old, new, None))
     body.append_text(diff_text(changes, session.table.prefix))
-    choices = [Choice("take", "Take them up again, pending", "t"), Choice("later", "Ask again next time"),
+    choices = [Choice("take", "Take them up again, pending", "t"), Choice("", "Ask again next time"),
                Choice("drop", "Drop them", "D", loses=True)]  # fmt: skip
-    question = Question(f"Not applied: {many(len(edits), 'edit')} of {session.name}", body, choices)
+    question = Question(f"Take up {many(len(edits), 'edit')} of {session.name} again?", body, choices)
     answer = await context.app.push_screen_wait(question)
     if answer not in {"take", "drop"}:
         return

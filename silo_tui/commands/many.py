@@ -24,7 +24,7 @@ from silo_tui.sessions.finder import ClientFinder, FoundLogger
 if TYPE_CHECKING:
     from silo.client.bulk import Job, Outcome
 
-NO = Choice("no", "No")
+NO = Choice("", "No")
 
 
 class Many:
@@ -62,7 +62,7 @@ class Many:
 
     async def _put(self, title: str, body: Text, choices: Sequence[Choice]) -> str | None:
         answer: str | None = await self._context.app.push_screen_wait(Question(title, body, [NO, *choices]))
-        return answer if answer != "no" else None
+        return answer
 
     async def _start_or_stop(
         self, able: Sequence[fleet.LoggerLine], body: Text
@@ -121,7 +121,7 @@ class Many:
 
         title = f"Load a script into {many(len(able), 'logger')}"
         words = f"{body.plain}The script of that name in each one's own folder; those that run refuse."
-        name = await self._context.app.push_screen_wait(Prompt(title, words, "", "walk.yaml"))
+        name = await self._context.app.push_screen_wait(Prompt(title, words, "", "walk.yaml", label="name"))
         if not name:
             return None
         name = name if name.endswith((".yaml", ".yml")) else f"{name}.yaml"

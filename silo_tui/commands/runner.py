@@ -47,7 +47,7 @@ class CommandRunner:
         command = BY_WORD.get(line.lstrip(":").partition(" ")[0])
         choices = self.choices(command, line.rpartition(" ")[2]) if command is not None else ()
         words = [word for word, one in BY_WORD.items() if not self._on_file or typed_on_file(one)]
-        return command_line.complete(line, sorted(words), choices)
+        return command_line.complete(line, sorted(words), [each for each in choices if each not in line.split()])
 
     def choices(self, command: Command, begun: str = "") -> Sequence[str]:
         """Return what the argument of a typed command may be, of which `begun` is typed."""
@@ -189,7 +189,8 @@ class CommandRunner:
 
     async def _choose_view(self) -> None:
         """Ask what to look at: what one looks for first, or a view that was kept."""
-        kept = [Choice(name, f"View {name}", str(at) if at < 10 else "") for at, name in enumerate(files.names(), 1)]
+        names = enumerate(await kept_names(self._context), 1)
+        kept = [Choice(name, f"View {name}", str(at) if at < 10 else "") for at, name in names]
         choices = [Choice(each.name, each.words, each.letter) for each in PRESETS]
         choices += [*kept, Choice(KEEP, "Keep what is on the screen, by a name", "k")]
         name = await self._context.app.push_screen_wait(Question("Look at what?", "", choices))
@@ -209,7 +210,8 @@ class CommandRunner:
         file = files.place(name)
         again = file.exists()
         files.save(file, layout)
-        self._context.say(f"view {name} {'written over' if again else 'kept'}{plots}; silo-tui --view {name} opens it")
+        done = "written over" if again else "kept"
+        self._context.say(f"view {name} {done}{plots}: `:view {name}` opens it, or silo-tui --view {name}")
 
     def command_picture(self, typed: Spelled) -> None:
         given = typed.arguments[0] if typed.arguments else "silo-tui.svg"
@@ -263,8 +265,10 @@ async def open_view(context: Context, name: str) -> None:
 async def view_shown(context: Context, name: str) -> str:
     """Put a view on the screen; return what is to be said of it. RefusedError where there is none of that name.
 
-    `robot:NAME` is one that the robot keeps.
+    `robot:NAME` is one that the robot keeps, whose name alone will do where no other has it.
     """
+    if name not in files.names() and ROBOT + name in await kept_names(context):
+        name = ROBOT + name
     try:
         if name == LOST and LOST not in files.names() and (left := files.left_behind(context.session.name)):
             layout, problems = files.load_file(left[-1])
@@ -288,11 +292,17 @@ async def view_shown(context: Context, name: str) -> str:
     return "; ".join(filter(None, [f"view {name}", missing, *problems[:1]]))
 
 
-async def tell_views(context: Context) -> None:
-    """Say which views there are, here and on the robot."""
+async def kept_names(context: Context) -> list[str]:
+    """Return the names of the views that were kept, here and on the robot."""
     known = files.names()
     with suppress(SiloError):  # an older silo, or no link: those of this machine are there all the same
         known += [ROBOT + name for name in (await context.link.read(lambda client: client._kept_views())).names]
+    return known
+
+
+async def tell_views(context: Context) -> None:
+    """Say which views there are, here and on the robot."""
+    known = await kept_names(context)
     none = "no views yet; `:view save NAME` makes one, `:view save robot:NAME` one for all who look at this robot"
     own = f"views: {', '.join(known)}" if known else none
     context.say(f"{own}; always there: {', '.join(BY_NAME)}")
@@ -309,4 +319,4 @@ async def keep_on_robot(context: Context, name: str, layout: KeptLayout) -> None
         if not await confirmed(context.app, f"Write over view {name}?", str(refused), "Write"):
             return
         said = await link.call(lambda client: client._keep_view(name, write(layout), overwrite=True))
-    context.say(f"{said}; silo-tui --view {ROBOT}{name} opens it")
+    context.say(f"{said}: `:view {ROBOT}{name}` opens it, or silo-tui --view {ROBOT}{name}")

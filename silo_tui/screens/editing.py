@@ -48,15 +48,15 @@ class Editing(ElementsScreen):
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what applies edits too, where a mode would leave it out."""
-        keys = super().mode_keys()
-        return (*keys, ("apply", "Apply")) if keys and self.session.table.pending_count[0] else keys
+        keys, apply = super().mode_keys(), BY_ID["apply"]
+        return (*keys, (apply.id, label)) if keys and (label := self.label_now(apply)) else keys
 
     def label_now(self, command: Command) -> str:
         """Return it; there is something to apply where edits are pending, and it says how many."""
         fields = self.session.table.pending_count[0]
         if command.id == "apply":
             return f"{command.label} {fields}" if fields else ""
-        return "" if command.id == "undo" and not fields else super().label_now(command)
+        return "" if command.id == "undo" and not self.session.table.can_undo else super().label_now(command)
 
     def _choose_field(self, field: Field) -> None:
         self.table.field = field
@@ -157,7 +157,7 @@ class Editing(ElementsScreen):
         names = [self.session.short_name(rows.table.names[row]) for row in rows.targets() if row not in set(rows.shown)]
         body = "Hidden by the filter:\n" + "\n".join(names[:8]) + (f"\nand {hidden - 8} more" if hidden > 8 else "")
         title = f"{hidden} of the {many(count, 'marked element')} are hidden. Change all {count}?"
-        choices = [Choice("no", "No"), Choice("all", f"All {count}", "y")]
+        choices = [Choice("", "No"), Choice("all", f"All {count}", "y")]
         if count > hidden:
             choices.append(
                 Choice("shown", f"Only the {count - hidden} that are shown; the others lose their marks", "s")

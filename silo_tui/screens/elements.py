@@ -315,12 +315,14 @@ class ElementsScreen(SiloScreen):
         self._lay_out(self.app.size.width)
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
-        """Return what a range or a filter asks for."""
+        """Return what a range or a filter asks for, or a name space under the cursor."""
         rows = self.session.rows
         if rows.anchor is not None:
             return (("range", "Mark the range"), ("back", "Leave it"))
         if rows.filter.text:
             return (("filter", "Filter"), ("back", "All"))
+        if rows.branch is not None:
+            return (("fold", "Unfold" if rows.branch.path in rows.folded else "Fold"),)
         return ()
 
     def command_back(self) -> None:

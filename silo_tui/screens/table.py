@@ -22,7 +22,7 @@ from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.live_source import LiveSource
 from silo_tui.terminal import pace_of
-from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
+from silo_tui.widgets.bars import Banner, KeyBar, StatusBar, left_a_file
 from silo_tui.widgets.element_table import FLAGS, TREND, ElementTable
 from silo_tui.widgets.inputs import CellEditor, Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
@@ -162,7 +162,8 @@ class TableScreen(Editing):
         """Do what a key asks for; rows don't move under it."""
         self._key_s = time.monotonic()
         self._top_wanted = False
-        if command_id == "edit" and self.session.dead:  # nothing is edited any more; what it logged is to be seen
+        opens = command_id == "edit" or (command_id == "monitor" and left_a_file(self.session))
+        if opens and self.session.dead:  # nothing is edited any more, nor comes; what it logged is to be seen
             self._open_left()
             return
         super().action_command(command_id, typed)

@@ -12,7 +12,7 @@ from textual.widget import Widget
 
 from silo.core.elements import State, is_stalled
 from silo.core.quantities.writing import clock_text, idle_words
-from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_that_retries, with_keys
+from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_text, key_that_retries, with_keys
 from silo_tui.keymap import in_bar
 from silo_tui.model.lists.conditions import head_words
 from silo_tui.model.words import text
@@ -26,7 +26,7 @@ STATISTICS = ("max", "min", "mean", "std")
 OF_MODE = 99  # rank in the key bar of what a mode asks for: all else gives way first
 LONG = 10  # digits from which on a column may not have room for a whole number
 # how what a dead program left is opened: Enter has a meaning of its own on most screens
-OPENS = {"table": "edit", "monitor": "detail"}
+OPENS = {"table": ("monitor", "edit"), "monitor": ("detail",)}
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 
 
@@ -257,7 +257,9 @@ class Banner(Guarded, Widget):
         scope = getattr(self.screen, "scope", "")
         if scope == "recordings":
             return "It is in this list."
-        return f"{key_of(OPENS[scope], last=True)} opens it." if scope in OPENS else f"{key_of('recordings')} lists it."
+        keys = [key_of(each, last=True) for each in OPENS.get(scope, ())]
+        enter = key_text("enter")
+        return f"{enter if enter in keys else keys[0]} opens it." if keys else f"{key_of('recordings')} lists it."
 
 
 class KeyBar(Guarded, Widget):

@@ -1,5 +1,6 @@
 """The lines of words above the keys: news of the robot, and below the facts of a screen and the answer to a key."""
 
+import textwrap
 from collections.abc import Callable, Sequence
 
 from rich.text import Text
@@ -16,10 +17,18 @@ from silo_tui.sessions.live import Session
 from silo_tui.theme import bold
 from silo_tui.widgets.bars import LONG, STATISTICS, FittingLine, LinePart
 
+MOST_ROWS = 3  # of news and an answer together: they stand over the rows that they are about
+
+
+def beginning(words: str, room: int, rows: int) -> str:
+    """Return as much as so many rows take, and where the rest is."""
+    rest = f" … ({key_of('messages') or ':messages'})"
+    return words if len(words) <= room else "\n".join(textwrap.wrap(words, room, max_lines=rows, placeholder=rest))
+
 
 class MessageLine(FittingLine):
     """Two messages that never take the place of one another: the answer stands behind the facts of the screen, of which
-    as many as have room beside it are shown; one that is longer than the line wraps.
+    as many as have room beside it are shown; one that is longer than the line wraps, a failure as far as it goes.
     """
 
     DEFAULT_CSS = "MessageLine { height: auto; min-height: 1; max-height: 8; padding: 0 1; }"
@@ -59,13 +68,22 @@ class MessageLine(FittingLine):
     def words(self) -> Text:
         """Return news, then facts and the answer."""
         below = self.below(self._room)
-        return Text("\n").join([Text(self._news), below]) if self._news else below
+        if not self._news:
+            return below
+        rows = max(1, MOST_ROWS - len(below.wrap(self.app.console, self._room)))
+        *tour, newest = self._news.split("\n")
+        return Text("\n").join([*map(Text, tour), Text(beginning(newest, self._room, rows)), below])
+
+    @property
+    def answer(self) -> str:
+        """What is shown of the answer."""
+        return beginning(self.said, self._room, MOST_ROWS - bool(self._news))
 
     def below(self, room: int) -> Text:
         """Return facts and the answer, or the answer alone where the line has no room for more."""
         if self._failed:
             return Text(self.said, style=bold(self.app.theme_variables, "alarm"))
-        return Text(self.said) if len(self.said) > room else self.line(room)
+        return Text(self.answer) if len(self.said) > room else self.line(room)
 
     def parts(self) -> list[LinePart]:
         """Return facts, and the answer whole."""
@@ -159,7 +177,7 @@ class ListLine(MessageLine):
         """Return all of it."""
         if self._failed:
             return super().below(room)
-        return Text(self.BETWEEN.join(filter(None, [self.said, *self.told])))
+        return Text(self.BETWEEN.join(filter(None, [self.answer, *self.told])))
 
 
 def _cursor_words(session: Session) -> str:

@@ -35,6 +35,7 @@ def test_while_a_capture_is_under_way_the_one_before_stands_still(bench, client)
     judged(client, bench)
     found = trigger(client, "scope")
     assert (found.state, found.captures, found.whole.number, found.whole.tick) == (TriggerWord.FIRING, 2, 1, 49)
+    assert found.capturing_s == pytest.approx((102 - 94) / bench.logger.options.frequency_hz)  # from its first tick on
 
 
 def test_it_is_in_no_script_and_not_in_the_logger(bench, client):

@@ -398,6 +398,14 @@ def test_signals_are_found_in_a_condition_by_name_entry_and_glob(robot):
     ]
 
 
+async def test_a_capture_without_end_says_how_long_it_is_and_what_ends_it(fake, opened):
+    fake.trigger_statuses = [replace(FALL, state=TriggerWord.FIRING, capturing_s=14.0)]
+    async with opened(fake) as screen:
+        await screen.press("T")
+        await screen.shows("fall captures, 14 s so far: the file is written 1 s after the last fire; t")
+        await screen.shows("switches it off, so that it ends")
+
+
 async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, opened):
     async with opened(fake) as screen:
         await screen.press("T", "N")
@@ -405,8 +413,10 @@ async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, opened):
         await screen.press("tab", "tab")
         await screen.type("nobody > 3")
         await screen.shows("no signal is named 'nobody'")
+        assert screen.app.screen.query_one("#form-told").has_class("quiet")  # one types still
         await screen.press("backspace", "enter")
         await screen.shows("name it")
+        assert screen.app.screen.query_one("#form-told").has_class("failed")
         assert fake.trigger_statuses == []
 
 

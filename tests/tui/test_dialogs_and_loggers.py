@@ -12,6 +12,7 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
 from silo_tui import screens as every_screen
 from silo_tui.actions import COMMANDS, footer_for
+from silo_tui.commands import flows
 from silo_tui.model.table.fields import Field
 from silo_tui.screens.table import TableScreen
 
@@ -387,8 +388,10 @@ async def test_a_picture_that_is_called_png_is_written_as_svg_and_the_large_plot
         assert not (tmp_path / "p2.png").exists()
 
 
-async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, opened):
-    async with opened(fake, size=(80, 24)) as screen:
+@pytest.mark.parametrize("size", [(80, 24), (160, 24), (160, 50)])
+async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, opened, monkeypatch, size):
+    monkeypatch.setattr(flows, "_held", lambda context: "1 426 433 samples of up to 13 min 27 s")  # wraps its choice
+    async with opened(fake.run(), size=size) as screen:
         await screen.press("*", "d", "5", "enter", "a")
         await screen.shows("Keep them pending")
         await screen.shows("Discard all edits")

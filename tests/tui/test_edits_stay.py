@@ -187,7 +187,7 @@ async def test_edits_that_a_lost_terminal_left_are_offered_at_the_next_start(fak
         await screen.until(path.exists, "the kept edits")
     again = new_fake()
     async with opened(again) as screen:
-        await screen.shows("Not applied: 1 edit of robot")
+        await screen.shows("Take up 1 edit of robot again?")
         await screen.press("t")
         await screen.until(lambda: screen.session.table.pending_count == (1, 1))
         assert screen.value(FIRST, Field.DIVIDER) == "7"
@@ -200,7 +200,7 @@ async def test_a_second_terminal_without_edits_leaves_those_of_the_first_alone(f
     first = path.with_name(path.name.replace(str(os.getpid()), "1"))  # a process that lives
     kept.keep(first, [kept.KeptEdit(FIRST, int(Field.DIVIDER), 1, 7)])
     async with opened(fake) as screen:
-        assert "Not applied" not in screen.text
+        assert "Take up" not in screen.text
         await screen.press("d", "7", "enter", "u")
     assert first.exists()
 

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from silo.conditions.standing import TriggerStatus
+from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import BufferType, Entry, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo.files.silo.writer import write_silo
@@ -156,10 +158,25 @@ async def test_enter_goes_there_in_the_plots(running, opened):
         assert screen.app.screen.window.at_ns == running.happened[1].at_ns
 
 
-async def test_without_plots_it_is_said_what_to_do(running, opened):
+@pytest.mark.parametrize(
+    ("kind", "words", "plotted"),
+    [("limit", "/log/imu/temperature HH: 71 > 70", "/log/imu/temperature"),
+     ("triggered", "trigger 'fall' fired 1 time", "/log/base/velocity"),
+     ("marker", "push", "/log/legs/LF/contact")],
+)  # fmt: skip
+async def test_without_plots_enter_opens_those_of_what_it_is_about_else_of_the_cursor(
+    running, opened, kind, words, plotted
+):
+    running.trigger_statuses = [TriggerStatus(TriggerOptions("fall", "base/velocity_x > 1"), TriggerWord.ARMED)]
+    running.happen(kind, words, running.now_ns)
     async with opened(running) as screen:
+        await screen.enter(":goto /log/legs/LF/contact")
         await screen.do("events", "enter")
-        await screen.shows("no plots are open: m in the table")
+        await screen.shows(words.removeprefix("/log") if kind == "limit" else words)
+        await screen.until(lambda: screen.app.screen.scope == "monitor", "plots")
+        assert {each.element.name for each in screen.app.screen.stack.plots} == {plotted}
+        await screen.press("escape", "escape")
+        await screen.until(lambda: screen.app.screen.scope == "events", "the events below")
 
 
 async def test_a_marker_has_the_tick_of_the_key_press_and_the_words_that_follow(running, opened):

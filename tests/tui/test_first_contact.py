@@ -315,6 +315,14 @@ async def test_news_of_the_robot_and_the_answer_to_a_key_have_a_line_each(fake, 
 LONG = " ".join(f"word{number}" for number in range(30))
 
 
+async def test_news_and_an_answer_take_three_rows_at_most_and_say_where_the_rest_is(fake, opened):
+    async with opened(fake.run()) as screen:
+        screen.app.context.hear(LONG)
+        screen.app.context.say(LONG)
+        await screen.until(lambda: screen.text.count("… (:messages)") == 2, "the beginning of both")
+        assert screen.app.screen.info.size.height == 3
+
+
 @pytest.mark.parametrize("keys", [(), ("m",), ("T",)])
 async def test_a_long_answer_wraps_and_stays_among_all_that_was_said(fake, opened, keys):
     async with opened(fake.run()) as screen:

@@ -284,7 +284,12 @@ async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left(opened, fak
         left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
         fake.publish(EventKind.CRASHED, fake.reason, files=left)
         await screen.shows("Enter opens it")
-        await screen.do("edit")
+        await screen.shows("m Open the file")
+        assert "S Start" not in screen.text
+        screen.app.begin_command("open")
+        await screen.shows(f"open {left[0].path}"[:60])
+        await screen.press("escape")
+        await screen.do("monitor")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
         await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
 
@@ -358,11 +363,8 @@ async def test_over_a_file_the_events_are_those_of_the_file(opened, fake, logs):
         await screen.do("events")
         await screen.shows('M "in the file"')
         assert "on the live robot" not in screen.text
-        await screen.press("enter")
-        await screen.shows("no plots are open")  # those of the live robot lie below, and are of another clock
-        await screen.press("escape", "m")
+        await screen.press("enter")  # to plots of the file: those of the live robot are of another clock
         await screen.until(lambda: isinstance(screen.app.screen, FileMonitorScreen), "plots of the file")
-        await screen.do("events", "enter")
         await screen.shows('"in the file" at 2.5')
         assert live.window.at_ns is None
 
@@ -412,7 +414,7 @@ async def test_w_fetches_to_a_folder_and_says_where_it_is(opened, fake, logs, tm
     async with opened(fake) as screen:
         await at_recordings(screen)
         await screen.press("w")
-        await screen.shows("To which folder")
+        await screen.shows("to a folder of this")
         screen.app.screen.query_one("Input").value = str(tmp_path / "here")
         await screen.press("enter")
         await screen.shows("fetched:")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.analysis.compute.spectra import Spectrum, lines_of, longest_piece, peaks_of, spectrum_of
+from silo.analysis.compute.spectra import Peak, Spectrum, lines_of, longest_piece, peaks_of, spectrum_of
 from silo.analysis.log import Log
 from silo.analysis.plots.charts import ChartSpec, make_chart
 from silo.analysis.signal import Signal
@@ -137,6 +137,14 @@ def test_the_peak_is_the_highest_cell_of_its_plot_and_has_its_number(way):
     assert first == pytest.approx(15, abs=1)
     assert second == pytest.approx(45, abs=1)
     assert plot.left
+
+
+@pytest.mark.parametrize(("chosen", "signs"), [(None, ["1", "3"]), (1, ["[2]", "3"])])
+def test_a_number_that_has_no_room_beside_another_is_left_out(chosen, signs):
+    found = spectrum_of(longest_piece(times(4000), waves(4000, (50.0, 2.0), (52.0, 2.0), (150.0, 0.2))))
+    peaks = [Peak(50.0, 2.0), Peak(52.0, 2.0), Peak(150.0, 0.2)]
+    plot = big_plot.of_spectra([found], peaks, "linear", SIZE, chosen)
+    assert [sign for _, _, sign in plot.spots] == signs
 
 
 def test_the_log_axis_names_powers_of_ten():

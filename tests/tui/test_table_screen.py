@@ -142,7 +142,8 @@ async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen
     async with opened(fake.run()) as screen:
         await screen.do("toggle", "a")
         await screen.shows("stop, apply, start again")
-        await screen.press("enter")  # the first choice keeps them pending
+        await screen.press("j", "enter")
+        await screen.shows("Apply 1 edit to 1 element? Keep them pending: nothing was done")
         assert fake.calls == []
         assert screen.session.table.pending_count == (1, 1)
         await screen.press("a")
@@ -150,6 +151,13 @@ async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen
         await screen.press("D")
         await screen.shows("logging again")
         assert [call[0] for call in fake.calls] == ["stop", "apply", "start"]
+
+
+async def test_enter_applies_edits_without_losing_a_tick(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.do("toggle", "a", "enter")
+        await screen.shows("it goes on")
+        assert [call[0] for call in fake.calls] == ["cut"]
 
 
 async def test_somebody_elses_edit_of_the_same_field_is_a_conflict(fake, opened):

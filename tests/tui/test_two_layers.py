@@ -185,9 +185,9 @@ async def test_the_bar_has_room_for_what_commands_the_logger_and_says_what_waits
     async with opened(fake.run()) as screen:
         assert bar(screen) == " space Mark m Plot / Filter e Edit g Go v View r Rec S Stop w Save ? Help q Quit"
         await screen.do("toggle")
-        assert "r Rec a Apply 1 S Stop w Save" in bar(screen)
+        assert "r Rec a Apply 1 u Undo S Stop" in bar(screen)
         await screen.do("down", "edit_divider", "5", "enter")
-        assert "a Apply 2 S Stop" in bar(screen)
+        assert "a Apply 2 u Undo S Stop" in bar(screen)
         await screen.do("undo", "undo")
         assert "Apply" not in bar(screen)
 

@@ -248,7 +248,7 @@ async def test_edits_and_plots_that_were_left_both_come_back(new_fake, opened):
     second = new_fake()
     second.run()
     async with opened(second) as screen:
-        await screen.shows("Not applied: 1 edit")
+        await screen.shows("Take up 1 edit")
         await screen.press("t")
         await screen.until(lambda: not screen.app.screen.is_modal)
         await run(screen, "view lost")
@@ -283,6 +283,8 @@ async def test_a_view_is_kept_on_the_robot_for_all_who_look_at_it(new_fake, open
     async with opened(second, view="robot:lab walk") as screen:
         await screen.shows("view robot:lab walk")
         assert screen.session.rows.sort == "div"
+        await run(screen, "view lab walk")
+        await screen.shows("view robot:lab walk")
         await run(screen, "view robot:other")
         await screen.shows("there is no view 'other' on the robot")
 

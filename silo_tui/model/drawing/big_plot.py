@@ -54,7 +54,10 @@ def level_words(amplitude: float, way: str, unit: str) -> str:
 def of_spectra(
     spectra: Sequence[Spectrum], peaks: Sequence[Peak], way: str, size: tuple[int, int], chosen: int | None
 ) -> BigPlot:
-    """Return amplitudes over frequency; the peaks of the first signal have numbers, the chosen one brackets."""
+    """Return amplitudes over frequency; the peaks of the first signal have numbers, the chosen one brackets.
+
+    A number that has no room beside one before it is left out: the chosen one comes first, then the highest.
+    """
     width, height = size
     top_hz = max(len(each.amplitudes) * each.step_hz for each in spectra)
     curves = [_per_column(levels(each.amplitudes, way), each.step_hz, top_hz, 2 * width) for each in spectra]
@@ -69,12 +72,14 @@ def of_spectra(
     words, origin = axes.tick_words(axes.ticks_of(scale, height), 0, 9)
     if way == "log":
         words = axes.decade_words(scale, height)
-    spots = []
-    for number, peak in enumerate(peaks, 1):
+    spots: list[tuple[int, int, str]] = []
+    for at, peak in sorted(enumerate(peaks), key=lambda each: each[0] != chosen):
         cell = min(width - 1, int(peak.frequency_hz / top_hz * width))
         lines = np.flatnonzero((owners[:, max(0, cell - 1) : cell + 2] == 0).any(axis=1))
         line = max(0, int(lines[0]) - 1) if len(lines) else 0
-        spots.append((line, cell, f"{number}" if number - 1 != chosen else f"[{number}]"))
+        sign = f"{at + 1}" if at != chosen else f"[{at + 1}]"
+        if all(line != taken or cell > first + len(other) or first > cell + len(sign) for taken, first, other in spots):
+            spots.append((line, cell, sign))
     below = [f"{text.compact(share * top_hz)} Hz" for share in (0, 0.25, 0.5, 0.75, 1)]
     notes = (f"counted from {origin}",) if origin else ()
     return BigPlot(dots.lines_of(cells), owners, words, below, notes=notes, spots=tuple(spots))

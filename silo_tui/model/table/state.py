@@ -242,6 +242,11 @@ class TableState:
         self._remember("keep mine" if keep_mine else "take theirs", rows, before)
         return int(conflicts.sum())
 
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a step to take back."""
+        return bool(self._undo)
+
     def undo(self) -> str | None:
         """Take the last step back and return its label; None when there is none."""
         return self._move(self._undo, self._redo, back=True)

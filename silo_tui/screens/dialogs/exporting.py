@@ -47,7 +47,8 @@ def ask_export(
 
     body = "What is shown: .csv has all samples, .png is drawn by matplotlib, .svg is the screen."
     screen.app.push_screen(
-        Prompt("Write the plots to a file on this machine", body, str(free_name(Path("plots.csv")))), write
+        Prompt("Write the plots to a file on this machine", body, str(free_name(Path("plots.csv"))), label="file"),
+        write,
     )
 
 

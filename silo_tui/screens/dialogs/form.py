@@ -21,7 +21,10 @@ ResultT = TypeVar("ResultT")
 
 
 class Form(Dialog[ResultT | None], Generic[ResultT]):
-    """Answers with what the lines make on Enter, None on Esc; what makes no sense is said, and they stay."""
+    """Answers with what the lines make on Enter, None on Esc; what makes no sense is said, and they stay.
+
+    While one types that is quiet: what isn't finished is no mistake yet.
+    """
 
     AFTER_S: ClassVar[float] = 0.2  # since the last key, until what is typed is looked at
     EXPRESSION: ClassVar[str] = ""  # the label of a field that is one: mistakes of it have a place
@@ -69,7 +72,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
     def begin_at(self, name: str) -> None:
         """Give the keys to a field, and look at what is there."""
         self.field(name).focus()
-        self.tell(self._problem)
+        self.tell(self._problem, "failed")
         self.look_soon()
 
     def field(self, name: str) -> Input:
@@ -86,9 +89,10 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         """The cells of a line of what is told."""
         return next((line.content_size.width for line in self.query("#form-told")), 80)
 
-    def tell(self, words: str) -> None:
-        """Say something of what is typed."""
+    def tell(self, words: str, style: str = "") -> None:
+        """Say something of what is typed; the style is "quiet" or "failed", or as all else."""
         for line in self.query("#form-told").results(Static):  # none of a dialog that was left
+            line.set_classes(style)
             line.update(Text(words))
 
     def on_input_changed(self, event: Input.Changed) -> None:
@@ -105,9 +109,9 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         if self.fields:
             problem, self._problem = self._problem, ""  # it stands until a key is pressed
             try:
-                self.tell(problem or await self.look())
+                self.tell(problem or await self.look(), "failed" if problem else "")
             except (SiloError, ValueError) as error:
-                self.tell(self.wrong(error))
+                self.tell(self.wrong(error), "quiet")
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Answer, as Enter asks for."""
@@ -118,7 +122,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         try:
             made = self.made()
         except (SiloError, ValueError) as error:
-            self.tell(self.wrong(error))
+            self.tell(self.wrong(error), "failed")
         else:
             self.dismiss(made)
 

@@ -1,15 +1,19 @@
-"""Dialogs: a question with choices (the harmless one first), and a line to type."""
+"""Dialogs: a question with choices, and a line to type.
+
+First stands what one most likely wants; where that loses or stops something, or is about many, what does nothing.
+"""
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 from rich.text import Text
 from textual import events
 from textual._time import get_time
 from textual.app import App, ComposeResult
+from textual.await_complete import AwaitComplete
 from textual.binding import Binding
-from textual.containers import Vertical, VerticalScroll
+from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
@@ -27,7 +31,10 @@ BORDER_AND_TITLE_ROWS = 5
 
 @dataclass(frozen=True)
 class Choice:
-    """One answer; `key` picks it at once. `loses` tells whether something is gone by it."""
+    """One answer; `key` picks it at once. `loses` tells whether something is gone by it.
+
+    Without a value it does nothing, as Esc.
+    """
 
     value: str
     label: str
@@ -53,10 +60,10 @@ class Question(Dialog[str | None]):
         title: str,
         body: Text | str,
         choices: Sequence[Choice],
-        begin: str = "",
+        begin: str | None = None,
         about: Callable[[str], Awaitable[Text]] | None = None,
     ) -> None:
-        """`begin` has the focus at first, else the first choice: the harmless one. `about` tells more of one, below."""
+        """`begin` has the focus at first, else the first choice. `about` tells more of one, below."""
         super().__init__()
         self._begin = next((at for at, choice in enumerate(choices) if choice.value == begin), 0)
         self._title = title
@@ -76,7 +83,7 @@ class Question(Dialog[str | None]):
             elif self._body:
                 with VerticalScroll(classes="dialog-body", can_focus=False):
                     yield Static(self._body, markup=False)
-            yield Choices(*(Option(self._line(choice), id=choice.value) for choice in self._choices))
+            yield Choices(*(Option(self._line(choice), id=choice.value or None) for choice in self._choices))
             if tall:
                 with VerticalScroll(classes="dialog-body", can_focus=False):
                     yield Static("", id="about", markup=False)
@@ -108,10 +115,12 @@ class Question(Dialog[str | None]):
         if self._about is not None:
             return
         room = event.size.height * 9 // 10 - BORDER_AND_TITLE_ROWS
-        body = self.query(".dialog-body")
+        choices, body = self.query_one(OptionList), self.query(".dialog-body")
+        width = choices.container_size.width
+        rows = sum(len(self._line(each).wrap(self.app.console, width)) for each in self._choices)
         for each in body:
-            each.styles.max_height = max(3, room - len(self._choices))
-        self.query_one(OptionList).styles.max_height = max(3, min(len(self._choices), room - (3 if body else 0)))
+            each.styles.max_height = max(3, room - rows)
+        choices.styles.max_height = max(3, min(rows, room - (3 if body else 0)))
 
     def on_key(self, event: events.Key) -> None:
         """Take a choice by its key; the screen below must not get it too."""
@@ -123,11 +132,18 @@ class Question(Dialog[str | None]):
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Take the choice under the cursor."""
-        self.pick(str(event.option.id))
+        self.pick(self._choices[event.option_index].value)
 
     def pick(self, value: str) -> None:
         """Answer with a choice."""
         self.dismiss(value)
+
+    def dismiss(self, result: str | None = None) -> AwaitComplete:
+        """Leave; where one of the choices does nothing, and that was meant, say so."""
+        nothing = next((choice.label for choice in self._choices if not choice.value), "")
+        if nothing and not result:
+            cast(Any, self.app).context.say(f"{self._title} {nothing}: nothing was done")
+        return super().dismiss(result or None)
 
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
         """Tell more of the choice under the cursor."""
@@ -159,7 +175,7 @@ async def confirmed(
     app: App[Any], title: str, body: Text | str, label: str, harmless: str = "No", *, loses: bool = True
 ) -> bool:
     """Ask before something is done; what does nothing has the focus."""
-    choices = [Choice("no", harmless), Choice("yes", label, "y", loses)]
+    choices = [Choice("", harmless), Choice("yes", label, "y", loses)]
     return bool(await app.push_screen_wait(Question(title, body, choices)) == "yes")
 
 
@@ -179,9 +195,12 @@ class Prompt(Dialog[str | None]):
         value: str = "",
         placeholder: str = "",
         check: Callable[[str], object] = lambda line: None,
+        *,
+        label: str = "",
     ) -> None:
+        """`label` says of what stands in the line what it is."""
         super().__init__()
-        self._check = check
+        self._check, self._label = check, label
         self._title, self._body, self._value, self._placeholder = title, body, value, placeholder
 
     def compose(self) -> ComposeResult:
@@ -189,7 +208,10 @@ class Prompt(Dialog[str | None]):
         with Vertical(classes="dialog"):
             yield Static(self._title, classes="dialog-title", markup=False)
             yield Static(self._body, classes="dialog-body", markup=False)
-            yield Input(self._value, placeholder=self._placeholder, compact=True)
+            with Horizontal(classes="form-line"):
+                if self._label:
+                    yield Static(self._label, classes="form-label")
+                yield Input(self._value, placeholder=self._placeholder, compact=True)
             yield Static("", id="line-problem", markup=False)
 
     def offer(self, value: str) -> None:

@@ -18,7 +18,7 @@ from silo_tui.sessions.live import Session
 LINES = (("signals",), ("to", "name"), ("split", "keep"))
 HINTS = {
     "signals": "all, marked, or names: joints/* imu", "to": "a folder: recordings", "name": "else the logger's",
-    "split": "1GB or 10min", "keep": "50GB; empty: all",
+    "split": "1GB or 10min", "keep": "all, or the newest 50GB",
 }  # fmt: skip
 ALL, MARKED = "all", "marked"
 
@@ -106,7 +106,7 @@ async def begin(context: Context, session: Session, free_bytes: int, signals: st
         lambda client: client.record(wish.patterns, wish.to, wish.split, wish.keep, wish.name)
     )
     await _look(session)
-    warned = f"; {started.text}" if started.text else ""
+    warned = f"; {started.text}" if started.text and not session.running else ""  # a run that begins tells it
     context.say(f"recording '{started.name}' to {started.folder}{warned}")
 
 

@@ -25,9 +25,9 @@ def scripts_question(link: Link, scripts: Scripts) -> Question:
             return Text(f"It can't be loaded:\n{error}")
 
     current = text.file_name(scripts.current)
-    none = "" if scripts.names else f" There is none yet: {key_of('save_script')} saves the table as one."
+    none = ": Enter loads one" if scripts.names else f": none yet; {key_of('save_script')} saves the table as one"
     choices = [Choice(name, f"{name}  (current)" if name == current else name) for name in scripts.names]
-    body = f"in {scripts.folder}, on the robot. Enter loads it.{none}"
+    body = f"in {scripts.folder}, on the robot{none}"
     return Question("Load a script", body, choices, current, preview if choices else None)
 
 

@@ -55,7 +55,7 @@ class SaveDialog(Form[list[SavedFile]]):
         self._saving = False
         self._files: list[SavedFile] | None = None
         self._asked: list[SavedFile] | None = None  # of the last save
-        self._told = ""  # of it, until something else is to be
+        self._told, self._failed = "", False  # of it, until something else is to be
 
     def above(self) -> ComposeResult:
         """Yield the folder, and the types."""
@@ -107,7 +107,6 @@ class SaveDialog(Form[list[SavedFile]]):
             await session.refresh_status()  # which counts what is held
         if self._stands():  # also of a save that began meanwhile
             return self._told
-        self.query_one("#form-told").set_class(False, "failed")
         files, status = self.made(), session.status
         names = ", ".join(f"{one.path or status.logger + '_…'}{SAVED[one.type].ending}" for one in files)
         held = f"{text.count(status.held_samples)} samples over {duration(status.held_s)}"
@@ -153,7 +152,7 @@ class SaveDialog(Form[list[SavedFile]]):
         try:
             files = self.made()
         except (SiloError, ValueError) as error:
-            self.tell(str(error))
+            self.tell(str(error), "failed")
             return
         self._saving, self._asked = True, files
         self.query_one(ProgressBar).display = True
@@ -183,7 +182,7 @@ class SaveDialog(Form[list[SavedFile]]):
             await asyncio.sleep(FOLLOW_S)
 
     def _tell(self, event: Event | None) -> None:
-        """Say on the screen below how a save ended whose dialog was left."""
+        """Say on the screen below how a save ended."""
         if event is not None and event.kind is EventKind.SAVED:
             self.context.say(f"saved: {', '.join(f'{one.path} ({size_text(one.size_bytes)})' for one in event.files)}")
         elif event is not None and event.kind is EventKind.SAVE_FAILED:
@@ -205,6 +204,7 @@ class SaveDialog(Form[list[SavedFile]]):
             self._saving = False
             bar.update(progress=1.0)
             self._files = event.files
+            self._tell(event)
             if self._go_on:
                 self.dismiss(self._files)
                 return
@@ -226,6 +226,9 @@ class SaveDialog(Form[list[SavedFile]]):
             bar.update(progress=event.progress)
 
     def _result(self, words: str, *, failed: bool = False) -> None:
-        self._told = words
+        self._told, self._failed = words, failed
         self.tell(words)
-        self.query_one("#form-told").set_class(failed, "failed")
+
+    def tell(self, words: str, style: str = "") -> None:
+        """Say it; a save that failed stands as such, however often that is said."""
+        super().tell(words, "failed" if self._failed and words == self._told else style)

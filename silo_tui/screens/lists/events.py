@@ -2,6 +2,7 @@
 """What happened: the event log of a logger, or of a file, newest first; Enter goes there in the plots."""
 
 import asyncio
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,12 +15,15 @@ from silo.errors import SiloError
 from silo.files.atomic import atomic_file
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
+from silo_tui.model.lists.conditions import named_in
 from silo_tui.model.lists.happened import ORDERS, csv_text, letter, line, matches, words
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.questions import Prompt
+from silo_tui.screens.lists.conditions import MOST_PLOTS
 from silo_tui.screens.lists.list_screen import ListScreen
-from silo_tui.screens.plots.monitor import MonitorScreen
+from silo_tui.screens.plots.monitor import FileMonitorScreen, MonitorScreen
 from silo_tui.sessions.live import Session
+from silo_tui.sessions.live_source import LiveSource
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, StatusBar
 from silo_tui.widgets.lines import Lines
@@ -130,7 +134,8 @@ class EventsScreen(ListScreen[LoggedEvent]):
             self.say("nothing to write: no event is shown")
             return
         body = f"{many(len(self.shown), 'event')} as {'filtered' if self.asked else 'shown'}, to a CSV file."
-        self.app.push_screen(Prompt("Write the events to a file on this machine", body, "events.csv"), self._write)
+        prompt = Prompt("Write the events to a file on this machine", body, "events.csv", label="file")
+        self.app.push_screen(prompt, self._write)
 
     def _write(self, given: str | None) -> None:
         if given:
@@ -158,13 +163,28 @@ class EventsScreen(ListScreen[LoggedEvent]):
             return
         stack = [each for each in self.app.screen_stack if isinstance(each, MonitorScreen)]
         plots = next((each for each in reversed(stack) if each.session is self.session), None)
-        if plots is None:
-            keys = f"{key_of('monitor')} in the table plots what is marked, then {key_of('events')} and"
-            self.say(f"no plots are open: {keys} {key_of('go_to_event')}")
+        if plots is not None:
+            while self.app.screen is not plots:
+                self.app.pop_screen()
+        elif names := self._about(event)[:MOST_PLOTS]:
+            plots = self.plots_of(names)
+            self.app.push_screen(plots)
+        else:
+            self.say("no plots are open, and this is about no signal that has samples")
             return
-        while self.app.screen is not plots:
-            self.app.pop_screen()
         plots.call_after_refresh(plots.search.jump_to_event, event)
+
+    def _about(self, event: LoggedEvent) -> Sequence[str]:
+        """Return the elements that it or its trigger names; else those that are marked, or under the cursor there."""
+        session, words_of_it = self.session, re.split(r"[\s,;'\"()]+", event.text)
+        table, named = session.table, [one.options.when for one in session.triggers if one.options.name in words_of_it]
+        named += [word for word in words_of_it if word.startswith("/")]
+        found = [name for each in named for name in named_in(each, table.elements, table.prefix)]
+        return list(dict.fromkeys(found)) or [table.names[row] for row in session.rows.targets()]
+
+    def plots_of(self, names: Sequence[str]) -> MonitorScreen:
+        """Return plots of elements."""
+        return MonitorScreen(self.session, LiveSource(self.session), names)
 
 
 def _write_csv(path: Path, shown: Sequence[LoggedEvent]) -> None:
@@ -177,3 +197,7 @@ class FileEventsScreen(EventsScreen, inherit_bindings=False):
 
     session: FileSession
     scope = "file_events"
+
+    def plots_of(self, names: Sequence[str]) -> MonitorScreen:
+        """Return plots of elements of the file."""
+        return FileMonitorScreen(self.session, names)

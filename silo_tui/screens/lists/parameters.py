@@ -201,7 +201,7 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
     def command_save_preset(self) -> None:
         begin = self.knobs.preset or f"{self.session.name}-preset.yaml"
         body = "All values to a file on this machine; lines and comments of one that is there stay."
-        self.app.push_screen(Prompt("Save preset", body, begin), self._save)
+        self.app.push_screen(Prompt("Save preset", body, begin, label="file"), self._save)
 
     def _save(self, typed: str | None) -> None:
         if not typed:
@@ -216,7 +216,7 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
 
     def command_load_preset(self) -> None:
         body = "A file on this machine; what it would change is shown first."
-        self.app.push_screen(Prompt("Load preset", body, self.knobs.preset), self._load)
+        self.app.push_screen(Prompt("Load preset", body, self.knobs.preset, label="file"), self._load)
 
     def _load(self, typed: str | None) -> None:
         found = self._read(typed)
@@ -230,7 +230,8 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
             self.show()
             return
         body = "Its values stand where the defaults do, with ≠ where they differ; the same key ends it."
-        self.app.push_screen(Prompt("Compare with a preset", body, f"{self.session.name}-preset.yaml"), self._compare)
+        begin = f"{self.session.name}-preset.yaml"
+        self.app.push_screen(Prompt("Compare with a preset", body, begin, label="file"), self._compare)
 
     def _compare(self, typed: str | None) -> None:
         found = self._read(typed)

@@ -247,10 +247,11 @@ class RecordingsScreen(ListScreen[SavedRecording]):
         local = [path for one in targets if (path := here(self.found.folder, rows.best_file(one))) is not None]
         size = size_text(sum(one.size_bytes for one in targets))
         what = targets[0].stem if len(targets) == 1 else many(len(targets), "recording")
-        body = f"{what}, {size}. To which folder of this machine?"
+        body = f"{what}, {size}, to a folder of this machine"
         if local:
             body += f"\nIt lies on this machine already: {local[0]}"
-        self.app.push_screen(Prompt("Fetch", body, str(Path.cwd())), lambda folder: self._fetch_to(targets, folder))
+        prompt = Prompt("Fetch", body, str(Path.cwd()), label="folder")
+        self.app.push_screen(prompt, lambda folder: self._fetch_to(targets, folder))
 
     def _fetch_to(self, targets: list[SavedRecording], folder: str | None) -> None:
         if folder:
@@ -312,7 +313,7 @@ class RecordingsScreen(ListScreen[SavedRecording]):
             more = [f"and {len(names) - 8} more"] if len(names) > 8 else []
             body = "\n".join([f"From {where}, for good:", *names[:8], *more])
             choices = [
-                Choice("no", "Keep it" if len(targets) == 1 else "Keep them"),
+                Choice("", "Keep it" if len(targets) == 1 else "Keep them"),
                 Choice("yes", f"Delete {size}", "y", loses=True),
             ]
             self.app.push_screen(

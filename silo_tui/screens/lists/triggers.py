@@ -14,8 +14,9 @@ from silo.core.quantities.writing import many
 from silo.files.formats import kind_of
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone
-from silo_tui.model.lists.conditions import CAUTION, LOUD, name_width, named_in, times_head, trigger_row
+from silo_tui.model.lists.conditions import CAUTION, LOUD, ago, name_width, named_in, times_head, trigger_row
 from silo_tui.model.lists.ordering import Order
+from silo_tui.model.words import text
 from silo_tui.model.words.names import fitting_names
 from silo_tui.screens.dialogs.form import taken
 from silo_tui.screens.dialogs.questions import confirmed
@@ -91,6 +92,11 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
             return f"{name} has fired (mode single): {key_of('trigger_toggle')} arms it again"
         if one.state is TriggerWord.WAITING:
             return f"{name} waits for the logger to run"
+        if one.state is TriggerWord.FIRING:
+            post = text.span(one.options.post_s) if one.options.post_s else "0 s"
+            ends = f"; {key_of('trigger_toggle')} switches it off, so that it ends" if one.options.armed else ""
+            so_far = f", {ago(one.capturing_s)} so far" if one.capturing_s else ""
+            return f"{name} captures{so_far}: the file is written {post} after the last fire{ends}"
         if one.files:
             return f"last capture: {Path(one.files[0]).name}"
         return f"{name}: {one.options.when}"
