@@ -16,6 +16,7 @@ from silo.analysis.compute.spectra import lines_of, longest_piece
 from silo.analysis.plots.charts import ChartSpec, make_chart
 from silo.analysis.plots.curves import pick
 from silo.analysis.plots.drawing import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
+from silo.analysis.plots.showing import _has_screen
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.errors import ElementError, SiloError
@@ -308,3 +309,20 @@ def test_few_samples_have_neither_slope_nor_spectrum_but_no_error(count):
     times = np.arange(count) * 1.0
     assert len(derivative(times, times)) == count
     assert len(lines_of(longest_piece(times.astype(int), times))[0]) == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "notebook", "shown"),
+    [("", False, False), ("DISPLAY", False, True), ("WAYLAND_DISPLAY", False, True), ("MPLBACKEND", False, True),
+     ("", True, True)],
+)  # fmt: skip
+def test_a_plot_is_text_where_nothing_shows_pictures(monkeypatch, name, notebook, shown):
+    mpl = pytest.importorskip("matplotlib")
+    for variable in ("DISPLAY", "WAYLAND_DISPLAY", "MPLBACKEND"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)
+    monkeypatch.setitem(sys.modules, "IPython", sys)
+    monkeypatch.setattr(mpl, "get_backend", lambda: "module://matplotlib_inline" if notebook else "agg")
+    if name:
+        monkeypatch.setenv(name, "agg")
+    assert _has_screen() is shown

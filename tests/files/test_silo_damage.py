@@ -199,3 +199,9 @@ def test_values_are_read_only_views_of_the_file(small, tmp_path):
     assert not values.flags.writeable
     assert not values.flags.owndata
     assert isinstance(values, np.ndarray)
+
+
+def test_a_header_whose_checksum_is_gone_is_told_where_it_has_facts_of_silo(small, tmp_path):
+    begin = small.index(form.CHECK)
+    recording = opened(small[:begin] + small[small.index(b"\n", begin) + 1 :], tmp_path)
+    assert "the header is damaged: its checksum is missing" in recording.warnings

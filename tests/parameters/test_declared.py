@@ -42,6 +42,13 @@ def test_words_are_choices_too(new_logger):
         mode.value = "fly"
 
 
+def test_the_members_of_an_enumeration_are_the_choices_of_a_word(new_logger):
+    gait = new_logger().parameter("gait", "STAND", choices=Gait)
+    assert gait.info.choices == ("STAND", "TROT")
+    gait.value = "TROT"
+    assert gait.value is Gait.TROT
+
+
 @pytest.mark.parametrize("choices", ["walk", ["walk", ""], ["walk", 3], [], ["walk", "trot", "walk"], 7, {"walk"}])
 def test_choices_that_are_no_different_words_are_refused(new_logger, choices):
     logger = new_logger()

@@ -2,10 +2,13 @@
 
 import time
 
+import numpy as np
 import pytest
 
 import silo
+from silo.core.tuning.parameters import ParameterInfo, ParameterKind
 from silo.errors import ElementError
+from silo.parameters.landing import between
 from silo.parameters.parameters import MOST_ENDS, MOST_WAITING
 from tests.waiting import wait_until
 
@@ -297,3 +300,16 @@ def test_changes_that_the_slots_hold_no_more_are_told_from_what_the_next_one_fou
     log = silo.Log(tuned.snapshot())
     assert log.parameters.at(99.0)["/log/legs/kd"] == 1999.0
     assert len(log.parameters.changes) == 1024
+
+
+def test_on_the_way_numbers_lie_between_old_and_new_and_all_else_is_as_it_was_until_the_end():
+    infos = [
+        ParameterInfo("gain", ParameterKind.FLOAT, [0.0, 0.0], (2,)),
+        ParameterInfo("on", ParameterKind.BOOL, False),
+        ParameterInfo("steps", ParameterKind.INT, 0),
+    ]
+    old = np.array([*np.array([1.0, -2.0]).view(np.int64), 0, 10])
+    new = np.array([*np.array([3.0, 2.0]).view(np.int64), 1, 21])
+    part = between(infos, old, new, 0.25)
+    assert (part[:2].view(np.float64).tolist(), part[2:].tolist()) == ([1.5, -1.0], [0, 13])
+    assert between(infos, old, new, 1.0).tolist() == new.tolist()

@@ -9,8 +9,11 @@ from silo.core.conditions import Derived
 from silo.core.elements import Table
 from silo.errors import ElementError
 from silo.expressions.derived_signals import derived_infos
+from silo.rpc.statistics import LOST
 from silo_tui.model.table import derived
 from silo_tui.model.table import filter as filters
+from silo_tui.model.table.cells import sign_of
+from silo_tui.model.table.facts import LIMIT_BITS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.state import TableState
 
@@ -45,6 +48,14 @@ def test_one_of_an_element_that_is_off_is_off(robot):
     made.load(Table(1, elements, derived_infos(elements, "/log", [POWER])))
     assert not made.is_live(len(robot))
     assert made.elements[-1].description == "= 2 * imu/acceleration (off: /log/imu/acceleration is off)"
+
+
+def test_an_element_that_is_off_has_the_signs_of_its_limits_alone(table, robot, monkeypatch):
+    monkeypatch.setattr(type(table), "signs", np.full(len(table), LOST | LIMIT_BITS["HH"]))
+    table.signs[1] = LOST
+    assert [sign_of(table, row) for row in (0, 1)] == ["HH", "XX"]
+    table.server[Field.ENABLED, :2] = False
+    assert [sign_of(table, row) for row in (0, 1)] == ["HH", ""]
 
 
 def test_a_filter_finds_them(table):
