@@ -1,7 +1,6 @@
 """`silo set`: settings as words, elements by pattern, one transaction."""
 
 from collections.abc import Sequence
-from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -89,7 +88,11 @@ def select(names: Sequence[str], patterns: Sequence[str], prefix: str = "") -> l
 
 def of_entries(elements: "Sequence[ElementInfo]", patterns: Sequence[str]) -> tuple[list[str], list[str]]:
     """Patterns with the element in place of an entry of it (`joints/q_3`), and what is to be told of that."""
-    known = Names((one.name for one in elements), "", partial(_scalar_names, elements))
+    known = Names(
+        (one.name for one in elements),
+        "",
+        lambda: [[one.name + entry.suffix for entry in one.entries] for one in elements],
+    )
     made, told = [], []
     for pattern in patterns:
         found = [] if known.find(pattern) else known.find(pattern, scalars=True)
@@ -97,10 +100,6 @@ def of_entries(elements: "Sequence[ElementInfo]", patterns: Sequence[str]) -> tu
         made += owner or [pattern]
         told += [f"'{pattern}' is of '{one}', which is shown as a whole" for one in owner]
     return made, told
-
-
-def _scalar_names(elements: "Sequence[ElementInfo]") -> list[list[str]]:
-    return [[one.name + entry.suffix for entry in one.entries] for one in elements]
 
 
 @click.command("set", help=_HELP)

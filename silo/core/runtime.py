@@ -113,13 +113,11 @@ def list_held() -> list[Path]:
             found.append(path)
         elif path.exists():
             found.append(path.readlink())
-        elif not _segment_of(path.readlink()).exists():  # else it is about to get that name
+        elif (
+            not (held := path.readlink()).with_name(held.name.removesuffix(HELD_SUFFIX) + SEGMENT_SUFFIX).exists()
+        ):  # else it is about to get that name
             path.unlink(missing_ok=True)
     return found
-
-
-def _segment_of(held: Path) -> Path:
-    return held.with_name(held.name.removesuffix(HELD_SUFFIX) + SEGMENT_SUFFIX)
 
 
 def _forget_announced(link: Path) -> None:

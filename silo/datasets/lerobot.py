@@ -172,7 +172,8 @@ class _Writer:
         columns["timestamp"] = columns["timestamp"].astype(np.float32)
         if self._sink is None or self._sink.tell() >= FILE_MB << 20:
             self._next_file()
-        self._file.write_table(self._table(columns))
+        cells = [self._cells(one, columns[one.name]) for one in self._all]
+        self._file.write_table(self._arrow.table(cells, schema=self._file.schema))
         stats = {one.name: Moments.of(columns[one.name]) for one in self._all if one.dtype != "string"}
         self._stats = merged(self._stats, stats.items())
         self.rows.append(
@@ -255,9 +256,6 @@ class _Writer:
         for _ in feature.shape:
             kind = self._arrow.list_(kind)
         return kind
-
-    def _table(self, columns: dict[str, NDArray[Any]]) -> Any:
-        return self._arrow.table([self._cells(one, columns[one.name]) for one in self._all], schema=self._file.schema)
 
     def _cells(self, feature: Feature, values: NDArray[Any]) -> Any:
         if feature.shape == (1,):

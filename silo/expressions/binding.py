@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -82,7 +82,11 @@ class Catalogue:
 
     @cached_property
     def _names(self) -> Names:
-        return Names((one.name for one in self.elements), self.prefix, partial(_scalar_names, self.elements))
+        return Names(
+            (one.name for one in self.elements),
+            self.prefix,
+            lambda: [[one.name + entry.suffix for entry in one.entries] for one in self.elements],
+        )
 
     def find(self, text: str) -> list[Found]:
         """Return what a name or a pattern names: one thing, or several where the name isn't unique."""
@@ -99,10 +103,6 @@ class Catalogue:
             text = self._names.name(inside[0])
         near = self._names.near(text, scalars=True, more=[one.name for one in self.derived])
         return [name.removeprefix(f"{self._names.prefix}/") for name in near]
-
-
-def _scalar_names(elements: Sequence[Known]) -> list[list[str]]:
-    return [[element.name + entry.suffix for entry in element.entries] for element in elements]
 
 
 @dataclass(frozen=True)

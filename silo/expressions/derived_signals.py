@@ -83,15 +83,12 @@ def derived_infos(elements: Sequence[ElementInfo], prefix: str, derived: Sequenc
             continue
         info = info_of(one, bound, why)
         if bound is not None and bound.sources:
-            sizes = [_ticks_held(elements[place].options) for place in bound.sources]
+            held = [elements[place].options for place in bound.sources]
+            sizes = [min(one.size * one.divider, 2**31 - 1) for one in held]
             size = max(1, min(sizes) // info.options.divider)
             info = msgspec.structs.replace(info, options=msgspec.structs.replace(info.options, size=size))
         found.append(info)
     return found
-
-
-def _ticks_held(options: ElementOptions) -> int:
-    return min(options.size * options.divider, 2**31 - 1)
 
 
 def bound_derived(catalogue: Catalogue) -> Iterable[tuple[Derived, BoundExpression | None, str]]:

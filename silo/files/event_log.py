@@ -166,7 +166,7 @@ def _files(path: Path, older: Path) -> list[list[bytes]]:
         with contextlib.ExitStack() as opened:
             descriptors = [_opened(one, opened) for one in (older, path)]
             # one that was begun anew between the two takes the place of the older one
-            if _is_same(older, descriptors[0]):
+            if not older.exists() if descriptors[0] is None else _is_still(older, descriptors[0]):
                 return [_settled_lines(descriptor) for descriptor in descriptors if descriptor is not None]
 
 
@@ -177,10 +177,6 @@ def _opened(path: Path, opened: contextlib.ExitStack) -> int | None:
         return None
     opened.callback(os.close, descriptor)
     return descriptor
-
-
-def _is_same(path: Path, descriptor: int | None) -> bool:
-    return not path.exists() if descriptor is None else _is_still(path, descriptor)
 
 
 def _settled_lines(descriptor: int) -> list[bytes]:

@@ -114,11 +114,7 @@ def _found(rule: Rule, pair: _Pair) -> Iterator[Finding]:
     except ElementError as error:
         raise ScriptError(f"{rule.where}: {error}" if rule.where else str(error)) from error
     for one in found:
-        yield _called(one, rule.name) if rule.name else one
-
-
-def _called(finding: Finding, name: str) -> Finding:
-    return replace(finding, what=name)
+        yield replace(one, what=rule.name) if rule.name else one
 
 
 def _ticks(rule: Rule, pair: _Pair) -> list[Finding]:

@@ -231,7 +231,7 @@ class Helper:
             # a run first: what comes after it on the link may be about it, and it outlives the robot process
             if not runs.take() and handed_over in readable:
                 waited = [link, self._wake]  # that channel is closed
-            if not readable and runs.replica.files_deleted() and _ready(waited):
+            if not readable and runs.replica.files_deleted() and select.select(waited, [], [], 0)[0]:
                 continue  # the robot process says first what it deletes itself
             if not readable and _files_deleted(runs, events, saver, path):
                 return _Ended.FILES_DELETED
@@ -348,10 +348,6 @@ def _files_deleted(runs: Runs, events: EventNotifier, saver: Saver, path: Path) 
         if not replica.is_saved():
             saver.save(Save(types=[FileType.SILO], client="silo, because its files were deleted"))
     return not path.exists()
-
-
-def _ready(descriptors: list[int]) -> bool:
-    return bool(select.select(descriptors, [], [], 0)[0])
 
 
 def _take_state(message: RobotState, runs: Runs, events: EventNotifier) -> None:

@@ -130,13 +130,11 @@ class Gathering:
             rows = self._rows.get(name.group) or [SampledRows(name.group, 0, 0, b"")]
             found[name.name] += [samples_of(name, some) for some in rows]
         return {
-            name: joined(_filled(parts)) if parts else replace(NO_SAMPLES, why=self._missing.get(name, ""))
+            name: joined([one for one in parts if len(one)] or parts[:1])
+            if parts
+            else replace(NO_SAMPLES, why=self._missing.get(name, ""))
             for name, parts in found.items()
         }
-
-
-def _filled(parts: list[SampleArrays]) -> list[SampleArrays]:
-    return [part for part in parts if len(part)] or parts[:1]
 
 
 class StreamBatch(Mapping[str, SampleArrays]):

@@ -13,7 +13,6 @@ from silo.history.search_requests import (
     MeasureSpan,
     MomentsFound,
     SpanFacts,
-    SpanMeasured,
 )
 from silo.rpc.declaring import Caller
 from silo.rpc.foreign import NOT_UNDERSTOOD
@@ -87,7 +86,7 @@ class SearchRequests(Caller):
             names=texts("names", names, "['/log/joints/q_0']"), a_ns=a_ns, b_ns=b_ns, pins=[pin.id for pin in pins],
             run=run,
         )  # fmt: skip
-        return between_of(self._call(request), a_ns, b_ns)
+        return {one.name: _between(one, (b_ns - a_ns) / 1e9) for one in self._call(request).found}
 
 
 def found_of(reply: MomentsFound) -> "dict[str, FoundMoments]":
@@ -108,11 +107,6 @@ def _found(one: FoundIn) -> "FoundMoments":
     if len(values) != len(time_ns) or not 0 <= one.before <= one.total - len(time_ns):
         raise ConnectionLostError(f"the helper process tells of moments of {one.name} that make no sense")
     return FoundMoments(one.total, one.before, time_ns, values, one.begin_ns, one.end_ns, one.why)
-
-
-def between_of(reply: SpanMeasured, a_ns: int, b_ns: int) -> "dict[str, Between]":
-    """Return what was measured by name."""
-    return {one.name: _between(one, (b_ns - a_ns) / 1e9) for one in reply.found}
 
 
 def _between(one: SpanFacts, seconds: float) -> "Between":

@@ -81,7 +81,7 @@ class Tunables:
                 name, ParameterKind.FLOAT, default, (), min, max, step, unit, (), rate, _writable(name, writable),
                 locked, string_bytes, description,
             ),
-            group, check, choices, _divider(self._options.frequency_hz),
+            group, check, choices, max(1, round(self._options.frequency_hz / SAMPLES_HZ)),
         )  # fmt: skip
 
     def input(
@@ -152,7 +152,7 @@ class Tunables:
             shape=shape,
             unit=line("unit", given.unit, 'unit="Nm/rad"'),
             choices=words,
-            string_bytes=_room(given.string_bytes) if kind is ParameterKind.STRING else 0,
+            string_bytes=string_room(given.string_bytes) or DEFAULT_STRING_BYTES if kind is ParameterKind.STRING else 0,
             description=text("description", given.description, 'description="..."'),
         )
         with self._life.lock:
@@ -172,14 +172,6 @@ class Tunables:
                 description=info.description,
             )
         return made
-
-
-def _room(string_bytes: int) -> int:
-    return string_room(string_bytes) or DEFAULT_STRING_BYTES
-
-
-def _divider(frequency_hz: float) -> int:
-    return max(1, round(frequency_hz / SAMPLES_HZ))
 
 
 def _writable(name: str, given: object) -> Writable:

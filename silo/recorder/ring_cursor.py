@@ -90,7 +90,14 @@ class RingCursor:
             if rows.first > cursor:
                 saved = self._saved_rows(ring, cursor, min(rows.first, cursor + most))
                 if saved is None:
-                    found.losses.append(Loss(ring, cursor, rows.first, self._why_lost()))
+                    found.losses.append(
+                        Loss(
+                            ring,
+                            cursor,
+                            rows.first,
+                            DROPPED if self.reader.dropped else TOO_SLOW if self.is_held_up else AWAY,
+                        )
+                    )
                 else:
                     rows, again = saved, True
             if len(rows):
@@ -124,9 +131,6 @@ class RingCursor:
                     )
                     column[:] = rows.column(own)[:count]
         return Rows(schema, begin, words)
-
-    def _why_lost(self) -> str:
-        return DROPPED if self.reader.dropped else TOO_SLOW if self.is_held_up else AWAY
 
     def is_over(self) -> bool:
         """Whether no row will come any more."""

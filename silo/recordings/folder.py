@@ -189,7 +189,9 @@ class RecordingFolder:
         """Return the plain files of a recording. Raises RequestRefusedError."""
         with _opened(place) as folder, _told(name):
             if part := part_named(folder, name):
-                return RecordingParts(name, False, [_of_part(part)])
+                return RecordingParts(
+                    name, False, [PartOfRecording(part.name, part.about.st_size, part.mark, part.about.st_mtime_ns)]
+                )
             self._recognised(folder, name)
             if _kind(name) is not FileType.BAG:
                 names = [name, name + SIDECAR] if _kind(name) is FileType.CSV else [name]
@@ -369,10 +371,6 @@ def _looked_at(folder: int, entry: "os.DirEntry[str]") -> _File | None:
 
 def _changed(one: SavedRecording) -> tuple[int, str]:
     return max(file.changed_ns for file in one.files), one.stem
-
-
-def _of_part(part: FinishedPart) -> PartOfRecording:
-    return PartOfRecording(part.name, part.about.st_size, part.mark, part.about.st_mtime_ns)
 
 
 def _mark(folder: int, name: str) -> str:

@@ -30,17 +30,12 @@ def client_problem(protocol: int) -> str:
     )
 
 
-def robot_is_older(protocol: int) -> bool:
-    """Return whether a helper process that speaks up to this protocol is older than what this silo asks."""
-    return protocol < PROTOCOL
-
-
 def robot_problem(who: str, protocol: int, oldest: int, version: str) -> str:
     """Return why this silo can't ask a helper process that understands `oldest` to `protocol`; empty if it can."""
     if oldest <= PROTOCOL <= protocol:
         return ""
     mine = f"{VERSION}, protocol {PROTOCOL}"
-    if robot_is_older(protocol):
+    if protocol < PROTOCOL:
         return (
             f"{who} runs an older silo ({version}, protocol {protocol}) than this program ({mine}): "
             "update silo on the robot and start its program again"

@@ -143,27 +143,13 @@ class Samples:
         )
 
     def _numbers(self, purpose: str) -> NDArray[Any]:
-        """Return the values, bools as int64.
-
-        Args:
-            purpose: what they are wanted for, for the error.
-
-        Raises:
-            ElementError: they are no numbers.
-        """
+        """Return the values, bools as int64. Raises ElementError for what is none, with what it is wanted for."""
         if self.values.dtype.kind not in "biufc":
             raise ElementError(f"can't {purpose} '{self.name}': its values are no numbers ({self.dtype})")
         return self.values.astype(np.int64) if self.values.dtype.kind == "b" else self.values
 
     def _columns(self, purpose: str) -> list[NDArray[np.float64]]:
-        """Return each component as float64 of shape `(m,)`.
-
-        Args:
-            purpose: what they are wanted for, for the error.
-
-        Raises:
-            ElementError: they are no real numbers.
-        """
+        """Return each component as float64 of shape `(m,)`. Raises ElementError for what are no real numbers."""
         values = with_nan(self._numbers(purpose))
         if values.dtype.kind == "c":
             raise ElementError(f"can't {purpose} complex '{self.name}': take .component('real') or ('imag')")
@@ -173,19 +159,11 @@ class Samples:
     # ------------------------------------------------------------------------------------------------- when it is
 
     def _held(self: Self, time_ns: NDArray[np.int64]) -> Self:
-        """Return the values that hold at these stamps.
-
-        Args:
-            time_ns: none of them may be before the first sample.
-        """
+        """Return the values that hold at these stamps, none of which may be before the first sample."""
         return replace(self, values=self.values[self._places(time_ns)], time_ns=time_ns)
 
     def _places(self, time_ns: NDArray[np.int64]) -> Any:
-        """Return which sample holds at each stamp; -1 before the first.
-
-        Args:
-            time_ns: stamps, ns.
-        """
+        """Return which sample holds at each stamp; -1 before the first."""
         if not self._falls:
             return np.searchsorted(self.time_ns, time_ns, side="right") - 1
         order = np.argsort(self.time_ns, kind="stable")
@@ -193,14 +171,7 @@ class Samples:
         return np.where(found < 0, -1, order[found])
 
     def _seconds(self, given: object) -> NDArray[np.float64]:
-        """Return times as an array of numbers, of any shape.
-
-        Args:
-            given: what somebody gave.
-
-        Raises:
-            ElementError: they are no numbers.
-        """
+        """Return times as an array of numbers, of any shape. Raises ElementError."""
         try:
             found = np.asarray(given)
             if found.dtype.kind in "biuf" and given is not None:
@@ -214,11 +185,7 @@ class Samples:
         )
 
     def _stamps(self, times: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the stamps in nanoseconds of times.
-
-        Args:
-            times: seconds since start.
-        """
+        """Return the stamps in nanoseconds of times."""
         # times that are read off `times` must find their own stamp again
         with np.errstate(invalid="ignore"):
             since = np.asarray(np.round(np.clip(times, -9.2e9, 9.2e9) * 1e9), np.int64)
@@ -231,7 +198,7 @@ class Samples:
         """From when to when there are samples, in words."""
         if not len(self):
             return "has no sample"
-        first, last = (self._seconds_of(end) for end in self._bounds)
+        first, last = ((end - self.start_ns) * 1e-9 for end in self._bounds)
         return f"has samples from {first:g} to {last:g} s"
 
     @property
@@ -240,14 +207,6 @@ class Samples:
         if self._falls:
             return int(self.time_ns.min()), int(self.time_ns.max())
         return int(self.time_ns[0]), int(self.time_ns[-1])
-
-    def _seconds_of(self, stamp_ns: int) -> float:
-        """Return a stamp in seconds since start.
-
-        Args:
-            stamp_ns: the stamp, ns.
-        """
-        return (stamp_ns - self.start_ns) * 1e-9
 
     @cached_property
     def _falls(self) -> bool:
@@ -276,21 +235,13 @@ class Samples:
         return replace(self, start_ns=whole("start (in nanoseconds, or a signal)", start, *INT64))
 
     def _as_if_started(self: Self, start_ns: int) -> Self:
-        """Return the same `times` in a log that started at another stamp.
-
-        Args:
-            start_ns: that stamp.
-        """
+        """Return the same `times` in a log that started at another stamp."""
         return replace(self, time_ns=self.time_ns + (start_ns - self.start_ns), start_ns=start_ns)
 
     def _holding(self, time_ns: NDArray[np.int64], slack_ns: float = 0.0) -> NDArray[np.bool_]:
-        """Return at which stamps a value holds: from the first sample to where one more would come.
+        """Return at which stamps a value holds: from the first sample to `slack_ns` before one more would come.
 
         A single sample, as of a map, holds on; there must be one.
-
-        Args:
-            time_ns: stamps, ns.
-            slack_ns: by how much earlier the end is: the stamp of one more may come early.
         """
         first, last = self._bounds
         return (time_ns >= first) & (time_ns < last + self._step_ns - slack_ns)
@@ -301,31 +252,15 @@ class Samples:
         return float(np.median(np.diff(self.time_ns))) if len(self) > 1 else float("inf")
 
     def _check_overlap(self, other: "Samples", what: str) -> None:
-        """Raise an error where this and another signal of the same start have no time in common.
+        """Raise ElementError with both spans where this and another signal of the same start have no time in common.
 
         The last sample holds until the next would come.
-
-        Args:
-            other: the other signal.
-            what: what can't be done then, for the error.
-
-        Raises:
-            ElementError: they have no time in common; the message has both spans.
         """
         if len(self) and len(other):
             begins, ends = zip(*(each._bounds for each in (self, other)), strict=True)
             if begins[1] < ends[0] + self._step_ns and begins[0] < ends[1] + other._step_ns:
                 return
-        raise self._nothing_in_common(other, what)
-
-    def _nothing_in_common(self, other: "Samples", what: str) -> ElementError:
-        """Return the error that says that this and another signal have no time in common.
-
-        Args:
-            other: the other signal.
-            what: what can't be done then.
-        """
-        return ElementError(
+        raise ElementError(
             f"can't {what}: there is no time in common; since the start of its log '{self.name}' {self._span}, "
             f"'{other.name}' {other._span}"
         )

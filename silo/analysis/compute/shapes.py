@@ -21,7 +21,11 @@ def assembled(element: RecordedElement) -> NDArray[Any]:
     if element.kind == STRUCT.name:
         made = _as_declared(element)
         return _flat_record(element, columns) if made is None else made
-    if is_complex(element.kind, shape, [entry.entry.suffix for entry in element.entries]) and _halves(types):
+    if (
+        is_complex(element.kind, shape, [entry.entry.suffix for entry in element.entries])
+        and {one.kind for one in types} == {"f"}
+        and len(types) == 1
+    ):
         return _complex(columns, (count, *shape))
     if len(types) > 1 and any(column.dtype.kind != "U" for column in columns):
         return _flat_record(element, columns)
@@ -56,10 +60,6 @@ def scalars(values: NDArray[Any]) -> Iterator[NDArray[Any]]:
             yield item.imag
         else:
             yield item
-
-
-def _halves(types: set[np.dtype[Any]]) -> bool:
-    return len(types) == 1 and next(iter(types)).kind == "f"
 
 
 def _complex(columns: list[NDArray[Any]], shape: tuple[int, ...]) -> NDArray[Any]:

@@ -77,7 +77,9 @@ def draw_text(chart: Chart, width: int = 80, height: int = 24, *, color: bool = 
     `MIN_WIDTH` x `MIN_HEIGHT` is taken as that.
     """
     width, height = max(width, MIN_WIDTH), max(height, MIN_HEIGHT)
-    marks = [_mark(index, len(chart.curves), color) for index in range(len(chart.curves))]
+    marks = [
+        _FINE if color or len(chart.curves) == 1 else _SHAPES[at % len(_SHAPES)] for at in range(len(chart.curves))
+    ]
     # a legend of more than half the height leaves no plot, nor does one that takes the rows of frame, axis and curves
     legend = [*_legend(chart, marks, width, color), *_level_legend(chart, width, color), *_event_legend(chart, width)]
     room = max(1, min(height // 2, height - LEAST_DRAWN))
@@ -337,10 +339,6 @@ def _segments(x: Floats, y: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     good = np.isfinite(x) & np.isfinite(y)
     before = np.concatenate([[False], good[:-1]])
     return x[good], y[good], before[good]
-
-
-def _mark(index: int, count: int, color: bool) -> str:
-    return _FINE if color or count == 1 else _SHAPES[index % len(_SHAPES)]
 
 
 def _legend(chart: Chart, marks: Sequence[str], width: int, color: bool) -> list[str]:

@@ -293,7 +293,7 @@ def recording_facts(recording: Recording, channels: Sequence[Channel]) -> Record
                 PlacedEntry(
                     entry.name,
                     entry.entry,
-                    _logged(entry),
+                    entry.logged if isinstance(entry, Utf8Entry) else str(entry.values.dtype.str),
                     *where[index, i],
                     missing=entry.missing if isinstance(entry, FilledEntry) else None,
                     absent=absent[where[index, i][0]],
@@ -311,10 +311,6 @@ def recording_facts(recording: Recording, channels: Sequence[Channel]) -> Record
         channel_sizes={n: -1 if c.is_string else c.size for n, c in enumerate(channels, start=1)},
         warnings=tuple(recording.warnings),
     )
-
-
-def _logged(entry: RecordedEntry) -> str:
-    return entry.logged if isinstance(entry, Utf8Entry) else str(entry.values.dtype.str)
 
 
 def metadata_yaml(

@@ -160,7 +160,9 @@ def _from_columns(
     columns = []
     for number in range(width):
         places = everywhere if shortest[number] else np.flatnonzero(sizes[:, number])
-        kind = None if cells.sampled else _surely(int(letters[number]), int(longest[number]))
+        # of texts of other letters the type must be looked at: dates have signs, too
+        surely = not cells.sampled and letters[number] == DIGITS and longest[number] <= _MOST_DIGITS
+        kind = np.dtype(np.int64) if surely else None
         columns.append(Column(places, partial(cells.column, number, places), kind, int(letters[number])))
     names = [_text(cell) for cell in head]
     words = cells.column(0)
@@ -173,11 +175,6 @@ def _from_columns(
                 return names[1:-1], columns[1:-1], counted
     end = width - (width > 1 and names[-1] == TIME_NS)
     return names[1:end], columns[1:end], _time(names[0], words)
-
-
-def _surely(letters: int, longest: int) -> np.dtype[Any] | None:
-    """The type that texts of these letters have; None where they must be looked at: dates have signs, too."""
-    return np.dtype(np.int64) if letters == DIGITS and longest <= _MOST_DIGITS else None
 
 
 def _from_rows(

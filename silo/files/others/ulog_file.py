@@ -92,7 +92,11 @@ def _elements(topic: str, data: dict[str, NDArray[Any]], own_ns: Stamps) -> Iter
         shape = (len(parts),) if -1 not in parts else ()
         suffixes = index_suffixes(shape) or [""]
         entries = tuple(
-            RecordedEntry(whole + suffix, Entry(suffix, values.dtype.newbyteorder("<").str), _own(values))
+            RecordedEntry(
+                whole + suffix,
+                Entry(suffix, values.dtype.newbyteorder("<").str),
+                np.ascontiguousarray(values.astype(values.dtype.newbyteorder("="), copy=False)),
+            )
             for suffix, (_, values) in zip(suffixes, sorted(parts.items()), strict=True)
         )
         yield RecordedElement(
@@ -106,10 +110,6 @@ def _elements(topic: str, data: dict[str, NDArray[Any]], own_ns: Stamps) -> Iter
             entries=entries,
             own_ns=own_ns,
         )
-
-
-def _own(values: NDArray[Any]) -> NDArray[Any]:
-    return np.ascontiguousarray(values.astype(values.dtype.newbyteorder("="), copy=False))
 
 
 def _events(found: Any, axis: Stamps) -> Iterator[LoggedEvent]:

@@ -35,11 +35,7 @@ def about_run(given: Mapping[str, object] | None) -> dict[str, str]:
     said = {line("a name in about", key, "about={'operator': 'alice'}"): str(one) for key, one in (given or {}).items()}
     if len(said) > MOST_FACTS or any(len(one) > MOST_CHARACTERS for one in said.values()):
         raise ElementError(f"about takes {MOST_FACTS} texts of {MOST_CHARACTERS} characters each")
-    return {key: _plain(one) for key, one in {**_found(), **said}.items()}
-
-
-def _plain(text: str) -> str:
-    return text.encode("utf-8", "backslashreplace").decode()
+    return {key: one.encode("utf-8", "backslashreplace").decode() for key, one in {**_found(), **said}.items()}
 
 
 @functools.lru_cache(maxsize=1)

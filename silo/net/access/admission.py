@@ -264,7 +264,14 @@ def hold_directions(settings: zenoh.Config) -> list[str]:
         **rules,
         "rules": [one for rule in rules["rules"] for one in parts.get(rule["id"], [rule])],
         "policies": [
-            {**policy, "rules": [one for name in policy["rules"] for one in _names(parts, name)]}
+            {
+                **policy,
+                "rules": [
+                    one
+                    for name in policy["rules"]
+                    for one in ([rule["id"] for rule in parts[name]] if name in parts else [name])
+                ],
+            }
             for policy in rules.get("policies") or []
         ],
     }
@@ -279,10 +286,6 @@ def direction_words(config: str, names: list[str]) -> str:
         "those of people now, so nobody but robots answers and publishes; `silo remote init FOLDER`, with the folder "
         "that it was made in, writes them so (zenohd needs that)"
     )
-
-
-def _names(parts: dict[str, list[Rule]], name: str) -> list[str]:
-    return [rule["id"] for rule in parts[name]] if name in parts else [name]
 
 
 def _is_of_both(rule: Rule) -> bool:

@@ -87,11 +87,6 @@ def rights(role: str, user: str = "*") -> list[Right]:
     return found
 
 
-def host_of(robot: str) -> str:
-    """Return the host as which a robot with a credential of that name may come; `*` for the one that robots share."""
-    return "*" if robot == SHARED else escape(robot).replace("~", "%7E")
-
-
 def access_control(users: dict[str, str], host: str = "*") -> Rule:
     """Return rules that give each user (by name) what the role lets it do; who works on the robot itself needs none.
 
@@ -110,7 +105,7 @@ def access_control(users: dict[str, str], host: str = "*") -> Rule:
         rules += made
         policies.append(_policy(made, [name]))
     for name in [name for name, role in users.items() if role == ROBOT]:
-        made = _rules(name, rights(ROBOT), host_of(name), asked_at=host)
+        made = _rules(name, rights(ROBOT), "*" if name == SHARED else escape(name).replace("~", "%7E"), asked_at=host)
         rules += made
         policies.append(_policy(made, [name]))
     return {
