@@ -106,8 +106,7 @@ def _finding(name: str, found: dict[int, Violation], *, stale: int, unit: str, s
 
 def _conditioned(judge: RecordingJudge, recording: Recording, text: str, bad: int, what: str) -> Finding:
     """Each stretch of ticks at which a condition is what it must not be is one violation."""
-    bound = bind(text, judge.catalogue).condition()
-    batches = list(judge.batches(bound))
+    batches = list(judge.batches(bind(text, judge.catalogue).condition()))
     codes = np.concatenate([judged.codes() for judged in batches] or [np.zeros(0, np.int8)])
     times = np.concatenate([judged.time_ns for judged in batches] or [np.zeros(0, np.int64)])
     wrong = codes == bad

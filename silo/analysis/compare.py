@@ -437,8 +437,7 @@ def _meeting(
     mine, theirs, span = in_common(one, other)
     if len(mine) == 0:
         raise ElementError("there is no sample in common")
-    whole = len(mine) == len(one) == len(other)
-    places = None if whole else (mine.values, theirs.values)
+    places = None if len(mine) == len(one) == len(other) else (mine.values, theirs.values)
     moved_ns = other._as_if_started(one.start_ns).time_ns
     return met.setdefault(key, _Meeting(places, mine.times, moved_ns, span, stamps))
 
@@ -582,7 +581,5 @@ def _by_course(one: Signal, other: Signal) -> float:
         raise ElementError(f"'{one.name}' stands still in a run: runs can't be laid on each other by it")
     size = 1 << (len(courses[0]) + len(courses[1]) - 1).bit_length()
     spectra = [np.fft.rfft(course, size) for course in courses]
-    likeness = np.fft.irfft(spectra[0] * np.conj(spectra[1]), size)
-    best = int(np.argmax(likeness))
-    steps = best - size if best > size // 2 else best
-    return float(one.times[0] - other.times[0] + steps * step_s)
+    best = int(np.argmax(np.fft.irfft(spectra[0] * np.conj(spectra[1]), size)))
+    return float(one.times[0] - other.times[0] + (best - size if best > size // 2 else best) * step_s)

@@ -62,10 +62,7 @@ class LoggerFollower:
         self._parameters_due_s = math.inf  # of `time.monotonic`
         self.missed = 0
         self._thread = threading.Thread(target=self._run, name="feed", daemon=True)
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
+        self.start = self._thread.start
 
     def close(self) -> None:
         """End it; waits until it has let go of the logger."""

@@ -55,9 +55,7 @@ def entry_values(samples: SampleArrays, entry: int) -> NDArray[Any]:
     if values.dtype.names:
         column: NDArray[Any] = values[values.dtype.names[entry]]
         return column
-    if values.ndim == 1:
-        return values
-    return values.reshape(len(values), -1)[:, entry]
+    return values if values.ndim == 1 else values.reshape(len(values), -1)[:, entry]
 
 
 def live_topics(elements: Sequence[ElementInfo]) -> tuple[list[LiveTopic], dict[str, str]]:

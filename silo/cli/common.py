@@ -297,8 +297,7 @@ def complete_element(logger: str | None, incomplete: str) -> "list[CompletionIte
     from silo.state.requests import TableRequests
 
     try:
-        found = find_logger(logger)
-        reply = ask_once(found, request_of(TableRequests._table), 1.0)
+        reply = ask_once(find_logger(logger), request_of(TableRequests._table), 1.0)
     except (SiloError, click.UsageError):
         return []
     names = [info.name for info in (*reply.table.elements, *reply.table.derived)]
@@ -314,8 +313,7 @@ def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str)
     words = ctx.params.get(param.name or "") or ()
     loggers = [] if words else complete_logger(ctx, param, incomplete)
     try:
-        found = find_logger(split_logger(words)[0])
-        reply = ask_once(found, request_of(ScriptRequests.scripts), 1.0)
+        reply = ask_once(find_logger(split_logger(words)[0]), request_of(ScriptRequests.scripts), 1.0)
     except (SiloError, click.UsageError):
         return loggers
     return [*loggers, *items(reply.names, incomplete)]

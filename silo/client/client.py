@@ -256,12 +256,9 @@ class Client(
 
     def _hello(self) -> HelloReply:
         """Return who is there, whether this user may change anything, and why not."""
-        question = Hello(version=VERSION, client=self._name)
-        reply = self._call(question)
+        reply = self._call(Hello(version=VERSION, client=self._name))
         why_not = self._why_no_changes()
-        if not why_not:
-            return reply
-        return msgspec.structs.replace(reply, may_edit=False, why_not=why_not)
+        return reply if not why_not else msgspec.structs.replace(reply, may_edit=False, why_not=why_not)
 
     def _why_no_changes(self) -> str:
         if self.read_only:

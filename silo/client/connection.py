@@ -287,8 +287,7 @@ class Connection:
             return False
         self._looked_s = time.monotonic()
         if self.found.socket and owner_is_gone(Path(self.found.socket)):
-            question = Hello(version=VERSION, client=self._who)
-            self._asked = self.ask_later(question, LEFT_S)
+            self._asked = self.ask_later(Hello(version=VERSION, client=self._who), LEFT_S)
         return False
 
     def _hand_out_events(self) -> None:

@@ -75,8 +75,7 @@ class Renewals:
             self._renewals.pop(view, None)
         if known is not None and self._connection.connected:
             # nobody waits for the answer: if it gets lost, the lease ends the view
-            request = self._closing(view)
-            self._connection.ask_later(self._signed(request), 1.0)
+            self._connection.ask_later(self._signed(self._closing(view)), 1.0)
 
     def _closing(self, leased: "View | Stream | Pin") -> Request[Done]:
         request = leased.request

@@ -79,8 +79,7 @@ def _judged_to_its_end(reader: SegmentReader, folder: str) -> RecoveredCaptures:
         return found
     found.extras = state.extras
     try:
-        news = _recovered(reader, state, folder, found)
-        _log(schema.folder, schema.logger, schema.run, news)
+        _log(schema.folder, schema.logger, schema.run, _recovered(reader, state, folder, found))
     except (SiloError, OSError) as error:  # the run is saved nevertheless
         found.texts.append(f"what triggers captured of it stays for the next `silo recover`: {error}")
         found.is_whole = False

@@ -434,6 +434,4 @@ def _news(one: _Limited, scalar: ScalarMemory, state: EntryState) -> list[LimitN
 
 def _well_tick(state: EntryState) -> int:
     """The tick at which a scalar was well again, -1 where only the newest is known."""
-    if state.violation is None:
-        return -1
-    return max(state.since_tick, state.violation.last_tick)
+    return -1 if state.violation is None else max(state.since_tick, state.violation.last_tick)

@@ -401,8 +401,7 @@ class SegmentJudge:
         for capture in state.captures:
             buffer = CaptureBuffer(capture.options, capture.capture, self.reader, self.extras)
             buffer.ended = capture.ended
-            is_whole = buffer.append(self.judged)
-            (whole if is_whole or capture.ended else self._buffers).append(buffer)
+            (whole if buffer.append(self.judged) or capture.ended else self._buffers).append(buffer)
         return whole
 
 
@@ -433,8 +432,7 @@ def try_trigger(
     rule = trigger_rule(options, reader.schema.frequency_hz)
     conditions = trigger_conditions(options, rows.catalogue)
     expressions = conditions.bounds
-    columns = [column for bound in expressions for column in bound.columns]
-    rows.want(columns, 0)
+    rows.want([column for bound in expressions for column in bound.columns], 0)
     size = _capture_bytes(reader, rule.pre + rule.post + 1)
     if not conditions.can_fire:
         off = ", ".join(conditions.off[:3])

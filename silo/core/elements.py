@@ -38,8 +38,7 @@ class _NamedClass(enum.EnumMeta):
         def __getattr__(cls, name: str) -> object:  # of a class of classes
             if name.startswith("_") or name in cls._member_map_:
                 return super().__getattr__(name)
-            meant = _OTHER_MEMBERS.get(name.upper(), name.upper())
-            near = nearest(meant, cls.__members__)
+            near = nearest(_OTHER_MEMBERS.get(name.upper(), name.upper()), cls.__members__)
             words = f"silo.{cls.__name__} has no {name!r}; there are {', '.join(cls.__members__)}{did_you_mean(near)}"
             raise UnknownNameError(words, name=name)
 

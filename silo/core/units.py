@@ -134,9 +134,7 @@ def product(one: str, other: str) -> str:
 
 def quotient(one: str, other: str) -> str:
     """Return the unit of a quotient: `rad` and `s` make `rad/s`."""
-    if other in _NONE:
-        return one or "-"
-    return _text(_times(_formula(one), _formula(other), -1))
+    return one or "-" if other in _NONE else _text(_times(_formula(one), _formula(other), -1))
 
 
 def power(unit: str, exponent: float) -> str:

@@ -194,8 +194,7 @@ def bind(expression: Expression | str, catalogue: Catalogue) -> BoundExpression:
     """Return an expression bound to these elements. Raises ExpressionError with the place, and the nearest names."""
     if isinstance(expression, str):
         expression = parse(expression)
-    binder = _Binder(expression, catalogue)
-    found = binder.bind(expression.root)
+    found = _Binder(expression, catalogue).bind(expression.root)
     columns = tuple(dict.fromkeys(columns_of(found.part)))
     dividers = {column.source: catalogue.elements[column.element].divider for column in columns}
     dividers.pop(OFF, None)

@@ -100,8 +100,7 @@ class _Grid:
         if self.alike:
             return None
         if source not in self._missing:
-            ticks = self._held_ticks(source)
-            lost = self.ticks - ticks >= self._known[source].divider
+            lost = self.ticks - self._held_ticks(source) >= self._known[source].divider
             self._missing[source] = lost if lost.any() else None
         return self._missing[source]
 

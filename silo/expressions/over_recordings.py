@@ -186,8 +186,7 @@ _NO_TICKS = np.zeros(0, np.int64)
 def _own_ticks(axis: NDArray[np.int64], stamps: NDArray[np.int64]) -> _Ticks:
     ticks = places_on(axis, stamps)
     # a single message, as of a map, holds to the end
-    longest = int(np.diff(ticks).max()) if len(ticks) > 1 else len(axis) + 1
-    return _Ticks(0, longest, len(ticks), ticks)
+    return _Ticks(0, int(np.diff(ticks).max()) if len(ticks) > 1 else len(axis) + 1, len(ticks), ticks)
 
 
 def _known(bound: BoundExpression, judged: Judged) -> tuple[NDArray[np.float64] | NDArray[np.bool_], NDArray[np.bool_]]:

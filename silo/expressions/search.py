@@ -92,8 +92,7 @@ def places(looking: Looking, time_ns: NDArray[np.int64], values: NDArray[Any], e
 
 def _begins(here: NDArray[np.bool_]) -> Places:
     """Where each unbroken run begins."""
-    before = np.concatenate([[False], here[:-1]])
-    return np.flatnonzero(here & ~before)
+    return np.flatnonzero(here & ~np.concatenate([[False], here[:-1]]))
 
 
 def _changes(values: NDArray[Any]) -> Places:
@@ -229,8 +228,7 @@ class Finder:
     @property
     def found(self) -> FoundMoments:
         """What was found in all blocks."""
-        most = self._most[0]
-        kept = min(self._counts[0], most)
+        kept = min(self._counts[0], self._most[0])
         skip = self._counts[0] - kept
         times = np.concatenate([*self._times[0], *self._times[1], np.zeros(0, np.int64)])[skip:]
         parts = [*self._values[0], *self._values[1]]

@@ -151,8 +151,7 @@ class Window:
             return self._alike(int(starts[0]), rows, width)
         along = np.arange(width)
         inside = along < lengths[:, None]
-        places = np.minimum(starts[:, None] + along, stops[:, None] - 1) - self._first
-        samples = self._samples[places]
+        samples = self._samples[np.minimum(starts[:, None] + along, stops[:, None] - 1) - self._first]
         known = inside[:, :, None]
         center = samples[:, :1]
         counts = lengths[:, None].astype(np.float64)
@@ -170,8 +169,7 @@ class Window:
             return mean
         away = np.where(known, samples - center, 0.0)
         total = np.cumsum(away, axis=1)[:, -1]
-        squares = np.cumsum(away * away, axis=1)[:, -1]
-        return _deviation(squares - total * total / counts, counts)
+        return _deviation(np.cumsum(away * away, axis=1)[:, -1] - total * total / counts, counts)
 
     def _alike(self, start: int, rows: int, width: int) -> Floats:
         """The values of windows of as many samples each, one sample after the other: what there is nearly always.

@@ -114,8 +114,7 @@ def _of_facts(text: bytes) -> FileSummary | None:
 def _of_bag(folder: int, name: str) -> FileSummary | None:
     with opened_folder(folder, name) as bag, opened_file(bag, "metadata.yaml") as file:
         head = os.pread(file, _BAG_FACTS, 0)
-        size = os.fstat(file).st_size
-        tail = os.pread(file, _BAG_FACTS, max(0, size - _BAG_FACTS))
+        tail = os.pread(file, _BAG_FACTS, max(0, os.fstat(file).st_size - _BAG_FACTS))
     said = {key.decode(): json.loads(value) for key, value in _TEXT.findall(tail) if _is_text(value)}
     begin = _BEGIN.search(head)
     if "silo_logger" not in said or begin is None:

@@ -36,8 +36,7 @@ def examine(config: str) -> Iterator[tuple[Layer, str]]:
     user = user_of(settings)
     with borrowed("", path):
         yield Layer.PASSWORD, f"user '{user}' is let in" if user else "it lets us in without"
-        loggers = discover(TIMEOUT_S, path).loggers
-        yield from _asked(loggers, user)
+        yield from _asked(discover(TIMEOUT_S, path).loggers, user)
 
 
 def _asked(loggers: list[LoggerAddress], user: str) -> Iterator[tuple[Layer, str]]:

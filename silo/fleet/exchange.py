@@ -85,8 +85,7 @@ def root_at(borrowed: SessionLease, found: LoggerAddress, timeout_s: float) -> k
     """
     if found.root is not None:
         return found.root
-    alive = f"silo/*/{keys.escape(found.name)}/alive"
-    roots = those_there(borrowed, alive, timeout_s)
+    roots = those_there(borrowed, f"silo/*/{keys.escape(found.name)}/alive", timeout_s)
     if len(roots) == 1:
         return roots[0]
     if roots:

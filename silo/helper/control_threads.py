@@ -66,7 +66,8 @@ class Servers(Dispatch):
         recording: EndlessRecordings,
         control_lock: ControlLock,
     ) -> None:
-        self._robot, self._events, self._surveyor = robot, events, Surveyor(replica)
+        self._events, surveyor = events, Surveyor(replica)
+        self.stop, self.number = surveyor.stop, robot.number  # an event tells by the number how a request ended
         program = RobotProgram(replica, robot.ask)
         outside = Outside(publisher.name_client, publisher.summary.now, control_lock.closed)
         servers = (
@@ -75,20 +76,12 @@ class Servers(Dispatch):
             ControlServer(control_lock),
             ConditionServer(judge, replica, events, program),
             HistoryServer(replica, publisher.pins, publisher.streams),
-            LiveServer(publisher, self._surveyor),
+            LiveServer(publisher, surveyor),
             RecordingServer(RecordingFolder(), saver, replica, events),
             RecorderServer(recording, program),
             ParameterServer(program),
         )
         super().__init__(servers, program.reply)
-
-    def stop(self) -> None:
-        """End what goes on by itself."""
-        self._surveyor.stop()
-
-    def number(self) -> int:
-        """Return a number by which an event can tell how a request ended."""
-        return self._robot.number()
 
     def tell_end(self, job: int, request: Request[Any], reply: Answer, by: str) -> None:
         """Tell all how a request ended whose client was told that it goes on."""
@@ -280,9 +273,7 @@ def _encoded(reply: Answer) -> bytes:
 
 def _until_s(request: Request[Any]) -> float:
     """Return when the client of a request gives up."""
-    if isinstance(request, Hello):
-        return math.inf
-    return request.until_s or clock_s() + request.timeout_s
+    return math.inf if isinstance(request, Hello) else request.until_s or clock_s() + request.timeout_s
 
 
 def _payload(query: zenoh.Query) -> bytes:

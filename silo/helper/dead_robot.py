@@ -168,10 +168,7 @@ class OrphanRecovery:
         self._ended = threading.Event()
         # a daemon: should the helper have to end before it is done, the segment stays for the next one
         self._thread = threading.Thread(target=self._run, name="predecessors", daemon=True)
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
+        self.start = self._thread.start
 
     def stop(self, timeout_s: float) -> None:
         """Begin no other segment, and wait at most `timeout_s` for the one under way."""

@@ -194,8 +194,7 @@ class Helper:
                 judge.stop("the robot program died")
                 saver.finish()
                 journaling.stop()
-                news = after_crash(replica, events)
-                self._linger(publisher, held, news=news)
+                self._linger(publisher, held, news=after_crash(replica, events))
                 return
             deleted = ended is _Ended.FILES_DELETED
             self._exit_code = FILES_DELETED if deleted else 0

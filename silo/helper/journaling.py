@@ -36,10 +36,7 @@ class Journaling:
         self._run = RunFollower(replica)
         self._told = ""
         self._thread = threading.Thread(target=self._watch, name="journal")
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
+        self.start = self._thread.start
 
     def stop(self) -> None:
         """End the thread, which makes durable what it can before; the journal stays.

@@ -50,19 +50,13 @@ class Saver:
         self._number = 0
         self._jobs: queue.Queue[_Job | None] = queue.Queue()
         self._thread = threading.Thread(target=self._run, name="saver")
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
+        self.start = self._thread.start
+        self.submit, self.finish = self._jobs.put, self._jobs.join  # have a job done; wait until all are
 
     def stop(self, timeout_s: float | None = None) -> None:
         """End the thread after the saves that wait; waits at most `timeout_s` for that."""
         self._jobs.put(None)
         self._thread.join(timeout_s)
-
-    def finish(self) -> None:
-        """Wait until all saves are done."""
-        self._jobs.join()
 
     def prepare(self, request: Save, *, for_robot: bool = False) -> _Job:
         """Return a job for `submit`. Raises RequestRefusedError where it can't be done, which all clients are told."""
@@ -103,10 +97,6 @@ class Saver:
         if for_robot and request.extras is not None:
             extras = request.extras
         return _Job(number, checked, reader, folder, robot.logger, str(reader.path), for_robot, extras)
-
-    def submit(self, job: _Job) -> None:
-        """Have a job done."""
-        self._jobs.put(job)
 
     def save(self, request: Save) -> SaveStarted:
         """Begin a save for a client. Raises RequestRefusedError."""

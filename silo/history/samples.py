@@ -52,8 +52,7 @@ def samples(request: GetSamples, now: LoggerSnapshot, source: RingSource | None)
         )
     wanted = request.resume or [bounds(source, group, request.start, request.end, request.by) for group in found.groups]
     rows, resume = _read(found, source, wanted, request.reply_bytes)
-    names = [] if request.resume else found.names
-    return SampleRows(run, rows, resume, names, found.missing)
+    return SampleRows(run, rows, resume, [] if request.resume else found.names, found.missing)
 
 
 def _read(

@@ -8,8 +8,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.core.recording import alike
 from silo.expressions.search import Finder, Looking
-from silo.expressions.span import HELD_PERIODS, Between, Measuring
+from silo.expressions.span import HELD_PERIODS, Measuring
 from silo.history.picking import PinnedRows, RingGroup, RingSource, RowSelection, bounds, pick, unknown_name
 from silo.history.requests import By
 from silo.history.samples import unknown
@@ -146,17 +147,12 @@ def measure_span(
     return SpanMeasured(
         run,
         [
-            _facts(name, measured[name].found) if name in measured else SpanFacts(name, why=found.missing.get(name, ""))
+            alike(SpanFacts, measured[name].found, name=name)
+            if name in measured
+            else SpanFacts(name, why=found.missing.get(name, ""))
             for name in request.names
         ],
     )
-
-
-def _facts(name: str, found: Between) -> SpanFacts:
-    return SpanFacts(
-        name, found.at_a, found.at_b, found.mean, found.std, found.rms, found.smallest, found.largest, found.samples,
-        found.not_finite,
-    )  # fmt: skip
 
 
 def _picked(

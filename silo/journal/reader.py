@@ -131,8 +131,7 @@ class JournalReader:
                     raise ValueError(f"{count} rows of ring {ring.ring} in {size} bytes")
                 uncommitted.append((ring.ring, int(record.header[RecordWord.FIRST]), count, number, record.offset))
                 continue
-            payload = self._read(number, record.offset, size)
-            ticks = msgspec.msgpack.decode(payload, type=_Ticks).ticks
+            ticks = msgspec.msgpack.decode(self._read(number, record.offset, size), type=_Ticks).ticks
             for ring_number, *block in uncommitted:
                 stream.blocks.setdefault(ring_number, array("q")).extend([*block, ticks])
             uncommitted = []

@@ -95,8 +95,7 @@ def with_limits(extras: Conditions, one: SignalLimits, elements: Sequence[Elemen
     known = {old.name for old in extras.limits}
     if len(known) >= MOST_LIMITS and one.name not in known:
         raise ElementError(f"at most {MOST_LIMITS} signals have limits; nothing was changed")
-    catalogue = table_catalogue(elements, prefix, extras.derived)
-    bind_limits(one, catalogue)
+    bind_limits(one, table_catalogue(elements, prefix, extras.derived))
     made = tuple(one if old.name == one.name else old for old in extras.limits)
     return msgspec.structs.replace(extras, limits=made if one.name in known else (*made, one))
 

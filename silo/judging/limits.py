@@ -317,8 +317,7 @@ class Limit:
     def _freshen(self, state: EntryState, time_ns: Ints, values: Floats, missing: NDArray[np.bool_]) -> None:
         """Note when values were new, and how often one came too late."""
         known = values[~missing]
-        new = known != np.concatenate([[state.last], known[:-1]])
-        stamps = time_ns[~missing][new]
+        stamps = time_ns[~missing][known != np.concatenate([[state.last], known[:-1]])]
         if state.fresh_ns is None:
             state.fresh_ns = int(time_ns[0])
         if len(stamps):

@@ -229,8 +229,7 @@ class Trigger:
         if rule.mode is TriggerMode.SINGLE:
             self.disarm()
         # what lasts is captured end to end, not as one capture without end
-        at_least = rule.post + 1 if rule.slope is Slope.LEVEL else 0
-        self.holdoff_end = tick + max(rule.holdoff, at_least)
+        self.holdoff_end = tick + max(rule.holdoff, rule.post + 1 if rule.slope is Slope.LEVEL else 0)
         if not forced:
             self.ready, self.turned = False, False
 

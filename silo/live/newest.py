@@ -33,8 +33,7 @@ class NewestValues:
         self._known = np.array([at for at, element in enumerate(elements) if element is not None], np.intp)
         self._rings = np.array([element.ring for element in known], np.intp)
         # a growing buffer has no limit
-        limits = [most_kept(element.info.options) for element in known]
-        self._limits = np.array(limits, np.int64)
+        self._limits = np.array([most_kept(element.info.options) for element in known], np.int64)
 
     def values(self) -> tuple[Floats, dict[int, str]]:
         """Return the newest value of every entry, NaN where there is none, and by place what only a text can tell."""

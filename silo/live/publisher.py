@@ -124,14 +124,7 @@ class DiskWatch:
         self._ended = threading.Event()
         # a daemon: it may hang in the kernel for minutes, and it calls nothing but the kernel
         self._thread = threading.Thread(target=self._run, name="disk", daemon=True)
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
-
-    def stop(self) -> None:
-        """End the thread, without waiting for a disk."""
-        self._ended.set()
+        self.start, self.stop = self._thread.start, self._ended.set  # nobody waits for a disk
 
     def _run(self) -> None:
         while True:

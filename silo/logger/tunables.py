@@ -81,7 +81,7 @@ class Tunables:
                 name, ParameterKind.FLOAT, default, (), min, max, step, unit, (), rate, _writable(name, writable),
                 locked, string_bytes, description,
             ),
-            group, check, choices, max(1, round(self._options.frequency_hz / SAMPLES_HZ)),
+            group, check, choices, _divider(self._options.frequency_hz),
         )  # fmt: skip
 
     def input(
@@ -172,6 +172,10 @@ class Tunables:
                 description=info.description,
             )
         return made
+
+
+def _divider(frequency_hz: float) -> int:
+    return max(1, round(frequency_hz / SAMPLES_HZ))
 
 
 def _writable(name: str, given: object) -> Writable:

@@ -325,8 +325,7 @@ def _layout(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ..
     sizes = [scalar.dtype.itemsize for scalar in scalars]
     first = addresses // 8
     last = (addresses + np.maximum(sizes, 1) - 1) // 8
-    spans = int((last - first).max()) + 1
-    covered = first[:, None] + np.arange(spans)
+    covered = first[:, None] + np.arange(int((last - first).max()) + 1)
     words = np.unique(covered[covered <= last[:, None]])
     offsets = 8 * np.searchsorted(words, first) + addresses % 8
     swapped = tuple(scalar.dtype.str.startswith(">") and scalar.dtype.itemsize > 1 for scalar in scalars)

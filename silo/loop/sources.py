@@ -210,8 +210,7 @@ class HeldArrays:
         self._owed = [[owed[id(array)] + added if next(plain) else 0 for array in part] for part in self._parts]
         # the arrays of each reference by their numbers: `numbers` from `begins` on
         self._numbers: NDArray[np.intp] = numbers.reshape(-1)
-        before = np.cumsum([0, *is_array])
-        self._begins = before[np.cumsum([0, *map(len, holds)])[:-1]]
+        self._begins = np.cumsum([0, *is_array])[np.cumsum([0, *map(len, holds)])[:-1]]
 
     def abandoned(self, pause: Callable[[], None] | None = None) -> list[bool]:
         """Of each reference: whether nobody else refers to the array any more, so that it can't change.

@@ -204,9 +204,7 @@ def read_json5(text: str) -> Any:
 
 
 def _quoted(text: str) -> str:
-    if text[0] == '"':
-        return text.replace("\\\n", "")
-    return json.dumps(text[1:-1].replace("\\'", "'"))
+    return text.replace("\\\n", "") if text[0] == '"' else json.dumps(text[1:-1].replace("\\'", "'"))
 
 
 def _is_value(word: str, rest: str) -> bool:

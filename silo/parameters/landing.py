@@ -148,8 +148,7 @@ class Landing:
 
     def change(self, values: Mapping[str, ParameterValue], who: str, where: str, name: str = "") -> WaitingChange:
         """A change to values that fit, in the order of their words; it is not posted yet."""
-        places = sorted(self._places[one] for one in values)
-        infos = tuple(self.infos[place] for place in places)
+        infos = tuple(self.infos[place] for place in sorted(self._places[one] for one in values))
         new = np.frombuffer(b"".join(encoded(info, values[info.name]) for info in infos), np.int64)
         first, last = infos[0], infos[-1]
         selection: slice | NDArray[np.int64] = slice(first.offset, last.offset + last.words)

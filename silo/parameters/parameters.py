@@ -439,8 +439,7 @@ def kind_of_default(
     words = _choice_words(name, choices)
     if isinstance(default, enum.Enum) and not words:
         words = tuple(type(default).__members__)
-    value = default.name if isinstance(default, enum.Enum) else default
-    array = np.asarray(value)
+    array = np.asarray(default.name if isinstance(default, enum.Enum) else default)
     if words:
         return ParameterKind.ENUM, array.shape, words
     kinds = {

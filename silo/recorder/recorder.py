@@ -335,8 +335,7 @@ class Recorder:
         """With which rows to begin: None for what comes from now on."""
         schema, order = reader.schema, self._order
         if self._first and not order.resume:
-            began_after = order.order and schema.run != order.run
-            return {} if began_after else None
+            return {} if order.order and schema.run != order.run else None
         known = self._ledger.rows_of(schema.run)
         if known is not None:
             return dict(known)

@@ -159,8 +159,7 @@ class OpenPart:
 
     def sync_if_due(self) -> None:
         """Put what was written on the disk, now and then: the end then takes no long time either."""
-        now_s = time.monotonic()
-        due = now_s - self._synced_s >= SYNC_S and self.size_bytes > self._synced_bytes
+        due = time.monotonic() - self._synced_s >= SYNC_S and self.size_bytes > self._synced_bytes
         if due or self.size_bytes - self._synced_bytes >= SYNC_BYTES:
             os.fdatasync(self._file.fileno())
             self._synced_s, self._synced_bytes = time.monotonic(), self.size_bytes
@@ -234,10 +233,7 @@ class Writing:
         self._ending = False
         self.over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="writing")
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
+        self.start, self.join = self._thread.start, self._thread.join
 
     @property
     def room_bytes(self) -> int:
@@ -262,10 +258,6 @@ class Writing:
         with self._changed:
             self._ending = True
             self._changed.notify()
-
-    def join(self, timeout_s: float | None = None) -> None:
-        """Wait for the end of the thread."""
-        self._thread.join(timeout_s)
 
     # -------------------------------------------------------------------------------------------------- the thread
 
@@ -328,8 +320,7 @@ class Writing:
 
     def write(self, drained: Drained) -> None:
         """Write rows, after what is missing before them."""
-        coming = self._estimate(drained)
-        self._make_room(coming)
+        self._make_room(self._estimate(drained))
         for loss in drained.losses:
             self._note_lost(loss)
         for rows in drained.rows:
@@ -368,8 +359,7 @@ class Writing:
                 self._note_lost(loss)
 
     def _estimate(self, drained: Drained) -> int:
-        layout = self._present_layout
-        channels = {ring: len(numbers) for ring, numbers in layout.ring_channels.items()}
+        channels = {ring: len(numbers) for ring, numbers in self._present_layout.ring_channels.items()}
         messages = sum(len(rows) * channels[rows.ring.ring] for rows in drained.rows)
         return drained.size_bytes + MESSAGE_BYTES * messages // 2
 

@@ -98,9 +98,7 @@ def parts_below(place: int, only: str = "") -> Iterator[FinishedPart]:
 
 def part_named(place: int, name: str) -> FinishedPart | None:
     """Return the part of an endless recording that a plain name means, None where there is none."""
-    if not name.endswith(RECORDED) or "/" in name:
-        return None
-    return next(parts_below(place, name), None)
+    return None if not name.endswith(RECORDED) or "/" in name else next(parts_below(place, name), None)
 
 
 def _parts_of(folder: int, name: str, only: str) -> Iterator[FinishedPart]:

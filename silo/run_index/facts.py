@@ -108,8 +108,7 @@ def read_facts(root: Path, name: str, size_bytes: int) -> IndexedRun:
     """Read a log below a folder as a whole; one that can't be read says why."""
     path = root / name
     try:
-        recording = read_recording(path, added_formats)
-        return facts_of(recording, name, size_bytes, path)
+        return facts_of(read_recording(path, added_formats), name, size_bytes, path)
     except (SiloError, OSError, MemoryError) as error:
         begun_ns = path.stat().st_mtime_ns if path.exists() else 0
         problem = str(error) or type(error).__name__

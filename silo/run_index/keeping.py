@@ -34,11 +34,8 @@ class IndexKeeper:
         self._changed: queue.SimpleQueue[Path | None] = queue.SimpleQueue()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._keep, name="index")
+        self.start = self._thread.start
         events.files_changed = self._note
-
-    def start(self) -> None:
-        """Begin to look after them."""
-        self._thread.start()
 
     def stop(self) -> None:
         """End; what came last is left to a process that goes on."""

@@ -48,9 +48,7 @@ class RunList(Sequence[ListedRun]):
     @overload
     def __getitem__(self, key: slice) -> "RunList": ...
     def __getitem__(self, key: int | slice) -> "ListedRun | RunList":
-        if isinstance(key, slice):
-            return self._kept(range(len(self))[key])
-        return self._runs[key]
+        return self._kept(range(len(self))[key]) if isinstance(key, slice) else self._runs[key]
 
     def __iter__(self) -> Iterator[ListedRun]:
         return iter(self._runs)
@@ -148,8 +146,7 @@ class RunList(Sequence[ListedRun]):
         rest = others._kept([place for place, run in enumerate(others) if run.key not in mine])
         if not len(self) or not len(rest):
             raise ElementError(f"{many(len(self), 'run')} can't be told from {len(rest)}: there must be one of each")
-        known = ([*zip(some, some.signals(), strict=True)] for some in (self, rest))
-        return what_tells(*known)
+        return what_tells(*([*zip(some, some.signals(), strict=True)] for some in (self, rest)))
 
     def compare(self, pattern: str = "*", **options: Any) -> "list[tuple[ListedRun, Comparison]]":
         """Compare all other runs with the first one, as `silo.compare` does.

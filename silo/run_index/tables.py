@@ -112,8 +112,7 @@ class Folders:
 
     def read(self, run: str, signals: Sequence[str]) -> Any:
         """Return signals of a run. Raises SiloError for a log that can't be read."""
-        one = self.runs[run]
-        return read_signals(read_recording(one.path, added_formats), signals)
+        return read_signals(read_recording(self.runs[run].path, added_formats), signals)
 
     def _signals(self) -> list[tuple[Any, ...]]:
         every = {index.root: index.signals() for index in self._indexes}

@@ -208,8 +208,7 @@ def _is_stub(path: Path) -> bool:
     except OSError:
         return False
     try:
-        control = _word(file, 8 * HeaderWord.CONTROL_OFFSET)
-        return _word(file, control + 8 * ControlWord.DROPPED) != 0
+        return _word(file, _word(file, 8 * HeaderWord.CONTROL_OFFSET) + 8 * ControlWord.DROPPED) != 0
     except OSError:
         return False
     finally:

@@ -105,8 +105,7 @@ class RowPicker(Generic[Key]):
 
     @functools.cached_property
     def _placed(self) -> list[tuple[Key, Placed]]:
-        places = map(Placed, self._types, self._offsets.tolist())
-        return list(zip(self.keys, places, strict=True))
+        return list(zip(self.keys, map(Placed, self._types, self._offsets.tolist()), strict=True))
 
     def columns(self, rows: Rows) -> Iterator[tuple[Key, NDArray[Any]]]:
         """Return each entry, shape `(len(rows),)`, in its own type."""

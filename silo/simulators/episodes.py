@@ -109,8 +109,7 @@ def _name(env: Env) -> str:
 
 
 def _rate(env: Env) -> float:
-    inner = env.unwrapped
-    step_s = getattr(inner, "dt", None)
+    step_s = getattr(env.unwrapped, "dt", None)
     if isinstance(step_s, int | float) and step_s > 0:
         return 1 / float(step_s)
     return float(env.metadata.get("render_fps") or 1)

@@ -34,10 +34,8 @@ class HeldRuns:
         self._looked: set[Path] = set()
         self._told: set[str] = set()  # of which is known that they began
         self._needs: list[Callable[[str], bool]] = []
-
-    def add(self, needs: Callable[[str], bool]) -> None:
-        """Add a consumer: it is asked, by the main thread, whether it needs the run of an id any more."""
-        self._needs.append(needs)
+        # a consumer is asked, by the main thread, whether it needs the run of an id any more
+        self.add = self._needs.append
 
     # ------------------------------------------------------------------------------------------ by the main thread
 

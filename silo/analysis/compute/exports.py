@@ -22,8 +22,7 @@ def signal_to_pandas(signal: Samples) -> Any:
     """Return a Series, or DataFrame for several components."""
     pandas = need("pandas", "analysis", _WHAT)
     index = pandas.DatetimeIndex(signal.time_ns.view("M8[ns]"), name="time")
-    columns = _columns(signal)
-    made = {name: _pandas_column(pandas, column, index) for name, column in columns.items()}
+    made = {name: _pandas_column(pandas, column, index) for name, column in _columns(signal).items()}
     if len(made) == 1 and not signal.components:
         return made[signal.name].rename(signal.name)
     return pandas.DataFrame(made, index=index)

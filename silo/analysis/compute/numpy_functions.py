@@ -162,8 +162,7 @@ def function_of(function: Callable[..., Any], args: Any, keywords: dict[str, Any
     made = function(*_plain(args), **_plain(keywords))
     first = args[0] if args else None
     if function in _KEPT and isinstance(first, Samples) and np.shape(made) == first.values.shape:
-        name = f"{function.__name__}({first.name})"
-        return replace(first, name=name, values=made, labels={})
+        return replace(first, name=f"{function.__name__}({first.name})", values=made, labels={})
     return made
 
 

@@ -91,8 +91,7 @@ class Samples:
         """Each value as text: of an enumeration its label, or the number where it has none."""
         missing = missing_in(self.values)
         if missing.any():
-            found = replace(self, values=np.asarray(self.values.data)).texts
-            return np.where(missing, "", found)
+            return np.where(missing, "", replace(self, values=np.asarray(self.values.data)).texts)
         if not self.labels:
             return self.values.astype("U")
         names, places = np.unique(self.values, return_inverse=True)
@@ -198,7 +197,7 @@ class Samples:
         """From when to when there are samples, in words."""
         if not len(self):
             return "has no sample"
-        first, last = ((end - self.start_ns) * 1e-9 for end in self._bounds)
+        first, last = (self._seconds_of(end) for end in self._bounds)
         return f"has samples from {first:g} to {last:g} s"
 
     @property
@@ -207,6 +206,10 @@ class Samples:
         if self._falls:
             return int(self.time_ns.min()), int(self.time_ns.max())
         return int(self.time_ns[0]), int(self.time_ns[-1])
+
+    def _seconds_of(self, stamp_ns: int) -> float:
+        """Return a stamp in seconds since start."""
+        return (stamp_ns - self.start_ns) * 1e-9
 
     @cached_property
     def _falls(self) -> bool:
@@ -260,7 +263,10 @@ class Samples:
             begins, ends = zip(*(each._bounds for each in (self, other)), strict=True)
             if begins[1] < ends[0] + self._step_ns and begins[0] < ends[1] + other._step_ns:
                 return
-        raise ElementError(
+        raise self._nothing_in_common(other, what)
+
+    def _nothing_in_common(self, other: "Samples", what: str) -> ElementError:
+        return ElementError(
             f"can't {what}: there is no time in common; since the start of its log '{self.name}' {self._span}, "
             f"'{other.name}' {other._span}"
         )

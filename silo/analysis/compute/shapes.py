@@ -32,8 +32,7 @@ def assembled(element: RecordedElement) -> NDArray[Any]:
     if int(np.prod(shape)) != len(columns):
         return columns[0] if len(columns) == 1 else _stacked(columns)
     # one column stays what it is, a view of the file
-    stacked = columns[0] if len(columns) == 1 else _stacked(columns)
-    return stacked.reshape(count, *shape)
+    return (columns[0] if len(columns) == 1 else _stacked(columns)).reshape(count, *shape)
 
 
 def _stacked(columns: list[NDArray[Any]]) -> NDArray[Any]:

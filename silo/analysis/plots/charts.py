@@ -77,8 +77,7 @@ def _levels(
 ) -> list[DrawnBound]:
     """Limits of what is shown, with where they lie; none where a curve counts from somewhere else than 0."""
     names = [signal.name for signal, curve in zip(shown, curves, strict=True) if " - " not in curve.label]
-    found = limit_levels(recording, names, right)
-    return placed(found, [(curve.right, curve.y) for curve in curves])
+    return placed(limit_levels(recording, names, right), [(curve.right, curve.y) for curve in curves])
 
 
 def _events(recording: Recording, curves: Sequence[Curve], zero: int) -> list[tuple[float, str]]:

@@ -155,8 +155,7 @@ def thin_out(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats]:
     if np.any(np.diff(x) < 0):
         step = -(-len(x) // _MAX_POINTS)
         return x[::step], y[::step]
-    edges = np.searchsorted(x, np.linspace(x[0], x[-1], columns + 1)[:-1], side="left")
-    starts = np.unique(edges)
+    starts = np.unique(np.searchsorted(x, np.linspace(x[0], x[-1], columns + 1)[:-1], side="left"))
     found = reduce(y, bins_at(starts))
     ends = np.append(starts[1:], len(x)) - 1
     return np.column_stack([x[starts], x[ends]]).reshape(-1), np.column_stack([found.low, found.high]).reshape(-1)
@@ -337,8 +336,7 @@ def _exponent(number: float) -> int:
 def _segments(x: Floats, y: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """The finite points, and which of them is joined to the one before."""
     good = np.isfinite(x) & np.isfinite(y)
-    before = np.concatenate([[False], good[:-1]])
-    return x[good], y[good], before[good]
+    return x[good], y[good], np.concatenate([[False], good[:-1]])[good]
 
 
 def _legend(chart: Chart, marks: Sequence[str], width: int, color: bool) -> list[str]:

@@ -178,9 +178,7 @@ def _ros_name(info: ParameterInfo) -> str:
 
 
 def _type_of(info: ParameterInfo | None) -> int:
-    if info is None:
-        return NOT_SET
-    return _TYPES[info.kind] + (BOOLS - BOOL if info.shape else 0)
+    return NOT_SET if info is None else _TYPES[info.kind] + (BOOLS - BOOL if info.shape else 0)
 
 
 # ---------------------------------------------------------------------------------------------------------- messages

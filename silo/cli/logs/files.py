@@ -37,8 +37,7 @@ def print_file_info(which: str | Path, as_json: bool) -> None:
     from silo.files.saving import size_of
 
     path = find_saved(which)
-    recording = _read(path)
-    facts = report(recording, str(path), size_of(path))
+    facts = report(_read(path), str(path), size_of(path))
     show(facts, as_json, lambda: format_report(facts, _columns()))
 
 

@@ -89,8 +89,7 @@ def archive(
         click.echo(f"{many(len(there.manifest()), 'run')}, {len(wrong)} not as archived")
         return EXIT_FOUND if wrong else 0
     with progress("archive") as tell:
-        found = runs(*folders, where=where, since=since, until=until)
-        done = there.add(found, tell, name)
+        done = there.add(runs(*folders, where=where, since=since, until=until), tell, name)
     _name(done.problems)
     click.echo(
         f"{to}: {many(len(done.added), 'run')} added ({size_text(done.bytes)}), {done.kept} there already, "

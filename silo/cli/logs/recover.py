@@ -65,8 +65,7 @@ def recover(
         for one in left:
             click.echo(f"recording '{one.order.name}' in {one.order.folder} is not complete", err=as_json)
         _show_parts(folders, as_json)
-        shown = _show_set_aside(looked_in, as_json)
-        _show(stale, as_json, looked_in, quiet=shown)
+        _show(stale, as_json, looked_in, quiet=_show_set_aside(looked_in, as_json))
     else:
         settled = _settle(left, paths, single, as_json)
         closed = _close_parts(folders, as_json) or settled

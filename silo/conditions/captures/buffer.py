@@ -8,11 +8,10 @@ import numpy as np
 from silo.core.conditions import CaptureFacts, Conditions, TriggerOptions
 from silo.core.elements import BufferType, LoggedEvent
 from silo.core.episodes.words import within_ticks
-from silo.core.recording import Failures, Recording
+from silo.core.recording import Recording
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, longest_capture
-from silo.segment.layout import TIME_RING, ElementSchema, SegmentSchema
+from silo.segment.layout import TIME_RING, SegmentSchema
 from silo.segment.reader import SegmentReader
-from silo.segment.reasons import LostWhy
 from silo.segment.rows import Rows
 from silo.segment.snapshot import snapshot
 
@@ -34,6 +33,7 @@ class CaptureBuffer:
         self.options = options  # as they were when it began
         self.capture = capture
         self._reader = reader
+        self.ring_lost, self.lost_whys, self.failures = reader.ring_lost, reader.lost_whys, reader.failures
         elements = [element for element in reader.schema.elements if element.info.options.action.saves]
         self._rings = {TIME_RING, *(element.ring for element in elements)}
         self._parts: dict[int, list[Rows]] = {ring: [] for ring in self._rings}
@@ -142,18 +142,6 @@ class CaptureBuffer:
         whole = Rows(layout, parts[0].first, np.concatenate([part.words for part in parts]))
         begin = max(since, whole.first)
         return whole.part(begin, whole.first + len(whole) if limit is None else begin + limit)
-
-    def ring_lost(self, ring: int) -> int:
-        """Rows of a ring that could not be kept."""
-        return self._reader.ring_lost(ring)
-
-    def lost_whys(self) -> tuple[LostWhy, ...]:
-        """Why rows could not be kept."""
-        return self._reader.lost_whys()
-
-    def failures(self, element: ElementSchema) -> Failures:
-        """At which ticks an element could not be read."""
-        return self._reader.failures(element)
 
     def unheld(self) -> dict[str, int]:
         """Elements whose array nobody but silo holds any more, as far as that was seen until the capture's end."""

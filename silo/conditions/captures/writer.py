@@ -129,10 +129,7 @@ class CaptureWriter:
         self.left: set[str] = set()  # runs with captures that wait for who comes after this process
         self._files: dict[tuple[str, str], tuple[str, ...]] = {}  # of the newest capture of a trigger of a run
         self._thread = threading.Thread(target=self._write_all, name="captures")
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
+        self.start = self._thread.start
 
     def stop(self, within_s: float = math.inf) -> None:
         """Write what waits and end; what is not begun within that time is told, and left to others. Twice is fine."""
@@ -204,8 +201,7 @@ class CaptureWriter:
     def _write(self, buffer: "CaptureBuffer") -> None:
         from silo.conditions.captures.files import write_capture
 
-        logger = buffer.schema.logger
-        listed = self._list_of(self.folder, logger)
+        listed = self._list_of(self.folder, buffer.schema.logger)
         done = write_capture(buffer, self.folder, listed, self._events.log.of_run(buffer.run))
         if done.files and not self._was_told(buffer, done.files):
             self._tell(buffer, EventKind.CAPTURED, done.text, done.files)

@@ -144,8 +144,7 @@ def coarser(low: Floats, high: Floats, marks: Marks, starts: NDArray[np.intp]) -
     """Return several columns as one: new column k begins at old column `starts[k]`."""
     low, high = np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
     flags = np.bitwise_or.reduceat(marks & FLAGS, starts)
-    holes = np.maximum.reduceat(marks & HOLES, starts)
-    return low, high, _with_holes(low, flags, holes)
+    return low, high, _with_holes(low, flags, np.maximum.reduceat(marks & HOLES, starts))
 
 
 def _with_holes(low: Floats, flags: Marks, holes: Marks) -> Marks:
@@ -280,7 +279,7 @@ class ColumnStore:
         self.live_since_ns = 0
         self.past_until_ns: int | None = None
         self._grid = ColumnGrid(len(names), 0, self.count)
-        self._row_of = {name: row for row, name in enumerate(self.names)}
+        self.row = {name: row for row, name in enumerate(self.names)}.get  # of an entry, None for one that isn't here
 
     @property
     def first(self) -> int:
@@ -311,10 +310,6 @@ class ColumnStore:
     def gapped(self) -> bool:
         """Whether frames went missing that the history can tell of: it is to be asked for again."""
         return self.past_until_ns is not None and self.live_since_ns > self.past_until_ns
-
-    def row(self, name: str) -> int | None:
-        """Which row an entry has."""
-        return self._row_of.get(name)
 
     def base(self, row: int) -> int:
         """What the values of a row are offsets from."""

@@ -111,8 +111,7 @@ def newest_values(column: NDArray[Any]) -> tuple[Floats, dict[int, str]]:
         floats = as_floats(column)
         if kind in "bf" or size < 8:
             return floats, {}
-        wide = np.flatnonzero(np.abs(floats) >= EXACT)
-        return floats, {int(at): str(int(column[at])) for at in wide}
+        return floats, {int(at): str(int(column[at])) for at in np.flatnonzero(np.abs(floats) >= EXACT)}
     return as_floats(column), {at: text_of(value) for at, value in enumerate(column)}
 
 

@@ -89,8 +89,7 @@ def unpack_facts(data: bytes) -> RecordingFacts:
 
 def pack_times(time_ns: NDArray[np.int64]) -> bytes:
     """Differences, byte planes apart: a steady clock takes 2 - 3 bytes per tick instead of 8."""
-    differences = np.diff(time_ns, prepend=np.int64(0)).astype("<i8")
-    planes = differences.view(np.uint8).reshape(-1, 8).T
+    planes = np.diff(time_ns, prepend=np.int64(0)).astype("<i8").view(np.uint8).reshape(-1, 8).T
     return zstandard.compress(planes.tobytes())
 
 
@@ -98,8 +97,7 @@ def unpack_times(data: bytes) -> NDArray[np.int64]:
     """Raises `zstandard.ZstdError` or `ValueError` for damaged bytes."""
     # the stamps of a steady clock are packed as small as zeros
     planes = np.frombuffer(decompress(data, _MAX_BYTES), dtype=np.uint8).reshape(8, -1)
-    differences = np.ascontiguousarray(planes.T).reshape(-1).view("<i8")
-    return np.cumsum(differences, dtype=np.int64)
+    return np.cumsum(np.ascontiguousarray(planes.T).reshape(-1).view("<i8"), dtype=np.int64)
 
 
 def decompress(data: bytes, most: int) -> bytes:

@@ -205,8 +205,7 @@ def _chunk_bounds(ends: NDArray[np.int64]) -> list[int]:
     """Ticks at which the window is cut: chunks of about `CHUNK_BYTES`, all of about the same size."""
     total = int(ends[-1])
     pieces = max(1, round(total / CHUNK_BYTES))
-    targets = np.arange(1, pieces) * (total / pieces)
-    cuts = np.searchsorted(ends, targets, side="left") + 1
+    cuts = np.searchsorted(ends, np.arange(1, pieces) * (total / pieces), side="left") + 1
     return [0, *(int(cut) for cut in np.unique(cuts) if cut < len(ends)), len(ends)]
 
 

@@ -208,8 +208,7 @@ def _interfaces(message: MessageFields) -> KeyedList:
                 assert numbers is not None
                 yield Item(np.char.add(np.char.add(joint, b"/"), word), {(): numbers[:, each]})
 
-    inner = _inner(message, "interface_values")
-    fields = dict(inner.fields)
+    fields = dict(_inner(message, "interface_values").fields)
     names, words, values = dict(message.fields)["joint_names"], fields["interface_names"], fields["values"]
     if not all(isinstance(one, Repeated) and isinstance(one.node, Text) for one in (names, words)):
         raise KeyError("joint_names")

@@ -192,9 +192,7 @@ def file_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
 
 def type_name(dtype: np.dtype[Any]) -> str:
     """How the table calls values of this file type: `double`, `uint8`, ... `string`, or `unknown`."""
-    if dtype.kind in "SU":
-        return "string"
-    return _TYPE_OF_DTYPE.get(dtype.str, "unknown")
+    return "string" if dtype.kind in "SU" else _TYPE_OF_DTYPE.get(dtype.str, "unknown")
 
 
 @lru_cache(maxsize=256)
@@ -247,8 +245,7 @@ def table_name(name: str) -> str:
 def facts_line(start: bytes, facts: LogFacts | ElementFacts | LoggedEvent) -> bytes:
     """A comment line with the facts as JSON; `Binary Data`, by which readers find the data, never stands in it."""
     # outside of strings the JSON text has no such word, and inside a string an escape means the same
-    text = msgspec.json.encode(facts).replace(b"Binary", b"\\u0042inary")
-    return start + text + b"\n"
+    return start + msgspec.json.encode(facts).replace(b"Binary", b"\\u0042inary") + b"\n"
 
 
 def _is_named_otherwise(element: RecordedElement, entry: RecordedEntry) -> bool:
@@ -298,9 +295,7 @@ def markers_of(recording: Recording) -> int:
 
 def first_stamp(looping: bool, stamps: int, samples: int, divider: int, offset: int) -> int:
     """Which time stamp sample 0 belongs to, by the rules of the format; sample i belongs to `first + i * divider`."""
-    if not looping:
-        return 0
-    return stamps - 1 - (offset - 1) % divider - (samples - 1) * divider
+    return 0 if not looping else stamps - 1 - (offset - 1) % divider - (samples - 1) * divider
 
 
 def looping_and_first(element: RecordedElement, stamps: int, offset: int) -> tuple[bool, int | None]:

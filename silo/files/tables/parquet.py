@@ -116,8 +116,7 @@ def _samples(arrow: Any, file: Any, name: str, element: RecordedElement, count: 
         if arrow.types.is_boolean(cells.type)
         else 0
     )
-    there = cells.fill_null(zero).to_numpy(zero_copy_only=False)
-    return np.ma.masked_array(there, missing)
+    return np.ma.masked_array(cells.fill_null(zero).to_numpy(zero_copy_only=False), missing)
 
 
 def _columns(recording: Recording) -> Iterator[tuple[str, RecordedElement, NDArray[Any]]]:

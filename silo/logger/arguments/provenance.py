@@ -107,8 +107,7 @@ def _changes(tree: Path, index: Path, until_s: float) -> str:
 def _entries(data: bytes, count: int) -> Iterator[tuple[int, bytes]]:
     place = 12
     for _ in range(count):
-        extended = _ENTRY.unpack_from(data, place)[-1] & 0x4000
-        begin = place + _ENTRY.size + (2 if extended else 0)
+        begin = place + _ENTRY.size + (2 if _ENTRY.unpack_from(data, place)[-1] & 0x4000 else 0)
         end = data.index(b"\0", begin)
         yield place, data[begin:end]
         place += (end - place + 8) // 8 * 8

@@ -127,8 +127,7 @@ def _reached(endpoint: Endpoint, timeout_s: float) -> Reached:
             f"{where}: that computer is there, but nobody listens on port {endpoint.port}: is the robot program or the "
             "router running, and is this the port that it listens on?",
         ) from told
-    silent = isinstance(told, TimeoutError)
-    why = f"no answer within {timeout_s:g} s" if silent else _words(told)
+    why = f"no answer within {timeout_s:g} s" if isinstance(told, TimeoutError) else _words(told)
     raise LayerError(
         Layer.ROUTE,
         f"{where}: no way there: {why}: is it switched on, in this network or behind the VPN, and does no firewall "

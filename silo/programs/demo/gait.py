@@ -86,8 +86,7 @@ def foot_paths(leg_phase: Floats, duty: float, stride: Floats, lift: float) -> F
     `stride` (4, 2) is the way of each foot during a stance. Position and velocity are continuous at both changes.
     """
     s = np.clip((leg_phase - duty) / (1.0 - duty), 0.0, 1.0)
-    slope = -(1.0 - duty) / duty
-    swing = -0.5 + s * s * (3.0 - 2.0 * s) + slope * s * (1.0 + s * (2.0 * s - 3.0))
+    swing = -0.5 + s * s * (3.0 - 2.0 * s) + (-(1.0 - duty) / duty) * s * (1.0 + s * (2.0 * s - 3.0))
     along = np.where(leg_phase < duty, 0.5 - leg_phase / duty, swing)
     feet: Floats = FEET_M.copy()
     feet[:, :2] += stride * along[:, None]

@@ -224,8 +224,7 @@ class SimulatedRobot(Variables):
 
     def _nearly_fall(self) -> None:
         """A foot loses its hold: the body tilts by some 0.2 rad and is caught again within a second."""
-        ticks = max(1, round(PUSH_S / self.dt))
-        self._slip_until = self._push_until = self.ticks + ticks
+        self._slip_until = self._push_until = self.ticks + max(1, round(PUSH_S / self.dt))
         self._push_rad_s2 = float(self._fate.choice([-1.0, 1.0]) * self._fate.uniform(40.0, 60.0))
         self._falls_at = self.ticks + self._fate.uniform(*FALLS_S) / self.dt
 
