@@ -33,7 +33,7 @@ from silo.core.episodes.words import Episode
 from silo.core.kinds import SCALAR
 from silo.core.names import did_you_mean, is_glob
 from silo.core.printing import html_table
-from silo.core.recording import RecordedElement, Recording, common_axis, has_own_stamps, read_ahead, stamps_of
+from silo.core.recording import RecordedElement, Recording, alike, common_axis, has_own_stamps, read_ahead, stamps_of
 from silo.errors import ArgumentError, ElementError, SaveError, UnknownSignalError
 from silo.expressions.derived_signals import bound_derived
 from silo.expressions.over_recordings import RecordingJudge, narrowed
@@ -558,16 +558,13 @@ class Log(Mapping[str, Signal]):
     def _signal(self, name: str, element: RecordedElement) -> Signal:
         entries = element.entries
         labels = entries[0].entry.labels if len({repr(entry.entry.labels) for entry in entries}) == 1 else None
-        return Signal(
+        return alike(
+            Signal,
+            element,
             name=name,
             values=assembled(element),
             time_ns=stamps_of(self.recording, element),
-            unit=element.unit,
-            kind=element.kind,
-            divider=element.divider,
             start_ns=self.start_ns,
             components=component_names(element),
             labels=labels or {},
-            description=element.description,
-            failures=element.failures,
         )

@@ -16,7 +16,7 @@ from silo.analysis.plots.events import LogEvent, event_lines, events_of
 from silo.core.arrays.values import text_of
 from silo.core.printing import printable
 from silo.core.quantities.writing import size_text
-from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, stamps_of
+from silo.core.recording import NO_FAILURES, Failures, RecordedElement, Recording, alike, stamps_of
 
 if TYPE_CHECKING:
     from silo.analysis.plots.curves import CurveSource
@@ -104,21 +104,16 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
     zero = int(recording.time_ns[0]) if len(recording.time_ns) else 0
     span = float(times[-1] - times[0]) / 1e9 if count else 0.0
     labels = element.entries[0].entry.labels if element.entries else None
-    return ElementReport(
-        name=element.name,
-        unit=element.unit,
+    return alike(
+        ElementReport,
+        element,
         type=type_text(element),
-        kind=element.kind,
-        divider=element.divider,
         buffer=element.buffer_type.name.lower(),
         samples=count,
         start_s=float(times[0] - zero) / 1e9 if count else None,
         end_s=float(times[-1] - zero) / 1e9 if count else None,
         rate_hz=(count - 1) / span if span > 0 else None,
-        lost=element.lost,
         labels=labels or {},
-        description=element.description,
-        failures=element.failures,
     )
 
 

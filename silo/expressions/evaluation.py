@@ -207,16 +207,11 @@ class Evaluator:
         self._memories: dict[Remembered, _Memory] = {}
         for expression in expressions:
             self._remember(expression.root)
-        self._key = tuple(self._sources)
+        self.sources = tuple(self._sources)  # that are needed
         # of one batch
         self._rows: Mapping[int, SourceRows] = {}
         self._grids: dict[tuple[int, ...], _Grid] = {}
         self._made: dict[Remembered, Floats] = {}
-
-    @property
-    def sources(self) -> tuple[int, ...]:
-        """The sources that are needed."""
-        return self._key
 
     def _remember(self, part: Part) -> None:
         if isinstance(part, Computed):
@@ -233,7 +228,7 @@ class Evaluator:
         A batch is whole up to some tick: no later one may bring a row with a tick that an earlier one went beyond.
         """
         self._rows, self._grids, self._made = rows, {}, {}
-        grid = self._grid(self._key)
+        grid = self._grid(self.sources)
         count = len(grid.ticks)
         with np.errstate(all="ignore"):
             for part in reversed(self._memories):  # the innermost were noted last, and others need them

@@ -110,10 +110,8 @@ def _found(one: FoundIn) -> "FoundMoments":
 
 
 def _between(one: SpanFacts, seconds: float) -> "Between":
+    from silo.core.recording import alike
     from silo.expressions.span import NAN, Between
 
     difference = one.at_b - one.at_a
-    return Between(
-        one.at_a, one.at_b, difference, difference / seconds if seconds else NAN, one.mean, one.std, one.rms,
-        one.smallest, one.largest, one.samples, one.not_finite,
-    )  # fmt: skip
+    return alike(Between, one, difference=difference, slope=difference / seconds if seconds else NAN)

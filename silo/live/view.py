@@ -10,6 +10,7 @@ import zenoh
 
 from silo.core.arrays.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
 from silo.core.calls import told_class
+from silo.core.recording import alike
 from silo.history.requests import Columns
 from silo.live.requests import OpenView, ViewOpened
 from silo.net.keys import ClientId, Root
@@ -141,21 +142,17 @@ class View:
                 # a frame that doesn't say from when on it is whole is so from its first column on
                 since_ns = max(since_ns, frame.since_ns or _begin_ns(frame, self.request.column_ns))
             self._cut, self._merged_number = False, frame.number
-        return Frame(
+        return alike(
+            Frame,
+            newest,
             elements=tuple(self.request.values),
             entries=tuple(opened.entries),
             plots=tuple(opened.plots),
             unpublished=frozenset(opened.unpublished),
             missing=frozenset(opened.missing),
-            time_ns=newest.time_ns,
-            tick=newest.tick,
-            state=newest.state,
-            measured_hz=newest.measured_hz,
-            lost_total=newest.lost_total,
             held=np.frombuffer(newest.held, "<i8"),
             lost=np.frombuffer(newest.lost, "<i8"),
             newest=np.frombuffer(newest.newest, "<f8"),
-            texts=newest.texts,
             column_ns=self.request.column_ns,
             first=grid.first,
             low=grid.low,
@@ -163,11 +160,7 @@ class View:
             marks=grid.marks if grid.marks.any() else None,
             bases={row: base for row, base in enumerate(grid.bases) if base},
             since_ns=since_ns,
-            sizes=newest.sizes,
             missed=self._missed,
-            failed=newest.failed,
-            not_live=newest.not_live,
-            idle_s=newest.idle_s,
         )
 
     def close(self) -> None:

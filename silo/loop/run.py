@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from silo.core.conditions import NO_EXTRAS, Conditions
 from silo.core.elements import LoggerOptions, Storage, Threads
+from silo.core.recording import alike
 from silo.core.runtime import (
     SEGMENT_SUFFIX,
     announce_segment,
@@ -157,19 +158,16 @@ class Run:
         cut: Cut | None,
     ) -> SegmentSchema:
         pid = os.getpid()
-        return SegmentSchema(
+        return alike(
+            SegmentSchema,
+            options,
             logger=options.name,
-            prefix=options.prefix,
             host=socket.gethostname(),
             user=user_name(os.getuid()),
             pid=pid,
             pid_start=process_start(pid),
             boot_id=boot_id(),
             started_ns=time.time_ns(),
-            frequency_hz=options.frequency_hz,
-            max_time_s=options.max_time_s,
-            folder=options.folder,
-            script=options.script,
             chunk_bytes=plan.chunk_bytes,
             time_buffer_type=plan.time.buffer_type,
             time_buffer_size=plan.time.size,
@@ -180,7 +178,6 @@ class Run:
             pid_namespace=pid_namespace(),
             extras=extras,
             number=number,
-            about=options.about,
             served=served,
             parameters=tuple(landing.described()) if landing is not None else (),
             cut=cut,

@@ -76,12 +76,7 @@ class Landing:
         self._recording = threading.Lock()
         self.block: OwnMemory | None = None
         self._words: NDArray[np.int64] = np.zeros(0, np.int64)
-        self._used = 0
-
-    @property
-    def used_words(self) -> int:
-        """Words that parameters have so far: the next one stands behind them."""
-        return self._used
+        self.used_words = 0  # that parameters have so far: the next one stands behind them
 
     def place(self, info: ParameterInfo) -> NDArray[np.int64]:
         """Give a new parameter its words, behind those before it, with its default in them."""
@@ -90,9 +85,9 @@ class Landing:
             self._words = np.ndarray((MOST_WORDS,), np.int64, self.block)
         self._places[info.name] = len(self.infos)
         self.infos.append(info)
-        self._used = info.offset + info.words
-        self._words[info.offset : self._used] = np.frombuffer(encoded(info, info.default), np.int64)
-        return self._words[info.offset : self._used]
+        self.used_words = info.offset + info.words
+        self._words[info.offset : self.used_words] = np.frombuffer(encoded(info, info.default), np.int64)
+        return self._words[info.offset : self.used_words]
 
     def place_of(self, info: ParameterInfo, index: int) -> "memoryview[float]":
         """The memory of one number of a parameter."""
@@ -106,7 +101,7 @@ class Landing:
     def image(self) -> list[ParameterValue]:
         """What all of them are at one moment, whichever thread asks: no change lands between two of them."""
         while True:
-            before, words = self.revision, self._words[: self._used].tobytes()
+            before, words = self.revision, self._words[: self.used_words].tobytes()
             if before == self.revision:
                 return [decoded(info, memoryview(words)[info.offset * WORD_BYTES :]) for info in self.infos]
 

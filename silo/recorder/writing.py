@@ -85,7 +85,7 @@ class OpenPart:
         self._rows: dict[int, int] = dict.fromkeys(layout.rings, 0)
         self._span: tuple[int, int] | None = None
         self._synced_s, self._synced_bytes = self.begun_s, 0
-        self._lost = self._events = 0
+        self.lost = self._events = 0
 
     @property
     def size_bytes(self) -> int:
@@ -96,11 +96,6 @@ class OpenPart:
     def index_bytes(self) -> int:
         """Bytes of its index, which is in memory until it is finished."""
         return self._mcap.index_bytes
-
-    @property
-    def lost(self) -> int:
-        """Samples that it says are missing."""
-        return self._lost
 
     @property
     def rows(self) -> dict[int, int]:
@@ -155,7 +150,7 @@ class OpenPart:
                 "why": why,
             },
         )
-        self._lost += (end - begin) * len(names)
+        self.lost += (end - begin) * len(names)
 
     def sync_if_due(self) -> None:
         """Put what was written on the disk, now and then: the end then takes no long time either."""
@@ -170,7 +165,7 @@ class OpenPart:
             if self._span is None:
                 self.path.unlink(missing_ok=True)
                 return 0
-            self._mcap.add_metadata(TOTALS_METADATA, {"samples": str(self.samples), "lost": str(self._lost)})
+            self._mcap.add_metadata(TOTALS_METADATA, {"samples": str(self.samples), "lost": str(self.lost)})
             counts = {
                 number: self._rows[ring] for ring, channels in self.layout.ring_channels.items() for number in channels
             } | {self.layout.events_channel: self._events}

@@ -17,6 +17,7 @@ from pathlib import Path
 import msgspec
 
 from silo.core.elements import Control, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
+from silo.core.recording import alike
 from silo.core.runtime import disk_room, runtime_dir, user_name
 from silo.errors import SegmentError
 from silo.expressions.derived_signals import derived_infos
@@ -309,11 +310,11 @@ class Replica:
                 saved = reader is None or (read.ticks <= self._saved_ticks(reader) and not robot.cut_off)
             except SegmentError as error:  # somebody cut it short
                 read, saved, problem = _read(None, []), False, str(error)
-        return Status(
-            logger=robot.logger,
+        return alike(
+            Status,
+            robot,
             host=self.host,
             user=self.user,
-            pid=robot.pid,
             helper_pid=os.getpid(),
             state=now.state,
             revision=now.table.revision,
@@ -328,8 +329,6 @@ class Replica:
             entries=now.entries,
             max_time_s=options.max_time_s,
             prefix=options.prefix,
-            folder=robot.folder,
-            script=robot.script,
             reason="; ".join(filter(None, (now.died or robot.reason, problem))),
             segment_bytes=size_bytes,
             saved=saved,
@@ -338,8 +337,6 @@ class Replica:
             durable_ticks=durable if options.storage is Storage.DISK else -1,
             recorders=self.recorders,
             derived=len(now.table.derived),
-            begun_ns=robot.begun_ns,
-            before_ticks=robot.before_ticks,
             room_bytes=_room(self.segment, size_bytes),
             disk_free_bytes=self.disk[0],
             disk_bytes=self.disk[1],

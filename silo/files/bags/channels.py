@@ -92,7 +92,7 @@ class ChannelReader:
 
     def __init__(self, channel: int, size: int) -> None:
         self._channel = channel
-        self._size = RECORD_HEAD + size
+        self.size = RECORD_HEAD + size  # of a message
         self._targets: list[tuple[PlacedEntry, Values, int]] = []
 
     def aim(self, entry: PlacedEntry, values: Values, index: int) -> None:
@@ -110,7 +110,7 @@ class ChannelReader:
                 "names": [str(k) for k in range(len(entries))],
                 "formats": formats,
                 "offsets": [RECORD_HEAD + entry.offset for entry in entries],
-                "itemsize": self._size,
+                "itemsize": self.size,
             }
         )
 
@@ -164,20 +164,15 @@ class ChannelReader:
         """Whether messages differ in length."""
         return self._targets[0][0].wire == STRING
 
-    @property
-    def size(self) -> int:
-        """Bytes of a message."""
-        return self._size
-
     @cached_property
     def expected(self) -> tuple[int, int]:
         """What stands where a message of this channel begins: opcode, length and channel, as two overlapping words."""
-        start = RECORD.pack(MESSAGE_OPCODE, self._size - RECORD.size) + struct.pack("<H", self._channel)
+        start = RECORD.pack(MESSAGE_OPCODE, self.size - RECORD.size) + struct.pack("<H", self._channel)
         return struct.unpack_from("<Q", start)[0], struct.unpack_from("<Q", start, _OVERLAP)[0]
 
     def _take_strings(self, chunk: bytes, places: NDArray[np.int64]) -> bool:
         entry, values, index = self._targets[0]
-        if int(places.max()) + max(self._size, RECORD_HEAD) > len(chunk) or int(places.min()) < 0:
+        if int(places.max()) + max(self.size, RECORD_HEAD) > len(chunk) or int(places.min()) < 0:
             return False
         start = places + RECORD_HEAD + entry.offset + 4
         channels = _overlapping(chunk, np.dtype("<u2"))[places + RECORD.size]

@@ -87,9 +87,9 @@ class McapWriter:
         self._best = self._compressors[0]
         self._undefined = b"" if begun else b"".join(map(_bytes, [*schemas, *channels]))
         begun = begun or Begun()
-        self._position = begun.size
+        self.size_bytes = begun.size
         self._chunk_indexes = begun.chunk_indexes
-        self._index_bytes = sum(map(len, begun.chunk_indexes))
+        self.index_bytes = sum(map(len, begun.chunk_indexes))
         self._attachments = begun.attachments
         self._metadata = begun.metadata
         if not begun.size:
@@ -102,16 +102,6 @@ class McapWriter:
         return cls(file, begun.schemas, begun.channels, begun=begun)
 
     @property
-    def size_bytes(self) -> int:
-        """Bytes written up to now."""
-        return self._position
-
-    @property
-    def index_bytes(self) -> int:
-        """Bytes of the index so far, which is kept in memory until the end."""
-        return self._index_bytes
-
-    @property
     def definitions_size(self) -> int:
         """Bytes that the next chunk gets in front of its messages; index offsets must count them."""
         return len(self._undefined)
@@ -119,14 +109,14 @@ class McapWriter:
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Write an attachment: data that is not a message."""
         record = _bytes(Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data))
-        index = AttachmentIndex(self._position, len(record), 0, 0, len(data), name, media_type)
+        index = AttachmentIndex(self.size_bytes, len(record), 0, 0, len(data), name, media_type)
         self._attachments.append(index)
         self._write(record)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a metadata record: names and texts."""
         record = _bytes(Metadata(name=name, metadata=dict(values)))
-        self._metadata.append(MetadataIndex(self._position, len(record), name))
+        self._metadata.append(MetadataIndex(self.size_bytes, len(record), name))
         self._write(record)
 
     def add_chunk(self, records: memoryview, start_ns: int, end_ns: int, index: Sequence[IndexBlock]) -> None:
@@ -137,7 +127,7 @@ class McapWriter:
         compression = b"\x04\0\0\0zstd"
         head = struct.pack("<QQQI", start_ns, end_ns, len(data), zlib.crc32(data)) + compression
         head += struct.pack("<Q", len(packed))
-        at = self._position
+        at = self.size_bytes
         length = len(head) + len(packed)
         blocks = [block.records.view(np.uint8).data for block in index]
         self._write(struct.pack("<BQ", Opcode.CHUNK, length) + head, packed, *blocks)
@@ -148,7 +138,7 @@ class McapWriter:
         self._chunk_indexes.append(
             chunk_index(place, offsets.tobytes(), index_length, compression, len(packed), len(data))
         )
-        self._index_bytes += len(self._chunk_indexes[-1])
+        self.index_bytes += len(self._chunk_indexes[-1])
 
     def finish(self, counts: Mapping[int, int], start_ns: int, end_ns: int) -> int:
         """Write the summary and the end of the file; `counts` are messages per channel. Returns the file's size."""
@@ -174,7 +164,7 @@ class McapWriter:
             (Opcode.ATTACHMENT_INDEX, b"".join(map(_bytes, self._attachments))),
             (Opcode.METADATA_INDEX, b"".join(map(_bytes, self._metadata))),
         ]
-        start = at = self._position
+        start = at = self.size_bytes
         summary, offsets = b"", b""
         for opcode, data in groups:
             if data:
@@ -185,7 +175,7 @@ class McapWriter:
         begun = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, at)
         footer = Footer(summary_start=start, summary_offset_start=at, summary_crc=zlib.crc32(summary + begun))
         self._write(summary, _bytes(footer), MAGIC)
-        return self._position
+        return self.size_bytes
 
     def _compress(self, data: bytes | memoryview) -> bytes:
         if len(self._chunk_indexes) % _CHUNKS_PER_CHOICE:
@@ -196,8 +186,8 @@ class McapWriter:
 
     def _write(self, *buffers: bytes | memoryview) -> None:
         views = [memoryview(buffer) for buffer in buffers]
-        self._write_all(self._descriptor, views, self._position)
-        self._position += sum(view.nbytes for view in views)
+        self._write_all(self._descriptor, views, self.size_bytes)
+        self.size_bytes += sum(view.nbytes for view in views)
 
 
 def file_start() -> bytes:
