@@ -73,6 +73,10 @@ class LazyEntry(RecordedEntry):
         return length if isinstance(length, int) else length()
 
 
+def silent(_: float) -> None:
+    """Tell nobody how much is done."""
+
+
 def lazy_entry(
     name: str,
     entry: Entry,

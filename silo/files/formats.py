@@ -102,7 +102,7 @@ class Format(msgspec.Struct, frozen=True):
         function = _function(self.writer)
 
         def write(recording: "Recording", path: Path, progress: "Progress | None", **options: Any) -> None:
-            from silo.core.recording import has_own_stamps, read_whole
+            from silo.core.recording import has_own_stamps, read_whole, silent
 
             if not self.own_times and has_own_stamps(recording):
                 whose = "in this bag each topic" if recording.stretch is None else "an element changed by a cut"
@@ -117,7 +117,8 @@ class Format(msgspec.Struct, frozen=True):
 
                 recording = with_derived(recording)
             # of logs it is told when they are read again; in tables stands all that other tools may want to know
-            function(recording if self.for_logs else _clock_told(recording), path, progress=progress, **options)
+            whole = recording if self.for_logs else _clock_told(recording)
+            function(whole, path, progress=progress or silent, **options)
 
         return write
 

@@ -19,7 +19,7 @@ from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
 from numpy.typing import NDArray
 
-from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, alike
+from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, alike, silent
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, atomic_folder
 from silo.files.bags.events import LOG_TYPE, EventGroup, events_topic
@@ -47,7 +47,7 @@ WINDOW_BYTES = 8 << 20
 CHUNK_BYTES = 2 << 20
 
 
-def write_bag(recording: Recording, path: str | os.PathLike[str], progress: Progress | None = None) -> None:
+def write_bag(recording: Recording, path: str | os.PathLike[str], progress: Progress = silent) -> None:
     """Write a bag: a plain MCAP file if `path` ends in `.mcap`, else a rosbag2 folder.
 
     Every element is one topic (message types: `silo.files.bags.ros_types`); log time, publish time and header stamp are
@@ -126,7 +126,7 @@ def _check_times(recording: Recording) -> None:
 
 
 def _write_mcap(
-    file: BinaryIO, recording: Recording, channels: Sequence[Channel], name: str, progress: Progress | None
+    file: BinaryIO, recording: Recording, channels: Sequence[Channel], name: str, progress: Progress
 ) -> str:
     """Write the whole file; return rosbag2's metadata as YAML."""
     groups: list[MessageGroup | EventGroup] = [*group_channels(recording, channels)]
@@ -158,7 +158,7 @@ def write_windows(
     mcap: McapWriter,
     times: NDArray[np.int64],
     groups: "Sequence[MessageGroup | EventGroup]",
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> None:
     """Write the messages of all ticks with these time stamps as chunks."""
     total = len(times)
@@ -170,8 +170,7 @@ def write_windows(
     for begin in range(0, total, ticks):
         window = times[begin : begin + ticks]
         _write_window(mcap, begin, window, groups, buffer)
-        if progress is not None:
-            progress((begin + len(window)) / total)
+        progress((begin + len(window)) / total)
 
 
 def _write_window(

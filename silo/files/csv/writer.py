@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.recording import Progress, RecordedElement, Recording
+from silo.core.recording import Progress, RecordedElement, Recording, silent
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, write_all
 from silo.files.csv.metadata import pack, sidecar_of
@@ -38,7 +38,7 @@ class _Cells(NamedTuple):
         return len(self.values) == self.rows
 
 
-def write_csv(recording: Recording, path: str | os.PathLike[str], progress: Progress | None = None) -> None:
+def write_csv(recording: Recording, path: str | os.PathLike[str], progress: Progress = silent) -> None:
     """Save a recording as CSV, atomically.
 
     A header, then one line per tick: `time` (seconds since 1970 with nine decimals, exact), one column per entry, and
@@ -55,13 +55,11 @@ def write_csv(recording: Recording, path: str | os.PathLike[str], progress: Prog
     with atomic_file(sidecar_of(os.fspath(path))) as beside, atomic_file(path) as file:
         write_all(beside.fileno(), [memoryview(pack(recording, elements))], 0)
         position = 0
-        if progress:
-            progress(0.0)
+        progress(0.0)
         for fraction, text in _columns(recording, elements):
             write_all(file.fileno(), [memoryview(text)], position)
             position += len(text)
-            if progress:
-                progress(fraction)
+            progress(fraction)
 
 
 def _columns(recording: Recording, elements: Sequence[RecordedElement]) -> Iterator[tuple[float, bytes]]:

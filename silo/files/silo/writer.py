@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.wide import to_wire
-from silo.core.recording import Progress, RecordedEntry, Recording
+from silo.core.recording import Progress, RecordedEntry, Recording, silent
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, write_all
 from silo.files.silo import format as form
@@ -41,7 +41,7 @@ class LineValues:
     fill: Callable[[int, int, NDArray[np.uint8]], None]
 
 
-def write_silo(recording: Recording, path: str | os.PathLike[str], progress: Progress | None = None) -> None:
+def write_silo(recording: Recording, path: str | os.PathLike[str], progress: Progress = silent) -> None:
     """Save a recording as `.silo`: atomically, so that under `path` stands the whole file or what stood there before.
 
     `progress` is called with the fraction written, from 0 to 1. Elements without a sample are left out, as the format
@@ -64,7 +64,7 @@ def write_silo(recording: Recording, path: str | os.PathLike[str], progress: Pro
     with atomic_file(path) as file:
         _reserve(file.fileno(), len(header) + sum(column.line.size_bytes for column in columns))
         write_all(file.fileno(), [memoryview(header)], 0)
-        _write_columns(file.fileno(), columns, progress or _silent)
+        _write_columns(file.fileno(), columns, progress)
 
 
 def _reserve(file_descriptor: int, size: int) -> None:
@@ -216,7 +216,3 @@ def _write_tile(file_descriptor: int, band: list[LineValues], start: int, rows: 
         run_end = offset + piece.nbytes
     write_all(file_descriptor, run, run_offset)
     return sum(sizes)
-
-
-def _silent(_fraction: float) -> None:
-    """Nobody asked for the progress."""

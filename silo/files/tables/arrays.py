@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, stamps_of
+from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, silent, stamps_of
 from silo.errors import FileFormatError, SaveError
 from silo.files.extras import need, whole_file
 from silo.files.silo.format import FilledEntry
@@ -28,7 +28,7 @@ _MATLAB_NAME = 63
 _MATLAB_BYTES = 2**31 - 1
 
 
-def write_npz(recording: Recording, path: Path, progress: Progress | None = None) -> None:
+def write_npz(recording: Recording, path: Path, progress: Progress = silent) -> None:
     """Write one array per entry under the entry's name without the leading `/`, and `time_ns` (int64).
 
     An element that has not exactly one sample per tick has its own `<element>.time_ns`. What arrays can't say (units,
@@ -53,9 +53,9 @@ def write_npz(recording: Recording, path: Path, progress: Progress | None = None
                     _add(archive, unique(f"{entry.name}.missing"), np.ma.getmaskarray(entry.values))
             if element.count != len(recording.time_ns) or element.own_ns is not None:
                 name = unique(f"{element.name}.time_ns")
-                _add(archive, name, _times(recording, element))
+                _add(archive, name, stamps_of(recording, element))
                 own |= {} if element.own_ns is None else {done: name}
-            _tell(progress, (done + 1) / total)
+            progress((done + 1) / total)
         _add(archive, unique(NAME), np.array(packed(recording, elements, places, own)))
 
 
@@ -80,7 +80,7 @@ def _add(archive: zipfile.ZipFile, name: str, values: NDArray[Any]) -> None:
         np.lib.format.write_array(member, np.asarray(values), allow_pickle=False)
 
 
-def write_mat(recording: Recording, path: Path, progress: Progress | None = None) -> None:
+def write_mat(recording: Recording, path: Path, progress: Progress = silent) -> None:
     """Write one struct per element: `name`, `unit`, `kind`, `divider`, `looping`, `time` (s from the first stamp),
     `first`, `lost`, `failed`, `failed_ticks` (first and last tick since start of each stretch that could not be read,
     in rows) and `data` (samples x entries; a struct of columns where types differ), and a struct `silo` of the log with
@@ -122,7 +122,7 @@ def write_mat(recording: Recording, path: Path, progress: Progress | None = None
         for done, (name, element) in enumerate(zip(names, recording.elements, strict=True), start=1):
             struct = _matlab_struct(recording, element, start)
             matlab.savemat(file, {name: struct}, do_compression=True, long_field_names=True, oned_as="column")
-            _tell(progress, done / total)
+            progress(done / total)
 
 
 def read_mat(path: Path) -> Recording:
@@ -154,7 +154,7 @@ def read_mat(path: Path) -> Recording:
 
 
 def _matlab_struct(recording: Recording, element: RecordedElement, start: int) -> dict[str, Any]:
-    times = _times(recording, element)
+    times = stamps_of(recording, element)
     written = in_doubles(element).entries
     columns = [_matlab_values(entry.values) for entry in written]
     size = sum(column.nbytes for column in columns)
@@ -232,7 +232,7 @@ def _matlab_values(values: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(values)
 
 
-def write_hdf5(recording: Recording, path: Path, progress: Progress | None = None) -> None:
+def write_hdf5(recording: Recording, path: Path, progress: Progress = silent) -> None:
     """Write one group per element, at the element's name: `values` and `time_ns`, and attributes (unit, kind ...).
 
     `values` has shape (samples,) + the element's shape; an element of several types has one dataset per entry. Equal
@@ -250,7 +250,7 @@ def write_hdf5(recording: Recording, path: Path, progress: Progress | None = Non
         file.write(memory.getbuffer())
 
 
-def _fill_store(h5py: Any, store: Any, recording: Recording, progress: Progress | None) -> None:
+def _fill_store(h5py: Any, store: Any, recording: Recording, progress: Progress) -> None:
     total = max(1, len(recording.elements))
     store.attrs["logger"] = recording.logger
     store.attrs["frequency_hz"] = np.nan if recording.frequency_hz is None else recording.frequency_hz
@@ -270,12 +270,12 @@ def _fill_store(h5py: Any, store: Any, recording: Recording, progress: Progress 
         group = _group(store, element.name)
         when = (element.first, element.divider, element.count, id(element.own_ns))
         if when not in shared:
-            shared[when] = group.create_dataset(_free(group, "time_ns"), data=_times(recording, element))
+            shared[when] = group.create_dataset(_free(group, "time_ns"), data=stamps_of(recording, element))
         else:
             group[_free(group, "time_ns")] = shared[when]
         own |= {} if element.own_ns is None else {done - 1: shared[when].name}
         places += _fill_group(h5py, group, element)
-        _tell(progress, done / total)
+        progress(done / total)
     del store[NAME]
     # of a length that is written: see `_values`
     store.create_dataset(NAME, data=np.bytes_(packed(recording, elements, places, own).encode()))
@@ -380,46 +380,16 @@ def _hdf5_values(values: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(values)
 
 
-def _times(recording: Recording, element: RecordedElement) -> NDArray[np.int64]:
-    return stamps_of(recording, element)
-
-
 def _seconds(time_ns: NDArray[np.int64], start: int) -> NDArray[np.float64]:
     return np.asarray((time_ns - start) / 1e9)
 
 
 def _facts(recording: Recording) -> str:
-    elements = [
-        {
-            "name": element.name,
-            "unit": element.unit,
-            "kind": element.kind,
-            "shape": element.shape,
-            "divider": element.divider,
-            "buffer": element.buffer_type.name,
-            "first": element.first,
-            "description": element.description,
-            "lost": element.lost,
-            "failures": element.failures,
-            "dtype": element.dtype,
-            "entries": [
-                {"name": e.name, "type": e.values.dtype.str, "labels": e.entry.labels} for e in element.entries
-            ],
-        }
-        for element in recording.elements
-    ]
-    facts = {"logger": recording.logger, "frequency_hz": recording.frequency_hz, "started_ns": recording.started_ns}
-    return msgspec.json.encode(
-        {
-            **facts,
-            "offset": recording.offset,
-            "elements": elements,
-            "events": recording.events,
-            "warnings": list(recording.warnings),
-        }
-    ).decode()
-
-
-def _tell(progress: Progress | None, fraction: float) -> None:
-    if progress is not None:
-        progress(fraction)
+    told = ("name", "unit", "kind", "shape", "divider", "first", "description", "lost", "failures", "dtype")
+    elements = []
+    for element in recording.elements:
+        entries = [{"name": e.name, "type": e.values.dtype.str, "labels": e.entry.labels} for e in element.entries]
+        facts = {name: getattr(element, name) for name in told}
+        elements.append({**facts, "buffer": element.buffer_type.name, "entries": entries})
+    facts = {name: getattr(recording, name) for name in ("logger", "frequency_hz", "started_ns", "offset", "events")}
+    return msgspec.json.encode({**facts, "elements": elements, "warnings": list(recording.warnings)}).decode()

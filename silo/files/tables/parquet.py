@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording
+from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, silent
 from silo.files.bags.ros_types import is_text
 from silo.files.extras import need, whole_file
 from silo.files.tables.facts import NAME, Place, packed, restored, told_of
@@ -24,7 +24,7 @@ _GROUP_CELLS = 8_000_000
 _MAX_ROWS = 1 << 16
 
 
-def write_parquet(recording: Recording, path: Path, progress: Progress | None = None, *, without: str = "") -> None:
+def write_parquet(recording: Recording, path: Path, progress: Progress = silent, *, without: str = "") -> None:
     """Write `time_ns` (int64), `time` (UTC, nanoseconds) and one column per entry; complex ones are two columns.
 
     Columns are called as entries are, but for what `without` says that they begin with.
@@ -75,8 +75,7 @@ def write_parquet(recording: Recording, path: Path, progress: Progress | None = 
             if events:
                 arrays.append(arrow.array([events.get(row) for row in range(start, stop)], type=arrow.string()))
             writer.write_table(arrow.Table.from_arrays(arrays, schema=schema))
-            if progress is not None:
-                progress(stop / total)
+            progress(stop / total)
 
 
 def read_parquet(path: Path, source: Any = None) -> Recording:
@@ -107,15 +106,9 @@ def _samples(arrow: Any, file: Any, name: str, element: RecordedElement, count: 
     if not cells.null_count:
         return np.asarray(cells.to_numpy(zero_copy_only=False))
     missing = cells.is_null().to_numpy(zero_copy_only=False)
-    zero = (
-        b""
-        if arrow.types.is_binary(cells.type)
-        else b"\0" * cells.type.byte_width
-        if (arrow.types.is_fixed_size_binary(cells.type))
-        else False
-        if arrow.types.is_boolean(cells.type)
-        else 0
-    )
+    zero: object = b"" if arrow.types.is_binary(cells.type) else False if arrow.types.is_boolean(cells.type) else 0
+    if arrow.types.is_fixed_size_binary(cells.type):
+        zero = b"\0" * cells.type.byte_width
     return np.ma.masked_array(cells.fill_null(zero).to_numpy(zero_copy_only=False), missing)
 
 

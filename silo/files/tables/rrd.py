@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.values import as_floats
-from silo.core.recording import Progress, RecordedElement, Recording, stamps_of
+from silo.core.recording import Progress, RecordedElement, Recording, silent, stamps_of
 from silo.files.extras import need, whole_file
 from silo.files.texts import presentable
 
@@ -19,7 +19,7 @@ _WALL_NS = 946_684_800 * 10**9  # the year 2000: stamps before it count from som
 _ROWS = 1 << 16
 
 
-def write_rrd(recording: Recording, path: Path, progress: Progress | None = None) -> None:
+def write_rrd(recording: Recording, path: Path, progress: Progress = silent) -> None:
     """Write `Scalars` of every element of numbers, its entries side by side; `TextLog` of texts and of `events`.
 
     Raises `SaveError`, and `SiloError` without rerun-sdk.
@@ -39,8 +39,7 @@ def write_rrd(recording: Recording, path: Path, progress: Progress | None = None
             stream.send_property(f"warnings/{number}", rerun.TextDocument(warning))
         for done, element in enumerate(recording.elements, start=1):
             _write(rerun, stream, recording, element)
-            if progress is not None:
-                progress(done / total)
+            progress(done / total)
         if recording.events:
             stamps = np.array([one.at_ns for one in recording.events], np.int64)
             texts = rerun.TextLog.columns(text=[f"{one.kind}: {one.text}" for one in recording.events])
