@@ -401,13 +401,11 @@ def _always(pair: tuple[Signal, Signal]) -> Callable[[], tuple[Signal, Signal]]:
 
 
 def _same_kind(one: RecordedElement, other: RecordedElement) -> bool:
-    """Whether two elements are of one unit, shape and length, and have samples."""
     known = (one.unit, one.kind, one.shape, one.count, len(one.entries))
     return bool(one.count) and known == (other.unit, other.kind, other.shape, other.count, len(other.entries))
 
 
 def _same_bytes(one: RecordedElement, other: RecordedElement) -> bool:
-    """Whether two elements of one kind are of one type, and their samples the same to the last bit."""
     for mine, theirs in zip(one.entries, other.entries, strict=True):
         values = mine.values, theirs.values
         if mine.entry.suffix != theirs.entry.suffix or values[0].dtype != values[1].dtype:
@@ -445,7 +443,6 @@ def _meeting(
 def _signals(
     one: Signal, other: Signal, shift_s: float, met: dict[tuple[object, ...], _Meeting]
 ) -> tuple[tuple[Signal, Signal], _Meeting]:
-    """Signals of both logs as they are compared, and where they meet. Raises ElementError where they can't be."""
     other = in_order(other, one.components)
     if one.components != other.components:
         raise ElementError(f"components {one.components or 'none'} and {other.components or 'none'}")

@@ -142,7 +142,6 @@ class Connection:
             self.sessions += 1
 
     def _lose(self, *, tell: bool = True) -> None:
-        """Let the session go and say so."""
         with self._lock:
             borrowed, self._borrowed = self._borrowed, None
             attached = list(self._attached)

@@ -92,7 +92,6 @@ class _Limited:
         return [column for bound in self.expressions for column in bound.columns]
 
     def take(self, found: Sequence[Violation]) -> None:
-        """Note what samples brought."""
         for violation in found:
             scalar = self.scalars[violation.entry]
             if scalar.fires(violation) and not self.fired:

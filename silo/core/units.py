@@ -250,7 +250,6 @@ class _Reader:
         self._text, self._word, self._at, self._depth = text, word, 0, 0
 
     def formula(self) -> Formula | None:
-        """Return the formula of the whole text; None if it is none."""
         try:
             made = self._terms()
         except (_NoFormulaError, ZeroDivisionError):

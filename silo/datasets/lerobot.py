@@ -198,7 +198,6 @@ class _Writer:
         self.frames += count
 
     def end(self) -> None:
-        """Write what is known of all."""
         if self._file is not None:
             self._file.close()
         arrow = self._arrow

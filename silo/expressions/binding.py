@@ -244,7 +244,6 @@ class _Binder:
         return self._expression.error(reason, node)
 
     def bind(self, node: Node) -> _Found:
-        """Return the part that a node means."""
         if isinstance(node, Number):
             return _Found(Constant(node.value), unit=node.unit or None, literal=True)
         if isinstance(node, Name):

@@ -64,7 +64,6 @@ class _Ticks:
         return low, high
 
     def numbers(self, low: int, high: int) -> NDArray[np.int64]:
-        """The ticks of samples."""
         if self.own is not None:
             return self.own[low:high]
         return self.first + np.arange(low, high, dtype=np.int64) * self.divider

@@ -84,7 +84,6 @@ class _Tokenizer:
         self._before = ""  # what came before: "" or an operator where an operand is awaited, else "number", "name", ")"
 
     def run(self) -> Tokens:
-        """Return all words."""
         at = 0
         while at < len(self._text):
             at = at + 1 if self._text[at].isspace() else self._next(at)
@@ -281,7 +280,6 @@ class _Reader:
         self._nodes = 0
 
     def read(self, tree: ast.Expression) -> Expression:
-        """Return the expression. Raises ExpressionError."""
         return Expression(self._found.text, self._node(tree.body))
 
     def _span(self, node: ast.expr) -> tuple[int, int]:

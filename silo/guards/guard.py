@@ -91,7 +91,6 @@ class _Pair:
         return query.number(facts.run, (), facts.signals)
 
     def holds(self, text: str) -> bool:
-        """Whether a condition holds of the run."""
         return self._query(text).holds((facts := self.facts(self.run)).run, (), facts.signals)
 
     def _query(self, text: str) -> Query:

@@ -69,7 +69,6 @@ class _Columns:
         return len(self.entries) + len(self.norms)
 
     def of(self, rows: Rows) -> Floats:
-        """Return shape `(len(rows), len(self))`."""
         found = np.empty((len(rows), len(self)))
         for columns, values in self._picker.blocks(rows.words):
             found[:, columns] = values

@@ -255,7 +255,6 @@ class _Writer:
         self._stamp_gathered = False
 
     def source(self) -> str:
-        """The text of `make()`, which returns `collect`."""
         guard = guard_lines(serialized=self._serialized)
         self._names.objects |= guard.objects
         self._end = guard.end

@@ -63,7 +63,6 @@ class _Tables:
         self.failed: SiloError | None = None
 
     def lazy(self, name: str) -> Any:
-        """Return a table that is read as far as it is needed."""
         plugins = need("polars.io.plugins", EXTRA, "SQL over runs")
         load: Load = {"samples": self._samples, "wide": self._wide}.get(name, lambda *asked: iter([self._known(name)]))
         schema = {**typed(COLUMNS[name]), **(self._columns() if name == "wide" else {})}

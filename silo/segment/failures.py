@@ -48,5 +48,4 @@ def read_failures(block: Sequence[int]) -> Failures:
 
 
 def _place(block: int, number: int) -> int:
-    """Where stretch `number` stands."""
     return block + _FIRST + 2 * (number if number < _OLDEST else _OLDEST + (number - _OLDEST) % _NEWEST)

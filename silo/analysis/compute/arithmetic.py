@@ -225,7 +225,6 @@ def _power_unit(base: Samples, exponent: Samples | float | NDArray[Any]) -> str:
 
 
 def _exponent_unit(exponent: Samples) -> str:
-    """The unit of a plain number to the power of a signal: none, as the signal must have none."""
     if exponent.unit not in ("", "-"):
         raise ElementError(
             f"'{exponent.name}' can't be an exponent: it has the unit '{exponent.unit}'; drop it by .with_unit('-')"

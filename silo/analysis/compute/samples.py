@@ -184,7 +184,6 @@ class Samples:
         )
 
     def _stamps(self, times: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the stamps in nanoseconds of times."""
         # times that are read off `times` must find their own stamp again
         with np.errstate(invalid="ignore"):
             since = np.asarray(np.round(np.clip(times, -9.2e9, 9.2e9) * 1e9), np.int64)
@@ -208,7 +207,6 @@ class Samples:
         return int(self.time_ns[0]), int(self.time_ns[-1])
 
     def _seconds_of(self, stamp_ns: int) -> float:
-        """Return a stamp in seconds since start."""
         return (stamp_ns - self.start_ns) * 1e-9
 
     @cached_property

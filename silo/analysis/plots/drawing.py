@@ -251,7 +251,6 @@ def _level_legend(chart: Chart, width: int, color: bool) -> list[str]:
 
 
 def _draw_events(figure: Any, chart: Chart, limits: Mapping[object, Sequence[float]]) -> None:
-    """A thin line for each event, as high as the curves."""
     import plotext
 
     side = "left" if "left" in limits else "right"

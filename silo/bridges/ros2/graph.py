@@ -255,7 +255,6 @@ class Graph:
         query.reply(service.key, answer, attachment=attachment)
 
     def _trigger(self, name: str, call: Call, _request: bytes) -> bytes:
-        """A service of type Trigger was called."""
         try:
             text, success = call(CALLER), True
         except SiloError as error:

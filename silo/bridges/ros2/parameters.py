@@ -139,7 +139,6 @@ class NodeParameters:
         return write
 
     def _set(self, request: bytes) -> bytes:
-        """Each for itself."""
         return _sequences([_result(*self._tuned(dict([one]))) for one in _parameters(request)])
 
     def _set_all(self, request: bytes) -> bytes:
@@ -185,7 +184,6 @@ def _type_of(info: ParameterInfo | None) -> int:
 
 
 def _sequences(*lists: Iterable[Write]) -> bytes:
-    """A message of nothing but lists."""
     body = bytearray()
     for writes in map(list, lists):
         add_numbers(body, "I", len(writes))
@@ -207,7 +205,6 @@ def _result(done: bool, reason: str) -> Write:
 
 
 def _add_value(info: ParameterInfo | None) -> Write:
-    """A ParameterValue."""
     kind = _type_of(info)
     value: ParameterValue = 0 if info is None else info.value
     items = list(value) if isinstance(value, tuple) else [value]

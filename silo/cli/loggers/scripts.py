@@ -181,7 +181,6 @@ def diff(words: Target, exit_code: bool, as_json: bool) -> int:
 
 
 def _diff(client: "Client", path: str) -> bool:
-    """Print the differences; whether there are any."""
     found = client.diff_script(path)
     show_changes([*found.changes, *found.extras])
     _warn(found.warnings)

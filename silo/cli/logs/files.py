@@ -42,12 +42,10 @@ def print_file_info(which: str | Path, as_json: bool) -> None:
 
 
 def _complete_file(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Let the shell offer files."""
     return [CompletionItem(incomplete, type="file")]
 
 
 def _complete_signal(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return names of signals in the log that was typed before."""
     from silo.analysis.lookup import entry_names
     from silo.core.names import begun
 
@@ -94,7 +92,6 @@ class _DataSetKind(click.Choice[str]):
 
 
 def _of_data_sets(command: _Command) -> _Command:
-    """The options of data sets."""
     for name, metavar, words in reversed(_MANY_PATTERNS):
         command = click.option(name, metavar=metavar, multiple=True, help=words)(command)
     command = click.option("--where", metavar="EXPR", default="", help="Only runs for which it is true at their end.")(
@@ -197,7 +194,6 @@ def stats_command(file: str, patterns: tuple[str, ...], start: float | None, sto
 
 
 def _meeting_options(command: _Command) -> _Command:
-    """The options of what lays two logs on each other."""
     command = click.option(
         "--by",
         type=click.Choice(["start", "stamps"]),

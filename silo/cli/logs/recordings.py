@@ -34,7 +34,6 @@ def files() -> None:
 
 
 def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Complete the names of files of the logger that was typed before."""
     from silo.cli.common import find_logger
     from silo.fleet.exchange import ask_once
     from silo.recordings.requests import RecordingRequests

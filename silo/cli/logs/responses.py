@@ -18,7 +18,6 @@ _Command = TypeVar("_Command", bound=Callable[..., object])
 
 
 def _words(command: _Command) -> _Command:
-    """What both take."""
     for option in (
         click.option("--json", "as_json", is_flag=True, help="One JSON object, for machines."),
         click.option("--height", type=click.IntRange(8, 1000), help="Rows; those of the terminal if not given."),

@@ -14,7 +14,6 @@ _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
 
 
 def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
-    """Return the options that both programs have."""
     options = (
         click.option("--name", default=name, show_default=True, help="Name of the logger."),
         click.option(
@@ -68,7 +67,6 @@ def before() -> Path | None:
 
 
 def _read(given: dict[str, Any]) -> dict[str, Any]:
-    """Return what was typed, as the options of the programs have it."""
     return {**given, "save": tuple(file_types(given["save"])), "config": given["config"] or before()}
 
 

@@ -102,7 +102,6 @@ _told: set[tuple[str, str]] = set()
 
 
 def _bytes(what: str, given: object) -> float | None:
-    """The bytes of a size; None for what is none."""
     amount = read_amount(given)
     factor = _BYTES.get(amount[1].lower()) if amount is not None else None
     if amount is None or factor is None:

@@ -34,7 +34,6 @@ class _Cells(NamedTuple):
 
     @property
     def complete(self) -> bool:
-        """Whether every tick of the range has a sample."""
         return len(self.values) == self.rows
 
 

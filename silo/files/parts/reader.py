@@ -48,7 +48,6 @@ class _Ring:
 
     @property
     def there(self) -> int:
-        """Rows that are there."""
         return sum(len(stamps) for _, stamps in self.stretches)
 
     @property
