@@ -87,12 +87,14 @@ def key_text(key: str) -> str:
         return " ".join(map(key_text, key.split()))
     if key in KEY_TEXTS or len(key) == 1:
         return KEY_TEXTS.get(key, key)
-    if key.startswith("ctrl+"):
-        return f"^{key_text(key.removeprefix('ctrl+'))}"
+    for modifier, sign in (("ctrl+", "^"), ("shift+", "⇧")):
+        if key.startswith(modifier):
+            return sign + key_text(key.removeprefix(modifier))
     try:
-        return unicodedata.lookup(REPLACED_KEYS.get(key, key).replace("_", " ").upper())
+        sign = unicodedata.lookup(REPLACED_KEYS.get(key, key).replace("_", " ").upper())
     except KeyError:
-        return key.upper() if key[1:].isdecimal() else key.capitalize()
+        sign = ""
+    return sign if sign.isprintable() and sign else key.upper() if key[1:].isdecimal() else key.capitalize()
 
 
 _TABLE = ("table",)

@@ -508,11 +508,12 @@ class SiloApp(Guarded, App[None]):
                 self.context.runner.run(line)
 
         screen = self.context.upper_screen
-        if word == "open" and (session := self._live_session) is not None and session.left_files:
-            word = f"open {shlex.quote(session.left_files[0].path)}"  # of a dead robot
         on_file = screen is not None and screen.scope in FILE_SCOPES
+        begun = f"{word} " if word else ""
+        if word == "open" and (session := self._live_session) is not None and session.left_files:
+            begun += shlex.quote(session.left_files[0].path)  # of a dead robot
         words = "goto filter sort picture theme help quit" if on_file else "view theme start stop help quit"
-        self.push_screen(CommandLine(self.context.runner.complete, words, f"{word} " if word else ""), run)
+        self.push_screen(CommandLine(self.context.runner.complete, words, begun), run)
 
     def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):

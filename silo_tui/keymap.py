@@ -33,8 +33,10 @@ _TABLE = (
     # ------------------------------------------------------------------------------ first layer: moving
     ("j,down", "down plot_down detail_down list_down level_down"),
     ("k,up", "up plot_up detail_up list_up level_up"),
-    ("h,left", "left cursor_left earlier_word turn_down"),
-    ("l,right", "cursor_right later_word turn_up"),
+    ("h,left", "left cursor_left earlier_word"),
+    ("l,right", "cursor_right later_word"),
+    ("h,left,less_than_sign", "turn_down"),
+    ("l,right,greater_than_sign", "turn_up"),
     ("l,right,tab", "right"),
     ("shift+left,H", "cursor_far_left turn_far_down"),
     ("shift+right,L", "cursor_far_right turn_far_up"),

@@ -119,7 +119,6 @@ async def _ask_around(
     choices = [*first]
     if _is_unsaved(context):
         held = _held(context)
-        body = Text(f"{held} are not saved, and starting again drops them.\n", style="bold").append_text(body)
         choices += [Choice("save", f"Save, {steps}", "s"), Choice("drop", f"Drop {held}: {steps}", "D", loses=True)]
     else:
         choices.append(Choice("go", steps[:1].upper() + steps[1:], key))

@@ -63,6 +63,9 @@ class TestScreens:
             await screen.press("tab")
             await screen.type("walks")
             await screen.press("tab", "tab", "tab")
+            await screen.type("all")
+            assert screen.app.screen.made().keep == ""
+            await screen.press(*["backspace"] * 3)
             await screen.type("2GB")
             await screen.shows("keeps the newest 2.41 days or more")
             await screen.press("enter")

@@ -153,6 +153,16 @@ async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen
         assert [call[0] for call in fake.calls] == ["stop", "apply", "start"]
 
 
+@pytest.mark.parametrize("running", [False, True])
+async def test_edits_that_were_discarded_as_they_were_to_be_applied_come_back(fake, opened, running):
+    async with opened(fake.run() if running else fake) as screen:
+        await screen.do("toggle", "a", "x")
+        await screen.shows("all pending edits discarded; u brings them back")
+        await screen.press("u")
+        assert screen.session.table.pending_count == (1, 1)
+        assert fake.calls == []
+
+
 async def test_enter_applies_edits_without_losing_a_tick(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.do("toggle", "a", "enter")

@@ -68,6 +68,7 @@ class RecordDialog(Form[Wish]):
     def made(self) -> Wish:
         """Return what is to be recorded."""
         split, keep = self._value("split"), self._value("keep")
+        keep = "" if keep == ALL else keep
         read_split(split)
         read_keep(keep)
         return Wish(self._patterns(), self._value("to"), split, keep, self._value("name"))
