@@ -1,7 +1,9 @@
 """A `.silo` file -> a recording whose elements are made when they are asked for, and whose values stay in the file.
 
-The file is memory-mapped: opening costs the header, reading a signal costs that signal. What is damaged or cut off
-is left out, and a warning of the recording says what; only a file without a usable header raises `FileFormatError`.
+The file is memory-mapped: opening costs the header, reading a signal costs that signal. Where header, length and facts
+agree, few calls take all lines together: 1 ms for 500 elements. Where they don't, the list of lines is repaired first:
+what is damaged or cut off is left out, and a warning of the recording says what; only a file without a usable header
+raises `FileFormatError`.
 """
 
 import mmap
@@ -45,6 +47,7 @@ class FileElements(Sequence[RecordedElement]):
     """The elements of a file, each made when it is first asked for; `names` are there at once.
 
     lines, offsets: what the table says of the entries of all elements, and where in the file their values begin.
+    stamps, offset: how many time stamps there are, and the offset of the log, by which samples belong to them.
     """
 
     def __init__(
@@ -53,11 +56,14 @@ class FileElements(Sequence[RecordedElement]):
         facts: Sequence[form.ElementFacts],
         lines: Sequence[form.TableLine],
         offsets: Sequence[int],
+        stamps: int = 0,
+        offset: int = 0,
     ) -> None:
         self._data = data
         self._facts = facts
         self._lines = lines
         self._offsets = offsets
+        self._ticks = stamps, offset
         self._made: list[RecordedElement | None] = [None] * len(facts)
         self._starts = list(accumulate((len(one.entries) for one in facts), initial=0))
 
@@ -88,8 +94,9 @@ class FileElements(Sequence[RecordedElement]):
         if made is None:
             facts, row = self._facts[place], self._starts[place]
             line = self._lines[row]
+            first = _first(facts, line, *self._ticks)
             entries = [self._entry(row + number, facts, entry) for number, entry in enumerate(facts.entries)]
-            made = self._made[place] = file_element(facts, line.divider, facts.first or 0, entries)
+            made = self._made[place] = file_element(facts, line.divider, first, entries)
         return made
 
     def _entry(self, row: int, element: form.ElementFacts, facts: form.EntryFacts) -> RecordedEntry:
@@ -108,6 +115,12 @@ def _entry_of(type_name: str, item_bytes: int, dtype: str, suffix: str) -> tuple
     return Entry(suffix, shown), stored, stored if logged is None else logged
 
 
+def _first(facts: form.ElementFacts, line: form.TableLine, stamps: int, offset: int) -> int:
+    if facts.first is not None:
+        return facts.first
+    return form.first_stamp(line.looping, stamps, line.samples, line.divider, offset)
+
+
 def read_silo(path: str | os.PathLike[str]) -> Recording:
     """Open a `.silo` file. Values are read-only views of the memory-mapped file, looked up when first used.
 
@@ -120,7 +133,7 @@ def read_silo(path: str | os.PathLike[str]) -> Recording:
         header = parse_header(data)
     except FileFormatError as error:
         raise FileFormatError(f"'{os.fspath(path)}': {error}") from None
-    return _recording(memoryview(data), header, Path(path).stem)
+    return _whole(memoryview(data), header) or _repaired(memoryview(data), header, Path(path).stem)
 
 
 def _map(path: Path) -> mmap.mmap:
@@ -135,7 +148,76 @@ def _map(path: Path) -> mmap.mmap:
         raise LogNotFoundError(f"can't open '{path}': {reason(error)}") from error
 
 
-def _recording(data: memoryview, header: Header, stem: str) -> Recording:
+# ------------------------------------------------------------------------------------------------- a file that is whole
+
+
+def _whole(data: memoryview, header: Header) -> Recording | None:
+    """The recording in a file in which all agrees; None for any other."""
+    lines = [line for line in header.lines if line is not None]
+    offsets = list(accumulate([line.item_bytes * line.samples for line in lines], initial=header.data_start))
+    if header.warnings or header.facts is None or header.offset is None or offsets[-1] != len(data):
+        return None
+    if header.names[2:] != _names(header.elements) or not _has_time(header):
+        return None
+    time, lines = lines[0], lines[2:]
+    elements = header.elements
+    if not _fit(lines, elements, time.samples, header.offset):
+        return None
+    return file_recording(
+        time_stamps(data, offsets[0], offsets[1], time.samples),
+        header.facts,
+        offset=header.offset,
+        elements=FileElements(data, elements, lines, offsets[2:], time.samples, header.offset) if elements else (),
+        time_looping=time.looping,
+        events=tuple(header.events),
+    )
+
+
+def _names(elements: Sequence[form.ElementFacts]) -> list[str]:
+    """The names of the entries of elements as they stand in the table."""
+    return [
+        one.name + entry.suffix if entry.name is None else form.table_name(entry.name)
+        for one in elements
+        for entry in one.entries
+    ]
+
+
+def _has_time(header: Header) -> bool:
+    """Whether the first two lines are the seconds and nanoseconds of each kept tick, as silo writes them."""
+    first, second = (*header.lines[:2], None, None)[:2]
+    if first is None or first != second or (first.type_name, first.divider) != ("int64", 1):
+        return False
+    return header.names[0].endswith("time_s") and header.names[1].endswith("time_ns")
+
+
+def _fit(lines: Sequence[form.TableLine], elements: Sequence[form.ElementFacts], stamps: int, offset: int) -> bool:
+    """Whether each type can be what the facts say, and each sample has a time stamp."""
+    runs: set[tuple[form.TableLine, int | None]] = set()
+    types: set[tuple[str, int, str]] = set()
+    row = 0
+    for one in elements:
+        if not one.entries:
+            return False
+        line = lines[row]
+        runs.add((line, one.first))
+        for entry in one.entries:
+            other = lines[row]
+            if other is not line and other[1:4] != line[1:4]:
+                return False
+            types.add((other.type_name, other.item_bytes, entry.dtype))
+            row += 1
+    for line, given in runs:
+        first = form.first_stamp(line.looping, stamps, line.samples, line.divider, offset) if given is None else given
+        if line.samples <= 0 or first < 0 or first + (line.samples - 1) * line.divider >= stamps:
+            return False
+    return all(types_of(*each)[1] for each in types)
+
+
+# --------------------------------------------------------------------------------------------- a file that is not whole
+
+
+def _repaired(data: memoryview, header: Header, stem: str) -> Recording:
+    """What is there of a file that is damaged, cut off, or of the original, whose elements are told by their names."""
     columns = _columns(header, len(data))
     facts = header.facts or form.LogFacts(logger=stem)
     looping = False
@@ -172,20 +254,13 @@ def _recording(data: memoryview, header: Header, stem: str) -> Recording:
         load_time,
         facts,
         offset=offset,
-        elements=FileElements(data, [one for one, _ in found], lines, [one.offset for one in kept]) if found else (),
+        elements=FileElements(data, [one for one, _ in found], lines, [column.offset for column in kept])
+        if found
+        else (),
         time_looping=looping,
         warnings=(*facts.warnings, *header.warnings),
         events=tuple(header.events),
     )
-
-
-def _names(elements: Sequence[form.ElementFacts]) -> list[str]:
-    """The names of the entries of elements as they stand in the table."""
-    return [
-        one.name + entry.suffix if entry.name is None else form.table_name(entry.name)
-        for one in elements
-        for entry in one.entries
-    ]
 
 
 def _columns(header: Header, size: int) -> list[_Stored]:
@@ -300,9 +375,7 @@ def _in_ticks(
         pairs = zip(columns, facts.entries, strict=True)
         ticks = announced, stamps, offset
         return [one for c, entry in pairs for one in _in_ticks(header, _alone(facts, entry, None), [c], *ticks)]
-    first = facts.first
-    if first is None:
-        first = form.first_stamp(line.looping, announced, line.samples, line.divider, offset)
+    first = _first(facts, line, announced, offset)
     skip = 0
     last = max(column.whole for column in columns) - 1
     if last >= 0 and (first < 0 or first + last * line.divider >= stamps):
