@@ -36,6 +36,7 @@ from silo.recorder.requests import RecorderRequests
 from silo.recordings.requests import RecordingRequests
 from silo.requests import AnyReply
 from silo.rpc.declaring import Ask, Do, ReplyT, Request
+from silo.rpc.leases import Closing
 from silo.rpc.published import Event
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, checked, meant
 from silo.rpc.words import full_name, why_silent
@@ -73,7 +74,7 @@ LONGEST_S = 1e6  # that anybody waits
 @told_class("client", make="Client", shared=TakesConditions, returns=str)
 class Client(
     StateRequests, TableRequests, EventRequests, ScriptRequests, ControlRequests, ConditionRequests, SearchRequests,
-    RecordingRequests, RecorderRequests, ParameterRequests, TakesConditions[str],
+    RecordingRequests, RecorderRequests, ParameterRequests, TakesConditions[str], Closing,
 ):  # fmt: skip
     """A connection to one logger. A context manager."""
 
@@ -213,12 +214,6 @@ class Client(
                 self.release_control()
         self._connection.close()
         self._saves.wake()
-
-    def __enter__(self) -> "Client":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     # --------------------------------------------------------------------------------------------------------- asking
 

@@ -28,6 +28,7 @@ from silo.history.requests import (
 from silo.net.keys import ClientId, Root
 from silo.net.sessions import undeclare
 from silo.rpc.foreign import Foreign, understood
+from silo.rpc.leases import Closing
 from silo.segment.picking import Packer, shaped
 
 STAMP_BYTES = 16
@@ -160,7 +161,7 @@ class StreamBatch(Mapping[str, SampleArrays]):
 
 
 @told_class("stream")
-class Stream:
+class Stream(Closing):
     """All samples of some elements or entries as they come. May be used by any thread; iterate over it, or `read()`.
 
     `missed` counts rows that did not arrive: they were overwritten before they were sent, or this reader was slow.
@@ -294,12 +295,6 @@ class Stream:
             subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
         self._on_close(self)
 
-    def __enter__(self) -> "Stream":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
 
 def _decoded(data: bytes) -> StreamFrame:
     frame: StreamFrame = _decoder.decode(data)
@@ -315,7 +310,7 @@ def _check_rows(rows: SampledRows) -> None:
 
 
 @told_class("pin")
-class Pin:
+class Pin(Closing):
     """What a helper process holds for this client: `client.samples(..., pin=pin)` and `client.history` read it.
 
     It is held until it is closed, over a link that is cut for less than 30 s, and over a new start of the logger.
@@ -348,9 +343,3 @@ class Pin:
     def close(self) -> None:
         """Let the helper process forget it; closing twice is fine."""
         self._on_close(self)
-
-    def __enter__(self) -> "Pin":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

@@ -19,6 +19,7 @@ from silo.errors import ConnectionLostError, ElementError
 from silo.net.keys import ClientId, Root, unescape
 from silo.net.sessions import undeclare
 from silo.rpc.foreign import NOT_UNDERSTOOD, Foreign
+from silo.rpc.leases import Closing
 
 POLL_S = 0.01  # batches come 20 times per second
 SILENCE_S = 2.0  # after which an iteration asks why nothing comes
@@ -49,7 +50,7 @@ _OTHER_NAMES = dict.fromkeys(
 
 @told_names("a topic", _OTHER_NAMES)
 @told_class("topic")
-class Topic:
+class Topic(Closing):
     """A subscription. `read()` doesn't wait unless told to; `missed` counts samples that did not arrive.
 
     `for batch in topic:` and `async for batch in topic:` go on until the topic or its client is closed.
@@ -184,12 +185,6 @@ class Topic:
         if subscriber is not None:
             subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
         self._on_close(self)
-
-    def __enter__(self) -> "Topic":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def decode_batch(sample: zenoh.Sample) -> Batch:

@@ -17,6 +17,7 @@ from silo.net.keys import ClientId, Root
 from silo.net.sessions import undeclare
 from silo.rpc.foreign import Foreign, understood
 from silo.rpc.frames import Frame
+from silo.rpc.leases import Closing
 from silo.rpc.published import ViewFrame
 
 LARGEST = 2**63 - 1
@@ -46,7 +47,7 @@ def _marks(data: bytes, shape: tuple[int, int]) -> Marks | None:
 
 
 @told_class("view")
-class View:
+class View(Closing):
     """An open view. `frame()` may be called by any thread and never waits; `close()` ends it."""
 
     def __init__(
@@ -170,12 +171,6 @@ class View:
         if subscriber is not None:
             subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
         self._on_close(self)
-
-    def __enter__(self) -> "View":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def _sound(data: bytes) -> ViewFrame:

@@ -11,7 +11,20 @@ from types import TracebackType
 from typing import Generic, TypeVar
 
 Key = TypeVar("Key")
+ClosingT = TypeVar("ClosingT", bound="Closing")
 Value = TypeVar("Value")
+
+
+class Closing:
+    """Base of what is closed at the end of a `with`."""
+
+    close: Callable[[], None]
+
+    def __enter__(self: ClosingT) -> ClosingT:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 @dataclass(frozen=True)
