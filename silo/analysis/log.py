@@ -446,7 +446,9 @@ class Log(Mapping[str, Signal]):
         return self._evaluated(expression, expression)
 
     def _evaluated(self, expression: str, name: str) -> Signal:
-        found = self._judge_of(expression).evaluate(expression)
+        recording = narrowed(self.recording, [expression])  # of a bag of others, no more than the expression needs
+        judge = self._judge if recording is self.recording else RecordingJudge(recording)
+        found = judge.evaluate(expression)
         dividers = set(found.bound.sources.values())
         return Signal(
             name=name,
@@ -463,11 +465,6 @@ class Log(Mapping[str, Signal]):
     @cached_property
     def _judge(self) -> RecordingJudge:
         return RecordingJudge(self.recording)
-
-    def _judge_of(self, expression: str) -> RecordingJudge:
-        """Of a bag of others, one that reads no more than the expression needs."""
-        recording = narrowed(self.recording, [expression])
-        return self._judge if recording is self.recording else RecordingJudge(recording)
 
     # ---------------------------------------------------------------------------------------------------------- facts
 

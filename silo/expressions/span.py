@@ -69,7 +69,8 @@ class Measuring:
         self._smallest = min(self._smallest, float(finite.min()))
         self._largest = max(self._largest, float(finite.max()))
         size = max(self._size, float(np.abs(finite).max())) or 1.0
-        self._rescale(self._size / size)
+        share = self._size / size
+        self._mean, self._squares, self._spread = self._mean * share, self._squares * share**2, self._spread * share**2
         self._size = size
         shares = finite / size
         count, mean = len(shares), float(shares.mean())
@@ -79,9 +80,6 @@ class Measuring:
         self._spread += spread + step * step * before * count / self._finite
         self._mean += step * count / self._finite
         self._squares += float(np.sum(shares**2))
-
-    def _rescale(self, share: float) -> None:
-        self._mean, self._squares, self._spread = self._mean * share, self._squares * share**2, self._spread * share**2
 
     @property
     def found(self) -> Between:

@@ -73,17 +73,14 @@ class MarkReader:
         """Take what there is now."""
         with self._lock, contextlib.suppress(SegmentError):  # somebody cut it short, which others tell
             if self._run.reader is not None:
-                self._take_marks(self._run.reader)
-                self._take_changes(self._run.reader)
+                self._take_noted(self._run.reader)
                 self._take_unheld(self._run.reader)
 
-    def _take_marks(self, reader: SegmentReader) -> None:
+    def _take_noted(self, reader: SegmentReader) -> None:
         if marks := reader.stamped_marks(self._taken):
             self._tell_lost(marks[0].number - 1 - self._taken, "marks of the program", "it marks too often")
             self._taken = marks[-1].number
             self._publish(marks, self._known)
-
-    def _take_changes(self, reader: SegmentReader) -> None:
         if changes := reader.stamped_changes(self._changed):
             lost = changes[-1].number - self._changed - len(changes)
             self._tell_lost(lost, "changes of parameters", "they change too often")

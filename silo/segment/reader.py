@@ -438,17 +438,14 @@ class SegmentReader:
         if not schema.parameters:
             return []
         self._check_size()
-        found = read_changes(self._change_words(), max(since, 0), schema.parameters, schema.logger, schema.run)
+        words = self._words[schema.parameter_changes : schema.parameter_changes + AREA_BYTES // 8]
+        found = read_changes(words, max(since, 0), schema.parameters, schema.logger, schema.run)
         image = image_event(schema.parameters, schema.started_ns, schema.logger, schema.run)
         return found if since >= 0 else [image, *found]
 
     def stamped_changes(self, since: int = -1) -> list[LoggedEvent]:
         """The same with the time stamps of their ticks, as far as these are still held."""
         return [msgspec.structs.replace(one, stamp_ns=self.stamp_of(one.tick)) for one in self.changes(since)]
-
-    def _change_words(self) -> NDArray[np.uint64]:
-        begin = self.schema.parameter_changes
-        return self._words[begin : begin + AREA_BYTES // 8]
 
     def stamped_marks(self, since: int = 0) -> list[LoggedEvent]:
         """The same with the time stamps of their ticks, as far as these are still held."""

@@ -183,11 +183,7 @@ def _decoded(groups: Iterable[Equal], bad: Bad) -> Iterator[tuple[int, Any]]:
             try:
                 yield number, _message(row.tobytes())
             except (ValueError, RecursionError) as error:  # noqa: PERF203  # one by one, as each may be damaged
-                bad.append((np.array([number]), _no_json(error)))
-
-
-def _no_json(error: Exception) -> str:
-    return f"it is no JSON: {error}"
+                bad.append((np.array([number]), f"it is no JSON: {error}"))
 
 
 def _message(text: bytes) -> Any:

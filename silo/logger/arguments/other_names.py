@@ -3,6 +3,7 @@
 Misspelt names are Python's own matter: it says which one was meant.
 """
 
+import inspect
 from collections.abc import Iterable
 from typing import NoReturn
 
@@ -144,11 +145,7 @@ class HidesOtherNames(type):
 
 def listed(names: Iterable[str], cls: type) -> list[str]:
     """The names of an object without those that are only told of: what its `__dir__` returns."""
-    return [name for name in names if not isinstance(_static(cls, name), Elsewhere)]
-
-
-def _static(cls: type, name: str) -> object:
-    return next((vars(base)[name] for base in cls.__mro__ if name in vars(base)), None)
+    return [name for name in names if not isinstance(inspect.getattr_static(cls, name, None), Elsewhere)]
 
 
 def no_attribute_of(element: str, name: str) -> NoReturn:
