@@ -154,28 +154,15 @@ OPTIONS = (
 )  # fmt: skip
 OPTION = {option.name: option for option in OPTIONS}
 IN_SCRIPT = sorted(OPTIONS, key=lambda option: option.late)  # in the order of a script
-_FIT = [(o.name, o.kind, *(RANGES[o.name] if o.name in RANGES else (0, len(o.words)))) for o in OPTIONS]
 
 
 def option_problems(name: str, options: ElementOptions) -> list[Problem]:
     """What is wrong in options that came from outside; empty when all is well."""
-    if _all_well(options):
-        return []
-    given = {option.name: getattr(options, option.name) for option in OPTIONS}
     return [
-        Problem(name, option.name, option.problem(shorten(repr(given[option.name]))))
+        Problem(name, option.name, option.problem(shorten(repr(given))))
         for option in OPTIONS
-        if not option.accepts(given[option.name])
+        if not option.accepts(given := getattr(options, option.name))
     ]
-
-
-def _all_well(options: ElementOptions) -> bool:
-    """Whether all values are of the very types of options, and in range: a tenth of what it takes to say what isn't."""
-    for name, kind, low, high in _FIT:
-        value = getattr(options, name)
-        if type(value) is not kind or not low <= value <= high:
-            return False
-    return True
 
 
 def raw_problems(name: str, options: Mapping[Any, Any]) -> list[Problem]:
