@@ -75,9 +75,9 @@ class Servers(Dispatch):
             ScriptServer(replica, events, program),
             ControlServer(control_lock),
             ConditionServer(judge, replica, events, program),
-            HistoryServer(replica, publisher.pins, publisher.streams),
+            HistoryServer(replica, publisher.pins, publisher.streams.open, publisher.streams.close_for),
             LiveServer(publisher, surveyor),
-            RecordingServer(RecordingFolder(), saver, replica, events),
+            RecordingServer(RecordingFolder(), saver.save, replica, events),
             RecorderServer(recording, program),
             ParameterServer(program),
         )

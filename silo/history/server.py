@@ -1,8 +1,7 @@
 """Samples that are held: as columns, as rows, in pins; moments and facts in them. And streams of what comes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from silo.history import requests, search_requests
 from silo.history.history import check_history, history
@@ -14,29 +13,20 @@ from silo.rpc.serving import Server
 from silo.state.replica import Replica
 
 
-class OpenStreams(Protocol):
-    """All open streams."""
-
-    def open(self, request: requests.OpenStream, /) -> requests.StreamOpened:
-        """Open or renew one."""
-
-    def close_for(self, name: str, proof: str, /) -> str:
-        """Close the one of a client; returns what was done."""
-
-
 @dataclass(frozen=True)
 class HistoryServer(Server, does=[requests, search_requests]):
     """Answers what is held, and opens what is sent from now on."""
 
     replica: Replica
     pins: Pins
-    streams: OpenStreams
+    open_or_renew: Callable[[requests.OpenStream], requests.StreamOpened]
+    close_for: Callable[[str, str], str]  # by name and proof
 
     def open_stream(self, request: requests.OpenStream) -> requests.StreamOpened:
-        return self.streams.open(request)
+        return self.open_or_renew(request)
 
     def close_stream(self, request: requests.CloseStream) -> str:
-        return self.streams.close_for(request.stream, request.proof)
+        return self.close_for(request.stream, request.proof)
 
     def open_pin(self, request: requests.OpenPin) -> requests.PinOpened:
         return self.pins.open(request, self.replica.now, self.replica.open_watcher())

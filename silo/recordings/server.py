@@ -1,7 +1,7 @@
 """Saving, and the recordings in the logger's own folder."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import msgspec
 
@@ -14,24 +14,17 @@ from silo.state.events import EventNotifier
 from silo.state.replica import Replica
 
 
-class SavesData(Protocol):
-    """What saves the data in the helper process."""
-
-    def save(self, request: Save, /) -> SaveStarted:
-        """Begin; the rest comes as events."""
-
-
 @dataclass(frozen=True)
 class RecordingServer(Server, does=[requests]):
     """Begins to save, and reads and deletes what was."""
 
     folder: RecordingFolder
-    saver: SavesData
+    begin: Callable[[Save], SaveStarted]  # to save; the rest comes as events
     replica: Replica
     events: EventNotifier
 
     def save(self, turn: Turn, request: Save) -> SaveStarted:
-        return self.saver.save(msgspec.structs.replace(request, client=turn.by))
+        return self.begin(msgspec.structs.replace(request, client=turn.by))
 
     def recordings(self, most: int) -> Recordings:
         robot = self.replica.now.robot
