@@ -183,7 +183,7 @@ COMMANDS: tuple[Command, ...] = (
             typed=Typed(("apply",))),
     Command("discard", "x", "Discard", "drop pending edits of the row or of what is marked; forget a derived signal",
             "Edit", _TABLE, typed=Typed(("discard",))),
-    Command("forget_derived", "", "Forget", "forget the derived signal, after a question", "Edit", _TABLE, writes=True,
+    Command("forget_derived", "", "Delete", "forget the derived signal, after a question", "Edit", _TABLE, writes=True,
             asks=True),
     # -------------------------------------------------------------------------------------------------- logger
     Command("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _BOTH, 8, writes=True, asks=True,
@@ -348,7 +348,7 @@ COMMANDS: tuple[Command, ...] = (
             _TRIGGERS, 4, writes=True, asks=True),
     Command("trigger_capture", "enter", "Last capture", "plot what it captured last, the fire under the cursor",
             "Triggers", _TRIGGERS, 5),
-    Command("trigger_remove", "x", "Remove", "forget the trigger; its files stay", "Triggers", _TRIGGERS, 6,
+    Command("trigger_remove", "x", "Delete", "forget the trigger; its files stay", "Triggers", _TRIGGERS, 6,
             writes=True, asks=True),
     Command("plot_trigger", "N", "New trigger", "a trigger at the level under the cursor", "Plots", _MONITOR + _SCOPE,
             writes=True, asks=True),

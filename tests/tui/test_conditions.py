@@ -137,12 +137,12 @@ class TestScreens:
             await screen.press("T")
             await screen.shows("abs(base/roll) > 0.6")
             await screen.press("x")
-            await screen.shows("Remove trigger fall of robot?")
+            await screen.shows("Delete trigger fall of robot?")
             await screen.press("enter")
             await screen.until(lambda: not screen.app.screen.is_modal)
             assert fake.trigger_statuses == [FALL]
             await screen.press("x")
-            await screen.shows("Remove trigger fall of robot?")
+            await screen.shows("Delete trigger fall of robot?")
             await screen.press("y")
             await screen.shows("trigger 'fall' is removed")
             assert fake.trigger_statuses == []
@@ -309,7 +309,7 @@ class TestLists:
             assert ("arm_trigger", "fall", False) in fake.calls
             await done(screen)
             await screen.press("x")
-            await screen.shows("Remove 2 triggers of robot?")
+            await screen.shows("Delete 2 triggers of robot?")
             await screen.press("escape")
             assert not [call for call in fake.calls if call[0] == "remove_trigger"]
 
@@ -402,8 +402,10 @@ async def test_a_capture_without_end_says_how_long_it_is_and_what_ends_it(fake, 
     fake.trigger_statuses = [replace(FALL, state=TriggerWord.FIRING, capturing_s=14.0)]
     async with opened(fake) as screen:
         await screen.press("T")
-        await screen.shows("fall captures, 14 s so far: the file is written 1 s after the last fire; t")
-        await screen.shows("switches it off, so that it ends")
+        await screen.press("enter")
+        await screen.shows("fall has no capture yet; m plots its signals │")
+        await screen.shows("fall captures, 14 s so far: the")
+        await screen.shows("file is written 1 s after the last fire; t switches it off")
 
 
 async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, opened):

@@ -123,7 +123,7 @@ async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_tab
         await screen.until(lambda: fake.derived == (Derived("/log/power", "3 * imu/acceleration"),))
         await screen.shows("is derived: 3 *")
         await screen.press("x")
-        await screen.shows("Forget power of robot?")
+        await screen.shows("Delete power of robot?")
         await screen.press("y")
         await screen.until(lambda: not fake.derived and len(screen.session.table) == len(fake.elements))
 

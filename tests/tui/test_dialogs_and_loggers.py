@@ -106,6 +106,17 @@ async def test_a_failed_save_says_why_until_something_else_is_to_be_saved(fake, 
         assert not told.has_class("failed")
 
 
+async def test_what_was_saved_takes_the_place_of_what_was_to_be_done_before(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.press("S", "y")
+        await screen.shows("stopped; w saves the data")
+        await screen.press("w", "enter")
+        await screen.shows("Close")
+        await screen.press("enter")
+        await screen.shows("saved: ")
+        assert "w saves the data" not in screen.text
+
+
 async def test_the_end_of_a_save_whose_dialog_was_left_is_told(fake, opened):
     fake.run()
     fake.save_takes_long = True

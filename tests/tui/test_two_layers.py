@@ -10,6 +10,7 @@ from silo_tui.menus import MenuLines
 from silo_tui.model.table.fields import Field
 from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import read
+from tests.tui.test_conditions import FALL, HOT
 from tests.tui.test_typed_early import burst
 
 SCOPES = sorted({scope for command in COMMANDS for scope in command.scopes} - {"any"})
@@ -192,6 +193,25 @@ async def test_the_bar_has_room_for_what_commands_the_logger_and_says_what_waits
         assert "Apply" not in bar(screen)
 
 
+async def test_on_a_name_space_the_bar_says_what_folds_it(fake, opened):
+    async with opened(fake) as screen:
+        assert "Fold" not in bar(screen)
+        await screen.enter(":goto /log/imu/temperature")
+        await screen.press("minus")
+        assert "+ Unfold" in bar(screen)
+        await screen.press("minus")
+        assert "+ Fold" in bar(screen)
+
+
+@pytest.mark.parametrize("scope", ["alarms", "triggers", "recordings"])
+async def test_the_bar_of_a_list_without_a_line_has_no_key_that_is_about_one(fake, opened, scope):
+    async with opened(fake) as screen:
+        await screen.do(scope)
+        await screen.until(lambda: screen.app.screen.scope == scope, "the list")
+        assert not any(key in bar(screen) for key in ("Enter", "space", "o Order", "D Delete", "r t", "r k"))
+        assert bar(screen).startswith((" r n New", " r r Record"))
+
+
 async def test_the_bar_says_what_is_done_again_where_there_is_room(fake, opened):
     async with opened(fake, size=(160, 50)) as screen:
         assert "again" not in bar(screen) and "S Start" in bar(screen)
@@ -253,6 +273,7 @@ async def test_what_has_a_form_or_a_list_is_asked_by_it_and_not_by_a_line(fake, 
     ("list_key", "named"), [("triggers", "r t Arm/Off r n New"), ("alarms", "r k Acknowledge r n New")]
 )
 async def test_the_bar_of_a_list_names_what_it_is_for_where_its_key_is_in_a_menu(list_key, named, fake, opened):
+    fake.trigger_statuses, fake.limit_statuses = [FALL], [HOT]
     async with opened(fake) as screen:
         await screen.do(list_key)
         await screen.until(lambda: screen.app.screen.scope == list_key, "the list")

@@ -86,8 +86,8 @@ async def forget(context: Context, session: Session, rows: Sequence[int]) -> Non
     what = shown[0] if one else many(len(names), "derived signal")
     lines = [f"{name} {session.table.elements[row].description}" for name, row in zip(shown, rows, strict=True)]
     lines += ["Its signals stay as they are." if one else "Their signals stay as they are."]
-    title, keep = f"Forget {what} of {session.name}?", f"Keep {'it' if one else 'them'}"
-    if not await confirmed(context.app, title, "\n".join(lines), "Forget", keep):
+    title, keep = f"Delete {what} of {session.name}?", f"Keep {'it' if one else 'them'}"
+    if not await confirmed(context.app, title, "\n".join(lines), "Delete", keep):
         return
     said = await context.link.call(lambda client: "; ".join([client._remove_derived(name) for name in names[::-1]]))
     await session.reload()

@@ -10,8 +10,9 @@ from textual import events
 from textual.app import ComposeResult
 from textual.widgets import Static
 
-from silo_tui.actions import key_of
+from silo_tui.actions import Command, key_of
 from silo_tui.context import SiloScreen
+from silo_tui.keymap import DESTROYS, TWO_LAYERS
 from silo_tui.model.lists.ordering import Marks, Order, arranged, passes
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.order import OrderDialog
@@ -20,6 +21,7 @@ from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.lines import Lines
 from silo_tui.widgets.messages import ListLine
 
+OF_A_LINE = ("enter", "space", "o", "m", "r k", "r t", DESTROYS)
 FILTER_KEYS = "Enter keeps the filter  Esc clears it"
 
 LineT = TypeVar("LineT")
@@ -169,6 +171,12 @@ class ListScreen(SiloScreen, Generic[LineT]):
         below.display = bool(advice)
         below.set_class(not lines.display, "alone")
         self.show_words()
+        self.query_one(KeyBar).update()
+
+    def label_now(self, command: Command) -> str:
+        """Return it; nothing of what is about a line where there is none."""
+        about_a_line = TWO_LAYERS.get(command.id, "").split(",")[0] in OF_A_LINE
+        return "" if about_a_line and not self.shown else super().label_now(command)
 
     def _row(self, place: int) -> Text:
         line, key = self.row_of(self.shown[place], self.size.width), self.shown_keys[place]

@@ -92,14 +92,19 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
             return f"{name} has fired (mode single): {key_of('trigger_toggle')} arms it again"
         if one.state is TriggerWord.WAITING:
             return f"{name} waits for the logger to run"
-        if one.state is TriggerWord.FIRING:
-            post = text.span(one.options.post_s) if one.options.post_s else "0 s"
-            ends = f"; {key_of('trigger_toggle')} switches it off, so that it ends" if one.options.armed else ""
-            so_far = f", {ago(one.capturing_s)} so far" if one.capturing_s else ""
-            return f"{name} captures{so_far}: the file is written {post} after the last fire{ends}"
         if one.files:
             return f"last capture: {Path(one.files[0]).name}"
         return f"{name}: {one.options.when}"
+
+    def going_on(self) -> Sequence[str]:
+        """Return what is going on, a capture of the trigger under the cursor too."""
+        one, found = self.chosen, super().going_on()
+        if one is None or one.state is not TriggerWord.FIRING:
+            return found
+        post = text.span(one.options.post_s) if one.options.post_s else "0 s"
+        ends = f"; {key_of('trigger_toggle')} switches it off, so that it ends" if one.options.armed else ""
+        so_far = f", {ago(one.capturing_s)} so far" if one.capturing_s else ""
+        return [*found, f"{one.options.name} captures{so_far}: the file is written {post} after the last fire{ends}"]
 
     # ------------------------------------------------------------------------------------------------- commands
 
@@ -132,8 +137,8 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         lines += [
             f"{key_of('trigger_toggle')} switches {'it' if one else 'them'} off and keeps {'it' if one else 'them'}."
         ]
-        title = f"Remove {f'trigger {names[0]}' if one else f'{len(names)} triggers'} of {self.session.name}?"
-        if await confirmed(self.app, title, "\n".join(lines), "Remove", f"Keep {'it' if one else 'them'}"):
+        title = f"Delete {f'trigger {names[0]}' if one else f'{len(names)} triggers'} of {self.session.name}?"
+        if await confirmed(self.app, title, "\n".join(lines), "Delete", f"Keep {'it' if one else 'them'}"):
             await self.carry_out(lambda client: "; ".join([client._remove_trigger(name) for name in names]))
 
     def command_trigger_edit(self) -> None:
@@ -156,9 +161,11 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         self.context.run_flow(taken(self.context, form, send))
 
     def command_trigger_capture(self) -> None:
-        one = self.chosen
-        if one is None or not one.files:
-            self.say("it has captured nothing yet")
+        one = self.here()
+        if one is None:
+            return
+        if not one.files:
+            self.say(f"{one.options.name} has no capture yet; {key_of('plot_conditions')} plots its signals")
             return
         files = [SavedFile(path, kind, 0) for path in one.files if (kind := kind_of(path)) is not None]
         run_alone(self, "opening", open_saved, self.context, self.session, files, lambda file: self._plotted(file, one))
