@@ -385,11 +385,15 @@ def _seconds(time_ns: NDArray[np.int64], start: int) -> NDArray[np.float64]:
 
 
 def _facts(recording: Recording) -> str:
-    told = ("name", "unit", "kind", "shape", "divider", "first", "description", "lost", "failures", "dtype")
     elements = []
     for element in recording.elements:
+        facts = _of(element, "name", "unit", "kind", "shape", "divider") | {"buffer": element.buffer_type.name}
+        facts |= _of(element, "first", "description", "lost", "failures", "dtype")
         entries = [{"name": e.name, "type": e.values.dtype.str, "labels": e.entry.labels} for e in element.entries]
-        facts = {name: getattr(element, name) for name in told}
-        elements.append({**facts, "buffer": element.buffer_type.name, "entries": entries})
-    facts = {name: getattr(recording, name) for name in ("logger", "frequency_hz", "started_ns", "offset", "events")}
-    return msgspec.json.encode({**facts, "elements": elements, "warnings": list(recording.warnings)}).decode()
+        elements.append({**facts, "entries": entries})
+    facts = _of(recording, "logger", "frequency_hz", "started_ns", "offset") | {"elements": elements}
+    return msgspec.json.encode(facts | _of(recording, "events", "warnings")).decode()
+
+
+def _of(what: object, *names: str) -> dict[str, Any]:
+    return {name: getattr(what, name) for name in names}
