@@ -31,7 +31,6 @@ from silo.net.found import LoggerAddress
 from silo.net.sessions import SessionLease, borrowed, undeclare
 from silo.rpc.declaring import Ask
 from silo.rpc.foreign import NOT_UNDERSTOOD
-from silo.rpc.leases import Closing
 from silo.rpc.published import Summary
 from silo.rpc.refusals import checked
 from silo.state.requests import GetSummary, Hello, HelloReply, SummaryReply
@@ -131,7 +130,7 @@ def surveyed(config: str = "", pattern: str = "", answer_s: float = 1.0) -> Flee
     )
 
 
-class Fleet(Closing):
+class Fleet:
     """Knows all loggers that a user can reach, and follows them until it is closed. A context manager."""
 
     def __init__(self, config: str = "", plan: FleetQuestion = FOLLOWING) -> None:
@@ -213,6 +212,12 @@ class Fleet(Closing):
         if self._thread is not None:
             self._thread.join()
         self._end_ways()
+
+    def __enter__(self) -> "Fleet":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     # --------------------------------------------------------------------------------------------- the ways there are
 
