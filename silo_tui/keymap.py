@@ -60,7 +60,8 @@ _TABLE = (
     # ------------------------------------------------------------------------------------ into, beside
     ("enter", "detail go_to_event open_logger open_recording open_run alarm_worst"),
     ("enter,r c", "trigger_capture"),
-    ("m,enter", "monitor plot"),
+    ("enter", "into"),
+    ("m", "monitor plot"),
     ("m", "plot_conditions"),
     ("plus,minus,v f", "fold"),
     ("plus,equals_sign", "closer"),
@@ -106,7 +107,9 @@ _TABLE = (
     ("g o", "open"),
     ("g d", "demo"),
     # --------------------------------------------------------------------------------------------------- edit
-    ("e e", "edit scope_settings trigger_edit alarm_limits"),
+    ("e e", "edit scope_settings trigger_edit"),
+    ("e e,e a", "alarm_limits"),
+    ("e a", "limits_of_row"),
     ("enter,e e", "change_setting type_parameter"),
     ("e d", "edit_divider"),
     ("e s", "edit_size"),

@@ -3,7 +3,7 @@
 Roles: `foreground` text, `quiet` units and titles, `primary` focus and keys, `success` runs, `plot` curves, and the
 five of `ROLES`: `alarm` over a red limit, failed, lost, in conflict; `warning` over a yellow one, slow, full, blind,
 stopped; `pending` edits that wait; `dead` what no longer answers, or ended; `selected` what is marked. Their signs
-(`HH`, `H`, `*`, `×` and `~`, `>`) stand beside them without colours too. On `background`, `panel` (bars), `boost`
+(`HH`, `H`, `*`, `×` and `~`, `+`) stand beside them without colours too. On `background`, `panel` (bars), `boost`
 (lines to type in) and `line` (under the cursor). Each is told from its grounds by a contrast of 4.5 (WCAG), in
 `silo-contrast` by 7. The colours of curves beside each other: `widgets/styled.py`.
 """

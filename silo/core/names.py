@@ -171,7 +171,8 @@ class Names:
 
     def hint(self, text: str, otherwise: str) -> str:
         """Return what is said behind an error of a name that there isn't."""
-        return did_you_mean(self.near(text, 1), otherwise)
+        glob = glob_of_regex(text)
+        return did_you_mean([glob] if glob and self.find(glob) else self.near(text, 1), otherwise)
 
 
 def nearest(asked: str, words: Iterable[str], cutoff: float = 0.6, most: int = 1) -> list[str]:
@@ -201,6 +202,16 @@ def is_word(component: str) -> bool:
 def is_glob(text: str) -> bool:
     """Return whether a text is a pattern of names."""
     return any(letter in text for letter in "*?[")
+
+
+def glob_of_regex(text: str) -> str:
+    """Return what a regular expression is written as here, `*torque` for `torque$`; empty where it is none, or more."""
+    starred = re.sub(r"\.[*+]", "*", text)
+    glob = starred.removeprefix("^").removesuffix("$")
+    if glob == text or not glob or any(sign in glob for sign in "^$\\+(){}"):
+        return ""
+    begin = "" if starred.startswith("^") or glob.startswith("*") else "*"
+    return f"{begin}{glob}" + ("" if starred.endswith("$") or glob.endswith("*") else "*")
 
 
 def matching(names: Sequence[str], patterns: Sequence[str], prefix: str = "") -> list[str]:

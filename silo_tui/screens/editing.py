@@ -93,13 +93,22 @@ class Editing(ElementsScreen):
         one = msgspec.structs.replace(one, expression=expression) if expression else one
         self.context.run_flow(ask_derived(self.context, self.session, one))
 
+    def _entry_here(self) -> tuple[int, int, str] | None:
+        """Return element, entry and name of the signal under the cursor; says so where there is none."""
+        row, entry = self.session.rows.row, self.session.rows.entry or 0
+        if row is not None and self.session.table.elements[row].entries:
+            return row, entry, self.session.table.entry_names(row)[entry]
+        self.say("a trigger or limits are of one element: go to its line")
+        return None
+
+    def command_limits_of_row(self) -> None:
+        if (here := self._entry_here()) is not None:
+            self._ask_limits(here[2])
+
     def command_new_of_row(self) -> None:
-        row = self.session.rows.row
-        if row is None or not self.session.table.elements[row].entries:
-            self.say("a trigger or limits are of one element: go to its line")
+        if (here := self._entry_here()) is None:
             return
-        entry = self.session.rows.entry or 0
-        name = self.session.table.entry_names(row)[entry]
+        row, entry, name = here
         short = self.session.short_name(name).lstrip("/")
         reading = self.session.live.readings.get(self.session.table.names[row])
         value = reading.newest[entry] if reading is not None and entry < len(reading.newest) else 0.0
@@ -113,7 +122,6 @@ class Editing(ElementsScreen):
 
     def _make(self, answer: str | None, made: TriggerOptions, name: str) -> None:
         """Go to the editor of a trigger, or of limits."""
-        from silo_tui.screens.lists.alarms import AlarmsScreen
         from silo_tui.screens.lists.triggers import TriggersScreen
 
         if answer == "trigger":
@@ -123,9 +131,14 @@ class Editing(ElementsScreen):
         elif answer == "derived":
             self.derive("", self.session.short_name(name).lstrip("/"))
         elif answer == "limits":
-            alarms = AlarmsScreen(self.session)
-            self.app.push_screen(alarms)
-            alarms.call_after_refresh(alarms.ask_limits, self.session.short_name(name).lstrip("/"), name)
+            self._ask_limits(name)
+
+    def _ask_limits(self, name: str) -> None:
+        from silo_tui.screens.lists.alarms import AlarmsScreen
+
+        alarms = AlarmsScreen(self.session)
+        self.app.push_screen(alarms)
+        alarms.call_after_refresh(alarms.ask_limits, self.session.short_name(name).lstrip("/"), name)
 
     def _edit_chosen(self, answer: str | None) -> None:
         if answer is not None:

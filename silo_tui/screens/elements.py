@@ -10,9 +10,11 @@ from textual.containers import Horizontal, Vertical
 from textual.timer import Timer
 from textual.widgets import Input, Static
 
+from silo.core.names import glob_of_regex
 from silo.rpc.frames import Frame
 from silo_tui.context import SiloScreen
 from silo_tui.model.table import filter as filters
+from silo_tui.model.table.columns import TREE
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
@@ -34,6 +36,7 @@ class ElementsScreen(SiloScreen):
     """Elements with what is known of them; its children say what that is and what can be done with it."""
 
     filter_hint = ""
+    plots_by = "monitor"  # the command that plots
 
     def __init__(
         self,
@@ -158,6 +161,7 @@ class ElementsScreen(SiloScreen):
             self.inspector.refresh()
         self.table_head.refresh()
         self.info.refresh()
+        self.update_keys()
         self.request_view_soon()
 
     def request_view_soon(self) -> None:
@@ -301,6 +305,9 @@ class ElementsScreen(SiloScreen):
         self.say(self.session.rows.fold())
         self.table_changed()
 
+    def command_into(self) -> None:
+        self.action_command("fold" if self.session.rows.branch is not None else self.plots_by)
+
     def command_component(self) -> None:
         self.say(self.session.rows.next_component())
         self.table_changed()
@@ -319,11 +326,12 @@ class ElementsScreen(SiloScreen):
         rows = self.session.rows
         if rows.anchor is not None:
             return (("range", "Mark the range"), ("back", "Leave it"))
-        if rows.filter.text:
-            return (("filter", "Filter"), ("back", "All"))
+        into = []
         if rows.branch is not None:
-            return (("fold", "Unfold" if rows.branch.path in rows.folded else "Fold"),)
-        return ()
+            into = [("into", "Unfold" if rows.branch.path in rows.folded else "Fold")]
+        elif rows.sort == TREE and rows.vector:
+            into = [("fold", "Fold" if rows.vector in rows.unfolded else "Unfold")]
+        return (*into, *((("filter", "Filter"), ("back", "All")) if rows.filter.text else ()))
 
     def command_back(self) -> None:
         """Leave the range, then the filter, then the marks; never pending edits."""
@@ -395,6 +403,8 @@ class ElementsScreen(SiloScreen):
         if blocked is None:
             return f"0 of {len(self.session.table)}: each of two terms takes all away"
         term, count = blocked
+        if glob := glob_of_regex(term):
+            return f"0 of {len(self.session.table)}: {term} is no glob; {glob} is one, ~{term} a regular expression"
         return f"0 of {len(self.session.table)}; without {term}: {count}"
 
     def _back_to_table(self) -> None:

@@ -148,7 +148,7 @@ class TableScreen(Editing):
             rows.move_to(0)
             self._top_wanted = False
         if rows.filter.measured or (rows.live and now_s - self._key_s >= QUIET_S):
-            before = self.table.rows_on_screen()
+            before, rows.held = self.table.rows_on_screen(), False
             rows.refresh(now_s if rows.filter.measured else None)
             self.table.rows_changed()
             if set(self.table.rows_on_screen()) - set(before):
@@ -161,7 +161,7 @@ class TableScreen(Editing):
     def action_command(self, command_id: str, typed: Spelled = BY_KEY) -> None:
         """Do what a key asks for; rows don't move under it."""
         self._key_s = time.monotonic()
-        self._top_wanted = False
+        self._top_wanted, self.session.rows.held = False, self.session.rows.live
         opens = command_id == "edit" or (command_id == "monitor" and left_a_file(self.session))
         if opens and self.session.dead:  # nothing is edited any more, nor comes; what it logged is to be seen
             self._open_left()

@@ -36,6 +36,7 @@ from silo_tui.model.table.columns import FILE_COLUMNS
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.file_facts import FileFacts
 from silo_tui.model.words import text
+from silo_tui.model.words.names import fitted_among
 from silo_tui.sessions.live import Session
 
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
@@ -90,7 +91,7 @@ class FileSession(Session):
         facts += f"  {size_text(report.size_bytes)}" if wide and report.size_bytes else ""
         lost = f"  lost {text.count(report.lost)}"
         silo = "silo " if wide else ""  # on a small screen the file's name is worth more
-        name = text.shorten_left(self.name, max(8, width - len(silo) - 5 - len(facts) - len(lost)))
+        name = fitted_among(self.name, (), width - len(silo) - 5 - len(facts) - len(lost))
         return [
             (0, silo, "bold"), (0, "FILE", "reverse"), (0, f" {name}{facts}", ""),
             (0, lost, "alarm" if report.lost else ""),

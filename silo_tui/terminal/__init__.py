@@ -13,12 +13,12 @@ from textual.driver import Driver
 
 from silo_tui.terminal.driver import CellDriver
 from silo_tui.terminal.pacing import link_words
-from silo_tui.terminal.signals import end_on_signals, mouse_wanted, over_ssh
+from silo_tui.terminal.signals import end_on_signals, has_few_colors, mouse_wanted, over_ssh
 from silo_tui.terminal.thinness import Pace, head_words
 
 __all__ = [
-    "CellDriver", "Pace", "backed_up", "driver_class", "end_on_signals", "may_paint", "mouse_wanted", "over_ssh",
-    "pace_of", "repaint", "take_mouse", "thin_head", "thin_words",
+    "CellDriver", "Pace", "backed_up", "driver_class", "end_on_signals", "has_few_colors", "may_paint", "mouse_wanted",
+    "over_ssh", "pace_of", "repaint", "take_mouse", "thin_head", "thin_words",
 ]  # fmt: skip
 
 

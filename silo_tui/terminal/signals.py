@@ -6,6 +6,8 @@ import threading
 from asyncio import AbstractEventLoop
 from collections.abc import Callable
 
+from rich.console import Console
+
 GRACE_S = 1.5
 
 
@@ -17,6 +19,11 @@ def over_ssh() -> bool:
 def mouse_wanted(word: str) -> bool:
     """Return whether the mouse is taken, by the word of the settings."""
     return not over_ssh() if word == "auto" else word == "on"
+
+
+def has_few_colors() -> bool:
+    """Return whether the terminal says of itself that it has sixteen colours: shades can't be told apart in them."""
+    return Console(force_terminal=True).color_system == "standard"
 
 
 def end_on_signals(loop: AbstractEventLoop, leave: Callable[[], object], last_words: Callable[[], object]) -> None:

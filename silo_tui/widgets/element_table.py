@@ -41,6 +41,7 @@ from silo_tui.model.words.names import MIN_WIDTH, fitting_names, shared_space
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
 from silo_tui.unforeseen import Guarded
+from silo_tui.widgets.lines import CURSOR, MARKED
 from silo_tui.widgets.styled import Styled
 
 FLAGS = 2
@@ -109,7 +110,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         self.column_set = self.sets[0]
         self.chosen_columns: tuple[str, ...] = ()  # titles of settings; none: all
         self._known = columns
-        self._offered: list[TableColumn] = []
+        self._wide = self._bare = False
         self._laid: Layout | None = None
         self._strips: dict[tuple[object, ...], Strip] = {}
         self._masks_of = (-1, -1)
@@ -139,10 +140,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         Without `fill` values have the room of how full buffers are: signs tell what is lost, values what is full.
         """
         self.sight.widths = {"value": value_width, "trend": TREND * trend} | ({} if fill else {"fill": 0})
-        chosen = self.chosen_columns
-        offered = [column for column in self._known if in_set(column, self.column_set, wide=wide)]
-        offered = [column for column in offered if column.measured or not bare or column is self._known[0]]
-        self._offered = [each for each in offered if each.measured or not chosen or each.title in chosen]
+        self._wide, self._bare = wide, bare
         self._forget()
         self.refresh()
 
@@ -152,15 +150,32 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             made.clear()
 
     @property
+    def _offered(self) -> list[TableColumn]:
+        """The columns of the set, and that of the order: nobody sees by what rows are ordered without it."""
+
+        def is_wanted(column: TableColumn) -> bool:
+            if column.gives(self.rows.sort):
+                return True
+            if column.measured or not in_set(column, self.column_set, wide=self._wide):
+                return in_set(column, self.column_set, wide=self._wide)
+            if self._bare and column is not self._known[0]:
+                return False
+            return not self.chosen_columns or column.title in self.chosen_columns
+
+        return [column for column in self._known if is_wanted(column)]
+
+    @property
     def laid(self) -> Layout:
         """What stands where."""
         if self._laid is None or self._laid.width != self.size.width:
             self._forget()
             width, sight = self.size.width, self.sight
-            of = [each for each in self._offered if each.measured]
-            measured = [(each, cells) for each in of if (cells := each.width_in(sight, width))]
+            offered, sort = self._offered, self.rows.sort
+            of = [each for each in offered if each.measured]
+            widths = [max(each.width_in(sight, width), (1 + len(each.title)) * each.gives(sort)) for each in of]
+            measured = [(each, cells) for each, cells in zip(of, widths, strict=True) if cells]
             rest = width - 1 - sum(1 + cells for _, cells in measured)
-            steady = shown_columns([each for each in self._offered if not each.measured], sight, rest - FLAGS, rest)
+            steady = shown_columns([each for each in offered if not each.measured], sight, rest - FLAGS, rest, sort)
             names = max(8, rest - FLAGS - sum(1 + cells for _, cells in steady))
             longest, widest = self._needed()
             if (spare := names - longest) > 0:  # what names don't need is for the entries of vectors
@@ -429,7 +444,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         room = self.laid.rest - FLAGS
         if row is not None and entry is not None:
             called = component_name(self.session.table.elements[row].entries[entry].suffix)
-            yield Segment("  ", self._style(*base))
+            yield Segment(f" {_sign(is_cursor=is_cursor, marked=False)}", self._style(*base))
             yield Segment(fitted(f"{indent or '  '}  {called}", room), self._style(*base, quiet))
             return
         branch = self.rows.tree.branches[-1 - line]
@@ -437,7 +452,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         flag, flag_style = ("!", "table--conflict") if conflicts else ("*" if pending else " ", "table--pending")
         yield Segment(flag, self._style(*base, flag_style))
         marked = "table--marked" if bool(self.rows.marked[branch.rows].all()) else ""
-        yield Segment(">" if marked else " ", self._style(*base, "table--marked"))
+        yield Segment(_sign(is_cursor=is_cursor, marked=bool(marked)), self._style(*base, "table--marked"))
         sign = "►" if branch.path in self.rows.folded else "▼"
         width = min(self.laid.names, room)
         yield Segment(fitted(f"{indent}{sign} {branch.label}", width), self._style(*base, marked))
@@ -473,7 +488,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             flag, flag_style = "*", "table--pending"
         yield Segment(flag, self._style(*base, flag_style))
         marked = "table--marked" if self.rows.marked[row] or self._range[row] else ""
-        yield Segment(">" if marked else " ", self._style(*base, marked))
+        yield Segment(_sign(is_cursor=is_cursor, marked=bool(marked)), self._style(*base, marked))
         width = self.laid.names
         in_tree = self.rows.sort == TREE
         name = self._tree_name(row, depth, width) if in_tree else self._name_in(row, width, self.laid.space)
@@ -530,6 +545,11 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         yield Segment(after, style)
 
 
+def _sign(*, is_cursor: bool, marked: bool) -> str:
+    """Return what stands before a name; a mark is told also on the cursor's line, which looks different anyway."""
+    return MARKED if marked else CURSOR if is_cursor else " "
+
+
 def fitted(words: str, width: int, *, right: bool = False) -> str:
     """Return exactly `width` cells; some letters take two."""
     words = text.clean(words)
@@ -577,7 +597,7 @@ class TableHead(Guarded, ScrollView):
         steady = [Segment(" " * (FLAGS - 1) + mark.ljust(laid.names + 1), plain)]
         measured: list[Segment] = []
         for column, width in (*laid.steady, *laid.measured):
-            arrow = rows.arrow if any(order.name == sort for order in column.orders) else ""
+            arrow = rows.arrow if column.gives(sort) else ""
             word = arrow + (column.head(table.sight, width - len(arrow)) if column.head is not None else column.title)
             style = chosen if column.field is table.field and table.session.at_s is None else plain
             segments = measured if column.measured else steady

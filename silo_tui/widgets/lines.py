@@ -18,6 +18,8 @@ from textual.strip import Strip
 
 from silo_tui.unforeseen import Guarded
 
+CURSOR, MARKED = ">", "+"  # signs in front of a line, of whatever list: colours alone don't reach everybody
+
 
 class Lines(Guarded, ScrollView, can_focus=True):
     """Lines with a cursor on one of them."""
@@ -75,6 +77,8 @@ class Lines(Guarded, ScrollView, can_focus=True):
         if place not in self._painted:
             self._painted[place] = self._line(place)
         line = self._painted[place].copy()
+        if cursor and line.plain[:1] == " ":
+            line = Text.assemble(CURSOR, line[1:])
         line.truncate(width, overflow="ellipsis")
         segments = Segment.apply_style(line.render(self.app.console, end=""), style)
         return Strip(segments).crop_extend(0, width, style)

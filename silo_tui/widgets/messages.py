@@ -10,13 +10,14 @@ from silo.core.quantities.writing import many
 from silo_tui.actions import key_of
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.table.cells import sign_of
-from silo_tui.model.table.columns import STEADY
+from silo_tui.model.table.columns import STEADY, TREE
 from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.theme import bold
 from silo_tui.widgets.bars import LONG, STATISTICS, FittingLine, LinePart
 
+HELD = "stands still 3 s after a key"
 MOST_ROWS = 3  # of news and an answer together: they stand over the rows that they are about
 
 
@@ -132,7 +133,10 @@ class InfoLine(MessageLine):
         if rows.sort not in STEADY or rows.turned:
             since_ns = session.table.facts.since_ns  # 0 of a file: its statistics are of all
             since = f" since {text.clock(since_ns)}" if rows.sort in STATISTICS and since_ns else ""
-            parts.append(LinePart(2, f"by {rows.sort} {rows.arrow}{since}"))
+            order = f"by {rows.sort} {rows.arrow}{since}"
+            held = f" ({HELD})" * rows.held
+            back = f"; {key_of('sort')} {rows.orders[TREE].letter}: by name"
+            parts.append(LinePart(7, f"{order}{held}{back}", "", (order + held, order)))
         if not parts and not self.said and len(rows.tree.lines):
             branches = len(rows.tree.branches)
             in_spaces = f"{len(rows.shown)} in {many(branches, 'name space')}"

@@ -251,7 +251,7 @@ class PlotStack(Guarded, Styled):
 
     def _fitted(self, plotted: Plotted, width: int) -> str:
         """Return its name in so many cells, as it differs from those of the other plots."""
-        return fitted_among(self._short(plotted), tuple(dict.fromkeys(map(self._short, self.plots))), width)
+        return fitted_among(self._short(plotted), tuple(map(self._short, self.plots)), width)
 
     def _short(self, plotted: Plotted) -> str:
         name = plotted.name

@@ -171,9 +171,10 @@ class TestScreens:
             await screen.press("A")
             await screen.shows("86.31")
             assert "1 over limits now │ 2 limits" in screen.text
+            assert "> HH" in screen.text  # where the cursor is reaches also who sees no colours
             await screen.press("K")
             await screen.until(lambda: ("acknowledge", "/log/LF/HAA/torque") in fake.calls)
-            await done(screen)
+            await screen.shows("LF/HAA/torque: 1 alarm seen by ann")
             await screen.press("T")
             await screen.shows("No triggers")
 
@@ -430,7 +431,7 @@ async def test_names_of_triggers_never_look_alike(size, fake, opened):
     async with opened(fake, size=size) as screen:
         await screen.press("T")
         await screen.shows("ARMED")
-        shown = [line.split()[1] for line in screen.text.splitlines() if "x > 1" in line and "ARMED" in line]
+        shown = [line[2:].split()[1] for line in screen.text.splitlines() if "x > 1" in line and "ARMED" in line]
         assert len(set(shown)) == 2
         assert size[0] < 160 or shown == names
 
@@ -442,7 +443,7 @@ async def test_twelve_motors_look_different_in_the_alarms(fake, opened):
     async with opened(fake) as screen:
         await screen.press("A")
         await screen.shows("signal in /legs")
-        lines = [line.split()[1] for line in screen.text.splitlines() if line.startswith("HH")]
+        lines = [line[2:].split()[1] for line in screen.text.splitlines() if line[2:].startswith("HH")]
         assert len(set(lines)) == 12
         assert sum("KFE" in line for line in lines) == 4
 

@@ -93,7 +93,10 @@ def test_a_line_fits_its_screen_and_its_columns_stand_below_their_heads(width) -
     for title, value in (("state", "●"), ("lost", "0"), ("seen", "now")):
         begin, end = head.index(title), head.index(title) + len(title)
         assert value in row[begin - 3 : end + 3], title
-    assert len(fleet.cut_middle(lines[1].address, names)) <= names
+    alike = line(member(host="a-robot-with-a-very-long-name-of-its-very-own"))
+    addresses = tuple(each.address for each in (*lines, alike))
+    shown = [fleet.row(each, names, width, NOW_S, NOW_NS, addresses)[: 2 + names] for each in (lines[1], alike)]
+    assert len(set(shown)) == 2
 
 
 def test_a_question_names_each_with_what_it_has_not_saved() -> None:

@@ -69,6 +69,16 @@ async def test_a_click_on_a_plot_chooses_it_and_puts_the_cursor_where_it_was(fak
         await screen.until(lambda: monitor.stack.chosen == 0)
 
 
+@pytest.mark.parametrize(
+    ("term", "color", "few"), [("xterm-256color", "", False), ("xterm", "truecolor", False), ("linux", "", True)]
+)
+def test_a_terminal_of_sixteen_colours_is_known(monkeypatch, term, color, few):
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", term)
+    monkeypatch.setenv("COLORTERM", color)
+    assert terminal.has_few_colors() is few
+
+
 def test_the_word_of_the_settings_decides(monkeypatch):
     for name in ("SSH_CONNECTION", "SSH_TTY", "SSH_CLIENT"):
         monkeypatch.delenv(name, raising=False)

@@ -6,7 +6,14 @@ from hypothesis import strategies as st
 
 from silo.core.quantities.writing import size_text
 from silo_tui.model.words import text
-from silo_tui.model.words.names import cells, first_levels, fitting_names, fitting_names_below, without_prefix
+from silo_tui.model.words.names import (
+    cells,
+    first_levels,
+    fitted_among,
+    fitting_names,
+    fitting_names_below,
+    without_prefix,
+)
 
 # cells for names in a table of 80, 120 and 160 columns with the columns of settings or of statistics
 WIDTHS = [20, 29, 52]
@@ -43,7 +50,7 @@ def test_a_name_that_fits_stays_whole():
 def test_levels_on_the_left_become_their_unique_beginning_and_the_longest_loses_its_middle():
     fitted = dict(zip(LEGS, fitting_names(LEGS, 26), strict=True))
     assert fitted["/legs/LF/HAA/torque"] == "/legs/LF/HAA/torque"
-    assert fitted["/legs/LF/HAA/drive_temperature"] == "/l…/LF/HAA/drive_tem…ature"
+    assert fitted["/legs/LF/HAA/drive_temperature"] == "/l…/LF/HAA/dri…temperature"
 
 
 @pytest.mark.parametrize("width", [20, 24, 29])
@@ -91,6 +98,17 @@ def test_ten_thousand_names_look_different():
         f"/robot/limb{each // 100:03}/measured_temperature_of_winding_{each % 100:02}/raw" for each in range(10_000)
     ]
     assert len(set(fitting_names(names, 24))) == len(names)
+
+
+def test_a_name_keeps_its_last_word_where_that_has_room():
+    names = [f"/legs/LF/HAA/{name}" for name in ("torque", "torque_margin", "torque_command", "friction_torque")]
+    assert [name[13:] for name in fitting_names([*names, "/loop/ticks"], 24)[:4]] == [
+        "torque",
+        "torq…margin",
+        "tor…command",
+        "fric…torque",
+    ]
+    assert fitted_among(names[3], (), 20) == "/l…/LF/HAA/fri…orque"
 
 
 def test_words_have_the_names_of_signals_as_tables_give_them():

@@ -20,6 +20,13 @@ def test_a_name_is_shortened_only_where_it_must_be():
     assert rows.short_stem(one(), "arm", 13) == "robot…_00007"
 
 
+def test_recordings_that_differ_never_look_alike():
+    days = [one(f"robot_2026092{day}_14-00-00_00007") for day in (1, 2)]
+    found = [*days, one("a_walk_over_rough_ground"), one("a_walk_over_rough_grass")]
+    for width in (80, 120):
+        assert len(set(rows.fitting_stems(found, "robot", width).values())) == 4
+
+
 def test_rows_have_the_width_of_the_screen_and_the_titles_stand_over_them():
     for width in (80, 100, 120, 160, 250):
         row, head = rows.row(one(why="trigger fall" * 9, span_s=5.0), "robot", width, 0.0), rows.head(width)

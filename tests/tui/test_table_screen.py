@@ -381,6 +381,9 @@ async def test_a_filter_that_leaves_nothing_says_which_term_takes_it(fake, opene
     async with opened(fake) as screen:
         await screen.type("/torque LF unit:V")
         await screen.shows("0 of 72; without unit:V: 3")
+        await screen.press("escape")
+        await screen.type("/torque$")
+        await screen.shows("torque$ is no glob; *torque is one, ~torque$ a regular expression")
 
 
 async def test_the_namespace_of_what_is_shown_stands_once_in_the_head_where_names_do_not_fit(new_fake, opened):
@@ -390,5 +393,5 @@ async def test_the_namespace_of_what_is_shown_stands_once_in_the_head_where_name
         assert "name in" not in screen.text
         await screen.press("/", *"winding", "enter")
         await screen.shows("name in /legs ")
-        await screen.shows("RH/KFE/winding_tem…ature")
+        await screen.shows("RH/KFE/windi…temperature")
         assert "/legs/" not in screen.text

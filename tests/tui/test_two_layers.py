@@ -134,6 +134,26 @@ async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(fake, o
 
 
 @pytest.mark.slow
+async def test_enter_on_a_name_space_folds_it_and_on_a_row_plots_it(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("o", "n", "g", "g")
+        await screen.shows("Enter Fold")
+        await screen.press("enter")
+        await screen.shows("Enter Unfold")
+        assert screen.session.rows.folded == {screen.session.rows.branch.path}
+        await screen.press("enter", "j", "enter")
+        await screen.until(lambda: screen.app.screen.scope == "monitor")
+
+
+@pytest.mark.slow
+async def test_limits_of_a_row_are_found_where_one_edits(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("e", "a")
+        await screen.shows("Limits of base/orientation_x")
+        await screen.shows("HH")
+
+
+@pytest.mark.slow
 async def test_an_entry_that_can_t_act_says_why(fake, opened):
     async with opened(fake, read_only=True) as screen:
         await screen.press("e")

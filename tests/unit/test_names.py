@@ -10,7 +10,7 @@ import silo
 from silo.analysis.plots.curves import pick
 from silo.cli.edits import select
 from silo.core.elements import ElementInfo, ElementOptions, Entry, Table
-from silo.core.names import Names, begun, component_name, is_word, matching
+from silo.core.names import Names, begun, component_name, glob_of_regex, is_word, matching
 from silo.errors import ElementError, LogWarning, UnknownNameError
 from silo.expressions.binding import bind
 from silo.judging.definitions import table_catalogue
@@ -175,6 +175,14 @@ def test_a_glob_of_a_program_stays_what_it_was_for_one_release_and_says_so(tmp_p
         assert meant("record", log, "t*") == ["/log/tau", "/log/arm/tip"]
     finally:
         log.close()
+
+
+def test_a_regular_expression_is_told_as_the_glob_that_it_is():
+    known = Names(["/log/LF/torque", "/log/RF/torque"], "/log")
+    for regex, glob in (("torque$", "*torque"), ("^/log/.*torque", "/log/*torque*"), ("L.*e$", "*L*e")):
+        assert known.hint(regex, "") == f"; did you mean '{glob}'?"
+        assert known.find(glob)
+    assert [glob_of_regex(text) for text in ("torque", "tor*", "a.b", "(a|b)$", "$")] == [""] * 5
 
 
 def test_a_scalar_has_three_spellings():

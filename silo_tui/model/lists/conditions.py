@@ -77,12 +77,12 @@ def ago(seconds: float) -> str:
 def limit_head(width: int, space: str = "") -> str:
     """Return the head of the list of alarms, whose signals are told below the namespace `space`."""
     room, signal = signal_width(width), IN_SPACE + space if space else "signal"
-    return f"!  {signal:<{room}} {'value':>9} {'limit':>8} {'worst':>9} {'since':>8} {'count':>5}  seen by"
+    return f"  !  {signal:<{room}} {'value':>9} {'limit':>8} {'worst':>9} {'since':>8} {'count':>5}  seen by"
 
 
 def signal_width(width: int) -> int:
     """Return the cells of the signals' names in the list of alarms."""
-    return max(14, width - 56)
+    return max(14, width - 58)
 
 
 def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = None) -> str:
@@ -102,7 +102,7 @@ def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = Non
     words: dict[float | None, str] = dict(zip(told, text.told_apart(*told, digits=5, write=text.short), strict=True))
     limit = text.span(one.limit) if stale and one.limit is not None else words.get(one.limit, "")
     return (
-        f"{one.word.value:<2} {short:<{room}} {words.get(one.value, ''):>9} {limit:>8} "
+        f"  {one.word.value:<2} {short:<{room}} {words.get(one.value, ''):>9} {limit:>8} "
         f"{words.get(one.worst, ''):>9} {since:>8} {count or '':>5}  {seen}"
     )
 

@@ -10,6 +10,7 @@ from silo.fleet.member import NO_TICK, Member, Stands, segments
 from silo_tui.model.lists.conditions import ago
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
+from silo_tui.model.words.names import fitted_among
 
 STATES = {
     "running": "● RUNNING", "stopped": "■ STOPPED", "dead": "✖ DEAD", "silent": "○ SILENT", "closed": "- CLOSED",
@@ -72,11 +73,10 @@ def head(names: int, width: int) -> str:
     return f"  {'logger':<{names}} {'state':<{STATE_WIDTH}} {tail}who"
 
 
-def row(one: LoggerLine, names: int, width: int, now_s: float, now_ns: int) -> str:
-    """Return a logger as a line; where it answered something, that stands behind its state."""
-    begin = (
-        f"  {cut_middle(one.address, names):<{names}} {STATES.get(one.member.word, one.member.word):<{STATE_WIDTH}} "
-    )
+def row(one: LoggerLine, names: int, width: int, now_s: float, now_ns: int, addresses: tuple[str, ...] = ()) -> str:
+    """Return a logger, among others of these addresses, as a line; what it answered stands behind its state."""
+    name = fitted_among(one.address, addresses, names)
+    begin = f"  {name:<{names}} {STATES.get(one.member.word, one.member.word):<{STATE_WIDTH}} "
     if one.answer:
         return begin + one.answer
     member, told = one.member, one.member.summary
@@ -99,14 +99,6 @@ def row(one: LoggerLine, names: int, width: int, now_s: float, now_ns: int) -> s
     denied = [f"DENIED {told.denied}"] if told.denied else []
     idle = [idle_words(member.idle_s(now_s))] if member.stalled else []
     return begin + tail + " ".join([*idle, *denied, *recorded, *member.people])
-
-
-def cut_middle(name: str, width: int) -> str:
-    """Return a name in at most `width` cells: its beginning, and more of its end."""
-    if len(name) <= width:
-        return name
-    end = (width - 1) * 2 // 3
-    return f"{name[: width - 1 - end]}…{name[-end:]}"
 
 
 def told(one: LoggerLine) -> str:

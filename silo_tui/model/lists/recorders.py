@@ -10,6 +10,7 @@ from silo.core.names import matching
 from silo.core.quantities.writing import clock_text, size_text
 from silo.recorder.requests import RecorderInfo
 from silo_tui.model.words import text
+from silo_tui.model.words.names import fitted_among
 
 WORDS = {
     RecorderState.WAITING: "WAIT", RecorderState.RECORDING: "REC", RecorderState.FINISHING: "ENDS",
@@ -50,10 +51,11 @@ def row(
     folder: str,
     width: int,
     now_ns: int | None = None,
+    among: Sequence[RecorderInfo] = (),
 ) -> str:
-    """Return a recorder as a line of so many cells; `names` are those of all elements, `folder` the logger's own."""
-    place = one.folder.removeprefix(folder.rstrip("/") + "/")
-    name = one.name if place == USUAL else f"{place}/{one.name}"
+    """Return one `among` recorders as a line of so many cells; `names` are of all elements, `folder` the logger's."""
+    places = tuple(_place(each, folder) for each in among)
+    name = fitted_among(_place(one, folder), places, _room(width))
     since_s = ((time.time_ns() if now_ns is None else now_ns) - one.since_ns) / 1e9
     known = pace is not None and not math.isnan(pace.bytes_s)
     if one.state.over:
@@ -66,6 +68,15 @@ def row(
         rate, budget, str(one.parts + bool(one.part)), text.count(one.lost),
     )  # fmt: skip
     return _line(cells, width)
+
+
+def _place(one: RecorderInfo, folder: str) -> str:
+    place = one.folder.removeprefix(folder.rstrip("/") + "/")
+    return one.name if place == USUAL else f"{place}/{one.name}"
+
+
+def _room(width: int) -> int:
+    return max(9, width - 68)
 
 
 def budget_text(one: RecorderInfo) -> str:
@@ -93,9 +104,7 @@ def _since(seconds: float) -> str:
 
 def _line(cells: Sequence[str], width: int) -> str:
     state, name, signals, since, rate, budget, parts, lost = cells
-    room = max(9, width - 68)
-    name = text.clean(name)
-    name = text.shorten_left(name, room) if len(name) > room else name
+    room = _room(width)
     if rate and not budget and parts:  # why it ended takes the room of both
         rate = text.clean(rate)
         told = f"{rate[:30] + '…' if len(rate) > 31 else rate:<31}"

@@ -5,6 +5,7 @@ Plain functions of what a robot told; nothing is asked or drawn here.
 
 import re
 import time
+from collections.abc import Sequence
 from datetime import datetime
 
 from silo.core.elements import FileType
@@ -12,6 +13,7 @@ from silo.core.quantities.writing import size_text
 from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
+from silo_tui.model.words.names import fitting_names
 
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
 PREFERENCE = (FileType.SILO, FileType.BAG, FileType.CSV)  # of one save, the first is the one that is opened
@@ -44,13 +46,21 @@ def best_file(one: SavedRecording) -> RecordingFile:
     return min(one.files, key=lambda file: PREFERENCE.index(file.type))
 
 
+def fitting_stems(found: Sequence[SavedRecording], own: str, width: int) -> dict[str, str]:
+    """Return the names of recordings as they fit into the list, by their own: different ones never look alike."""
+    room, _ = _widths(width)
+    short = [short_stem(one, own, room) for one in found]
+    told = [each if short.count(each) == 1 else one.stem for each, one in zip(short, found, strict=True)]
+    return dict(zip((one.stem for one in found), fitting_names(told, room), strict=True))
+
+
 def short_stem(one: SavedRecording, own: str, width: int) -> str:
     """Return a name without logger and date where it is long: `…_00007_fall_3`; of another logger, `arm…_00007`."""
     found = _DATED.fullmatch(one.stem)
     if len(one.stem) <= width or found is None:
-        return text.shorten_left(one.stem, width)
+        return one.stem
     whose = "" if found["logger"] == own else found["logger"]
-    return text.shorten_left(f"{whose}…{found['rest']}", width)
+    return f"{whose}…{found['rest']}"
 
 
 def begun_text(time_ns: int, now_s: float) -> str:
@@ -73,15 +83,14 @@ def head(width: int) -> str:
     return "  " + _line(("saved", "why", "types", "begun", "span", "size", "marks"), width)
 
 
-def row(one: SavedRecording, own: str, width: int, now_s: float | None = None) -> str:
-    """Return a row of `width` cells, without the gutter."""
-    name_width, _ = _widths(width)
+def row(one: SavedRecording, name: str, width: int, now_s: float | None = None) -> str:
+    """Return a row of `width` cells, without the gutter; `name` as it fits."""
     why = "not looked into yet" if one.unread else one.why or ("" if one.logger else "of another program")
     if one.unfinished:
         why = "not finished yet"
     span = text.span(one.span_s, 3) if one.span_s else "-"
     cells = (
-        short_stem(one, own, name_width), text.clean(why), " ".join(file.type.name.lower() for file in one.files),
+        name, text.clean(why), " ".join(file.type.name.lower() for file in one.files),
         begun_text(begun_ns(one), time.time() if now_s is None else now_s), span,
         "part" if one.unfinished else size_text(one.size_bytes), marks_text(one),
     )  # fmt: skip

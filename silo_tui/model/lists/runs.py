@@ -19,6 +19,7 @@ from silo.run_index.listed import ListedRun
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.lists.recordings import begun_text
 from silo_tui.model.words import text
+from silo_tui.model.words.names import fitted_among, fitting_names
 
 Key = Callable[[ListedRun], float]
 MOST_TICKS = 2_000_000
@@ -48,16 +49,20 @@ def is_condition(words: str) -> bool:
 
 def head(width: int, columns: Sequence[str] = ()) -> str:
     """Return the titles of the columns."""
-    return "  " + _line(("run", "begun", "span", "lost", "limits", "eps", "task", "said"), columns, width)
+    return "  " + _line(
+        ("run", "begun", "span", "lost", "limits", "eps", "task", "said"), fitting_names(columns, VALUE_WIDTH), width
+    )
 
 
-def row(one: ListedRun, width: int, values: Sequence[float] = (), now_s: float | None = None) -> str:
-    """Return a row of `width` cells, without the gutter."""
+def row(
+    one: ListedRun, width: int, values: Sequence[float] = (), now_s: float | None = None, paths: tuple[str, ...] = ()
+) -> str:
+    """Return a row of `width` cells, without the gutter; `paths` are those of all runs."""
     facts = one.facts
     good = sum(each.success is True for each in facts.episodes)
     said = f"can't be read: {facts.problem}" if facts.problem else ""
     cells = (
-        text.shorten_left(facts.path, _name_width(width, len(values))),
+        fitted_among(facts.path, paths, _name_width(width, len(values))),
         begun_text(facts.begun_ns, time.time() if now_s is None else now_s), text.span(facts.span_s, 3),
         text.count(facts.lost) if facts.lost else "", str(facts.limits or ""),
         f"{good}/{len(facts.episodes)}" if facts.episodes else "", text.clean(facts.task),
@@ -72,7 +77,7 @@ def _name_width(width: int, columns: int) -> int:
 
 def _line(cells: tuple[str, ...], values: Sequence[str], width: int) -> str:
     name, begun, span, lost, limits, episodes, task, said = cells
-    shown = "".join(f" {text.shorten_left(value, VALUE_WIDTH):>{VALUE_WIDTH}}" for value in values)
+    shown = "".join(f" {value:>{VALUE_WIDTH}}" for value in values)
     begin = f"{name:<{_name_width(width, len(values))}} {begun:<14} {span:>8}{shown} {episodes:>5}"
     return f"{begin} {lost:>6} {limits:>6} {task:<8.8} {said}"
 

@@ -89,6 +89,10 @@ class TableColumn:
         """What a click on its head orders by; empty when there is no order."""
         return self.orders[0].name if self.orders else ""
 
+    def gives(self, order: str) -> bool:
+        """Return whether an order is by this column."""
+        return any(each.name == order for each in self.orders)
+
     def width_in(self, sight: Sight, table_width: int) -> int:
         """Return the cells it takes in a table of that width; 0 where it has no room."""
         wide = self.wide if self.wide and table_width >= WIDE_FROM else self.width
@@ -228,16 +232,16 @@ def in_set(column: TableColumn, name: str, *, wide: bool) -> bool:
 
 
 def shown_columns(
-    columns: Iterable[TableColumn], sight: Sight, room: int, table_width: int
+    columns: Iterable[TableColumn], sight: Sight, room: int, table_width: int, sort: str = ""
 ) -> list[tuple[TableColumn, int]]:
     """Return the columns that a table shows, with their widths, where `room` cells are for names and columns.
 
-    Whole columns are left out where names would have less than `NAME_ROOM`.
+    Whole columns are left out where names would have less than `NAME_ROOM`; never that of the order.
     """
     shown = [(column, width) for column in columns if (width := column.width_in(sight, table_width))]
     for column, width in sorted(shown, key=lambda pair: pair[0].leaves):
         if room - sum(1 + each for _, each in shown) >= NAME_ROOM:
             break
-        if column.leaves:
+        if column.leaves and not column.gives(sort):
             shown.remove((column, width))
     return shown

@@ -45,6 +45,7 @@ class RowList:
         self.orders = orders_of(columns)
         self.sort = NAME
         self.turned = False  # the order the other way round
+        self.held = False  # an order by what is measured stands still, as somebody is at the keys
         self.shown: Rows = np.zeros(0, np.intp)
         self.tree = Tree(np.zeros(0, np.int64))
         self.folded: frozenset[str] = frozenset()  # paths of branches
@@ -157,12 +158,11 @@ class RowList:
             return ""
         if row is None:
             return ""
-        element = self.table.elements[row]
-        if len(element.entries) > 1:
-            if element.name in self.unfolded:
-                del self.unfolded[element.name]
+        if name := self.vector:
+            if name in self.unfolded:
+                del self.unfolded[name]
             else:
-                self.unfolded[element.name] = len(element.entries)
+                self.unfolded[name] = len(self.table.elements[row].entries)
             self.refresh()
             self.move_to_row(row)
             return ""
@@ -178,12 +178,18 @@ class RowList:
         self._move_to_branch(path)
         return words
 
+    @property
+    def vector(self) -> str:
+        """The name of the vector under the cursor; empty on anything else."""
+        element = self.table.elements[self.row] if self.row is not None else None
+        return element.name if element is not None and len(element.entries) > 1 else ""
+
     def next_component(self) -> str:
         """Show norm, first entry, second ... of the vector under the cursor, then its entries side by side again."""
         if self.row is None:
             return ""
         element = self.table.elements[self.row]
-        if len(element.entries) < 2:
+        if not self.vector:
             return "it has one value only"
         chosen = (self.components.get(element.name, 0) + 1) % (len(element.entries) + 2)
         chosen = 2 if chosen == 1 and not has_norm(element) else chosen

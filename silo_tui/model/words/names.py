@@ -1,10 +1,11 @@
-"""Names in a column that is too narrow for them: shortened so that names that differ never look alike.
+"""Names that have no room, of signals, loggers and files: the one rule that shortens them, so that different ones never
+look alike.
 
 Where they don't fit, the namespace that all of them share stands once above them. A name keeps its end, which tells
 most. Levels on its left become their shortest beginning that no other level beside them has (`/legs/LF` → `/l…/LF`);
 one that would lose a single letter stays, as a joint's `KFE` tells more than `K…`. Then the longest level loses its
-middle (`drive_temperature` → `drive_te…ature`). Made once per table, namespace and width, so that scrolling changes
-nothing.
+middle, and keeps its last word (`drive_temperature` → `dri…temperature`, `drive…ature`). Made once per table, namespace
+and width, so that scrolling changes nothing.
 """
 
 import re
@@ -16,6 +17,7 @@ from functools import lru_cache
 from silo_tui.model.words.text import clean
 
 TAIL = 5  # letters that a level keeps at its end
+LEAST_HEAD = 3  # letters before a last word that is kept whole
 MARK = "…"
 MIN_WIDTH = 8
 
@@ -63,10 +65,15 @@ def fitting_names_below(names: Sequence[str], width: int, room: int) -> tuple[st
     return space, fitting_names([name[len(space) + bool(space) :] for name in names], width)
 
 
-@lru_cache
 def fitted_among(name: str, names: tuple[str, ...], width: int) -> str:
-    """Return one of some names in at most `width` cells: as it differs from the others."""
-    return fitting_names(names, width)[names.index(name)]
+    """Return one of some names in at most `width` cells: as it differs from the others; without others for itself."""
+    return _all_fitted(names or (name,), width)[name]
+
+
+@lru_cache
+def _all_fitted(names: tuple[str, ...], width: int) -> dict[str, str]:
+    different = list(dict.fromkeys(names))
+    return dict(zip(different, fitting_names(different, width), strict=True))
 
 
 def fitting_names(names: Sequence[str], width: int) -> list[str]:
@@ -122,10 +129,12 @@ def _shortened(name: str, width: int, beginnings: _Beginnings) -> str:
 
 
 def _without_middle(level: str, length: int) -> str:
-    """Return the level in `length` letters, or as few as leave one before its last five."""
+    """Return the level in `length` letters: three or more of its beginning and its last word, else its last five."""
     if length >= len(level) or len(level) <= TAIL + 2:
         return level
-    return level[: max(1, length - 1 - TAIL)] + MARK + level[-TAIL:]
+    word = len(level.rpartition("_")[2])
+    tail = word if TAIL < word <= length - 1 - LEAST_HEAD else TAIL
+    return level[: max(1, length - 1 - tail)] + MARK + level[-tail:]
 
 
 def _last(words: str, width: int) -> str:

@@ -189,18 +189,6 @@ def clean(words: str) -> str:
     return words if words.isprintable() else "".join(char if char.isprintable() else "·" for char in words)
 
 
-def shorten_left(text: str, width: int) -> str:
-    """Keep the end of a name, which tells more than its beginning."""
-    if len(text) <= width:
-        return text
-    if width <= 1:
-        return "…"[:width]
-    tail = text[-(width - 1) :]
-    slash = tail.find("/")
-    # cut at a level of the name where that costs less than a third of the room
-    return "…" + (tail[slash:] if 0 <= slash <= width // 3 else tail)
-
-
 def file_name(path: str) -> str:
     """Return the last part of a path on the robot."""
     return PurePosixPath(path).name

@@ -24,6 +24,7 @@ class FileTableScreen(ElementsScreen):
     """The elements of a file."""
 
     scope = "file"
+    plots_by = "plot"
     filter_hint = "words, globs, unit:Nm div>1 size>1000 buf:loop"
 
     def __init__(self, session: FileSession, leave: Callable[[], None] | None = None) -> None:

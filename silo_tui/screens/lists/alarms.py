@@ -30,7 +30,6 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     """A line for each scalar that is or was over, and for what is blind."""
 
     scope = "alarms"
-    mark_column = 2
     orders = (
         Order("!", "!", "worst first, what nobody has seen before what was", lambda one: 0),
         Order("signal", "n", "name", lambda one: one.name.casefold()),
@@ -70,7 +69,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         line = Text(limit_row(one, self._names[one.name], width))
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
         if one.is_over or one.word is LimitWord.BLIND:
-            line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 0, 2)
+            line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 4)
         return line
 
     def none(self) -> str:
@@ -93,8 +92,10 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
 
     def command_acknowledge(self) -> None:
         names = [one.name for one in self.targets()]
-        if names:
-            self.context.run_flow(self._told(lambda client: client.acknowledge(names)))
+        if names:  # a line may have come above the one that was meant: what it was is told
+            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+            which = f"{', '.join(map(self.named, names[:3]))}{more}"
+            self.context.run_flow(self._told(lambda client: f"{which}: {client.acknowledge(names)}"))
 
     def command_alarm_worst(self) -> None:
         one = self.here()

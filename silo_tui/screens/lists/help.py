@@ -19,6 +19,7 @@ from silo_tui.modal import Dialog
 from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.table.filter import TERMS
 from silo_tui.widgets.inputs import Fleeting, Line
+from silo_tui.widgets.lines import MARKED
 
 THREE_FROM, TWO_FROM = 120, 72
 GAP = 2
@@ -55,11 +56,11 @@ COLUMNS = (
 )  # fmt: skip
 SIGNS = (
     ("*", "pending: prepared here, not applied yet (underlined)"), ("!", "conflict: somebody else changed it too"),
-    (">", "marked: edits and the monitor are about all that is marked"),
+    (MARKED, "marked: edits and the monitor are about all that is marked"),
     ("=", "derived: computed from others; its options are those of its signals"),
 )  # fmt: skip
 FILE_SIGNS = (
-    (">", "marked: the plots are of all that is marked"), ("= 1.23", "the value that held at the cursor"),
+    (MARKED, "marked: the plots are of all that is marked"), ("= 1.23", "the value that held at the cursor"),
     ("min max mean", "of the samples in the window"),
 )  # fmt: skip
 _NUMBER = re.compile(r"\d+(?:[ .:]\d+)*")

@@ -18,7 +18,7 @@ from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.order import OrderDialog
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting, Line
-from silo_tui.widgets.lines import Lines
+from silo_tui.widgets.lines import MARKED, Lines
 from silo_tui.widgets.messages import ListLine
 
 OF_A_LINE = ("enter", "space", "o", "m", "r k", "r t", DESTROYS)
@@ -35,7 +35,6 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     orders: Sequence[Order[Any]]  # the first is the usual one
     filter_hint = "words of a line, a|b either, -not"
-    mark_column = 1  # of a line, where its mark stands
 
     def __init__(self) -> None:
         super().__init__()
@@ -180,8 +179,7 @@ class ListScreen(SiloScreen, Generic[LineT]):
 
     def _row(self, place: int) -> Text:
         line, key = self.row_of(self.shown[place], self.size.width), self.shown_keys[place]
-        at = self.mark_column
-        return Text.assemble(line[:at], (">", "bold"), line[at + 1 :]) if key in self.marks.keys else line
+        return Text.assemble(line[:1], (MARKED, "bold"), line[2:]) if key in self.marks.keys else line
 
     def show_words(self) -> None:
         """Draw the line of words: marks, filter and order where there are some, and what was said last."""

@@ -100,6 +100,7 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
 
     def prepare(self, found: Sequence[fleet.LoggerLine], width: int) -> None:
         self._names = fleet.name_width(found, width)
+        self._addresses = tuple(one.address for one in found)
         self._now = time.monotonic(), time.time_ns()
 
     def head(self, width: int) -> str:
@@ -123,7 +124,7 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
 
     def row_of(self, one: fleet.LoggerLine, width: int) -> Text:
         variables, member = self.app.theme_variables, one.member
-        row = fleet.row(one, self._names, width, *self._now)
+        row = fleet.row(one, self._names, width, *self._now, self._addresses)
         line = Text(row)
         if not member.here:
             line.stylize("dim")

@@ -73,8 +73,12 @@ class RecordingsScreen(ListScreen[SavedRecording]):
     def key_of(self, one: SavedRecording) -> str:
         return one.stem
 
+    def prepare(self, found: Sequence[SavedRecording], width: int) -> None:
+        """Fit the names of all into the same cells."""
+        self._names = rows.fitting_stems(found, self.session.status.logger or self.session.name, max(40, width))
+
     def row_of(self, one: SavedRecording, width: int) -> Text:
-        words = Text("  " + rows.row(one, self.session.status.logger or self.session.name, max(40, width)))
+        words = Text("  " + rows.row(one, self._names[one.stem], max(40, width)))
         if one.unfinished or one.unread or not self.session.connected:
             words.stylize("dim")
         return words
@@ -148,7 +152,8 @@ class RecordingsScreen(ListScreen[SavedRecording]):
         session, width = self.session, max(40, self.size.width)
         found = [Text(recorders.head(width), "dim", no_wrap=True)]
         for one in session.recorders:
-            row = recorders.row(one, session.table.names, session.paces.get(one.name), session.status.folder, width)
+            pace, folder = session.paces.get(one.name), session.status.folder
+            row = recorders.row(one, session.table.names, pace, folder, width, among=session.recorders)
             line = Text(row, no_wrap=True, overflow="ellipsis")
             full = one.keep_bytes and one.size_bytes >= recorders.FULL_SHARE * one.keep_bytes
             caution = one.state in recorders.CAUTION or full or one.lost

@@ -17,8 +17,8 @@ from silo_tui.actions import key_of
 from silo_tui.modal import run_alone
 from silo_tui.model.lists import runs as rows
 from silo_tui.model.lists.ordering import Order
+from silo_tui.model.words.names import fitted_among
 from silo_tui.model.words.paths import typed_path
-from silo_tui.model.words.text import shorten_left
 from silo_tui.screens.dialogs.questions import Prompt
 from silo_tui.screens.files.opened import open_path, show_log
 from silo_tui.screens.lists.list_screen import ListScreen
@@ -65,9 +65,13 @@ class RunsScreen(ListScreen[ListedRun]):
     def key_of(self, one: ListedRun) -> str:
         return one.facts.path
 
+    def prepare(self, found: Sequence[ListedRun], width: int) -> None:
+        """Know all paths: different ones never look alike."""
+        self._paths = tuple(one.facts.path for one in found)
+
     def row_of(self, one: ListedRun, width: int) -> Text:
         values = [column[one.facts.path] for column in self.values.values()]
-        words = Text("  " + rows.row(one, max(40, width), values))
+        words = Text("  " + rows.row(one, max(40, width), values, paths=self._paths))
         if one.facts.problem:
             words.stylize("dim")
         return words
@@ -102,7 +106,7 @@ class RunsScreen(ListScreen[ListedRun]):
         if self.found is None:
             return ""
         unread = sum(bool(one.facts.problem) for one in self.found)
-        return f"{many(len(self.found), 'run')} in {shorten_left(self._folder, 40)}" + (
+        return f"{many(len(self.found), 'run')} in {fitted_among(self._folder, (), 40)}" + (
             f", {unread} can't be read" if unread else ""
         )
 

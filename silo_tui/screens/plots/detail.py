@@ -37,6 +37,7 @@ from silo_tui.model.drawing.window import MAX_COLUMNS, SECOND_NS
 from silo_tui.model.plots.panels import LETTERS
 from silo_tui.model.samples.source import Samples
 from silo_tui.model.words import text
+from silo_tui.model.words.names import fitted_among
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.widgets.bars import KeyBar
@@ -131,11 +132,14 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
 
     def _title(self) -> None:
         shown = self.plots[: self.count if self.mode in {"time", "spectrum"} else 2 if self.mode == "x-y" else 1]
-        names = "  ".join(f"{self._letter(place)}{self._label(plotted)}" for place, plotted in enumerate(shown))
         level = f" {self.level}" if self.mode == "spectrum" else ""
         parts = [f"{self.mode.upper()}{level}", *([self._kind] if self._kind else []), self._place()]
         room = self.size.width - len("  ".join(parts)) - 6
-        parts.insert(0, text.shorten_left(names, max(12, room)))
+        names = tuple(map(self._label, shown))
+        begins = [("  " if place else "") + self._letter(place) for place in range(len(shown))]
+        if len("".join((*begins, *names))) > room:
+            names = tuple(fitted_among(name, names, room // len(shown) - len(begins[-1])) for name in names)
+        parts.insert(0, "".join(begin + name for begin, name in zip(begins, names, strict=True)))
         for title in self.query("#detail-title").results(Static):  # none while the screen goes
             title.update("  ".join(parts))
 

@@ -17,6 +17,7 @@ from silo_tui.model.plots.panels import CurveKind, kind_of
 from silo_tui.model.samples.find import Search, What, parse_crossing
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.words import text
+from silo_tui.model.words.names import fitted_among
 from silo_tui.screens.dialogs.marking import ask_mark
 from silo_tui.screens.plots.finding import SearchResult, events, look, turned
 
@@ -143,7 +144,9 @@ class MomentSearch:
         said = self.screen.session.table.shown(moment.said)
         told = f", {at}: {said} at {self.screen.moment_words(moment.time_ns)}{partly}"
         room = self.screen.line.content_size.width - len(f"{words} in {told}")  # value and time are what was asked for
-        name = text.shorten_left(self.screen.session.short_name(moment.name), max(8, room))
+        plotted = (*(each.name for each in self.screen.stack.plots), moment.name)
+        name, *_ = names = tuple(map(self.screen.session.short_name, reversed(plotted)))
+        name = fitted_among(name, names, room)
         self.screen.say(
             f"{words} in {name}{told}" if len(self.screen.stack.plots) > 1 and moment.name else f"{words}{told}"
         )
