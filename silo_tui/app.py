@@ -2,6 +2,8 @@
 """The app: it puts context, screens and commands together, and brings what a logger reports to the screens."""
 
 import asyncio
+import gc
+import itertools
 import os
 import shlex
 from collections.abc import Callable, Sequence
@@ -43,9 +45,17 @@ if TYPE_CHECKING:
     from silo_tui.sessions.recorded import FileSession
 
 
+FIRST_LOOK_S, MOST_LOOKS = 0.02, 25  # how often is looked for the first values of a logger
+START_S = 2.0  # after which garbage is looked for
 HOMES = ("table", "file", "loggers")  # where `go_home` ends
 # what is said elsewhere: by progress, by the head and the alarms
 QUIET_KINDS = {EventKind.SAVING, EventKind.LIMIT, EventKind.LIMIT_ENDED, EventKind.CRASHED}  # a crash has its banner
+
+
+def _collect_from_now() -> None:
+    """Look for garbage again, not among what was loaded: that stays."""
+    gc.freeze()
+    gc.enable()
 
 
 class SiloApp(Guarded, App[None]):
@@ -78,6 +88,9 @@ class SiloApp(Guarded, App[None]):
         self.theme = "textual-dark"
         settings = settings or Settings()
         self.theme = theme.chosen(settings.theme, self.available_themes)
+        # the sheet is read with this theme, so that it need not be read again: a tenth of what follows the imports
+        self.stylesheet.set_variables(self.get_css_variables())
+        self._is_read = False
         self.animation_level = "none"
         self.context = Context(
             self, Holding, read_only=read_only, settings=settings, settings_problems=settings_problems
@@ -108,6 +121,12 @@ class SiloApp(Guarded, App[None]):
     def _takes(self, typed: events.Key | events.Paste) -> bool:
         return self.gate.keeps(typed) or self.reader.takes(typed)
 
+    def refresh_css(self, animate: bool = True) -> None:
+        """Follow a change of the theme; not that of the beginning."""
+        if self._is_read:
+            super().refresh_css(animate)
+        self._is_read = True
+
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """Return our colours for themes that don't have them."""
         return theme.FALLBACK
@@ -117,15 +136,19 @@ class SiloApp(Guarded, App[None]):
     async def on_mount(self) -> None:
         """Show a screen at once; search behind it."""
         loop = asyncio.get_running_loop()
+        if not gc.isenabled():
+            self.set_timer(START_S, _collect_from_now)
         if not self.is_headless:
             terminal.end_on_signals(loop, self.exit, self.release)
         if self._file is not None:
             await self._show_file(self._file)
             return
-        await self.push_screen(self._opener.first_screen)
+        only = await self._opener.only_one()
+        if only is None:
+            await self.push_screen(self._opener.first_screen)
         self._polling = self.set_interval(1 / self._rate_hz, self._poll)
         self.set_interval(1.0, self._second)
-        self._opener.search_on()
+        self._opener.search_on(only)
 
     async def _show_file(self, file: "FileSession") -> None:
         """Show a log that was opened; nothing of it changes by itself."""
@@ -164,6 +187,18 @@ class SiloApp(Guarded, App[None]):
         """The logger that is open and was reached; None for a file too."""
         session = self.context.session if self.context.has_session else None
         return session if session is not None and session.link is not None else None
+
+    def poll_soon(self) -> None:
+        """Bring the first values of a logger as they come."""
+        session, tries = self._live_session, itertools.count()
+
+        def look() -> None:
+            self._poll()
+            came = session is not self._live_session or session is None or bool(session.live.readings)
+            if came or next(tries) > MOST_LOOKS:
+                timer.stop()
+
+        timer = self.set_interval(FIRST_LOOK_S, look)
 
     def _poll(self) -> None:
         """Bring the newest values to the screen, as often as the terminal takes them."""

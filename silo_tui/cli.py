@@ -3,6 +3,7 @@
 Heavy imports wait until it is clear that a screen is wanted.
 """
 
+import gc
 import os
 import sys
 from collections.abc import Callable
@@ -183,10 +184,15 @@ def _run(
     theme: str | None,
     mouse: bool | None,
 ) -> int:
+    gc.disable()  # of what is loaded nothing goes; looking for it is a sixth of the start, the app has it begin again
+    from silo_tui.sessions.finder import ClientFinder
+
+    finder = ClientFinder(config, read_only=read_only)
+    if file is None and not demo:
+        finder.begin()
     from silo_tui import terminal
     from silo_tui.app import SiloApp
     from silo_tui.sessions.demo import Demo
-    from silo_tui.sessions.finder import ClientFinder
     from silo_tui.settings.reading import read_file
 
     in_file, problems = read_file()
@@ -194,9 +200,10 @@ def _run(
     if theme is not None:
         os.environ.pop("TEXTUAL_THEME", None)
         settings = replace(settings, theme=theme)
+    elif terminal.has_few_colors():
+        settings = replace(settings, theme="16")
     if mouse is None:
         mouse = terminal.mouse_wanted(settings.mouse)
-    finder = ClientFinder(config, read_only=read_only)
     app = SiloApp(
         finder,
         name=logger,

@@ -186,6 +186,7 @@ def keys_in(keymap: str, command: str, own: Mapping[str, str] = MappingProxyType
 def use_keys(keymap: str, own: Mapping[str, str]) -> None:
     """Let all keys be these, and all that is shown and said name them."""
     actions.use_keys({command: keys_in(keymap, command, own) for command in {**BASES[keymap], **own}})
+    in_bar.cache_clear()
 
 
 def command_of(key: str, scope: str) -> Command | None:
@@ -222,6 +223,7 @@ def _menus_of(scope: str) -> frozenset[str]:
     return frozenset(OPENERS[each] for each in letters) | {"menu_go"}
 
 
+@lru_cache(maxsize=64)  # each key asks for it
 def in_bar(scope: str, *, read_only: bool) -> list[tuple[Command, int]]:
     """Return what the key bar shows from left to right, and its rank: the lowest gives way first."""
     if not with_keys(BY_ID["menu_go"]).keys:  # classic

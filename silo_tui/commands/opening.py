@@ -4,16 +4,15 @@ import asyncio
 import math
 import time
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, cast
 
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo_tui.commands import flows
-from silo_tui.commands.many import Many
 from silo_tui.commands.runner import LOST, view_shown
 from silo_tui.context import Context
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout
 from silo_tui.modal import run_alone
-from silo_tui.screens.lists.loggers import LoggersScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder, Found, FoundLogger
@@ -21,7 +20,12 @@ from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.target import also_a_file
 
+if TYPE_CHECKING:
+    from silo_tui.commands.many import Many
+    from silo_tui.screens.lists.loggers import LoggersScreen
+
 LOOK_S = 1.0
+AT_ONCE_S = 0.3  # that the first screen waits for a look around
 AGAIN_S = 5.0  # after a logger didn't answer: a link may be cut for a moment
 DEMO_LOOK_S = 0.1
 
@@ -39,7 +43,7 @@ class Opener:
         self._wanted = wanted
         self._view = view  # put on the screen of the first logger that is opened
         self.rate_hz = rate_hz
-        self._many = Many(context, lambda: self._finder)
+        self._many: Many | None = None
         self._kept: KeptLayout | None = None
         self._quits = False
         self._view_is_there = True  # not while a logger is being opened: what is kept of its view is yet to be shown
@@ -47,20 +51,40 @@ class Opener:
         self._again_s: dict[str, float] = {}  # by key, when it is tried again; never, where that can't help
 
     @property
-    def first_screen(self) -> LoggersScreen:
+    def first_screen(self) -> "LoggersScreen":
         """What is shown until a logger is found."""
         screen = self._list("" if self.demo is not None else self._wanted)
         if self.demo is not None:
             screen.take((), (), starting=True)
         return screen
 
-    def _list(self, wanted: str = "") -> LoggersScreen:
-        screen = LoggersScreen(self.choose, wanted, lambda what, lines: self._many.begin(what, lines, screen.found))
+    def _list(self, wanted: str = "") -> "LoggersScreen":
+        from silo_tui.commands.many import Many
+        from silo_tui.screens.lists.loggers import LoggersScreen
+
+        self._many = many = self._many or Many(self._context, lambda: self._finder)
+        screen = LoggersScreen(self.choose, wanted, lambda what, lines: many.begin(what, lines, screen.found))
         return screen
 
-    def search_on(self) -> None:
-        """Begin the search, or begin it anew."""
-        run_alone(self._app, "search", self._search)
+    @property
+    def _list_here(self) -> "LoggersScreen | None":
+        """The list of loggers, where it is on the screen."""
+        screen = self._app.screen
+        return cast("LoggersScreen", screen) if getattr(screen, "scope", "") == "loggers" else None
+
+    def search_on(self, only: FoundLogger | None = None) -> None:
+        """Begin the search, or begin it anew; with the one that `only_one` found."""
+        run_alone(self._app, "search", self._search, only)
+
+    async def only_one(self) -> FoundLogger | None:
+        """Return the logger that is meant where the first look around tells of it at once: no list is made for it."""
+        if self.demo is not None:
+            return None
+        try:
+            found, problem = await asyncio.wait_for(self._look(), AT_ONCE_S)
+        except asyncio.TimeoutError:
+            return None
+        return None if problem else self._choice(found.loggers)
 
     def try_again(self) -> None:
         """Try again also what could not be opened."""
@@ -85,8 +109,10 @@ class Opener:
         if not await self._open(logger):
             self.search_on()
 
-    async def _search(self) -> None:
+    async def _search(self, only: FoundLogger | None) -> None:
         """Look until the logger that is meant is there, and open it."""
+        if only is not None and await self._open(only):
+            return
         if self.demo is not None:
             await asyncio.to_thread(self.demo.start)
         while True:
@@ -96,15 +122,13 @@ class Opener:
             chosen = self._choice(found.loggers)
             if not self._app.screen_stack:
                 return  # the program was ended meanwhile
-            screen = self._app.screen
             # not while settings or help are read: opening would take them away
-            here = isinstance(screen, LoggersScreen)
+            here = self._list_here is not None
             if chosen is not None and not problem and here and await self._open(chosen):
                 return
             if not self._app.screen_stack:
                 return
-            screen = self._app.screen
-            if isinstance(screen, LoggersScreen):
+            if (screen := self._list_here) is not None:
                 problems = [problem, *(self._failed.get(each.key, "") for each in found.loggers)]
                 # of several of one name one is to be chosen; else all are shown
                 meant = [each for each in found.loggers if each.is_meant_by(self._wanted)]
@@ -136,9 +160,12 @@ class Opener:
         screen = TableScreen(session, read_only=context.read_only)
         while len(app.screen_stack) > 2:
             await app.pop_screen()
-        await app.switch_screen(screen)
+        attaching = asyncio.ensure_future(self._attach(session, logger))
         try:
-            await self._attach(session, logger)
+            with app.batch_update():  # painted once, where the logger answers at once
+                await (app.switch_screen if len(app.screen_stack) > 1 else app.push_screen)(screen)
+                await asyncio.wait([attaching], timeout=AT_ONCE_S)
+            await attaching
         except (SiloError, OSError) as error:
             self._failed[logger.key] = f"{logger.name} ({logger.where}): {error}"
             passes = isinstance(error, ConnectionLostError) and not isinstance(error, VersionError)
@@ -147,6 +174,8 @@ class Opener:
             if app.screen_stack:
                 await app.switch_screen(self.first_screen)
             return False
+        finally:
+            attaching.cancel()  # of an opening that was given up
         self._failed.pop(logger.key, None)
         self._again_s.pop(logger.key, None)
         if not app.screen_stack:
@@ -157,6 +186,8 @@ class Opener:
         context.table_changed()
         context.status_changed()
         context.say_settings_problems()
+        screen.call_after_refresh(screen.request_view)  # at once: nobody scrolls yet
+        cast(Any, app).poll_soon()
         if words := "; ".join(filter(None, [words, also_a_file(self._wanted)])):
             context.say(words)
         return True

@@ -3,10 +3,13 @@
 Zenoh is loaded when the first look around is made, in a thread.
 """
 
+import threading
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from silo.errors import SiloError
 from silo.fleet.member import Member
 
 if TYPE_CHECKING:
@@ -78,6 +81,16 @@ class ClientFinder:
         self._seen: dict[str, found.LoggerAddress] = {}
         self._own_name = ""
         self._fleet: Fleet | None = None
+        self._looking = threading.Lock()
+
+    def begin(self) -> None:
+        """Look around in a thread, while the screen is still being loaded; `find` waits for it."""
+
+        def look() -> None:
+            with suppress(SiloError, OSError):  # `find` meets it again, and tells it
+                self.find()
+
+        threading.Thread(target=look, daemon=True).start()
 
     @property
     def own_name(self) -> str:
@@ -94,12 +107,13 @@ class ClientFinder:
         from silo.fleet.near import down_text
 
         self._own_name = client_name()
-        if self._fleet is None:
-            self._fleet = Fleet(self._config)
-            there = self._fleet.wait_ready(FIRST_LOOK_S)
-        else:
-            self._fleet.attend(attentive=True)
-            there = self._fleet.now()
+        with self._looking:
+            if self._fleet is None:
+                self._fleet = Fleet(self._config)
+                there = self._fleet.wait_ready(FIRST_LOOK_S)
+            else:
+                self._fleet.attend(attentive=True)
+                there = self._fleet.now()
         loggers = []
         for one in there.members:
             each = one.found

@@ -5,7 +5,7 @@ Of these only what reads differently is painted: with each frame the measured ce
 """
 
 import time
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -285,7 +285,11 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         wanted = max(0, min(wanted, max(0, len(self.rows.tree.lines) - height)))
         if wanted != top:
             self.scroll_to(y=wanted, animate=False, force=True, immediate=True)
-        self.live_changed()
+        if wanted != top or not self._painted or self.rows.anchor is not None:
+            self.live_changed()
+        else:  # two lines alone: to look at all of them is most of what a key costs
+            known = (*self._painted.items(), *self._ready.items())
+            self._paint([*(y for y, each in known if each.cursor), position - top])
         self.post_message(self.Moved())
 
     def live_changed(self) -> None:
@@ -300,13 +304,19 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
             self._trends.clear()
             self._trends_of = (store, store.past_until_ns)
             self._trends_due_s = now_s + pace.trend_s
+        self._paint(range(self.size.height))
+
+    def _paint(self, lines: Iterable[int]) -> None:
+        """Paint those of these lines of the screen that read differently now."""
         laid = self.laid
-        for y in range(self.size.height):
+        for y in lines:
             old, new = self._painted.get(y), self._content(y)
             if old != new:
                 self._ready[y] = new
                 begin = 0 if old is None or old.key != new.key else laid.rest
                 self.refresh(Region(begin, y, laid.width - begin, 1))
+            else:
+                self._ready.pop(y, None)
 
     def watch_scroll_y(self, old_value: float, new_value: float) -> None:
         """Tell other panes of the scroll."""

@@ -153,6 +153,12 @@ async def test_without_colours_nothing_is_suggested_behind_what_is_typed(fake, o
         await screen.shows("unit:Nm")
 
 
+async def test_for_one_logger_alone_no_list_is_made(fake, opened, monkeypatch):
+    monkeypatch.setattr("silo_tui.commands.opening.Opener._list", lambda *_: pytest.fail("a list was made"))
+    async with opened(fake) as screen:
+        assert screen.app.screen.scope == "table"
+
+
 async def test_of_two_loggers_of_one_name_those_two_are_offered(new_fake, opened):
     fakes = [new_fake(name="arm"), new_fake(name="legs"), new_fake(name="legs")]
     fakes[2].pid = 4712

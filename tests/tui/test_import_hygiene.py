@@ -33,7 +33,15 @@ def test_the_app_is_there_without_plotext_and_zenoh():
 
 def test_a_first_screen_waits_for_no_plot_no_file_and_no_form():
     loaded = modules_after("import silo_tui.cli, silo_tui.app")
-    waits = ("silo.analysis", "silo.judging", "silo.files.silo", "silo_tui.screens.files", "silo_tui.sessions.recorded")
+    waits = (
+        "silo.analysis",
+        "silo.judging",
+        "silo.files.silo",
+        "silo_tui.screens.files",
+        "silo_tui.sessions.recorded",
+        "silo.expressions",
+        "silo_tui.screens.lists.loggers",
+    )
     waits += ("silo_tui.screens.plots.monitor", "silo_tui.screens.dialogs.form", "silo_tui.model.samples.held")
     assert not {one for one in loaded for each in waits if one == each or one.startswith(f"{each}.")}
 

@@ -10,7 +10,6 @@ from silo.core.elements import ElementInfo, FileType
 from silo.core.names import Names
 from silo.core.quantities.writing import clock_text, many, size_text
 from silo.errors import ExpressionError
-from silo.expressions.parsing import names_in, parse
 from silo_tui.model.words import text
 
 IN_SPACE = "signal in "
@@ -49,6 +48,8 @@ def trigger_row(one: TriggerStatus, width: int, now_ns: int | None = None, name:
 
 def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[str]:
     """Return the elements that stand in a condition: by name without the logger's prefix, an entry's, or a glob."""
+    from silo.expressions.parsing import names_in, parse  # the first screen doesn't load it
+
     names = Names(
         (element.name for element in elements),
         prefix,

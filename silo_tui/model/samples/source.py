@@ -1,15 +1,17 @@
 """Where plots get their data: a live logger, or a recording. The monitor knows only this."""
 
 from collections.abc import Awaitable, Mapping, Sequence
-from typing import Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.columns import HistoryColumns
 from silo.core.elements import ElementInfo, LoggedEvent
-from silo.expressions.search import FoundMoments, Looking
-from silo.expressions.span import Between
+
+if TYPE_CHECKING:
+    from silo.expressions.search import FoundMoments, Looking
+    from silo.expressions.span import Between
 
 Samples: TypeAlias = tuple[NDArray[np.int64], NDArray[Any]]  # time stamps in ns and values, both of shape `(n,)`
 
@@ -62,9 +64,9 @@ class HeldRows(PlotSource, Protocol):
     """A source that stands still: all that is held of some signals can be looked through."""
 
     def find(
-        self, looking: Mapping[str, Looking], around_ns: int, most: int
-    ) -> Awaitable[tuple[dict[str, FoundMoments], str]]:
+        self, looking: "Mapping[str, Looking]", around_ns: int, most: int
+    ) -> "Awaitable[tuple[dict[str, FoundMoments], str]]":
         """Look for moments in all samples of entries, and return why some could not be looked through."""
 
-    def measure(self, names: Sequence[str], a_ns: int, b_ns: int) -> Awaitable[tuple[dict[str, Between], str]]:
+    def measure(self, names: Sequence[str], a_ns: int, b_ns: int) -> "Awaitable[tuple[dict[str, Between], str]]":
         """Measure entries between two moments, and return of what the facts are where these aren't all samples."""
