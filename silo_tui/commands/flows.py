@@ -102,7 +102,7 @@ async def _start_over(context: Context) -> Unsaved | None:
         Choice("save", "Save it, then start", "s"), Choice("", "Don't start"),
         Choice("drop", f"Drop {held} and start", "D", loses=True),
     ]  # fmt: skip
-    answer = await context.app.push_screen_wait(Question("Start without saving?", body, choices))
+    answer = await context.app.push_screen_wait(Question("Start again?", body, choices))
     if answer == "save":
         return Unsaved.REFUSE if await _save_all(context) else None
     return Unsaved.DISCARD if answer == "drop" else None
@@ -421,5 +421,5 @@ async def take_up_edits(context: Context) -> None:
     if answer == "take":
         taken = session.table.take_up(edits)
         context.table_changed()
-        context.say(f"{many(taken, 'edit')} pending again; {key_of('undo')} takes them back")
+        context.say(f"{many(taken, 'edit')} pending again; {key_of('undo')} takes that back")
     context.keep_edits()
