@@ -28,6 +28,7 @@ from silo.errors import ElementError
 
 Event = Callable[[Log], "Signal | float"]
 
+_CELLS = 1 << 20  # of signals that are looked at together
 MOST_SHIFT_SAMPLES = 200_000  # of a signal by which runs are aligned
 HEADS = ("signal", "unit", "largest", "at s", "rms", "mean", "differ")
 
@@ -53,17 +54,17 @@ class SignalDifference:
     first_s: float
     most: float
     _weight: float = field(repr=False, compare=False)
-    _signals: tuple[Signal, Signal] = field(repr=False, compare=False)
+    _signals: Callable[[], tuple[Signal, Signal]] = field(repr=False, compare=False)
 
     @property
     def a(self) -> Signal:
         """The signal of the first run."""
-        return self._signals[0]
+        return self._signals()[0]
 
     @property
     def b(self) -> Signal:
         """That of the second, moved and in the unit of the first."""
-        return self._signals[1]
+        return self._signals()[1]
 
     @property
     def facts(self) -> dict[str, str | float | int | None]:
@@ -296,6 +297,25 @@ class _Pair(NamedTuple):
     wrong: str = ""
 
 
+class _Scalar(NamedTuple):
+    """A scalar of both logs that is to be looked at, at the places of both where they meet."""
+
+    name: str
+    unit: str
+    values: tuple[NDArray[Any], NDArray[Any]]
+    meeting: "_Meeting"
+    signals: Callable[[], tuple[Signal, Signal]]
+
+    @property
+    def group(self) -> tuple[object, ...]:
+        """What can be looked at together: plain numbers of one type each, at the same times."""
+        types = [each.dtype for each in self.values]
+        plain = all(each.kind in "bf" or (each.kind in "iu" and each.itemsize < 8) for each in types)
+        if not plain or any(isinstance(each, np.ma.MaskedArray) for each in self.values):
+            return (id(self.values),)
+        return (id(self.meeting), *types)
+
+
 class _Meeting(NamedTuple):
     """Where samples of two time bases meet: places in both (None: all), their times, the stamps of the other one as if
     it had started with the first, and which time that is where one goes on longer.
@@ -312,40 +332,72 @@ def _compared(a: Log, b: Log, names: Sequence[str], shift_s: float, tolerance: f
     """Compare these signals of both. What has the same bytes at the same times is alike without a look at it."""
     met: dict[tuple[object, ...], _Meeting] = {}
     found: list[_Pair] = []
+    groups: dict[tuple[object, ...], list[tuple[int, _Scalar]]] = {}
     # a log has the names of its elements first, in their order
-    ours, theirs = (dict(zip(log, log.recording.elements, strict=False)) for log in (a, b))
+    elements = [dict(zip(log, range(len(log.recording.elements)), strict=False)) for log in (a, b)]
     for name in names:
         try:
-            mine, other = ours.get(name), theirs.get(name)
-            if mine is not None and other is not None and _same_kind(mine, other):
-                stamps = stamps_of(a.recording, mine), stamps_of(b.recording, other)
-                meeting = _meeting(name, stamps, (a.start_ns, b.start_ns), shift_s, met)
-                if meeting.places is None and _same_bytes(mine, other):
-                    found.append(_Pair(name, alike=len(mine.entries)))
-                    continue
-            found.append(_looked_at(a[name], b[name], shift_s, tolerance, met)._replace(name=name))
+            scalars, made = _scalars(a, b, name, [each.get(name) for each in elements], shift_s, met)
         except ElementError as error:
-            found.append(_Pair(name, wrong=str(error)))
-    return found
+            scalars, made = [], _Pair(name, wrong=str(error))
+        for one in scalars:
+            groups.setdefault(one.group, []).append((len(found), one))
+        found.append(made)
+    rows: dict[int, list[SignalDifference]] = {}
+    for group in groups.values():
+        step = max(1, _CELLS // max(1, len(group[0][1].values[0])))
+        for begin in range(0, len(group), step):
+            some = group[begin : begin + step]
+            try:
+                for place, row in _different([one for _, one in some], tolerance):
+                    rows.setdefault(some[place][0], []).append(row)
+            except ElementError as error:  # of texts beside numbers, which are looked at one by one
+                found[some[0][0]] = _Pair(found[some[0][0]].name, wrong=str(error))
+    return [
+        one if place not in rows or one.wrong else one._replace(rows=rows[place], alike=one.alike - len(rows[place]))
+        for place, one in enumerate(found)
+    ]
 
 
-def _looked_at(
-    one: Signal, other: Signal, shift_s: float, tolerance: float, met: dict[tuple[object, ...], _Meeting]
-) -> _Pair:
+def _scalars(
+    a: Log,
+    b: Log,
+    name: str,
+    places: Sequence[int | None],
+    shift_s: float,
+    met: dict[tuple[object, ...], _Meeting],
+) -> tuple[list[_Scalar], _Pair]:
+    """What is to be looked at of an element of both logs. Raises ElementError where they can't be compared."""
+    ours, theirs = (
+        None if place is None else log.recording.elements[place] for log, place in zip((a, b), places, strict=True)
+    )
+    starts = a.start_ns, b.start_ns
+    if ours is not None and theirs is not None and _same_kind(ours, theirs):
+        stamps = stamps_of(a.recording, ours), stamps_of(b.recording, theirs)
+        meeting = _meeting(name, stamps, starts, shift_s, met)
+        if meeting.places is None and _same_bytes(ours, theirs):
+            return [], _Pair(name, alike=len(ours.entries))
+        if len(ours.entries) == 1 and not ours.shape and ours.entries[0].values.ndim == 1:
+            values = ours.entries[0].values, theirs.entries[0].values
+
+            def signals() -> tuple[Signal, Signal]:
+                return _signals(a[name], b[name], shift_s, met)[0]
+
+            return [_Scalar(name, ours.unit, values, meeting, signals)], _Pair(name, alike=1, span=meeting.span)
+    one, other = a[name], b[name]
     if not len(one) and not len(other):
-        return _Pair(one.name)
-    other = in_order(other, one.components)
-    if one.components != other.components:
-        raise ElementError(f"components {one.components or 'none'} and {other.components or 'none'}")
-    if not units.same(one.unit, other.unit) and {one.unit, other.unit}.isdisjoint(("", "-")):
-        other = other.to(one.unit)
-    meeting = _meeting(one.name, (one.time_ns, other.time_ns), (one.start_ns, other.start_ns), shift_s, met)
-    other = replace(other, time_ns=meeting.moved_ns, start_ns=one.start_ns)
-    pairs = [(one, other)]
+        return [], _Pair(name)
+    (one, other), meeting = _signals(one, other, shift_s, met)
+    every = [(one, other)]
     if one.components:
-        pairs = [(one.component(place), other.component(place)) for place in range(len(one.components))]
-    rows = [row for pair in pairs if (row := _difference(pair, meeting, tolerance)) is not None]
-    return _Pair(one.name, rows, len(pairs) - len(rows), meeting.span)
+        every = [(one.component(place), other.component(place)) for place in range(len(one.components))]
+    return [
+        _Scalar(pair[0].name, pair[0].unit, (pair[0].values, pair[1].values), meeting, _always(pair)) for pair in every
+    ], _Pair(name, alike=len(every), span=meeting.span)
+
+
+def _always(pair: tuple[Signal, Signal]) -> Callable[[], tuple[Signal, Signal]]:
+    return lambda: pair
 
 
 def _same_kind(one: RecordedElement, other: RecordedElement) -> bool:
@@ -388,32 +440,75 @@ def _meeting(
     return met.setdefault(key, _Meeting(places, mine.times, moved_ns, span, stamps))
 
 
-def _difference(pair: tuple[Signal, Signal], meeting: _Meeting, tolerance: float) -> SignalDifference | None:
-    """How both differ where both logs have them; None where they don't."""
-    first, second = pair[0].values, pair[1].values
+def _signals(
+    one: Signal, other: Signal, shift_s: float, met: dict[tuple[object, ...], _Meeting]
+) -> tuple[tuple[Signal, Signal], _Meeting]:
+    other = in_order(other, one.components)
+    if one.components != other.components:
+        raise ElementError(f"components {one.components or 'none'} and {other.components or 'none'}")
+    if not units.same(one.unit, other.unit) and {one.unit, other.unit}.isdisjoint(("", "-")):
+        other = other.to(one.unit)
+    meeting = _meeting(one.name, (one.time_ns, other.time_ns), (one.start_ns, other.start_ns), shift_s, met)
+    return (one, replace(other, time_ns=meeting.moved_ns, start_ns=one.start_ns)), meeting
+
+
+def _different(scalars: Sequence[_Scalar], tolerance: float) -> Iterator[tuple[int, SignalDifference]]:
+    """Those of one group that differ where both logs have them, by their places."""
+    meeting = scalars[0].meeting
+    first, second = (
+        np.stack([one.values[side] for one in scalars]) if len(scalars) > 1 else scalars[0].values[side][None]
+        for side in (0, 1)
+    )
+    whole = first
     if meeting.places is not None:
-        first, second = first[meeting.places[0]], second[meeting.places[1]]
-    gaps = _gap(first, second)
+        first, second = first[:, meeting.places[0]], second[:, meeting.places[1]]
+    gaps = _gap(first, second) if len(scalars) > 1 else _gap(first[0], second[0])[None]
     with np.errstate(invalid="ignore"):
         differ = ~(np.abs(gaps) <= tolerance)
-    count = int(differ.sum())
-    if not count:
-        return None
+    (places,) = np.nonzero(differ.any(axis=1))
+    if not len(places):
+        return
+    gaps, differ = gaps[places], differ[places]
     sizes = np.where(np.isnan(gaps), np.inf, np.abs(gaps))
-    at = int(np.argmax(sizes))
-    known, share = gaps[np.isfinite(gaps)], count / len(differ)
-    rms = mean = most = np.nan
-    if len(known):
-        rms, mean, most = float(np.sqrt(np.mean(known**2))), float(known.mean()), float(np.abs(known).max())
-    values = as_floats(pair[0].values)  # metres and volts stand in one list: what counts is how far each moves
-    finite = values[np.isfinite(values)]
-    spread = float(finite.std()) if len(finite) else 0.0
-    weight = share if not rms > 0 else rms / spread if spread > 0 else np.inf
-    times = meeting.times[at], meeting.times[np.argmax(differ)]
-    return SignalDifference(
-        pair[0].name, pair[0].unit, float(sizes[at]), float(times[0]), rms, mean, share, count, len(differ),
-        float(times[1]), most, weight, pair,
-    )  # fmt: skip
+    where, begin = np.argmax(sizes, axis=1), np.argmax(differ, axis=1)
+    largest = np.take_along_axis(sizes, where[:, None], 1)[:, 0]
+    counts = differ.sum(axis=1)
+    rms, mean, most = _of_finite(gaps)
+    spread = _spread([whole[place] for place in places])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = np.where(rms > 0, np.where(spread > 0, rms / spread, np.inf), counts / differ.shape[1])
+    columns = (largest, meeting.times[where], rms, mean, counts / differ.shape[1], counts, meeting.times[begin], most)
+    numbers = zip(*(each.tolist() for each in columns), weight.tolist(), strict=True)
+    for place, (size, at_s, root, middle, share, count, first_s, largest_known, heavy) in zip(
+        places.tolist(), numbers, strict=True
+    ):
+        one = scalars[place]
+        yield place, SignalDifference(
+            one.name, one.unit, size, at_s, root, middle, share, count, differ.shape[1], first_s, largest_known, heavy,
+            one.signals,
+        )  # fmt: skip
+
+
+def _of_finite(gaps: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Root mean square, mean and largest size of the finite numbers of each row; NaN where there are none."""
+    known = np.isfinite(gaps)
+    if known.all():
+        return np.sqrt(np.mean(gaps**2, axis=1)), gaps.mean(axis=1), np.abs(gaps).max(axis=1)
+    rows = [row[there] for row, there in zip(gaps, known, strict=True)]
+    told = [
+        (float(np.sqrt(np.mean(row**2))), float(row.mean()), float(np.abs(row).max())) if len(row) else (np.nan,) * 3
+        for row in rows
+    ]
+    return tuple(np.array(told).T)
+
+
+def _spread(rows: Sequence[NDArray[Any]]) -> NDArray[np.float64]:
+    """How far each signal moves: metres and volts stand in one list."""
+    floats = [as_floats(row) for row in rows]
+    if all(np.isfinite(one).all() for one in floats):
+        return np.stack(floats).std(axis=1) if len(floats[0]) else np.zeros(len(floats))
+    finite = [one[np.isfinite(one)] for one in floats]
+    return np.array([one.std() if len(one) else 0.0 for one in finite])
 
 
 def _gap(first: NDArray[Any], second: NDArray[Any]) -> NDArray[np.float64]:

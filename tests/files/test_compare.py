@@ -113,6 +113,13 @@ def test_a_course_of_a_vector_is_refused_with_the_names_of_its_components(tmp_pa
         silo.compare(*(logs[::-1] if turned else logs), signal="q")
 
 
+def test_how_far_a_signal_moves_is_that_of_its_finite_samples():
+    rows = [np.array([1.0, np.nan, 3.0]), np.array([np.nan] * 3), np.array([1.0, 1.0, 4.0])]
+    assert comparing._spread(rows) == pytest.approx([1.0, 0.0, np.sqrt(2)])
+    assert comparing._spread(rows[2:]) == pytest.approx([np.sqrt(2)])
+    assert comparing._spread([np.empty(0), np.empty(0)]).tolist() == [0.0, 0.0]
+
+
 def test_diff_and_compare_find_the_same_signals_different():
     ramp, bad = np.arange(float(COUNT)), np.arange(float(COUNT))
     bad[7] = np.nan
