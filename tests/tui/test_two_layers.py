@@ -218,9 +218,9 @@ async def test_on_a_name_space_the_bar_says_what_folds_it(fake, opened):
         assert "Fold" not in bar(screen)
         await screen.enter(":goto /log/imu/temperature")
         await screen.press("minus")
-        assert "+ Unfold" in bar(screen)
+        assert "Enter Unfold" in bar(screen)
         await screen.press("minus")
-        assert "+ Fold" in bar(screen)
+        assert "Enter Fold" in bar(screen)
 
 
 @pytest.mark.parametrize("scope", ["alarms", "triggers", "recordings"])
