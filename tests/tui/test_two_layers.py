@@ -213,16 +213,6 @@ async def test_the_bar_has_room_for_what_commands_the_logger_and_says_what_waits
         assert "Apply" not in bar(screen)
 
 
-async def test_on_a_name_space_the_bar_says_what_folds_it(fake, opened):
-    async with opened(fake) as screen:
-        assert "Fold" not in bar(screen)
-        await screen.enter(":goto /log/imu/temperature")
-        await screen.press("minus")
-        assert "Enter Unfold" in bar(screen)
-        await screen.press("minus")
-        assert "Enter Fold" in bar(screen)
-
-
 @pytest.mark.parametrize("scope", ["alarms", "triggers", "recordings"])
 async def test_the_bar_of_a_list_without_a_line_has_no_key_that_is_about_one(fake, opened, scope):
     async with opened(fake) as screen:
