@@ -123,7 +123,7 @@ class SegmentJudge:
             return before
         rule = trigger_rule(options, self.reader.schema.frequency_hz)
         if options.save:
-            rule = replace(rule, longest=longest_capture(bytes_per_tick(self.reader.schema)))
+            rule = replace(rule, longest=min(rule.longest, longest_capture(bytes_per_tick(self.reader.schema))))
         trigger = Trigger(rule, armed=options.armed, captures=self._numbers.get(options.name, 0))
         made = _Watched(options, trigger)
         if before is not None:

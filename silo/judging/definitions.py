@@ -13,12 +13,13 @@ from silo.errors import ElementError, ExpressionError
 from silo.expressions.binding import BoundExpression, Catalogue, Known, bind
 from silo.expressions.derived_signals import binds, placed
 from silo.judging.limits import LimitRule, limit_rule
-from silo.judging.triggers import BufferSpan, Slope, TriggerMode, TriggerRule, check_length, check_pre
+from silo.judging.triggers import NO_END, BufferSpan, Slope, TriggerMode, TriggerRule, check_length, check_pre
 
 MOST_DERIVED = 200
 MOST_LIMITS = 1000
 MOST_TRIGGERS = 100
 MOST_STALE_S = MOST_TRIGGER_S = 86_400.0
+LONG_CAPTURE_S, LONG_CAPTURE = 60.0, 10  # or so many times what one fire captures
 
 WORD_BYTES = 8  # a time stamp
 
@@ -135,14 +136,17 @@ def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
             f"mode {name} must be normal or single: auto captures without end, which is for looking (a scope), not for "
             "files; nothing was changed"
         )
+    pre, post = ticks("pre", options.pre_s), ticks("post", options.post_s)
     return TriggerRule(
-        ticks("pre", options.pre_s),
-        ticks("post", options.post_s),
+        pre,
+        post,
         slope,
         ticks("persist", options.persist_s),
         ticks("holdoff", options.holdoff_s),
         mode,
         ticks("patience", options.patience_s),
+        # of one that fires make longer and longer the file comes while one still looks at it
+        max(round(LONG_CAPTURE_S * frequency_hz), LONG_CAPTURE * (pre + post)) if options.save else NO_END,
     )
 
 

@@ -10,6 +10,8 @@ import silo
 import silo.core.conditions
 from silo.conditions.segment_judge import MOST_SPOOL_BYTES, SegmentJudge, try_trigger
 from silo.conditions.standing import TriggerWord
+from silo.judging.definitions import trigger_rule
+from silo.judging.triggers import NO_END
 from silo.segment.reader import SegmentReader
 
 
@@ -85,9 +87,18 @@ def test_fires_without_end_close_a_capture_at_its_most_bytes_and_go_on_in_the_ne
     assert len(whole) >= 2
     for buffer, following in pairwise(whole):
         assert buffer.size_bytes <= 2**16
-        assert buffer.why == f"closed at 256 MB as it fired on: capture {buffer.capture.number + 1} goes on"
+        assert buffer.why == f"closed as it fired on and on: capture {buffer.capture.number + 1} goes on"
         assert following.capture.first <= buffer.capture.last  # no tick is in neither
         assert len(silo.Log(buffer.recording())["fast/x_0"]) == buffer.capture.last - buffer.capture.first + 1
+
+
+@pytest.mark.parametrize(("post", "ends"), [("100ms", 60.0), ("8s", 80.05)])
+def test_fires_without_end_have_a_file_within_a_minute_or_ten_times_what_one_captures(robot, post, ends):
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post=post)
+    rule = trigger_rule(robot.logger._conditions.extras.triggers[0], 1000.0)
+    assert rule.longest == ends * 1000
+    robot.logger.trigger("look", "fast/x_0 > 50", save=[])
+    assert trigger_rule(robot.logger._conditions.extras.triggers[1], 1000.0).longest == NO_END
 
 
 def test_captures_under_way_that_take_all_memory_together_are_closed_and_say_so(robot, monkeypatch):

@@ -9,7 +9,7 @@ from silo.core.conditions import CaptureFacts, Conditions, TriggerOptions
 from silo.core.elements import BufferType, LoggedEvent
 from silo.core.episodes.words import within_ticks
 from silo.core.recording import Recording
-from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, longest_capture
+from silo.judging.triggers import Capture, longest_capture
 from silo.segment.layout import TIME_RING, SegmentSchema
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows
@@ -68,7 +68,7 @@ class CaptureBuffer:
         """Why the capture is shorter than what fired; empty where it isn't."""
         if self.ended or not self.capture.full:
             return self.ended
-        return f"closed at {MOST_CAPTURE_BYTES // 2**20} MB as it fired on: capture {self.capture.number + 1} goes on"
+        return f"closed as it fired on and on: capture {self.capture.number + 1} goes on"
 
     def append(self, until: int) -> bool:
         """Copy the rows of ticks before `until` that are new; whether the capture is whole then."""
