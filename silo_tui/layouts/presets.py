@@ -45,5 +45,5 @@ def near_limit(limits: Sequence[LimitStatus]) -> tuple[KeptLayout, str]:
     """Return the view of what is near a limit now, and what to say of it."""
     found = [one.name for one in limits if is_near(one)]
     words = f"{len(found)} of {len(limits)} signals with limits are within a tenth of one, or beyond"
-    pattern = "|".join(f"{re.escape(name)}$" for name in found) or "$^"
-    return KeptLayout(filter=f"~{pattern}"), words
+    pattern = "|".join(f"{re.escape(name)}$" for name in found)
+    return KeptLayout(filter=f"~{pattern}" if found else "alarm"), words  # of nothing near nothing is beyond
