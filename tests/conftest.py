@@ -7,10 +7,12 @@ Tests marked `sampled` try some of their cases, others with each commit (`drawn`
 `.ci/run` does; any other word of it draws as that word says.
 """
 
+import contextlib
 import functools
 import gc
 import os
 import random
+import resource
 import shutil
 import signal
 import subprocess
@@ -80,6 +82,24 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.slow)
         if item.get_closest_marker("slow"):
             item.user_properties.append(("tier", "slow"))  # so that a JUnit report tells what each tier took
+
+
+@pytest.fixture
+def small_files(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], contextlib.AbstractContextManager[None]]:
+    """A block in which no file grows beyond so many bytes; Python compiles none, which it keeps cut off."""
+
+    @contextlib.contextmanager
+    def limited(size_bytes: int) -> Iterator[None]:
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size_bytes, before[1]))
+        try:
+            with monkeypatch.context() as patch:
+                patch.setattr(sys, "dont_write_bytecode", True)
+                yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    return limited
 
 
 _started: list[str] = []

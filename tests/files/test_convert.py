@@ -1,7 +1,6 @@
 """Logs converted by the endings of their names, read back with the tools that people have."""
 
 import json
-import resource
 import subprocess
 import sys
 from dataclasses import replace
@@ -283,14 +282,9 @@ def test_ctrl_c_leaves_no_half_file_and_the_old_one_in_place(ending, source, tmp
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_a_disk_that_is_full_is_a_save_error_and_leaves_nothing(ending, source, tmp_path):
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (600, before[1]))
-    try:
-        with pytest.raises(SaveError, match="out"):
-            convert(source, tmp_path / f"out{ending}")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+def test_a_disk_that_is_full_is_a_save_error_and_leaves_nothing(ending, source, tmp_path, small_files):
+    with small_files(600), pytest.raises(SaveError, match="out"):
+        convert(source, tmp_path / f"out{ending}")
     assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
 
 
@@ -397,15 +391,10 @@ def test_an_old_bag_that_an_earlier_silo_left_hidden_gets_its_name_back(source, 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mcap", "walk"]
 
 
-def test_a_disk_that_is_full_leaves_the_old_bag_and_names_it(source, tmp_path):
+def test_a_disk_that_is_full_leaves_the_old_bag_and_names_it(source, tmp_path, small_files):
     target = tmp_path / "bag.rosbag2"
     convert(source, target)
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (600, before[1]))
-    try:
-        with pytest.raises(SaveError, match=rf"can't save '{target}'"):
-            convert(source, target, force=True)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    with small_files(600), pytest.raises(SaveError, match=rf"can't save '{target}'"):
+        convert(source, target, force=True)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag.rosbag2", "in.mcap"]
     assert len(silo.open_log(target)) == len(silo.open_log(source))

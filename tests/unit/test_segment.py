@@ -2,7 +2,6 @@
 
 import gc
 import os
-import resource
 import signal
 import subprocess
 import threading
@@ -152,16 +151,11 @@ def test_buffers_larger_than_the_memory_are_refused_before_the_kernel_kills_the_
         logger.start()
 
 
-def test_a_limit_on_the_size_of_files_is_an_error_and_no_signal(new_logger, monkeypatch):
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+def test_a_limit_on_the_size_of_files_is_an_error_and_no_signal(new_logger, monkeypatch, small_files):
     logger = new_logger()
     logger.array("x", 1000, size=1000)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, before[1]))
-    try:
-        with pytest.raises(SegmentError, match="File too large"):
-            logger.start()
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    with small_files(1_000_000), pytest.raises(SegmentError, match="File too large"):
+        logger.start()
     assert signal.getsignal(signal.SIGXFSZ) == signal.SIG_IGN
 
 

@@ -1,7 +1,6 @@
 """What does nothing says so: ticks while a logger stands still, calls before there is one, ends without a save."""
 
 import itertools
-import resource
 from pathlib import Path
 
 import numpy as np
@@ -276,16 +275,12 @@ def test_what_it_saves_are_no_files_with_a_path_that_can_be_read():
 # ------------------------------------------------------------------------------------- limits of the system
 
 
-def test_a_limit_on_the_size_of_files_is_named(new_logger):
+def test_a_limit_on_the_size_of_files_is_named(new_logger, small_files):
     logger = new_logger()
     kept = logger.array("q", 1000)
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, before[1]))
-    try:
-        with pytest.raises(SegmentError, match=r"may make files of 1[\d.]+ kB only \(RLIMIT_FSIZE, `ulimit -f`\)"):
-            logger.start()
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    told = r"may make files of 1[\d.]+ kB only \(RLIMIT_FSIZE, `ulimit -f`\)"
+    with small_files(100_000), pytest.raises(SegmentError, match=told):
+        logger.start()
     logger.start()
     assert kept.shape == (1000,)
 
