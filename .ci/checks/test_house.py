@@ -99,7 +99,7 @@ IMPORTS = {
     "upstairs": ("silo/net/keys.py", "import silo.settings.script", "silo.net.keys -> silo.settings.script"),
     "a circle of siblings": (
         "silo/files/atomic.py",
-        "import silo.files.extras",
+        "import silo.files.optional_packages",
         "No cycles are allowed in silo.files",
     ),
     "a circle far below": (

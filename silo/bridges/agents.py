@@ -22,7 +22,7 @@ from silo.core.names import matching
 from silo.core.quantities.writing import many
 from silo.errors import ElementError, SiloError
 from silo.expressions.parsing import names_in, parse
-from silo.files.extras import need
+from silo.files.optional_packages import need
 from silo.run_index.listed import ListedRun
 from silo.run_index.runs import RunList, runs
 
@@ -143,7 +143,7 @@ class Shelf:
 
     def list_loggers(self) -> dict[str, Any]:
         """List the loggers that run now and may be looked at."""
-        from silo.fleet.discovery import discover
+        from silo.fleet.resolving import discover
 
         found = discover()
         rows = [{"logger": one.name, "host": one.host} for one in found.loggers[:MOST_ROWS]]

@@ -27,7 +27,7 @@ def many_meant(verb: str, logger: str | None, *, everyone: bool) -> "list[Logger
     A glob without `--all` names them and asks on a terminal. Raises UsageError where nobody can be asked, Abort for no,
     ConnectionLostError where there is none.
     """
-    from silo.fleet.discovery import not_found_text
+    from silo.fleet.resolving import not_found_text
     from silo.net.found import is_glob, logger_of, told_apart
 
     pattern = logger_of(logger or "")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from silo.client.client import Client
     from silo.core.elements import ElementInfo, Status
-    from silo.fleet.discovery import Discovery
+    from silo.fleet.resolving import Discovery
     from silo.net.found import LoggerAddress
 
 MOST_COMPLETIONS = 100
@@ -96,7 +96,7 @@ def _take_config(ctx: click.Context, _param: click.Parameter, value: str | None)
 
 def discovered() -> "Discovery":
     """Return the loggers that are there: looked for once in a command."""
-    from silo.fleet.discovery import discover
+    from silo.fleet.resolving import discover
 
     ctx = click.get_current_context(silent=True)
     kept = ctx.find_root().meta if ctx else {}
@@ -167,7 +167,7 @@ def find_logger(name: str | None) -> "LoggerAddress":
 
     Raises ConnectionLostError where there is none, UsageError where several could be meant.
     """
-    from silo.fleet.discovery import SeveralError
+    from silo.fleet.resolving import SeveralError
 
     discovery = discovered()
     try:

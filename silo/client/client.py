@@ -23,9 +23,9 @@ from silo.core.calls import told_class, told_names
 from silo.core.elements import SavedFile
 from silo.core.printing import html_table
 from silo.errors import ArgumentError, ConnectionLostError, ElementError, RefusedError, SiloError
-from silo.fleet.discovery import discover
 from silo.fleet.exchange import NoAnswerError, client_name
-from silo.history.found_moments import SearchRequests
+from silo.fleet.resolving import discover
+from silo.history.find import SearchRequests
 from silo.history.requests import By, GetHistory, GetSamples, KeepPin, OpenPin, OpenStream
 from silo.live.requests import GetSurvey, OpenView, Survey
 from silo.net.access.senders import READ_ONLY, read_only_words, viewer_words
@@ -72,7 +72,7 @@ LONGEST_S = 1e6  # that anybody waits
 
 @told_names("a client", _OTHER_NAMES)
 @told_class("client", make="Client", shared=TakesConditions, returns=str)
-class Client(
+class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find` in silo/history/find.py
     StateRequests, TableRequests, EventRequests, ScriptRequests, ControlRequests, ConditionRequests, SearchRequests,
     RecordingRequests, RecorderRequests, ParameterRequests, TakesConditions[str], Closing,
 ):  # fmt: skip

@@ -11,7 +11,7 @@ from silo.client.client import Client
 from silo.core.arguments import text
 from silo.core.calls import told
 from silo.errors import ElementError
-from silo.fleet.discovery import Discovery, discover
+from silo.fleet.resolving import Discovery, discover
 from silo.net.found import LoggerAddress, parse_url
 from silo.rpc.declaring import Ask
 

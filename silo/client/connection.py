@@ -21,10 +21,10 @@ import zenoh
 
 from silo.core.elements import State
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
-from silo.fleet.discovery import namesakes
 from silo.fleet.exchange import exchange, root_at
 from silo.fleet.many import Pending
 from silo.fleet.near import seen_now
+from silo.fleet.resolving import namesakes
 from silo.net import keys
 from silo.net.found import LoggerAddress
 from silo.net.session import owner_is_gone

@@ -312,7 +312,7 @@ class SegmentJudge:
         under_way: list[CaptureBuffer] = []
         for buffer in self._buffers:
             is_whole = buffer.append(until)
-            if buffer.is_cut:
+            if buffer.is_closed_early:
                 self._cut(buffer, f"closed at {MOST_CAPTURE_BYTES // 2**20} MB")
             (found.whole if is_whole or buffer.ended else under_way).append(buffer)
         self._buffers = under_way

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from silo.conditions import requests
-from silo.conditions.monitor import Judge
+from silo.conditions.judge import Judge
 from silo.conditions.requests import Alarms, ConditionRequests, Triggers, TriggerTried
 from silo.conditions.standing import worst_first
 from silo.core.conditions import SignalLimits, TriggerOptions

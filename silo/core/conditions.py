@@ -34,8 +34,9 @@ class SignalLimits(msgspec.Struct, frozen=True, omit_defaults=True):
 class TriggerOptions(msgspec.Struct, frozen=True, omit_defaults=True):
     """A condition, and what is captured around the ticks at which it fires; see `Logger.trigger`.
 
-    `slope` and `mode` are words of `silo.judging.triggers`, `keep` is how many captures stay on the disk, 0 for all.
-    Not `armed`, it is kept and fires never. In mode auto it fires by itself `patience_s` after the end of a capture.
+    `slope` (in programs and the shell: `edge`) and `mode` are words of `silo.judging.triggers`, `keep` is how
+    many captures stay on the disk, 0 for all. Not `armed`, it is kept and fires never. In mode auto it fires by
+    itself `patience_s` after the end of a capture.
     """
 
     name: str

@@ -96,8 +96,8 @@ _COUNTED_WORDS = """
     unitless dimensionless none number code level score probability confidence
 """
 _COUNTED = frozenset(_COUNTED_WORDS.split())
-# what people write, by what it is called here
-_MEANT = {
+# what people write, by what it is called here: told, not taken
+_MISWRITTEN = {
     "rad": "radian radians rd rads",
     "deg": "degree degrees degs",
     "m": "meter meters metre metres",
@@ -121,7 +121,7 @@ _MEANT = {
     "%": "percent",
     "rpm": "revolutions/min",
 }
-_MEANT_BY = {given: word for word, others in _MEANT.items() for given in others.split()}
+_MEANT_BY = {given: word for word, others in _MISWRITTEN.items() for given in others.split()}
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2, "d": 0.1, "k": 1e3, "M": 1e6, "G": 1e9}
 
 

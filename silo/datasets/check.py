@@ -11,7 +11,7 @@ import numpy as np
 from silo.core.arguments import path
 from silo.datasets.lerobot import COUNTERS, TIMESTAMP
 from silo.errors import FileFormatError, LogNotFoundError
-from silo.files.extras import need
+from silo.files.optional_packages import need
 
 TOLERANCE_S = 1e-4  # of lerobot for times of frames
 MOST_PROBLEMS = 20

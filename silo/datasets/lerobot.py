@@ -26,7 +26,7 @@ from silo.datasets.moments import Moments, merged
 from silo.datasets.npz import ENTRY, EpisodeFiles
 from silo.errors import ElementError, SaveError, SiloError
 from silo.files.atomic import atomic_folder, replaced_folder
-from silo.files.extras import need
+from silo.files.optional_packages import need
 
 VERSION = "v3.0"
 CHUNKS_SIZE = 1000

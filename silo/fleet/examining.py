@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from silo.errors import ConnectionLostError, RefusedError, VersionError
-from silo.fleet.discovery import discover
 from silo.fleet.exchange import ask_once, exchange
+from silo.fleet.resolving import discover
 from silo.net.access.probing import Layer, LayerError, reach, tls_problem
 from silo.net.configuration import find_file, from_file, user_of
 from silo.net.found import LoggerAddress, told_apart

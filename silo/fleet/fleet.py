@@ -120,7 +120,7 @@ def looked(config: str, plan: FleetQuestion) -> FleetNow:
         return fleet.whole()
 
 
-def surveyed(config: str = "", pattern: str = "", answer_s: float = 1.0) -> FleetNow:
+def asked_all(config: str = "", pattern: str = "", answer_s: float = 1.0) -> FleetNow:
     """Look around once, and ask each that a pattern means for all that there is to say of it, all at the same time.
 
     Raises ConnectionLostError where `config` can't be reached.

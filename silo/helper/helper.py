@@ -20,7 +20,7 @@ from pathlib import Path
 
 import zenoh
 
-from silo.conditions.monitor import Judge
+from silo.conditions.judge import Judge
 from silo.control.authentication import Authentication
 from silo.control.denials import Denials
 from silo.control.server import ControlLock
@@ -29,10 +29,10 @@ from silo.core.elements import FileType, State
 from silo.core.quantities.writing import many
 from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError
-from silo.helper.control_threads import RequestThreads, Servers
 from silo.helper.dead_robot import OrphanRecovery, after_crash, log_death, stays_s
 from silo.helper.journaling import Journaling
 from silo.helper.marks import MarkReader
+from silo.helper.request_threads import RequestThreads, Servers
 from silo.helper.robot_link import RobotLink, ending
 from silo.helper.runs import Runs, taken_over
 from silo.helper.saver import Saver

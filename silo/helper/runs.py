@@ -9,7 +9,7 @@ import logging
 import os
 from collections.abc import Iterator, Sequence
 
-from silo.conditions.monitor import Judge
+from silo.conditions.judge import Judge
 from silo.core.elements import State
 from silo.errors import SegmentError
 from silo.helper.marks import MarkReader

@@ -1,4 +1,4 @@
-"""Derived signals and limits that belong to a log: checked when they are given, bound when rows are read."""
+"""Derived signals, limits and triggers (structs: `silo.core.conditions`): checked as given, bound as rows are read."""
 
 from collections.abc import Sequence
 

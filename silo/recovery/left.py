@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from silo.core.conditions import Conditions
-from silo.core.elements import CUT, FileType, LoggedEvent, SavedFile
+from silo.core.elements import FileType, LoggedEvent, SavedFile
 from silo.core.runtime import is_at, open_own
 from silo.errors import StateError
 from silo.journal.holdings import Holdings, recording_holdings
@@ -24,6 +24,7 @@ from silo.journal.reader import JournalReader
 from silo.segment.layout import SegmentSchema
 from silo.segment.reader import SegmentReader
 from silo.segment.rows import Rows
+from silo.segment.snapshot import cut_events
 
 DIED = "program died"  # why its log was saved
 STOPPED = "stopped"  # a kind of events: as of CRASHED, nothing of a run but what became of it is told after it
@@ -97,9 +98,8 @@ def log_end(reader: RunReader, saved: str = "", log: Callable[..., object] | Non
         stamp_ns = reader.last_time_ns
     ends = {STOPPED: stopped, CRASHED: death_text(schema.pid), "recovered": saved}
     at = time.time_ns(), reader.ticks - 1, stamp_ns, schema.logger, schema.run
-    cut = schema.cut
-    went_on = [LoggedEvent(CUT, cut.text, schema.started_ns, 0, 0, cut.who, schema.run)] if cut is not None else []
-    lines = [_start(reader), *went_on, *noted, *(LoggedEvent(kind, text, *at) for kind, text in ends.items() if text)]
+    ended = [LoggedEvent(kind, text, *at) for kind, text in ends.items() if text]
+    lines = [_start(reader), *cut_events(schema), *noted, *ended]
     (log or add_missing)(schema.folder, schema.logger, schema.run, lines)
 
 

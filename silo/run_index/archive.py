@@ -30,8 +30,8 @@ from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, FileFormatError, LogNotFoundError, SaveError, SiloError
 from silo.files.added import added_formats
 from silo.files.atomic import PART_ENDING, atomic_file, reason, sweep_parts
-from silo.files.extras import need
 from silo.files.formats import read_recording, writer_for
+from silo.files.optional_packages import need
 from silo.files.tables.parquet import read_parquet
 from silo.run_index.index import Told
 from silo.run_index.listed import ListedRun

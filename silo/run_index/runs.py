@@ -171,7 +171,7 @@ class RunList(Sequence[ListedRun]):
 
     def to_pandas(self) -> Any:
         """Return a table with a row per run. Needs pandas."""
-        from silo.files.extras import need
+        from silo.files.optional_packages import need
 
         rows = [told_of(run) for run in self]
         return need("pandas", "analysis", "tables of runs").DataFrame(rows)

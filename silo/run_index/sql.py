@@ -12,7 +12,7 @@ import psutil
 from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import size_text
 from silo.errors import ElementError, SiloError
-from silo.files.extras import need
+from silo.files.optional_packages import need
 from silo.files.texts import unique_names
 from silo.run_index.tables import COLUMNS, EXTRA, TIME, Drawer, T, typed
 

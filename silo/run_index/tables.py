@@ -27,8 +27,8 @@ from silo.analysis.log import Log
 from silo.core.recording import Recording, common_axis, has_own_stamps
 from silo.errors import LogWarning
 from silo.files.added import added_formats
-from silo.files.extras import need
 from silo.files.formats import read_recording
+from silo.files.optional_packages import need
 from silo.run_index.facts import SignalFacts
 from silo.run_index.index import RunIndex
 from silo.run_index.listed import ListedRun

@@ -62,8 +62,13 @@ def in_chain(recording: Recording, schema: SegmentSchema, *, cut_off: bool) -> R
     if schema.cut is None and not cut_off:
         return recording
     cut = schema.cut or Cut(schema.run, 1)
-    told = [LoggedEvent(CUT, cut.text, schema.started_ns, 0, 0, cut.who, schema.run)] if cut.text else []
-    return with_events(replace(recording, stretch=Stretch(cut.chain, cut.part)), told)
+    return with_events(replace(recording, stretch=Stretch(cut.chain, cut.part)), cut_events(schema))
+
+
+def cut_events(schema: SegmentSchema) -> list[LoggedEvent]:
+    """The event that a run goes on another one, if it does: what changed, and who asked for it."""
+    cut = schema.cut
+    return [LoggedEvent(CUT, cut.text, schema.started_ns, 0, 0, cut.who, schema.run)] if cut is not None else []
 
 
 def _time_stamps(source: RowSource, ticks: int) -> NDArray[np.int64]:

@@ -15,8 +15,8 @@ import silo
 from silo.client.client import Client
 from silo.core.elements import FileType, State
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError
-from silo.fleet.discovery import discover
 from silo.fleet.fleet import surveyed
+from silo.fleet.resolving import discover
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy
 from tests.waiting import freeze, wait_until

@@ -17,7 +17,7 @@ from silo.core.elements import State
 from silo.errors import ConnectionLostError, SiloError
 from silo.fleet.exchange import decode_reply
 from silo.history.arrays import Gathering, Stream
-from silo.history.found_moments import found_of
+from silo.history.find import found_of
 from silo.history.requests import (
     Columns,
     OpenStream,

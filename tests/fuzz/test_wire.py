@@ -18,7 +18,7 @@ import msgspec
 import pytest
 
 import silo
-from silo.conditions.monitor import Judge
+from silo.conditions.judge import Judge
 from silo.control.requests import TakeControl
 from silo.control.server import ControlLock
 from silo.core.conditions import Derived, SignalLimits, TriggerOptions
@@ -26,7 +26,7 @@ from silo.core.elements import Edit, ElementOptions, FileType, Problem, SavedFil
 from silo.core.tuning.parameters import Excitation, Wave
 from silo.errors import SiloError
 from silo.fleet.exchange import decode_reply, encoded
-from silo.helper.control_threads import Servers
+from silo.helper.request_threads import Servers
 from silo.helper.robot_link import RobotLink
 from silo.helper.saver import Saver
 from silo.history.requests import (

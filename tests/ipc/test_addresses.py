@@ -18,8 +18,8 @@ from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import State
 from silo.errors import ConnectionLostError
-from silo.fleet.discovery import Discovery, SeveralError, discover
 from silo.fleet.fleet import Fleet as Followed
+from silo.fleet.resolving import Discovery, SeveralError, discover
 from silo.logger.serving.process import drawn_id, machine_digits
 from silo.net.found import LoggerAddress, is_glob, told_apart
 from silo.net.keys import Root, robot_of, root_of

@@ -13,7 +13,7 @@ import pytest
 from silo.cli.codes import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE
 from silo.cli.main import run
 from silo.core.elements import State
-from silo.fleet.discovery import discover
+from silo.fleet.resolving import discover
 from silo.net.session import close, open_router
 from tests.stand_ins.simulated_robots import SimulatedRobots
 from tests.waiting import wait_until

@@ -17,10 +17,10 @@ from silo.client.client import Client
 from silo.client.connection import Connection
 from silo.core.elements import State
 from silo.errors import ConnectionLostError
-from silo.fleet.discovery import discover
 from silo.fleet.exchange import NoAnswerError
-from silo.fleet.fleet import surveyed
+from silo.fleet.fleet import asked_all
 from silo.fleet.many import Asking
+from silo.fleet.resolving import discover
 from silo.requests import Start
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy
@@ -74,7 +74,7 @@ def test_two_loggers_of_a_name_must_be_told_apart(bench, robots) -> None:
 
 def test_all_loggers_are_found_with_their_status(bench, robots) -> None:
     robot = robots("other")
-    answers = surveyed().members
+    answers = asked_all().members
     assert [(answer.found.name, answer.status.pid) for answer in answers] == [
         ("bot", os.getpid()),
         ("other", robot.pid),
@@ -92,7 +92,7 @@ def test_survey_asks_all_loggers_at_the_same_time(bench, robots, monkeypatch) ->
         ask(*words)
 
     monkeypatch.setattr(Asking, "add", add)
-    answers = surveyed().members
+    answers = asked_all().members
     assert [answer.found.name for answer in answers if answer.status] == ["bot", "robot0", "robot1", "robot2"]
 
 
@@ -100,8 +100,8 @@ def test_survey_asks_all_loggers_at_the_same_time(bench, robots, monkeypatch) ->
 def test_asking_needs_neither_numpy_nor_click_nor_textual(bench) -> None:
     code = (
         "import sys; from silo.client.connect import Client\n"
-        "from silo.fleet.fleet import surveyed\n"
-        "surveyed()\n"
+        "from silo.fleet.fleet import asked_all\n"
+        "asked_all()\n"
         "with Client.connect('bot') as client: client.table()\n"
         "print({'numpy', 'click', 'textual', 'yaml', 'plotext', 'mcap'} & set(sys.modules))"
     )

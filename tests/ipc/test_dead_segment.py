@@ -23,10 +23,10 @@ HEALTHY = 12
 # on the desk: who is seen with an answer, again and again, until all of the dead host are told to be lost
 LOOKING = """
 import sys, json
-from silo.fleet.fleet import Fleet, surveyed
+from silo.fleet.fleet import Fleet, asked_all
 
 def seen():
-    return [one.found.host for one in surveyed(config, answer_s=8.0).members if one.status is not None]
+    return [one.found.host for one in asked_all(config, answer_s=8.0).members if one.status is not None]
 
 config, dead = sys.argv[1], int(sys.argv[2])
 with Fleet(config) as fleet:

@@ -18,9 +18,9 @@ import pytest
 import silo
 from silo.client.client import Client
 from silo.core.elements import State
-from silo.fleet.discovery import discover
 from silo.fleet.fleet import Fleet
 from silo.fleet.member import Member
+from silo.fleet.resolving import discover
 from silo.live.publisher import differs, room_of
 from silo.net.session import close, open_router
 from silo.net.sessions import open_configurations

@@ -12,7 +12,7 @@ import zenoh
 
 import silo
 from silo.cli.network.authority import Made, make_network
-from silo.fleet.discovery import discover
+from silo.fleet.resolving import discover
 from silo.net.configuration import FORCED, from_file, insert
 from silo.net.keys import Root
 from silo.net.session import close, open_router

@@ -13,7 +13,7 @@ from silo.client.client import Client
 from silo.core.runtime import down_mark, down_marks, sweep_unfinished
 from silo.errors import ConnectionLostError
 from silo.files.event_log import read_events
-from silo.fleet.discovery import Discovery, LoggerAddress, discover
+from silo.fleet.resolving import Discovery, LoggerAddress, discover
 from silo.history.requests import OpenStream, StreamOpened
 from silo.live.requests import OpenView, ViewOpened
 from silo.live.streams import ServedStream

@@ -11,8 +11,8 @@ import zenoh
 
 import silo
 from silo.errors import ConnectionLostError
-from silo.fleet.discovery import discover
 from silo.fleet.fleet import Fleet
+from silo.fleet.resolving import discover
 from silo.net.configuration import FORCED, insert
 from silo.net.session import close, open_router
 from tests.ipc.test_roles import free_port

@@ -16,7 +16,7 @@ from silo.conditions.robot import ConditionRobot
 from silo.core.conditions import TriggerOptions
 from silo.core.elements import Problem
 from silo.errors import ArgumentError, ElementError, GoesOnError, NoRoomError, SaveError, StateError, UnsavedError
-from silo.helper import control_threads
+from silo.helper import request_threads
 from silo.logger.serving import answers
 from silo.net.access import rights
 from silo.rpc.declaring import (
@@ -44,7 +44,7 @@ def of(module):
     return [kind for server in servers for kind in server.handlers]
 
 
-HANDLED, AT_THE_ROBOT = of(control_threads), of(answers)
+HANDLED, AT_THE_ROBOT = of(request_threads), of(answers)
 
 
 @pytest.mark.parametrize("kind", REQUESTS)

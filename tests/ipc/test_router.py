@@ -21,9 +21,9 @@ from silo.cli.main import run
 from silo.cli.network.authority import Made, make_network
 from silo.client.client import Client
 from silo.errors import ConnectionLostError, RefusedError
-from silo.fleet.discovery import discover
 from silo.fleet.exchange import exchange
 from silo.fleet.fleet import Fleet
+from silo.fleet.resolving import discover
 from silo.net.session import close, open_router
 from silo.net.sessions import borrowed
 from silo.state.requests import Hello

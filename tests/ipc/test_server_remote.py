@@ -14,7 +14,7 @@ from silo.cli.main import run
 from silo.client.client import Client
 from silo.core.elements import State
 from silo.errors import ConnectionLostError, RefusedError
-from silo.fleet.discovery import discover
+from silo.fleet.resolving import discover
 
 pytestmark = pytest.mark.slow
 

@@ -14,7 +14,7 @@ from silo.cli.main import run
 from silo.client.client import Client
 from silo.errors import ConnectionLostError, RefusedError, VersionError
 from silo.fleet.exchange import decode_reply, encoded
-from silo.fleet.fleet import surveyed
+from silo.fleet.fleet import asked_all
 from silo.net.session import close, open_client
 from silo.requests import GetStatus, Start, decode_ask, decode_do
 from silo.rpc.declaring import Done, Request, leaves
@@ -177,7 +177,7 @@ def test_a_client_is_told_once_at_the_connection_that_the_robot_is_of_another_si
 
 @pytest.mark.slow
 def test_silo_ls_lists_a_logger_of_another_silo_as_such(other, capsys) -> None:
-    (answer,) = surveyed().members
+    (answer,) = asked_all().members
     assert (answer.status, answer.word) == (None, "other silo")
     assert run(["ls"]) == EXIT_NO_LOGGER  # there is nobody that can be asked
     shown = capsys.readouterr()

@@ -16,7 +16,7 @@ from silo.cli.main import run
 from silo.client.client import Client
 from silo.control.authentication import Authentication
 from silo.errors import ConnectionLostError, ElementError, RefusedError
-from silo.fleet.discovery import discover
+from silo.fleet.resolving import discover
 from silo.net.access.admission import INSECURE, Admission, admission_of, rules_hold_names
 from silo.net.access.senders import PROVEN, came_by_network, claim_of, local_words, network_words, short_words
 from silo.net.configuration import from_file

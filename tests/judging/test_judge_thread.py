@@ -5,7 +5,7 @@ import os
 import pytest
 
 import silo
-from silo.conditions.monitor import Judge
+from silo.conditions.judge import Judge
 from silo.core.elements import LoggedEvent
 from silo.errors import SegmentError
 from silo.logger.serving.answers import robot_state

@@ -22,7 +22,7 @@ NOT_LOADED = {
     "silo.requests": ["numpy", "zenoh", "textual"],
     "silo.client.connect": ["numpy", "textual", "plotext"],
     "silo.cli": ["numpy", "zenoh", "textual", "plotext", "silo_tui", "click", "msgspec", "typing"],
-    "silo.fleet.discovery": [
+    "silo.fleet.resolving": [
         "numpy",
         "textual",
         "silo.client",

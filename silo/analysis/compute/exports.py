@@ -13,7 +13,7 @@ from silo.analysis.compute.samples import Samples
 from silo.core.arrays.values import missing_in, with_nan
 from silo.core.recording import places_on
 from silo.errors import ElementError
-from silo.files.extras import need
+from silo.files.optional_packages import need
 
 _WHAT = "tables"
 

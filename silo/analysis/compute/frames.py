@@ -16,7 +16,7 @@ from silo.analysis.compute.arithmetic import together
 from silo.analysis.compute.samples import XYZW, Samples, in_order
 from silo.core.arguments import shown, text
 from silo.errors import ElementError
-from silo.files.extras import need
+from silo.files.optional_packages import need
 
 _WHAT = "rotations"
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from silo.analysis.plots.limit_lines import DrawnBound
 from silo.core.arrays.columns import bins_at, reduce
 from silo.errors import SiloError
-from silo.files.extras import whole_file
+from silo.files.optional_packages import whole_file
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from silo.analysis.plots.curves import CurveSource
 from silo.analysis.plots.drawing import Chart, draw_axes, draw_png, draw_text
 from silo.core.arguments import shown
 from silo.errors import ElementError
-from silo.files.extras import need
+from silo.files.optional_packages import need
 
 MOST_CURVES = 20
 

@@ -59,12 +59,12 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
 
         follow_fleet(pattern, as_json=as_json)
         return
-    from silo.fleet.discovery import Discovery, by_name, not_found_text
-    from silo.fleet.fleet import surveyed
+    from silo.fleet.fleet import asked_all
+    from silo.fleet.resolving import Discovery, by_name, not_found_text
 
     if configuration() in ("", LOCAL):
         _sweep()
-    seen = surveyed(configuration(), pattern)
+    seen = asked_all(configuration(), pattern)
     meant = sorted(seen.meant(pattern), key=lambda one: (one.lost, one.down, by_name(one.found)))
     answers, lost = [one for one in meant if not one.lost], [one for one in meant if one.lost]
     if configuration() in ("", LOCAL):

@@ -59,7 +59,7 @@ class CaptureBuffer:
         self.capture = capture
 
     @property
-    def is_cut(self) -> bool:
+    def is_closed_early(self) -> bool:
         """Whether it has all that a capture may have, and its end is still to come."""
         return self._stop <= self.capture.last and self.ticks >= self._stop
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from silo.files.extras import need
+from silo.files.optional_packages import need
 
 Path = tuple[str, ...]
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.errors import FileFormatError
-from silo.files.extras import need
 from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
+from silo.files.optional_packages import need
 from silo.files.others.topics import Bad, Equal, FileTopic, equal
 
 _SECTION = re.compile(r"^=+\n", re.MULTILINE)

@@ -20,7 +20,7 @@ from silo.core.kinds import index_suffixes, kind_by_shape
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, common_axis
 from silo.core.tuning.parameters import ParameterChange
 from silo.errors import FileFormatError
-from silo.files.extras import need
+from silo.files.optional_packages import need
 
 _FIELD = re.compile(r"(?P<name>.*)\[(?P<index>\d+)\]")
 _STAMP = "timestamp"

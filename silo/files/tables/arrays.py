@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, silent, stamps_of
 from silo.errors import FileFormatError, SaveError
-from silo.files.extras import need, whole_file
+from silo.files.optional_packages import need, whole_file
 from silo.files.silo.format import FilledEntry
 from silo.files.silo.missing import filled, in_doubles, is_masked
 from silo.files.tables.facts import NAME, Place, packed, restored, told_of

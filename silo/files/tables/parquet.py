@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from silo.core.recording import Progress, RecordedElement, RecordedEntry, Recording, silent
 from silo.files.bags.ros_types import is_text
-from silo.files.extras import need, whole_file
+from silo.files.optional_packages import need, whole_file
 from silo.files.tables.facts import NAME, Place, packed, restored, told_of
 from silo.files.texts import presentable, unique_names
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.values import as_floats
 from silo.core.recording import Progress, RecordedElement, Recording, silent, stamps_of
-from silo.files.extras import need, whole_file
+from silo.files.optional_packages import need, whole_file
 from silo.files.texts import presentable
 
 _WALL_NS = 946_684_800 * 10**9  # the year 2000: stamps before it count from something else

@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 import zenoh
 
-from silo.conditions.monitor import Judge
+from silo.conditions.judge import Judge
 from silo.conditions.server import ConditionServer
 from silo.control.authentication import Authentication, attachment_of
 from silo.control.denials import Denials
