@@ -26,6 +26,13 @@ _TUNSETIFF, _TUN_NO_HEADER = 0x400454CA, 0x0001 | 0x1000
 _STOP = 0.05
 
 
+def free_port() -> int:
+    """Return a port of this computer that nobody has."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
 def missing() -> str:
     """Return why no such computers can be made here; empty where they can."""
     for tool in ("ip", "unshare", "nsenter"):

@@ -24,6 +24,7 @@ from silo.logger.serving.process import drawn_id, machine_digits
 from silo.net.found import LoggerAddress, is_glob, told_apart
 from silo.net.keys import Root, robot_of, root_of
 from silo.net.sessions import open_configurations
+from tests.thin_net import free_port
 from tests.waiting import wait_until
 
 HOST = socket.gethostname()
@@ -122,9 +123,7 @@ class Fleet:
     """A router, and two loggers called `same` on hosts that are called the same."""
 
     def __init__(self, folder: Path) -> None:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
         self.folder = folder
         self.router = self.open_router()
         self.robot, self.desk = folder / "robot.json5", str(folder / "desk.json5")

@@ -12,6 +12,7 @@ from silo.cli.codes import EXIT_FAILED
 from silo.cli.main import run
 from silo.client.client import Client
 from silo.net.access.rights import access_control
+from tests.thin_net import free_port
 
 
 @pytest.mark.parametrize(("command", "extra"), [("foxglove", "foxglove"), ("ros2", "ros2")])
@@ -50,9 +51,7 @@ def test_who_may_only_look_offers_no_control_to_others(runtime, tmp_path, capsys
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
         rules = {**access_control({"all": "viewer"}), "subjects": [{"id": "all"}]}  # whoever comes
         (tmp_path / "robot.json5").write_text(
             json.dumps({"listen": {"endpoints": [endpoint]}, "access_control": rules})

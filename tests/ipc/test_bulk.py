@@ -16,6 +16,7 @@ from silo.core.elements import State
 from silo.fleet.resolving import discover
 from silo.net.session import close, open_router
 from tests.stand_ins.simulated_robots import SimulatedRobots
+from tests.thin_net import free_port
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
@@ -24,11 +25,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The file of a desk, with a router there."""
-    import socket
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     folder = tmp_path_factory.mktemp("bulk")
     (folder / "router.json5").write_text(json.dumps({"listen": {"endpoints": [endpoint]}}))
     (folder / "desk.json5").write_text(json.dumps({"connect": {"endpoints": [endpoint]}}))

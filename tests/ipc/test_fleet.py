@@ -26,6 +26,7 @@ from silo.net.session import close, open_router
 from silo.net.sessions import open_configurations
 from silo.rpc.published import MOST_REASON, Summary
 from tests.stand_ins.simulated_robots import SimulatedRobot, SimulatedRobots
+from tests.thin_net import free_port
 from tests.waiting import answered, freeze, wait_until
 
 HOST = socket.gethostname()
@@ -77,9 +78,7 @@ class Site:
     """A router, and the file of a desk or robot that connects to it."""
 
     def __init__(self, folder: Path) -> None:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        self.endpoint = f"tcp/127.0.0.1:{free_port()}"
         self.folder, self.server, self.desk = folder, str(folder / "router.json5"), str(folder / "desk.json5")
         # a short lease, so that a silent link is told soon
         link = {"transport": {"link": {"tx": {"lease": 500}}}}

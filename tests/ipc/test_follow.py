@@ -2,7 +2,6 @@
 
 import json
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -19,6 +18,7 @@ from silo.net.found import LoggerAddress
 from silo.net.session import close, open_router
 from silo.rpc.published import Summary
 from tests.stand_ins.simulated_robots import SimulatedRobots
+from tests.thin_net import free_port
 
 NOW_S, NOW_NS = 1000.0, 10**18
 FINE = Summary(
@@ -97,9 +97,7 @@ def test_a_change_in_words() -> None:
 
 @pytest.mark.slow
 def test_in_a_pipe_each_change_is_a_line_until_ctrl_c(tmp_path) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoints = [f"tcp/127.0.0.1:{probe.getsockname()[1]}"]
+    endpoints = [f"tcp/127.0.0.1:{free_port()}"]
     (tmp_path / "router.json5").write_text(json.dumps({"listen": {"endpoints": endpoints}}))
     desk = tmp_path / "desk.json5"
     desk.write_text(json.dumps({"connect": {"endpoints": endpoints}}))

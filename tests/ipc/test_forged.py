@@ -16,7 +16,7 @@ from silo.fleet.resolving import discover
 from silo.net.configuration import FORCED, from_file, insert
 from silo.net.keys import Root
 from silo.net.session import close, open_router
-from tests.ipc.test_roles import free_port
+from tests.thin_net import free_port
 from tests.waiting import wait_until
 
 pytestmark = [

@@ -15,7 +15,7 @@ from silo.fleet.fleet import Fleet
 from silo.fleet.resolving import discover
 from silo.net.configuration import FORCED, insert
 from silo.net.session import close, open_router
-from tests.ipc.test_roles import free_port
+from tests.thin_net import free_port
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow

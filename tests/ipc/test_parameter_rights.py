@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import socket
 import threading
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from silo.client.client import Client
 from silo.core.tuning.parameters import Excitation, Wave
 from silo.errors import RefusedError
 from silo.parameters import excited as excited_module
+from tests.thin_net import free_port
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
@@ -83,9 +83,7 @@ def put_back(logger: silo.Logger) -> None:
 def robot(runtime, tmp_path, monkeypatch):
     """A robot behind passwords, its loop turning; and how to reach it by role."""
     monkeypatch.setattr(excited_module, "LEASE_S", 600.0)  # nobody keeps going what is excited here
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     users = tmp_path / "users.txt"
     users.write_text("viewer:look\nengineer:change\n")
     text = (CONFIG / "access-control.json5").read_text()

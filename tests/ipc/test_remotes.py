@@ -23,16 +23,11 @@ from silo.net.access.rights import access_control
 from silo.net.configuration import find_file, from_file, read_json5, remote_file, remotes, scaled
 from silo.net.session import open_client
 from silo.rpc.versions import PROTOCOL
+from tests.thin_net import free_port
 
 CONFIG = Path(__file__).parents[2] / "config"
 
 pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="makes certificates with openssl")
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ A hub (a router, or a robot that listens itself) sees what gets in, and offers w
 
 import json
 import os
-import socket
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,6 +28,7 @@ from silo.net.access.rights import (
 from silo.net.configuration import FORCED, insert
 from silo.net.keys import LOCAL_SENDER, Root
 from silo.net.session import Beside, close, open_router, open_server
+from tests.thin_net import free_port
 from tests.waiting import wait_until
 
 MINE, OTHER = Root("robot3", "anymal", "3fa977b2e0"), Root("robot4", "anymal", "3fa9000000")
@@ -165,12 +165,6 @@ class Attempt:
     def _heard(self, sample: zenoh.Sample) -> None:
         if sample.payload.to_bytes() == b"hub":
             self.note("subscribe", sample.key_expr)
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Hub:

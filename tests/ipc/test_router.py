@@ -29,7 +29,7 @@ from silo.net.sessions import borrowed
 from silo.state.requests import Hello
 from silo.version import VERSION
 from silo_tui.sessions.finder import ClientFinder
-from tests.ipc.test_roles import free_port
+from tests.thin_net import free_port
 from tests.waiting import wait_until
 
 pytestmark = [
@@ -42,9 +42,7 @@ class Site:
     """A router, and a robot that is connected to it."""
 
     def __init__(self, folder: Path) -> None:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
+        port = free_port()
         users = {"alice": "operator", "bob": "viewer", "robots": "robot"}
         self.made: Made = make_network(folder / "lab", ["localhost"], port, users, "127.0.0.1")
         self.server = str(self.made.server / "server.json5")

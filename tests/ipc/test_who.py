@@ -3,7 +3,6 @@
 import grp
 import json
 import os
-import socket
 from pathlib import Path
 
 import numpy as np
@@ -25,16 +24,11 @@ from silo.net.session import Beside, close, open_router
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered
 from silo.rpc.serving import Sender
+from tests.thin_net import free_port
 from tests.waiting import wait_until
 
 ROOT = Root("robot3", "walker", "3fa977b2e0")
 GROUP = grp.getgrgid(os.getgid()).gr_name
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def file_of(path: Path, **values: object) -> str:
