@@ -355,7 +355,7 @@ def _count_spikes(outcome: Outcome, truth: dict[int, int], logs: Path, events: l
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             log = silo.open_log(path)
-        facts = log.recording.extras.capture
+        facts = log.recording.conditions.capture
         runs = {int(run) for run in log["run"].values}
         if facts is None or len(runs) != 1:
             outcome.notes.append(f"{path.name}: of runs {sorted(runs)}")

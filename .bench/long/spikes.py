@@ -102,7 +102,7 @@ class Scenario:
         for path in sorted(set(self.folder.glob("spiked_*_spike_*.silo")) - self.looked_at):
             self.looked_at.add(path)
             log = silo.open_log(path)
-            facts = log.recording.extras.capture
+            facts = log.recording.conditions.capture
             assert facts is not None
             tick = facts.fires[0]
             self.checked[tick] = self.checked.get(tick, 0) + 1

@@ -28,7 +28,7 @@ from silo.analysis.stretches import clipped, resampled
 from silo.core.arguments import INT64, real, shown, switch, text
 from silo.core.arguments import path as file_path
 from silo.core.calls import no_attribute, told_class
-from silo.core.conditions import NO_EXTRAS
+from silo.core.conditions import NO_CONDITIONS
 from silo.core.episodes.words import Episode
 from silo.core.kinds import SCALAR
 from silo.core.names import did_you_mean, is_glob
@@ -104,7 +104,7 @@ class Log(Mapping[str, Signal]):
         self._start_ns = start_ns
         elements = names_of(recording)
         # an element of the same name stands for itself
-        defined = [one.name for one in recording.extras.derived if one.name not in elements.places]
+        defined = [one.name for one in recording.conditions.derived if one.name not in elements.places]
         told = {one.name: why for one, _, why in bound_derived(self._judge.catalogue)} if defined else {}
         self._elements = elements.names
         self._derived = [name for name in defined if not told[name]]
@@ -255,8 +255,8 @@ class Log(Mapping[str, Signal]):
         kept = [element for element in self.recording.elements if element.name.startswith(starts)] if bare else None
         elements = self.recording.elements if kept is None else kept
         # what is derived may need signals that are left out
-        extras = self.recording.extras if kept is None else NO_EXTRAS
-        return Log(replace(self.recording, elements=elements, extras=extras), self.path, self._start_ns)
+        conditions = self.recording.conditions if kept is None else NO_CONDITIONS
+        return Log(replace(self.recording, elements=elements, conditions=conditions), self.path, self._start_ns)
 
     # ----------------------------------------------------------------------------------------------- parts, other times
 

@@ -126,7 +126,7 @@ class Judge:
         if reader is None:
             return
         with contextlib.closing(reader):
-            if not (left or reader.schema.extras.judged):
+            if not (left or reader.schema.conditions.judged):
                 return
             from silo.conditions.state_file import note_begun
 
@@ -167,7 +167,7 @@ class Judge:
     def hold(self, one: TriggerOptions, lease_s: float, owner: str) -> bool:
         """Hold a client's trigger for so long; whether it is a new one. Raises ElementError."""
         now = self._replica.now
-        is_new = self.leased.hold(one, lease_s, owner, now.robot.extras, now.table.elements, now.options)
+        is_new = self.leased.hold(one, lease_s, owner, now.robot.conditions, now.table.elements, now.options)
         self._wake.set()
         return is_new
 
@@ -179,7 +179,7 @@ class Judge:
 
     def names(self) -> list[str]:
         """Return the names of all triggers."""
-        return [one.name for one in self.leased.beside(self._replica.now.robot.extras).triggers]
+        return [one.name for one in self.leased.beside(self._replica.now.robot.conditions).triggers]
 
     def acknowledge(self, names: list[str], who: str, time_ns: int) -> int:
         """Note that somebody has seen alarms; returns how many there were. Raises ElementError."""
@@ -226,11 +226,11 @@ class Judge:
                     msgspec.structs.replace(known.get(one.name, TriggerStatus(one, TriggerWord.WAITING)), options=one),
                     why,
                 )
-                for one in self.leased.beside(robot.extras).triggers
+                for one in self.leased.beside(robot.conditions).triggers
             ]
             limits = self._standing.limits or tuple(
                 LimitStatus(one.name, one.name, LimitWord.BLIND, why=why or "nothing was logged yet").given(one)
-                for one in robot.extras.limits
+                for one in robot.conditions.limits
             )
             return Standing(self._standing.run, self._standing.tick, self._owned(triggers), limits)
         run = judge.reader.schema.run
@@ -344,15 +344,15 @@ class Judge:
         robot, judge = self._replica.now.robot, self._judge
         for one in self.leased.expire():
             log.info("trigger '%s' of %s is forgotten: nobody renewed it", one.key, one.owner)
-        extras = self.leased.beside(robot.extras)
-        if robot.segment != self._replica.segment or (judge is not None and judge.extras == extras):
+        conditions = self.leased.beside(robot.conditions)
+        if robot.segment != self._replica.segment or (judge is not None and judge.conditions == conditions):
             return  # of another run, or known
         if judge is None:
-            wanted = extras.judged and not self._failed and self._run == self._replica.run
+            wanted = conditions.judged and not self._failed and self._run == self._replica.run
             if wanted and (reader := self._held.open(self._run)) is not None:
-                self._begin(reader, extras, since=reader.ticks)
+                self._begin(reader, conditions, since=reader.ticks)
         else:
-            judge.adopt(extras)
+            judge.adopt(conditions)
             self._tell_problems(judge)
 
     def _next_run(self, run: str) -> None:
@@ -370,11 +370,11 @@ class Judge:
     def _go_over(self, reader: SegmentReader) -> None:
         """Judge the run that has just begun."""
         run = reader.schema.run
-        if self._go_on(reader) or not reader.schema.extras.judged:
+        if self._go_on(reader) or not reader.schema.conditions.judged:
             return
         # of a damaged state nobody knows what it had fired for: nothing fires twice
         is_damaged = self._memory is not None and self._memory.was_damaged(run)
-        self._begin(reader, reader.schema.extras, since=reader.ticks if is_damaged else 0)
+        self._begin(reader, reader.schema.conditions, since=reader.ticks if is_damaged else 0)
 
     def _judge_left(self, run: str) -> None:
         """Judge a run that is over, from where a predecessor stood; told is what nobody told before."""
@@ -384,10 +384,10 @@ class Judge:
         if reader is None:
             return
         state = memory.left(run)
-        extras, until = (reader.schema.extras, 0) if state is None else (state.extras, state.until)
+        conditions, until = (reader.schema.conditions, 0) if state is None else (state.conditions, state.until)
         try:
             table = self._replica.now.table.elements
-            judge = SegmentJudge(reader, table, extras, until, lambda: self._writer.size_bytes)
+            judge = SegmentJudge(reader, table, conditions, until, lambda: self._writer.size_bytes)
             whole = judge.recall(state) if state is not None else []
             found = judge.end(reader.stop_reason or "a new run began", self._is_late)
         except (SiloError, ValueError, KeyError, IndexError) as error:
@@ -427,13 +427,13 @@ class Judge:
 
         self._closed, self._failed = state.closed, state.failed
         try:
-            judge = self._made(reader, state.extras, state.until)
+            judge = self._made(reader, state.conditions, state.until)
             whole = judge.recall(state)
         except (SiloError, ValueError, KeyError, IndexError) as error:
             log.exception("what the helper process before this one left can't be used")
             for kept in state.captures:
                 self._events.publish(EventKind.BLIND, lost_text(kept, f"its judge left what can't be used: {error}"))
-            self._begin(reader, state.extras, since=reader.ticks)
+            self._begin(reader, state.conditions, since=reader.ticks)
             return True
         for buffer in whole:
             self._writer.add(buffer)
@@ -441,13 +441,15 @@ class Judge:
             self._judge = judge
         return True
 
-    def _made(self, reader: SegmentReader, extras: Conditions, since: int) -> "SegmentJudge":
+    def _made(self, reader: SegmentReader, conditions: Conditions, since: int) -> "SegmentJudge":
         from silo.conditions.segment_judge import SegmentJudge
 
-        return SegmentJudge(reader, self._replica.now.table.elements, extras, since, lambda: self._writer.size_bytes)
+        return SegmentJudge(
+            reader, self._replica.now.table.elements, conditions, since, lambda: self._writer.size_bytes
+        )
 
-    def _begin(self, reader: SegmentReader, extras: Conditions, since: int = 0) -> None:
-        self._judge = judge = self._made(reader, extras, since)
+    def _begin(self, reader: SegmentReader, conditions: Conditions, since: int = 0) -> None:
+        self._judge = judge = self._made(reader, conditions, since)
         if since:
             judge.count_from(self._remembering().numbers(reader.schema.run))
         else:
@@ -506,12 +508,12 @@ class LeasedTriggers(Leases[str, TriggerOptions]):
         super().__init__(MOST_LEASED)
 
     def hold(
-        self, one: TriggerOptions, lease_s: float, owner: str, extras: Conditions, table: Sequence[ElementInfo],
+        self, one: TriggerOptions, lease_s: float, owner: str, conditions: Conditions, table: Sequence[ElementInfo],
         logger: LoggerOptions,
     ) -> bool:  # fmt: skip
         """Hold a trigger, or another one of its name; the same again only renews the lease. Whether it is a new one.
 
-        Raises ElementError for what makes no sense beside the extras and the table of the logger.
+        Raises ElementError for what makes no sense beside the conditions and the table of the logger.
         """
         from silo.judging.definitions import check_held, with_trigger
 
@@ -520,14 +522,14 @@ class LeasedTriggers(Leases[str, TriggerOptions]):
             if self.get(one.name) == one:
                 self.renew(one.name, lease_s, owner)
                 return False
-            if any(own.name == one.name for own in extras.triggers):
+            if any(own.name == one.name for own in conditions.triggers):
                 raise ElementError(
                     f"trigger '{one.name}' is one of the logger: hold yours under another name; nothing was changed"
                 )
             if self.full(one.name, owner):
                 held = ", ".join(sorted({each.owner for each in self.all()}))
                 raise ElementError(f"{MOST_LEASED} triggers are held by clients already ({held}); nothing was changed")
-            with_trigger(extras, one, table, logger.prefix)
+            with_trigger(conditions, one, table, logger.prefix)
             check_held(one, table, logger.frequency_hz)
             self.set(one.name, one, lease_s, owner)
             return True
@@ -537,9 +539,9 @@ class LeasedTriggers(Leases[str, TriggerOptions]):
         found = self.find(name)
         return found.owner if found is not None else ""
 
-    def beside(self, extras: Conditions) -> Conditions:
-        """Return the extras of the logger with those that are held; a name that the logger has is the logger's."""
+    def beside(self, conditions: Conditions) -> Conditions:
+        """Return the conditions of the logger with those that are held; a name that the logger has is the logger's."""
         held = [one.value for one in self.all()]
-        names = {one.name for one in extras.triggers}
+        names = {one.name for one in conditions.triggers}
         more = tuple(one for one in held if one.name not in names)
-        return msgspec.structs.replace(extras, triggers=(*extras.triggers, *more)) if more else extras
+        return msgspec.structs.replace(conditions, triggers=(*conditions.triggers, *more)) if more else conditions

@@ -38,13 +38,13 @@ Tell = Callable[[EventKind, str, list[SavedFile]], object]
 class RecoveredCaptures:
     """Captures that were written, and in words what became of each, and of what could not be.
 
-    `extras` are limits, triggers and derived signals as the judge knew them last, None where there was none;
+    `conditions` are limits, triggers and derived signals as the judge knew them last, None where there was none;
     `is_whole`: all that there was is written.
     """
 
     files: list[SavedFile]
     texts: list[str]
-    extras: Conditions | None = None
+    conditions: Conditions | None = None
     is_whole: bool = True
 
 
@@ -77,7 +77,7 @@ def _judged_to_its_end(reader: SegmentReader, folder: str) -> RecoveredCaptures:
         return found
     if state is None or not state.is_orphan:
         return found
-    found.extras = state.extras
+    found.conditions = state.conditions
     try:
         _log(schema.folder, schema.logger, schema.run, _recovered(reader, state, folder, found))
     except (SiloError, OSError) as error:  # the run is saved nevertheless
@@ -102,7 +102,7 @@ def unseen(reader: SegmentReader) -> JudgeState | None:
     who completes recordings, too.
     """
     schema = reader.schema
-    if not schema.extras.judged or not _was_served(reader):
+    if not schema.conditions.judged or not _was_served(reader):
         return None
     seen = {event.kind for event in read_events(schema.folder, schema.logger, schema.run)} - _OF_RECORDINGS
     return None if seen else state_file.begun_state(schema)
@@ -121,7 +121,7 @@ def _was_served(reader: SegmentReader) -> bool:
 def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: RecoveredCaptures) -> list[Untold]:
     """Write what there is; returns what is to be told."""
     schema = reader.schema
-    judge = SegmentJudge(reader, [*(one.info for one in schema.elements), *state.off], state.extras, state.until)
+    judge = SegmentJudge(reader, [*(one.info for one in schema.elements), *state.off], state.conditions, state.until)
     whole = judge.recall(state)
     step = judge.end(WHY)
     log_start(reader)

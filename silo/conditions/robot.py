@@ -19,7 +19,7 @@ class ConditionsOfLogger(Protocol):
     @property
     def elements(self) -> list[ElementInfo]: ...
     @property
-    def extras(self) -> Conditions: ...
+    def now(self) -> Conditions: ...
 
     def _set_trigger(self, trigger: TriggerOptions, /) -> None: ...
     def _remove_trigger(self, name: str, /) -> None: ...
@@ -40,10 +40,10 @@ class ConditionRobot(Server, does=[requests], robot=True):
         from silo.judging.switched_off import off_problem
 
         logger = self.logger
-        known = trigger.name in {one.name for one in logger.extras.triggers}
+        known = trigger.name in {one.name for one in logger.now.triggers}
         logger._set_trigger(trigger)
         running = "" if logger.is_running else "; it is judged when the logger is started"
-        off = off_problem(trigger, logger.elements, logger.options.prefix, logger.extras.derived)
+        off = off_problem(trigger, logger.elements, logger.options.prefix, logger.now.derived)
         notes = "".join(f"; {note}" for note in (off and f"it {off}", fixed_text(logger.elements)) if note)
         return f"trigger '{trigger.name}' is {'replaced' if known else 'set'}{running}{notes}"
 
@@ -61,10 +61,10 @@ class ConditionRobot(Server, does=[requests], robot=True):
 
     def set_derived(self, derived: Derived) -> str:
         logger = self.logger
-        before = {known.name for known in logger.extras.derived}
+        before = {known.name for known in logger.now.derived}
         logger.derive(derived.name, derived.expression, unit=derived.unit)
         whole = join_name("", "", derived.name), join_name(logger.options.prefix, "", derived.name)
-        (made,) = [known.name for known in logger.extras.derived if known.name in whole]
+        (made,) = [known.name for known in logger.now.derived if known.name in whole]
         return f"'{made}' is {'derived anew' if made in before else 'derived'}: {derived.expression}"
 
     def remove_derived(self, name: str) -> str:

@@ -31,7 +31,9 @@ class JudgedRows:
             *schema.elements,
             *(_Off(info) for info in table if info.name not in logged),
         ]
-        self.catalogue = Catalogue([self._known(one) for one in self._elements], schema.prefix, schema.extras.derived)
+        self.catalogue = Catalogue(
+            [self._known(one) for one in self._elements], schema.prefix, schema.conditions.derived
+        )
         self._wanted: dict[int, RowPicker[tuple[int, int]]] = {}  # by ring, (element, entry)
         self._cursors: dict[int, int] = {}
         self._silent: set[int] = set()

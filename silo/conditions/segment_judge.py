@@ -76,18 +76,18 @@ class SegmentJudge:
         self,
         reader: SegmentReader,
         table: Sequence[ElementInfo],
-        extras: Conditions | None = None,
+        conditions: Conditions | None = None,
         since: int = 0,
         unwritten: Callable[[], int] = int,
     ) -> None:
-        """Judge `extras` (those that stand in the segment, if not given) from tick `since` on.
+        """Judge `conditions` (those that stand in the segment, if not given) from tick `since` on.
 
         `unwritten` tells the bytes of whole captures that wait to be written: they are memory too.
         `table` names the elements that are off too. `problems` has what can't be judged at all, in words.
         """
         self.reader = reader
         self.problems: list[str] = []
-        self.extras = Conditions()
+        self.conditions = Conditions()
         self._rows = JudgedRows(reader, table)
         self._watched: dict[str, _Watched] = {}
         self.limits = LimitJudge(self._rows)
@@ -97,16 +97,16 @@ class SegmentJudge:
         self._off: set[str] = set()  # elements in conditions that are off
         self._found = JudgedStep()
         self._unwritten = unwritten
-        self.adopt(reader.schema.extras if extras is None else extras)
+        self.adopt(reader.schema.conditions if conditions is None else conditions)
 
-    def adopt(self, extras: Conditions) -> None:
+    def adopt(self, conditions: Conditions) -> None:
         """Judge these triggers and limits from now on; those that stay the same go on as they are."""
         self.problems = []
-        before, self.extras = self._watched, extras
-        anew = self._rows.derive(extras.derived)  # what stands on one may mean something else now
+        before, self.conditions = self._watched, conditions
+        anew = self._rows.derive(conditions.derived)  # what stands on one may mean something else now
         self._numbers.update((name, one.trigger.captures) for name, one in before.items())
-        self._watched = {one.name: self._taken(one, before.get(one.name), anew=anew) for one in extras.triggers}
-        self.limits.adopt(extras.limits, self.problems, anew=anew)
+        self._watched = {one.name: self._taken(one, before.get(one.name), anew=anew) for one in conditions.triggers}
+        self.limits.adopt(conditions.limits, self.problems, anew=anew)
         columns = [column for one in self._watched.values() for bound in one.expressions for column in bound.columns]
         self._rows.want([*columns, *self.limits.columns], self.judged)
 
@@ -303,7 +303,7 @@ class SegmentJudge:
                 f"written, take more than {MOST_SPOOL_BYTES // 2**20} MB; make pre and post shorter, or give a holdoff"
             )
             return
-        buffer = CaptureBuffer(options, capture, self.reader, self.extras)
+        buffer = CaptureBuffer(options, capture, self.reader, self.conditions)
         # at once, whatever was judged: the oldest rows are overwritten next
         buffer.append(self.reader.ticks)
         self._buffers.append(buffer)
@@ -372,7 +372,7 @@ class SegmentJudge:
         ]
         under_way = [KeptCapture(buffer.options, buffer.capture, buffer.ended) for buffer in self._buffers]
         return JudgeState(
-            schema.run, schema.pid, schema.pid_start, self.judged, self.extras, self._rows.cursors, triggers,
+            schema.run, schema.pid, schema.pid_start, self.judged, self.conditions, self._rows.cursors, triggers,
             self.limits.memory(), self._numbers, [*under_way, *waiting], list(untold), closed,
             off=self._rows.infos_of(self._off), program=program_of(schema), folder=schema.folder,
         )  # fmt: skip
@@ -384,7 +384,7 @@ class SegmentJudge:
             one.trigger.captures = max(one.trigger.captures, numbers.get(name, 0))
 
     def recall(self, state: JudgeState) -> list[CaptureBuffer]:
-        """Go on where another one stood, of the same extras; returns the captures that only have to be written.
+        """Go on where another one stood, of the same conditions; returns the captures that only have to be written.
 
         Those under way are copied anew, as far as the rings still hold them. Raises ValueError, KeyError.
         """
@@ -399,7 +399,7 @@ class SegmentJudge:
         self._numbers.update(state.numbers)
         whole: list[CaptureBuffer] = []
         for capture in state.captures:
-            buffer = CaptureBuffer(capture.options, capture.capture, self.reader, self.extras)
+            buffer = CaptureBuffer(capture.options, capture.capture, self.reader, self.conditions)
             buffer.ended = capture.ended
             (whole if buffer.append(self.judged) or capture.ended else self._buffers).append(buffer)
         return whole

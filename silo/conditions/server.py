@@ -42,7 +42,7 @@ class ConditionServer(Server, does=[requests]):
         from silo.conditions.segment_judge import try_trigger
 
         now = self.replica.now
-        return try_trigger(trigger, self.replica.open_reader(), now.table.elements, now.robot.extras.derived)
+        return try_trigger(trigger, self.replica.open_reader(), now.table.elements, now.robot.conditions.derived)
 
     def set_trigger(self, turn: Turn, trigger: TriggerOptions, lease_s: float) -> str:
         if not lease_s:
@@ -74,7 +74,7 @@ class ConditionServer(Server, does=[requests]):
         if judge.leased.owner(name):
             judge.arm(name, armed=armed)
             return text
-        known = next((one for one in now.robot.extras.triggers if one.name == name), None)
+        known = next((one for one in now.robot.conditions.triggers if one.name == name), None)
         if known is None:
             raise self._no_trigger(name)
         if known.armed != armed:  # it stays so for the next run and in scripts
@@ -99,7 +99,7 @@ class ConditionServer(Server, does=[requests]):
         return text
 
     def _no_trigger(self, name: str) -> RequestRefusedError:
-        names = ", ".join(one.name for one in self.replica.now.robot.extras.triggers)
+        names = ", ".join(one.name for one in self.replica.now.robot.conditions.triggers)
         there = f"there are {names}" if names else "there is none"
         text = f"no trigger is called '{plain(name)}', {there}; nothing was changed"
         return RequestRefusedError(RefusedWhy.NOT_FOUND, text)

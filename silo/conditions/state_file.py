@@ -51,7 +51,7 @@ class KeptTrigger(msgspec.Struct, frozen=True):
     evaluator: EvaluatorMemory | None
 
 
-class JudgeState(msgspec.Struct, frozen=True):
+class JudgeState(msgspec.Struct, frozen=True, rename={"conditions": "extras"}):
     """What is known of a run of a robot process: everything before tick `until` is judged.
 
     `cursors` are rows of rings, `numbers` the captures so far of each trigger's name. `closed`: the run has ended.
@@ -62,7 +62,7 @@ class JudgeState(msgspec.Struct, frozen=True):
     pid: int
     pid_start: int
     until: int
-    extras: Conditions
+    conditions: Conditions
     cursors: dict[int, int]
     triggers: list[KeptTrigger]
     limits: list[LimitMemory]
@@ -121,7 +121,7 @@ def store_state(path: Path, state: JudgeState) -> None:
 def begun_state(schema: SegmentSchema) -> JudgeState:
     """Return what is known of a run of which nothing is judged."""
     return JudgeState(
-        schema.run, schema.pid, schema.pid_start, 0, schema.extras, {}, [], [], {}, program=program_of(schema),
+        schema.run, schema.pid, schema.pid_start, 0, schema.conditions, {}, [], [], {}, program=program_of(schema),
         folder=schema.folder,
     )  # fmt: skip
 
@@ -132,7 +132,7 @@ def note_begun(schema: SegmentSchema) -> None:
     Nothing where something is stored, or nothing is to be judged, or nothing can be stored. In memory that is full an
     empty file says it, as it needs no room: the run is held by it, and judged from its begin.
     """
-    if not schema.extras.judged:
+    if not schema.conditions.judged:
         return
     with contextlib.suppress(OSError, SegmentError):  # then a successor judges what it finds in the buffers
         path = state_path(schema.logger, schema.run)

@@ -96,4 +96,4 @@ class Conditions(msgspec.Struct, frozen=True, omit_defaults=True):
         return bool(self.limits or self.triggers)
 
 
-NO_EXTRAS = Conditions()
+NO_CONDITIONS = Conditions()

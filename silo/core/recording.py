@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.calls import no_attribute
-from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
 from silo.core.printing import html_table
 from silo.core.quantities.writing import many
@@ -201,7 +201,7 @@ class Recording:
         started_ns: the wall clock at start, 0 where unknown.
         time_looping: whether the oldest ticks were overwritten.
         warnings: what is missing or damaged; of a bag a list that grows by what is found when values are read.
-        extras: derived signals, limits and triggers.
+        conditions: derived signals, limits and triggers.
         why: it was saved, in a few words.
         events: what happened in this run, marks and all, in the order of time; their ticks may lie outside of those
             that are kept.
@@ -219,7 +219,7 @@ class Recording:
     time_looping: bool = False
     warnings: Sequence[str] = field(default=())
     why: str = ""
-    extras: Conditions = NO_EXTRAS
+    conditions: Conditions = NO_CONDITIONS
     events: tuple[LoggedEvent, ...] = ()
     about: Mapping[str, str] = field(default_factory=dict)
     stretch: Stretch | None = None

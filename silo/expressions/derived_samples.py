@@ -1,7 +1,7 @@
 """Derived signals as samples of a recording, so that a file has them like any other signal.
 
 They are computed when a recording is written. Who reads the file finds them among its elements, with their definitions
-in the extras, and computes nothing twice.
+in the conditions, and computes nothing twice.
 """
 
 import math
@@ -24,7 +24,7 @@ def with_derived(recording: Recording) -> Recording:
 
     A condition is of type bool where it can be told at every tick, else 0, 1 and NaN.
     """
-    if not recording.extras.derived:
+    if not recording.conditions.derived:
         return recording
     known = {element.name for element in recording.elements}
     judge = RecordingJudge(recording)

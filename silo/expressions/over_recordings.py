@@ -125,7 +125,7 @@ class RecordingJudge:
                   self._layouts[source].divider)
             for element, source in zip(self._elements, self._sources, strict=True)
         ]  # fmt: skip
-        self.catalogue = Catalogue(known, recording.prefix, recording.extras.derived)
+        self.catalogue = Catalogue(known, recording.prefix, recording.conditions.derived)
 
     def batches(self, *expressions: BoundExpression) -> Iterator[Judged]:
         """Judge bound expressions together from the first tick to the last."""

@@ -112,7 +112,7 @@ class Format(msgspec.Struct, frozen=True):
                     f"{_list([one.ending for one in FORMATS if one.own_times])} keep the times of each"
                 )
             read_whole(recording)
-            if recording.extras.derived:
+            if recording.conditions.derived:
                 from silo.expressions.derived_samples import with_derived
 
                 recording = with_derived(recording)

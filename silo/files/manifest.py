@@ -232,11 +232,11 @@ class PartEntry(msgspec.Struct):
     run: str = ""
 
 
-class RunEntry(msgspec.Struct):
+class RunEntry(msgspec.Struct, rename={"conditions": "extras"}):
     """A run: by ring, rows from `begin` to `end` were to be recorded as far as it was read, and `rows` of them were.
 
     `channels` are samples in a row. `done`: nothing more comes of it; `gone` says why not all that there was did.
-    `extras` are what it was recorded with last, while it is not done.
+    `conditions` are what it was recorded with last, while it is not done.
     """
 
     run: str
@@ -250,7 +250,7 @@ class RunEntry(msgspec.Struct):
     size_bytes: int = 0
     done: bool = False
     gone: str = ""
-    extras: Conditions | None = None
+    conditions: Conditions | None = None
 
     def lost(self, more: dict[int, int] | None = None, end: dict[int, int] | None = None) -> int:
         """Return how many samples are in no file; `more` are rows in parts that are open, with which it is at `end`."""
@@ -468,7 +468,7 @@ class Ledger:
         if known is None:
             self.written.runs.append(entry)
         else:
-            known.channels, known.extras, known.gone = entry.channels, entry.extras, ""
+            known.channels, known.conditions, known.gone = entry.channels, entry.conditions, ""
         self.written.fold()
         self._store()
 
@@ -478,7 +478,7 @@ class Ledger:
         if entry is not None:
             entry.end = dict(end) or entry.end
             entry.done, entry.gone = done, gone or entry.gone
-            entry.extras = None if done else entry.extras
+            entry.conditions = None if done else entry.conditions
         self._store()
 
     def sums(

@@ -64,7 +64,7 @@ def write(
         ) from error
     paths = _paths(Path(folder), logger, chosen, name, recording.stretch.part if recording.stretch else 0)
     recording = replace(recording, why=why) if why else recording
-    if recording.extras.derived:
+    if recording.conditions.derived:
         from silo.expressions.derived_samples import with_derived
 
         recording = with_derived(recording)  # once for all formats
@@ -93,15 +93,17 @@ def write_run(
     why: str = "",
     *,
     events: Iterable[LoggedEvent] | LogOfRun,
-    extras: Conditions | None = None,
+    conditions: Conditions | None = None,
     damage: Sequence[str] = (),
 ) -> list[SavedFile]:
     """Save what a run holds as `write` does, with what there is to say of it beside its samples. Raises SaveError.
 
-    `events` are what happened in it, or where that stands; `extras` its derived signals, limits and triggers as they
-    are now, None: as they were when it began; `damage` tells what of it is damaged, or lost.
+    `events` are what happened in it, or where that stands; `conditions` its derived signals, limits and triggers as
+    they are now, None: as they were when it began; `damage` tells what of it is damaged, or lost.
     """
-    recording = replace(recording, extras=extras or recording.extras, warnings=(*damage, *recording.warnings))
+    recording = replace(
+        recording, conditions=conditions or recording.conditions, warnings=(*damage, *recording.warnings)
+    )
     if isinstance(events, LogOfRun):
         recording = with_happened(recording, events.folder, events.run)
     else:

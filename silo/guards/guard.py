@@ -176,9 +176,11 @@ def _new(rule: Rule, pair: _Pair) -> Iterator[Finding]:
         why = f"{many(len(gone), 'element')} of the baseline have no samples: {', '.join(gone[:5])}{more}"
         yield Finding("nothing is missing", BAD, len(gone), why=why) if gone else Finding("nothing is missing", GOOD)
     if "limits" in rule.parts:
-        before = {short(good.prefix, one.what) for one in check(good, good.extras.limits) if one.violated}
+        before = {short(good.prefix, one.what) for one in check(good, good.conditions.limits) if one.violated}
         broken = [
-            one for one in check(run, run.extras.limits) if one.violated and short(run.prefix, one.what) not in before
+            one
+            for one in check(run, run.conditions.limits)
+            if one.violated and short(run.prefix, one.what) not in before
         ]
         yield from broken or [Finding("no new limit is broken", GOOD)]
     if "lost" in rule.parts:

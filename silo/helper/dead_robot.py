@@ -113,7 +113,7 @@ def _save(replica: Replica, events: EventNotifier, reader: SegmentReader, who: s
                 robot.folder,
                 progress=events.progress("saving after a crash"),
                 events=events.log.of_run(reader.schema.run),
-                extras=robot.extras if robot.segment == str(reader.path) else None,
+                conditions=robot.conditions if robot.segment == str(reader.path) else None,
             )
             replica.mark_saved(str(reader.path), reader.ticks)
             mark_saved(reader)

@@ -375,10 +375,13 @@ def _tell_changes(events: EventNotifier, before: LoggerSnapshot, now: LoggerSnap
         else:
             events.publish(EventKind.STARTED, "started", by=by, tick=0)
     if now.table.revision != before.table.revision:
-        count, derived = _changed(before, now), derived_text(before.robot.extras.derived, now.robot.extras.derived)
+        count, derived = (
+            _changed(before, now),
+            derived_text(before.robot.conditions.derived, now.robot.conditions.derived),
+        )
         told = [f"{many(count, 'element')} changed"] if count or not derived else []
         events.publish(EventKind.EDITED, "; ".join([*told, *filter(None, [derived])]), by=by)
-    if not by and (text := conditions_text(before.robot.extras, now.robot.extras)):
+    if not by and (text := conditions_text(before.robot.conditions, now.robot.conditions)):
         events.publish(EventKind.CONDITIONS, text)  # by the program: what clients change is told with their request
 
 
@@ -386,10 +389,12 @@ def conditions_text(before: Conditions, now: Conditions) -> str:
     """Return what became of limits and triggers, fit to show; empty where nothing did."""
     if (before.limits, before.triggers) == (now.limits, now.triggers):
         return ""
-    from silo.settings.conditions_diff import NONE, diff_extras
+    from silo.settings.conditions_diff import NONE, diff_conditions
 
     told = []
-    for change in diff_extras(Conditions((), before.limits, before.triggers), Conditions((), now.limits, now.triggers)):
+    for change in diff_conditions(
+        Conditions((), before.limits, before.triggers), Conditions((), now.limits, now.triggers)
+    ):
         what = f"{change.name} {change.field}".strip()
         told.append(f"{what} removed" if change.new == NONE and not change.field else f"{what}: {change.new}")
     more = f" and {len(told) - 3} more" if len(told) > 3 else ""

@@ -79,8 +79,8 @@ def recover(
             freed = "journal was removed" if is_journal else "memory was freed"
             saved = f"all its {reader.ticks} ticks were saved before its process ended; its {freed}"
             return Recovered(captured, Holdings(reader.ticks, 0, 0, 0.0), saved, tuple(texts))
-        extras = captures.extras if captures else None
-        files, held = save(reader, where, types, extras=extras)
+        conditions = captures.conditions if captures else None
+        files, held = save(reader, where, types, conditions=conditions)
         if files:
             log_end(reader, saved_text(files, held), log)
         let_go(reader)
@@ -96,7 +96,7 @@ def recover(
 def _captures(reader: SegmentReader, folder: str) -> "RecoveredCaptures | None":
     """Write what triggers captured of a run; None where nobody was to look."""
     schema = reader.schema
-    if not (schema.extras.judged or judge_path(schema.logger, schema.run).exists()):
+    if not (schema.conditions.judged or judge_path(schema.logger, schema.run).exists()):
         return None
     from silo.conditions.left_captures import recover_captures
 
@@ -167,7 +167,7 @@ def release_left() -> None:
 
 def _is_unjudged(reader: SegmentReader) -> bool:
     """Whether a run has something to judge, and no helper process ever saw it."""
-    if not reader.schema.extras.judged:
+    if not reader.schema.conditions.judged:
         return False
     from silo.conditions.left_captures import unseen
 

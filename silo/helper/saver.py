@@ -36,7 +36,7 @@ class _Job:
     logger: str
     segment: str
     for_robot: bool
-    extras: Conditions  # derived signals and limits as they are, not as they were when the run began
+    conditions: Conditions  # derived signals and limits as they are, not as they were when the run began
 
 
 class Saver:
@@ -93,10 +93,10 @@ class Saver:
             number = self._number
         checked = Save(types=types, name=request.name, client=request.client, why=request.why)
         folder = request.folder if for_robot and request.folder else robot.folder
-        extras = robot.extras if robot.segment == str(reader.path) else reader.schema.extras
-        if for_robot and request.extras is not None:
-            extras = request.extras
-        return _Job(number, checked, reader, folder, robot.logger, str(reader.path), for_robot, extras)
+        conditions = robot.conditions if robot.segment == str(reader.path) else reader.schema.conditions
+        if for_robot and request.conditions is not None:
+            conditions = request.conditions
+        return _Job(number, checked, reader, folder, robot.logger, str(reader.path), for_robot, conditions)
 
     def save(self, request: Save) -> SaveStarted:
         """Begin a save for a client. Raises RequestRefusedError."""
@@ -141,7 +141,7 @@ class Saver:
             why=_why(job.request),
             awaited=job.for_robot,
             events=events,
-            extras=job.extras,
+            conditions=job.conditions,
         )
         report = write_log(job.reader, order, self._events.progress(f"saving {names}", by=by, job=job.number))
         files = report.files

@@ -167,7 +167,7 @@ def _picked(
     pins = [pin for pin in pins if pin.schema.run == run]
     if reader is not None:
         # other derived signals have other rings
-        pins = [pin for pin in pins if pin.schema.extras.derived == reader.schema.extras.derived]
+        pins = [pin for pin in pins if pin.schema.conditions.derived == reader.schema.conditions.derived]
     source = SearchedRows(reader, pins) if reader is not None or pins else None
     return run, source, pick(request.names, now, source.schema if source is not None else None)
 

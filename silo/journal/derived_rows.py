@@ -81,8 +81,8 @@ def derived_plan(schema: SegmentSchema, table: Sequence[ElementInfo], derived: S
         signals[ring.ring] = DerivedSignal(
             ring.ring, ring.divider, bound, dict(bound.sources), pickers, lookback(bound)
         )
-    extras = msgspec.structs.replace(schema.extras, derived=tuple(derived))
-    made = msgspec.structs.replace(schema, rings=tuple(rings), elements=tuple(elements), extras=extras)
+    conditions = msgspec.structs.replace(schema.conditions, derived=tuple(derived))
+    made = msgspec.structs.replace(schema, rings=tuple(rings), elements=tuple(elements), conditions=conditions)
     return DerivedPlan(made, signals)
 
 

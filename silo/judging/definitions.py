@@ -42,45 +42,45 @@ def table_catalogue(elements: Sequence[ElementInfo], prefix: str, derived: Seque
     return Catalogue(known, prefix, derived)
 
 
-def with_derived(extras: Conditions, one: Derived, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
-    """Return the extras with one more derived signal, or with a new expression for one of that name.
+def with_derived(conditions: Conditions, one: Derived, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
+    """Return the conditions with one more derived signal, or with a new expression for one of that name.
 
     Raises ElementError for a name that an element has, or for one that would be computed from itself, ExpressionError
     for what can't be computed.
     """
-    if len(extras.derived) >= MOST_DERIVED and all(old.name != one.name for old in extras.derived):
+    if len(conditions.derived) >= MOST_DERIVED and all(old.name != one.name for old in conditions.derived):
         raise ElementError(f"at most {MOST_DERIVED} signals are derived; nothing was changed")
     names = {info.name for info in elements}
     if one.name in names or any(one.name == info.name + entry.suffix for info in elements for entry in info.entries):
         raise ElementError(f"'{one.name}' is an element already: derive it under another name; nothing was changed")
-    derived = placed(one, table_catalogue(elements, prefix, extras.derived))
-    return msgspec.structs.replace(extras, derived=derived)
+    derived = placed(one, table_catalogue(elements, prefix, conditions.derived))
+    return msgspec.structs.replace(conditions, derived=derived)
 
 
-def without_derived(extras: Conditions, name: str, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
-    """Return the extras without the derived signal of this name, whole or from behind a `/`.
+def without_derived(conditions: Conditions, name: str, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
+    """Return the conditions without the derived signal of this name, whole or from behind a `/`.
 
     Raises ElementError where there is none, or where something stands on it.
     """
-    catalogue = table_catalogue(elements, prefix, extras.derived)
+    catalogue = table_catalogue(elements, prefix, conditions.derived)
     found = catalogue.before(name)
     if found is None:
-        names = ", ".join(one.name for one in extras.derived[:5])
+        names = ", ".join(one.name for one in conditions.derived[:5])
         there = f"there are {names}" if names else "there is none"
         raise ElementError(f"no derived signal is called '{name}', {there}; nothing was changed")
     gone = found[0]
-    kept = tuple(one for one in extras.derived if one is not gone)
+    kept = tuple(one for one in conditions.derived if one is not gone)
     less = table_catalogue(elements, prefix, kept)
     users = [f"'{one.name}'" for one in kept if binds(one.expression, catalogue) and not binds(one.expression, less)]
-    users += [f"the limits of '{one.name}'" for one in extras.limits if not _fits(one, less)]
+    users += [f"the limits of '{one.name}'" for one in conditions.limits if not _fits(one, less)]
     users += [
         f"trigger '{one.name}'"
-        for one in extras.triggers
+        for one in conditions.triggers
         if not all(binds(text, less) for text in (one.when, one.rearm) if text)
     ]
     if users:
         raise ElementError(f"'{gone.name}' is used by {', '.join(users[:3])}: remove that first; nothing was changed")
-    return msgspec.structs.replace(extras, derived=kept)
+    return msgspec.structs.replace(conditions, derived=kept)
 
 
 def _fits(limits: SignalLimits, catalogue: Catalogue) -> bool:
@@ -91,30 +91,32 @@ def _fits(limits: SignalLimits, catalogue: Catalogue) -> bool:
     return True
 
 
-def with_limits(extras: Conditions, one: SignalLimits, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
-    """Return the extras with limits of one more signal, or with new ones for it. Raises ElementError."""
-    known = {old.name for old in extras.limits}
+def with_limits(conditions: Conditions, one: SignalLimits, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
+    """Return the conditions with limits of one more signal, or with new ones for it. Raises ElementError."""
+    known = {old.name for old in conditions.limits}
     if len(known) >= MOST_LIMITS and one.name not in known:
         raise ElementError(f"at most {MOST_LIMITS} signals have limits; nothing was changed")
-    bind_limits(one, table_catalogue(elements, prefix, extras.derived))
-    made = tuple(one if old.name == one.name else old for old in extras.limits)
-    return msgspec.structs.replace(extras, limits=made if one.name in known else (*made, one))
+    bind_limits(one, table_catalogue(elements, prefix, conditions.derived))
+    made = tuple(one if old.name == one.name else old for old in conditions.limits)
+    return msgspec.structs.replace(conditions, limits=made if one.name in known else (*made, one))
 
 
-def with_trigger(extras: Conditions, one: TriggerOptions, elements: Sequence[ElementInfo], prefix: str) -> Conditions:
-    """Return the extras with one more trigger, or with a new one of that name. Raises ElementError."""
-    known = {old.name for old in extras.triggers}
+def with_trigger(
+    conditions: Conditions, one: TriggerOptions, elements: Sequence[ElementInfo], prefix: str
+) -> Conditions:
+    """Return the conditions with one more trigger, or with a new one of that name. Raises ElementError."""
+    known = {old.name for old in conditions.triggers}
     if len(known) >= MOST_TRIGGERS and one.name not in known:
         raise ElementError(f"at most {MOST_TRIGGERS} triggers are set; nothing was changed")
-    catalogue = table_catalogue(elements, prefix, extras.derived)
+    catalogue = table_catalogue(elements, prefix, conditions.derived)
     trigger_rule(one, 1.0)  # its words and times make sense
     for text in filter(None, (one.when, one.rearm)):
         bind(text, catalogue).condition()
     if not one.name or "/" in one.name or not one.name.isprintable() or one.name.startswith("."):
         raise ElementError(f"the name of trigger '{one.name}' stands in names of files; take letters and digits")
     whole(f"keep of trigger '{one.name}'", one.keep, 0, 1_000_000)
-    made = tuple(one if old.name == one.name else old for old in extras.triggers)
-    return msgspec.structs.replace(extras, triggers=made if one.name in known else (*made, one))
+    made = tuple(one if old.name == one.name else old for old in conditions.triggers)
+    return msgspec.structs.replace(conditions, triggers=made if one.name in known else (*made, one))
 
 
 def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:

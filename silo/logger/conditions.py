@@ -12,7 +12,7 @@ import msgspec
 from silo.conditions.given import TakesConditions
 from silo.core.arguments import line, shown, text
 from silo.core.calls import told_class
-from silo.core.conditions import NO_EXTRAS, Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.conditions import NO_CONDITIONS, Conditions, Derived, SignalLimits, TriggerOptions
 from silo.core.elements import Edit, ElementInfo, LoggerOptions, join_name
 from silo.errors import ElementError, SaveError
 from silo.logger.life_cycle import LifeCycle
@@ -27,7 +27,7 @@ class LoggerConditions(TakesConditions[None]):
 
     def __init__(self, options: LoggerOptions, table: Registrations, life: LifeCycle) -> None:
         self.options, self._table, self._life = options, table, life
-        self.extras = NO_EXTRAS
+        self.now = NO_CONDITIONS
 
     @property
     def is_running(self) -> bool:
@@ -39,18 +39,18 @@ class LoggerConditions(TakesConditions[None]):
         """The rows of the table that they are checked against."""
         return self._table.infos
 
-    def take(self, extras: Conditions) -> None:
+    def take(self, conditions: Conditions) -> None:
         """Have others, which fit the table."""
-        if extras.derived != self.extras.derived:
+        if conditions.derived != self.now.derived:
             self._table.revision += 1  # clients show them as rows of the table
-        self.extras = extras
+        self.now = conditions
 
     def with_limits(self, info: ElementInfo, bounds: Sequence[float | None]) -> Conditions:
         """Return them with limits of an element that is about to be added. Raises ElementError."""
         from silo.judging.definitions import bounds_given, with_limits
 
         one = SignalLimits(info.name, bounds_given(info.name, bounds))
-        return with_limits(self.extras, one, [*self._table.all_infos, info], self.options.prefix)
+        return with_limits(self.now, one, [*self._table.all_infos, info], self.options.prefix)
 
     def derive(self, name: str, expression: str | None, *, group: str = "", unit: str = "") -> None:
         """Have a signal computed from others wherever rows are read: `log.derive("power", "joints/tau * joints/qd")`.
@@ -89,7 +89,7 @@ class LoggerConditions(TakesConditions[None]):
         with self._life.lock:
             self._life.check_open()
             one = Derived(whole_name, expression, self._table.unit(whole_name, unit) if unit.strip() else "")
-            self._take_derived(with_derived(self.extras, one, self._table.all_infos, prefix))
+            self._take_derived(with_derived(self.now, one, self._table.all_infos, prefix))
 
     def _remove_derived(self, name: str) -> None:
         from silo.judging.definitions import without_derived
@@ -97,11 +97,11 @@ class LoggerConditions(TakesConditions[None]):
         name = text("the signal's name", name, 'log.remove_derived("power")')
         with self._life.lock:
             self._life.check_open()
-            self._take_derived(without_derived(self.extras, name, self._table.all_infos, self.options.prefix))
+            self._take_derived(without_derived(self.now, name, self._table.all_infos, self.options.prefix))
 
-    def _take_derived(self, extras: Conditions) -> None:
-        if extras.derived != self.extras.derived:
-            self.take(extras)
+    def _take_derived(self, conditions: Conditions) -> None:
+        if conditions.derived != self.now.derived:
+            self.take(conditions)
             self._life.tell()
 
     def _set_limits(self, limits: SignalLimits) -> None:
@@ -114,17 +114,17 @@ class LoggerConditions(TakesConditions[None]):
             )
         with self._life.lock:
             self._life.check_open()
-            self.extras = with_limits(self.extras, limits, self._table.all_infos, self.options.prefix)
+            self.now = with_limits(self.now, limits, self._table.all_infos, self.options.prefix)
             self._life.tell()
 
     def _remove_limits(self, name: str) -> None:
         with self._life.lock:
             self._life.check_open()
-            kept = tuple(one for one in self.extras.limits if one.name != name)
-            if len(kept) == len(self.extras.limits):
+            kept = tuple(one for one in self.now.limits if one.name != name)
+            if len(kept) == len(self.now.limits):
                 names = ", ".join(one.name for one in kept[:5]) or "no signal"
                 raise ElementError(f"'{name}' has no limits, {names} has; nothing was changed")
-            self.extras = msgspec.structs.replace(self.extras, limits=kept)
+            self.now = msgspec.structs.replace(self.now, limits=kept)
             self._life.tell()
 
     def _set_trigger(self, trigger: TriggerOptions) -> None:
@@ -144,7 +144,7 @@ class LoggerConditions(TakesConditions[None]):
             self._life.check_open()
             infos = self._table.all_infos
             check_held(trigger, infos, self.options.frequency_hz)
-            self.extras = with_trigger(self.extras, trigger, infos, self.options.prefix)
+            self.now = with_trigger(self.now, trigger, infos, self.options.prefix)
             if self._life.running:
                 self._warn_of_off(trigger)  # else at the start: until then elements may be switched on
             self._life.tell()
@@ -152,20 +152,20 @@ class LoggerConditions(TakesConditions[None]):
     def _remove_trigger(self, name: str) -> None:
         with self._life.lock:
             self._life.check_open()
-            kept = tuple(one for one in self.extras.triggers if one.name != name)
-            if len(kept) == len(self.extras.triggers):
+            kept = tuple(one for one in self.now.triggers if one.name != name)
+            if len(kept) == len(self.now.triggers):
                 names = ", ".join(one.name for one in kept)
                 there = f"there are {names}" if names else "there is none"
                 raise ElementError(f"no trigger is called '{name}', {there}; nothing was changed")
-            self.extras = msgspec.structs.replace(self.extras, triggers=kept)
+            self.now = msgspec.structs.replace(self.now, triggers=kept)
             self._life.tell()
 
-    def apply_extras(self, extras: Conditions, edits: Sequence[Edit] = ()) -> None:
+    def apply_conditions(self, conditions: Conditions, edits: Sequence[Edit] = ()) -> None:
         """Take derived signals, limits and triggers of a script in the place of all that there are; none forget them.
 
         `edits` are what is about to be changed of the table. Raises ElementError, ExpressionError, StateError.
         """
-        from silo.settings.script_conditions import checked_extras
+        from silo.settings.script_conditions import checked_conditions
 
         with self._life.lock:
             self._life.check_stopped("load a script")
@@ -174,22 +174,22 @@ class LoggerConditions(TakesConditions[None]):
                 msgspec.structs.replace(info, options=options.get(info.name, info.options))
                 for info in self._table.infos
             ]
-            self.take(checked_extras(extras, planned, self.options.prefix, self.options.frequency_hz))
+            self.take(checked_conditions(conditions, planned, self.options.prefix, self.options.frequency_hz))
             self._life.tell()
 
     def warn_at_start(self, *, served: bool) -> None:
         """Tell at a start which triggers and limits can't do what they were set for."""
-        if self.extras.limits and not served:
-            judged = ", ".join(one.name for one in self.extras.limits)
+        if self.now.limits and not served:
+            judged = ", ".join(one.name for one in self.now.limits)
             log.warning("%s: limits are judged by the helper process, and there is none: call serve()", judged)
-        if not self.extras.triggers:
+        if not self.now.triggers:
             return
         from silo.judging.definitions import check_held
 
-        names = ", ".join(one.name for one in self.extras.triggers)
+        names = ", ".join(one.name for one in self.now.triggers)
         if not served:
             log.warning("%s: triggers are judged by the helper process, and there is none: call serve()", names)
-        for one in self.extras.triggers:
+        for one in self.now.triggers:
             self._warn_of_off(one)
             try:
                 check_held(one, self._table.infos, self.options.frequency_hz)
@@ -199,6 +199,6 @@ class LoggerConditions(TakesConditions[None]):
     def _warn_of_off(self, one: TriggerOptions) -> None:
         from silo.judging.switched_off import off_problem
 
-        problem = off_problem(one, self._table.infos, self.options.prefix, self.extras.derived)
+        problem = off_problem(one, self._table.infos, self.options.prefix, self.now.derived)
         if problem:
             log.warning("trigger '%s' %s", one.name, problem)

@@ -57,7 +57,7 @@ class CurrentRun:
         self,
         make: Callable[[], Run],
         options: LoggerOptions,
-        extras: Conditions,
+        conditions: Conditions,
         let_go: Callable[[bool], None],
         hand_over: Callable[[], None],
         wanted: Callable[[Run], bool],
@@ -78,7 +78,7 @@ class CurrentRun:
         try:
             made = self._begin(make)
         except NoRoomError as error:
-            made = self._made_room(error, make, options, extras, let_go)
+            made = self._made_room(error, make, options, conditions, let_go)
         self._begun, self.run = self.runs, made
         self._forget_stretches()
         hand_over()
@@ -159,7 +159,7 @@ class CurrentRun:
         error: NoRoomError,
         make: Callable[[], Run],
         options: LoggerOptions,
-        extras: Conditions,
+        conditions: Conditions,
         let_go: Callable[[bool], None],
     ) -> Run:
         in_memory = options.storage is not Storage.FILE
@@ -176,7 +176,7 @@ class CurrentRun:
         if self.run is None:
             raise error
         if self.has_unsaved:
-            self._save(options, extras)
+            self._save(options, conditions)
         let_go(False)
         self._lost_at_end, self._begun = self.lost, self.runs
         self.run = None
@@ -292,18 +292,18 @@ class CurrentRun:
             run.saved_ticks = ticks
             run.segment.mark_saved(ticks)
 
-    def _save(self, options: LoggerOptions, extras: Conditions) -> None:
+    def _save(self, options: LoggerOptions, conditions: Conditions) -> None:
         """Save in this process: the link thread, which an answer of the helper comes by, may wait for the caller."""
         paths = []
         for run in filter(unsaved_of, self.stretches):
             ticks, held = run.segment.ticks, run.reader.snapshot()
-            saved = save_run(held, run.id, options, "saved before the next start", extras)
+            saved = save_run(held, run.id, options, "saved before the next start", conditions)
             paths += [file.path for file in saved]
             self.mark_saved(run, ticks)
         self.saved_before = f"the last run was saved before it is cleared: {', '.join(paths)}"
         log.warning("%s: %s", options.name, self.saved_before)
 
-    def settle(self, unsaved: str, options: LoggerOptions, extras: Conditions) -> None:
+    def settle(self, unsaved: str, options: LoggerOptions, conditions: Conditions) -> None:
         """Do with unsaved data what `start(unsaved=...)` was told.
 
         Raises UnsavedError, or SaveError: nothing was changed.
@@ -314,7 +314,7 @@ class CurrentRun:
         if not self.has_unsaved or unsaved == "clear":
             return
         if unsaved == "save":
-            self._save(options, extras)
+            self._save(options, conditions)
             return
         assert self.run is not None
         held = segment_holdings(self.run.reader).text

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from silo.core.arguments import switch, whole, word
 from silo.core.calls import of, told_class
-from silo.core.conditions import Conditions
 from silo.core.elements import DEFAULT_MAX_TIME_S, ControlMode, GroupRole, Storage, Threads
 from silo.core.episodes.block import EpisodeBlock
 from silo.errors import SiloError, StateError
@@ -178,11 +177,6 @@ class Logger(LoggerNames):
         """The element table, in the order of registration; a row is found by its number or its name."""
         return Elements(self._table.infos, self._table.prefix)
 
-    @property
-    def _extras(self) -> Conditions:
-        """Derived signals, limits and triggers, in the order in which they were given."""
-        return self._conditions.extras
-
     def __len__(self) -> int:
         """How many elements the table has."""
         return len(self._table.elements)
@@ -292,7 +286,7 @@ class Logger(LoggerNames):
             if not self._scripted.is_updated:
                 self.update()
             self._data.look_for_unheld()  # a run that stopped by itself may be saved now
-            self._present.settle(unsaved, self.options, self._extras)
+            self._present.settle(unsaved, self.options, self._conditions.now)
             self._scripted.adopt_late()
             self._conditions.warn_at_start(served=self._life.serving is not None)
             warn_if_not_durable(self.options, served=self._life.serving is not None)
@@ -301,7 +295,7 @@ class Logger(LoggerNames):
             self._present.number += 1
             self._life.cut = self._cut
             run = self._present.replace(
-                self._make_run, self.options, self._extras, self._let_go, self._hand_over, self._is_wanted
+                self._make_run, self.options, self._conditions.now, self._let_go, self._hand_over, self._is_wanted
             )
             self._life.reason = ""
             self._ignored = 0
@@ -318,7 +312,7 @@ class Logger(LoggerNames):
             self._clock,
             self._stop_by_itself,
             self._collect_now,
-            self._extras,
+            self._conditions.now,
             self._present.run,
             number=self._present.runs + 1,
             served=self._life.serving is not None,
@@ -368,7 +362,7 @@ class Logger(LoggerNames):
         server, schema = self._life.serving, run.segment.schema
         if server is None or is_due(schema):
             return server is not None
-        return server.alive and (not server.is_up or self._extras.judged or schema.extras.judged)
+        return server.alive and (not server.is_up or self._conditions.now.judged or schema.conditions.judged)
 
     def _let_go(self, held_alone: bool) -> None:
         if not held_alone:
@@ -402,7 +396,7 @@ class Logger(LoggerNames):
         with self._life.lock:
             self._life.check_open()
             if unsaved != "save":  # a save waits until the loop stands still
-                self._present.settle(unsaved, self.options, self._extras)
+                self._present.settle(unsaved, self.options, self._conditions.now)
             self.stop()
             self.start(unsaved="save" if unsaved == "save" else "clear")
 
@@ -576,7 +570,7 @@ class Logger(LoggerNames):
                 return  # the helper process saves them and deletes the segment
         self._set_mark(no_mark)
         unsaved = filter(unsaved_of, self._present.stretches)
-        if not [one for one in unsaved if not save_at_end(one, self.options, self._extras)]:
+        if not [one for one in unsaved if not save_at_end(one, self.options, self._conditions.now)]:
             self._drop()
             drop_journals(self.options)
 

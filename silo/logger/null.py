@@ -17,7 +17,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from silo.core.arguments import path as file_path
 from silo.core.calls import call_problem
-from silo.core.conditions import NO_EXTRAS
+from silo.core.conditions import NO_CONDITIONS
 from silo.core.elements import DEFAULT_OPTIONS, ElementInfo, Entry, LoggerOptions, join_name
 from silo.core.episodes.block import EpisodeBlock
 from silo.core.kinds import index_suffixes, kind_by_shape
@@ -106,7 +106,7 @@ class NullLogger(LoggerNames):
     has_unsaved = False
     ticks = 0
     stop_reason = ""
-    _extras = NO_EXTRAS
+    _conditions = NO_CONDITIONS
 
     @_like(Logger.__init__)
     def __init__(self, name: str, frequency: float, max_time: float, prefix: str, **_: object) -> None:

@@ -66,7 +66,7 @@ class RunData:
                 raise StateError("nothing was logged yet: call start() and collect() first")
             self.look_for_unheld()
             # derived signals and limits as they are, not as they were at the start
-            return dataclasses.replace(self._present.run.reader.snapshot(), extras=self._conditions.extras)
+            return dataclasses.replace(self._present.run.reader.snapshot(), conditions=self._conditions.now)
 
     def element(self, name: str) -> LoggedElement:
         """Return one element: its options, the newest value, how many samples its buffer holds. Also `log[name]`.
@@ -153,8 +153,8 @@ class RunData:
             with self._life.lock:  # a start(), or close(), of another thread has the memory of this run go
                 self._life.check_open()
                 run = self._present.run or run
-                recording, extras, ticks = run.reader.snapshot(), self._conditions.extras, run.segment.ticks
-            saved = save_run(recording, run.id, self._options, why, extras, chosen, name, where)
+                recording, conditions, ticks = run.reader.snapshot(), self._conditions.now, run.segment.ticks
+            saved = save_run(recording, run.id, self._options, why, conditions, chosen, name, where)
         with self._life.lock:
             self._present.mark_saved(run, ticks)
         return SavedFiles([*before, *saved])
@@ -189,8 +189,8 @@ class RunData:
                     with self._life.lock:
                         if run not in self._present.cut_off:
                             continue  # another thread started, or closed
-                        recording, extras = run.reader.snapshot(), self._conditions.extras
-                    saved = save_run(recording, run.id, self._options, "saved at a cut", extras, types, name, where)
+                        recording, conditions = run.reader.snapshot(), self._conditions.now
+                    saved = save_run(recording, run.id, self._options, "saved at a cut", conditions, types, name, where)
                 files += saved
                 with self._life.lock:
                     self._present.mark_saved(run, ticks)

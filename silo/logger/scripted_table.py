@@ -216,10 +216,10 @@ class ScriptedTable:
             dtype=struct_text(first.dtype) if single else "",
         )
         with self._life.lock:
-            extras = None if limits is None else self._conditions.with_limits(info, limits)
+            conditions = None if limits is None else self._conditions.with_limits(info, limits)
             self._table.add(Element(info, tuple(parts)))
-            if extras is not None:
-                self._conditions.take(extras)
+            if conditions is not None:
+                self._conditions.take(conditions)
         if isinstance(divider, str):
             self._tell_rate(full, read_options({"divider": divider}, full), options.divider)
         if self._owner is not None and len(self._table.elements) + len(self._table.pending) <= MOST_TOLD_NAMES:
@@ -442,20 +442,20 @@ class ScriptedTable:
             return gone
 
     def apply(
-        self, edits: Sequence[Edit], extras: Conditions | None = None, *, cut: bool = False, who: str = ""
+        self, edits: Sequence[Edit], conditions: Conditions | None = None, *, cut: bool = False, who: str = ""
     ) -> int:
-        """Apply edits as one transaction, all or none, with `extras` in the place of all conditions; how many changed.
+        """Apply edits as one transaction, all or none, with `conditions` in the place of all; how many changed.
 
         `cut`: also while the logger runs, as `set`, for whom is `who`; no conditions then. Raises StateError,
         SegmentError, ElementError with a line for each reason: nothing was changed.
         """
-        with self._changing(who, cut=cut and extras is None):
+        with self._changing(who, cut=cut and conditions is None):
             edits = edits_given(edits, self._table.infos, self._options.frequency_hz)
             problems = self._table.problems(edits)
             if problems:
                 raise ElementError(refusal(problems))
-            if extras is not None:  # first, as it may be refused
-                self._conditions.apply_extras(extras, edits)
+            if conditions is not None:  # first, as it may be refused
+                self._conditions.apply_conditions(conditions, edits)
             changed = self._table.apply(edits)
             self._warn_of_size(changed)
             return changed
@@ -480,15 +480,15 @@ class ScriptedTable:
             self._life.check_stopped("load a script")
             script = read_script(file)
             plan = apply_script(script, self._table.infos, self._options.frequency_hz)
-            extras = self._conditions.extras
-            if script.extras is not None:
+            conditions = self._conditions.now
+            if script.conditions is not None:
                 planned = [
                     msgspec.structs.replace(info, options=options)
                     for info, options in zip(self._table.infos, plan.options, strict=True)
                 ]
-                extras = self._extras_of(script.extras_beside(extras), planned, file)
+                conditions = self._conditions_of(script.conditions_beside(conditions), planned, file)
             self._table.change(dict(enumerate(plan.options)))
-            self._conditions.take(extras)
+            self._conditions.take(conditions)
             self._life.tell()
         for warning in script.warnings:
             log.warning("%s", warning)
@@ -498,11 +498,11 @@ class ScriptedTable:
             log.warning("%s: %s", file, unknown)
         return [unknown.name for unknown in plan.unknown]
 
-    def _extras_of(self, given: Conditions, infos: Sequence[ElementInfo], file: Path) -> Conditions:
-        from silo.settings.script_conditions import checked_extras
+    def _conditions_of(self, given: Conditions, infos: Sequence[ElementInfo], file: Path) -> Conditions:
+        from silo.settings.script_conditions import checked_conditions
 
         try:
-            return checked_extras(given, infos, self._options.prefix, self._options.frequency_hz)
+            return checked_conditions(given, infos, self._options.prefix, self._options.frequency_hz)
         except ElementError as error:
             raise ScriptError(f"{file}: {error}; nothing was changed") from error
 
@@ -524,7 +524,7 @@ class ScriptedTable:
 
         self._life.check_open()
         target = self._script_path(path)
-        kept = write_script(target, self._table.infos, self._conditions.extras)
+        kept = write_script(target, self._table.infos, self._conditions.now)
         if kept:
             log.warning("%s: script saved%s", target, kept_text(kept))
         return target

@@ -70,26 +70,26 @@ def save_run(
     run: str,
     options: LoggerOptions,
     why: str,
-    extras: Conditions,
+    conditions: Conditions,
     types: Sequence[FileType] = (FileType.SILO,),
     name: str = "",
     folder: Path | None = None,
 ) -> list[SavedFile]:
     """Save what a run holds in this process, with what the event log says of it. Raises SaveError.
 
-    `extras` are derived signals, limits and triggers as they are now, not as they were when it began.
+    `conditions` are derived signals, limits and triggers as they are now, not as they were when it began.
     """
     from silo.files import LogOfRun, write_run
 
     where, told = folder or options.folder, LogOfRun(options.folder, run)
-    return write_run(recording, where, options.name, types, name or None, why=why, events=told, extras=extras)
+    return write_run(recording, where, options.name, types, name or None, why=why, events=told, conditions=conditions)
 
 
-def save_at_end(run: Run, options: LoggerOptions, extras: Conditions) -> bool:
+def save_at_end(run: Run, options: LoggerOptions, conditions: Conditions) -> bool:
     """Save a run as `.silo`, and say where; False, and said where it stays, if that failed."""
     try:
         held = segment_holdings(run.reader).text
-        saved = save_run(run.reader.snapshot(), run.id, options, "program ended without saving", extras)
+        saved = save_run(run.reader.snapshot(), run.id, options, "program ended without saving", conditions)
     except SiloError as failure:
         say_where_it_is(run, options, f": {failure}")
         return False

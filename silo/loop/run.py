@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import LoggerOptions, Storage, Threads
 from silo.core.recording import alike
 from silo.core.runtime import (
@@ -56,7 +56,7 @@ class Run:
         clock: Callable[[], int],
         on_stop: Callable[[StopReason], None],
         after_end: Collect,
-        extras: Conditions = NO_EXTRAS,
+        conditions: Conditions = NO_CONDITIONS,
         before: "Run | None" = None,
         number: int = 0,
         *,
@@ -82,7 +82,7 @@ class Run:
         self._reader: SegmentReader | None = None
         self.segment = Segment(
             path,
-            self._schema(options, plan, extras, number, served=served, landing=landing, cut=cut),
+            self._schema(options, plan, conditions, number, served=served, landing=landing, cut=cut),
             plan.first_rows,
             options.memory_limit_mb * 1_000_000,
             in_memory=options.storage is not Storage.FILE,
@@ -150,7 +150,7 @@ class Run:
     def _schema(
         options: LoggerOptions,
         plan: Plan,
-        extras: Conditions,
+        conditions: Conditions,
         number: int,
         *,
         served: bool,
@@ -176,7 +176,7 @@ class Run:
             logger_id=options.id,
             run=secrets.token_hex(8),
             pid_namespace=pid_namespace(),
-            extras=extras,
+            conditions=conditions,
             number=number,
             served=served,
             parameters=tuple(landing.described()) if landing is not None else (),

@@ -56,18 +56,18 @@ class ChannelLayout:
             offset=0,
             elements=elements,
             time_looping=True,
-            extras=self._extras(names),
+            conditions=self._conditions(names),
         )
         return presentable(about)
 
-    def _extras(self, names: set[str]) -> Conditions:
+    def _conditions(self, names: set[str]) -> Conditions:
         """Derived signals and limits of what is recorded, and all triggers: what fires is in the part."""
-        extras = self.schema.extras
+        conditions = self.schema.conditions
         catalogue = table_catalogue([element.info for element in self.elements], self.schema.prefix)
         return Conditions(
-            tuple(one for one in extras.derived if one.name in names),
-            tuple(one for one in extras.limits if catalogue.find(one.name)),
-            extras.triggers,
+            tuple(one for one in conditions.derived if one.name in names),
+            tuple(one for one in conditions.limits if catalogue.find(one.name)),
+            conditions.triggers,
         )
 
     @cached_property
@@ -131,10 +131,10 @@ class ChannelLayout:
         """The same, with these entries as bytes."""
         return replace(self, as_bytes=self.as_bytes | entries)
 
-    def with_extras(self, extras: Conditions) -> "ChannelLayout":
+    def with_conditions(self, conditions: Conditions) -> "ChannelLayout":
         """The same with other limits and triggers; what is computed stays as it was when the run was taken over."""
-        kept = msgspec.structs.replace(self.schema.extras, limits=extras.limits, triggers=extras.triggers)
-        return replace(self, schema=msgspec.structs.replace(self.schema, extras=kept))
+        kept = msgspec.structs.replace(self.schema.conditions, limits=conditions.limits, triggers=conditions.triggers)
+        return replace(self, schema=msgspec.structs.replace(self.schema, conditions=kept))
 
     def _recorded(self, element: ElementSchema, rows: Rows | None) -> RecordedElement:
         info = element.info

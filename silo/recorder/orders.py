@@ -98,21 +98,21 @@ encode = msgspec.json.Encoder().encode
 decode_order = msgspec.json.Decoder(RecordOrder).decode
 decode_command = msgspec.json.Decoder(Command).decode
 decode_report = msgspec.json.Decoder(Report).decode
-_decode_extras = msgspec.json.Decoder(Conditions).decode
+_decode_conditions = msgspec.json.Decoder(Conditions).decode
 
 
-def extras_file(extras: Conditions) -> int:
-    """Return a file in memory with extras, to be handed over and closed. Raises OSError."""
-    descriptor = os.memfd_create("silo-extras", os.MFD_CLOEXEC)
+def conditions_file(conditions: Conditions) -> int:
+    """Return a file in memory with conditions, to be handed over and closed. Raises OSError."""
+    descriptor = os.memfd_create("silo-conditions", os.MFD_CLOEXEC)
     try:
         with os.fdopen(os.dup(descriptor), "wb") as file:
-            file.write(encode(extras))
+            file.write(encode(conditions))
     except BaseException:
         os.close(descriptor)
         raise
     return descriptor
 
 
-def extras_of(descriptor: int) -> Conditions:
-    """Return the extras that a file has which was handed over. Raises OSError, MsgspecError."""
-    return _decode_extras(os.pread(descriptor, os.fstat(descriptor).st_size, 0))
+def conditions_of(descriptor: int) -> Conditions:
+    """Return the conditions that a file has which was handed over. Raises OSError, MsgspecError."""
+    return _decode_conditions(os.pread(descriptor, os.fstat(descriptor).st_size, 0))

@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from silo.core.child import PIPE, ChildProcess
-from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import RecorderState
 from silo.core.runtime import process_facts, write_private
 from silo.files.manifest import RecordedTotals, read_written
@@ -23,9 +23,9 @@ from silo.recorder.orders import (
     NewConditions,
     RecordOrder,
     Report,
+    conditions_file,
     decode_report,
     encode,
-    extras_file,
 )
 from silo.segment.held_runs import Program
 from silo.segment.reader import SegmentReader
@@ -100,7 +100,7 @@ class RecorderProcess:
         self.runs: list[str] = []  # that it is to record and has not, oldest first
         self.known: set[str] = set()  # those, and those that it needs no more, or never did
         self._handed: set[str] = set()  # of them, to the process that lives
-        self._extras = NO_EXTRAS  # of the newest, with it, or since
+        self._conditions = NO_CONDITIONS  # of the newest, with it, or since
         self._ending: Finish | None = None
         self.useless_lives = 0  # in a row, in which it did not come to record
         self.again_s = 0.0  # when it is started again, 0 while it lives
@@ -153,17 +153,17 @@ class RecorderProcess:
         in_hand = sum(one in self._handed for one in self.runs)
         return run not in self._handed and in_hand < MOST_IN_HAND and not self.again_s
 
-    def follow(self, reader: SegmentReader, extras: Conditions | None) -> None:
+    def follow(self, reader: SegmentReader, conditions: Conditions | None) -> None:
         """Hand a run over, with the limits and triggers that it has now, None: those that it had last."""
         self._handed.add(reader.schema.run)
-        self._extras = extras or NO_EXTRAS
-        self._send(Follow(str(reader.path)), reader.fileno(), extras=extras)
+        self._conditions = conditions or NO_CONDITIONS
+        self._send(Follow(str(reader.path)), reader.fileno(), conditions=conditions)
 
-    def change(self, extras: Conditions) -> None:
+    def change(self, conditions: Conditions) -> None:
         """Tell limits and triggers of the run that was handed over, if they have changed."""
-        if not self.ending and not self.again_s and _recorded(self._extras) != _recorded(extras):
-            self._extras = extras
-            self._send(NewConditions(), extras=extras)
+        if not self.ending and not self.again_s and _recorded(self._conditions) != _recorded(conditions):
+            self._conditions = conditions
+            self._send(NewConditions(), conditions=conditions)
 
     def done(self, run: str) -> None:
         """It has all of a run in files."""
@@ -186,10 +186,10 @@ class RecorderProcess:
             self._is_told = True
             self._send(self._ending)
 
-    def _send(self, message: msgspec.Struct, *descriptors: int, extras: Conditions | None = None) -> None:
-        """Say something, with open files, of which `extras` become the last one."""
+    def _send(self, message: msgspec.Struct, *descriptors: int, conditions: Conditions | None = None) -> None:
+        """Say something, with open files, of which `conditions` become the last one."""
         with contextlib.ExitStack() as closing, contextlib.suppress(OSError):  # gone: its end is noticed
-            files = [] if extras is None else [extras_file(extras)]
+            files = [] if conditions is None else [conditions_file(conditions)]
             for file in files:
                 closing.callback(os.close, file)
             socket.send_fds(self.socket, [encode(message)], [*descriptors, *files])
@@ -215,9 +215,9 @@ class RecorderProcess:
         return RecordedTotals(self.report.parts, self.report.samples, self.report.lost)
 
 
-def _recorded(extras: Conditions) -> tuple[object, ...]:
+def _recorded(conditions: Conditions) -> tuple[object, ...]:
     """What of limits and triggers stands in parts; to arm a trigger makes no new one."""
-    return extras.limits, tuple(msgspec.structs.replace(one, armed=True) for one in extras.triggers)
+    return conditions.limits, tuple(msgspec.structs.replace(one, armed=True) for one in conditions.triggers)
 
 
 def close_left(folder: str) -> list[str]:

@@ -36,9 +36,9 @@ from silo.recorder.orders import (
     News,
     RecordOrder,
     Report,
+    conditions_of,
     decode_command,
     encode,
-    extras_of,
 )
 from silo.recorder.ring_cursor import DROPPED, MOST_PERIOD_S, Drained, RingCursor
 from silo.recorder.writing import RecorderDisk, Writing
@@ -157,7 +157,7 @@ class Recorder:
             return
         for entry in self._ledger.written.runs:
             if not entry.done and entry.run not in self._order.runs:
-                entry.done, entry.extras = True, None
+                entry.done, entry.conditions = True, None
                 entry.gone = "its memory was gone before"
                 number = f"run {entry.number}" if entry.number else "a run"
                 self._tell_gone(f"{number} of the logger is not recorded to its end: {entry.gone}")
@@ -193,29 +193,29 @@ class Recorder:
                 if isinstance(command, Follow):
                     self._follow(command, descriptors)
                 elif descriptors:
-                    self._change(extras_of(descriptors[0]))
+                    self._change(conditions_of(descriptors[0]))
 
     def _follow(self, command: Follow, descriptors: list[int]) -> None:
         try:
             reader = SegmentReader(command.segment, descriptors[0] if descriptors else None)
             entry = self._ledger.written.entry(reader.schema.run)
-            known = entry.extras if entry is not None and entry.extras is not None else reader.schema.extras
-            extras = extras_of(descriptors[1]) if len(descriptors) > 1 else known
-            run = with_derived(reader, extras.derived)
-            run.schema = msgspec.structs.replace(run.schema, extras=extras)
+            known = entry.conditions if entry is not None and entry.conditions is not None else reader.schema.conditions
+            conditions = conditions_of(descriptors[1]) if len(descriptors) > 1 else known
+            run = with_derived(reader, conditions.derived)
+            run.schema = msgspec.structs.replace(run.schema, conditions=conditions)
             self._runs.append(run)
         except SegmentError as error:
             self._tell_clients(f"a run can't be recorded: {error}")
         self._next_since_s = time.monotonic()
 
-    def _change(self, extras: Conditions) -> None:
+    def _change(self, conditions: Conditions) -> None:
         """Have limits and triggers of the newest run be others from here on."""
         if self._runs:
             run = self._runs[-1]
-            run.schema = msgspec.structs.replace(run.schema, extras=extras)
+            run.schema = msgspec.structs.replace(run.schema, conditions=conditions)
         elif self._drain is not None:
             self._flush()
-            self._writing.put(self._writing.change_extras, extras)
+            self._writing.put(self._writing.change_conditions, conditions)
 
     def _tell(self) -> None:
         now_s = time.monotonic()

@@ -268,7 +268,7 @@ class EndlessRecordings:
             if recorder.lacks(run) and not self._hand_over(recorder, run):
                 break  # it comes again, and they go over in their order
         if self._replica.run in recorder.runs and self._replica.now.robot.segment == self._replica.segment:
-            recorder.change(self._replica.now.robot.extras)
+            recorder.change(self._replica.now.robot.conditions)
 
     def _hand_over(self, recorder: RecorderProcess, run: str) -> bool:
         try:
@@ -280,7 +280,7 @@ class EndlessRecordings:
         if reader is None:
             return False
         with contextlib.closing(reader):
-            recorder.follow(reader, self._held.extras(run))
+            recorder.follow(reader, self._held.conditions(run))
         return True
 
     def stop(self, *, forget: bool, died: bool = False) -> None:

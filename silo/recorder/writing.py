@@ -297,10 +297,10 @@ class Writing:
         self._ledger.begin_run(_entry(layout, begin))
         self.totals.state = RecorderState.RECORDING
 
-    def change_extras(self, extras: Conditions) -> None:
+    def change_conditions(self, conditions: Conditions) -> None:
         """Write from here on with these limits and triggers: a part has one set of them."""
         self._finish_part()
-        self._layout = self._present_layout.with_extras(extras)
+        self._layout = self._present_layout.with_conditions(conditions)
         self._ledger.begin_run(_entry(self._layout, self._next_rows))
 
     def look_for_events(self) -> None:
@@ -509,7 +509,7 @@ def left_free(size_bytes: int) -> int:
 def _entry(layout: ChannelLayout, begin: Mapping[int, int]) -> RunEntry:
     schema = layout.schema
     channels = {ring: len(numbers) for ring, numbers in layout.ring_channels.items()}
-    return RunEntry(schema.run, schema.number, dict(begin), channels=channels, extras=schema.extras)
+    return RunEntry(schema.run, schema.number, dict(begin), channels=channels, conditions=schema.conditions)
 
 
 def _stretches(rows: Rows) -> Iterator[tuple[Rows, bool]]:

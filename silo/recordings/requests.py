@@ -103,11 +103,11 @@ class GetPiece(SlowAsk[Piece], frozen=True):
     sum_only: bool = False
 
 
-class Save(Do[SaveStarted], frozen=True):
+class Save(Do[SaveStarted], frozen=True, rename={"conditions": "extras"}):
     """Save the data in the helper process. The reply comes at once; progress and result come as events.
 
     `name` replaces the usual file name (a plain name: no `/`, no leading dot). `folder` (absolute) replaces the
-    logger's own; only the robot program may choose it, and send its present `extras`. `why` is kept in the files;
+    logger's own; only the robot program may choose it, and send its present `conditions`. `why` is kept in the files;
     without it, who asked. `segment` is that of a stretch before the present one, which the robot program alone names.
     """
 
@@ -117,7 +117,7 @@ class Save(Do[SaveStarted], frozen=True):
     name: str = ""
     folder: str = ""
     why: str = ""
-    extras: Conditions | None = None
+    conditions: Conditions | None = None
     segment: str = ""
 
 

@@ -28,15 +28,15 @@ NICER = 5
 HOLD = "--hold"  # before the process that started the writing one, and descriptors of claims
 
 
-class WriteOrder(msgspec.Struct, frozen=True):
+class WriteOrder(msgspec.Struct, frozen=True, rename={"conditions": "extras"}):
     """What to write, and where; the arguments of `silo.files.write`.
 
     `of_dead`: the writer of the segment is gone, so that rows that aren't what it committed are damaged.
     `journal`: write what this journal proves instead of a segment; `log`: write this file again in other formats.
     `why` it is saved, in a few words.
     `awaited`: the robot program itself waits for it, so that there is nobody to be nice to.
-    `events` are what happened in that run; `extras` its derived signals and limits as they are now, None: as they were
-    when it began.
+    `events` are what happened in that run; `conditions` its derived signals and limits as they are now, None: as
+    they were when it began.
     """
 
     folder: str
@@ -49,7 +49,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
     log: str = ""
     awaited: bool = False
     events: list[LoggedEvent] = []
-    extras: Conditions | None = None
+    conditions: Conditions | None = None
 
 
 class WriteReport(msgspec.Struct, frozen=True):
@@ -77,7 +77,7 @@ def _write(reader: RunReader, order: WriteOrder, progress: Callable[[float], Non
         events = LogOfRun(reader.schema.folder, reader.schema.run) if order.of_dead else order.events
         files = write_run(
             recording, order.folder, order.logger, order.types, order.name or None, progress, order.why,
-            events=events, extras=order.extras, damage=damaged,
+            events=events, conditions=order.conditions, damage=damaged,
         )  # fmt: skip
     except SiloError as error:
         return _failed(error)
@@ -89,7 +89,7 @@ def _failed(error: SiloError) -> WriteReport:
 
 
 def save_apart(
-    reader: RunReader, folder: str, types: Sequence[FileType], extras: Conditions | None
+    reader: RunReader, folder: str, types: Sequence[FileType], conditions: Conditions | None
 ) -> tuple[list[SavedFile], Holdings]:
     """Save what a dead program left in a process of its own that is nice to others; no file if it is nothing.
 
@@ -100,7 +100,7 @@ def save_apart(
         return [], held
     journal = str(reader.path) if isinstance(reader, JournalReader) else ""
     order = WriteOrder(
-        folder, reader.schema.logger, list(types), "", of_dead=True, journal=journal, why=DIED, extras=extras
+        folder, reader.schema.logger, list(types), "", of_dead=True, journal=journal, why=DIED, conditions=conditions
     )
     report = write_apart(None if isinstance(reader, JournalReader) else reader, order, lambda _: None)
     if report.error:

@@ -148,11 +148,11 @@ def save_reader(
     progress: Callable[[float], None] | None = None,
     why: str = DIED,
     events: Sequence[LoggedEvent] | None = None,
-    extras: Conditions | None = None,
+    conditions: Conditions | None = None,
 ) -> tuple[list[SavedFile], Holdings]:
     """Save all that is held, and tell how much that is; no file if it is nothing. Raises SaveError.
 
-    `events` are what happened in its run; None: what the event log in the logger's folder says. `extras` are its
+    `events` are what happened in its run; None: what the event log in the logger's folder says. `conditions` are its
     derived signals, limits and triggers as they were last; None: as they were when the run began.
     """
     from silo.files import LogOfRun, write_run
@@ -164,7 +164,7 @@ def save_reader(
     schema = reader.schema
     happened = LogOfRun(schema.folder, schema.run) if events is None else events
     files = write_run(
-        recording, folder, schema.logger, types, progress=progress, why=why, events=happened, extras=extras,
+        recording, folder, schema.logger, types, progress=progress, why=why, events=happened, conditions=conditions,
         damage=missing(reader),
     )  # fmt: skip
     return files, held

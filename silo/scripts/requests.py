@@ -21,10 +21,10 @@ class ScriptText(Reply, frozen=True):
     text: str
 
 
-class ScriptDiff(Reply, frozen=True):
+class ScriptDiff(Reply, frozen=True, rename={"conditions": "extras"}):
     """What differs between the running configuration (`old`) and a script (`new`); `unknown` names the table lacks.
 
-    `warnings` are `file:line: reason` of keys that silo doesn't know. `extras` are differences of derived signals,
+    `warnings` are `file:line: reason` of keys that silo doesn't know. `conditions` are differences of derived signals,
     limits and triggers, each under a name such as `trigger fall`; without a field for what comes or goes as a whole.
     """
 
@@ -32,7 +32,7 @@ class ScriptDiff(Reply, frozen=True):
     changes: list[FieldChange]
     unknown: list[str]
     warnings: list[str] = []
-    extras: list[FieldChange] = []
+    conditions: list[FieldChange] = []
 
 
 class KeptViews(Reply, frozen=True):

@@ -35,12 +35,12 @@ class ScriptServer(Server, does=[requests]):
 
         if not path:
             now = self.replica.now
-            return ScriptText(str(self._own_script), format_script(now.table.elements, extras=now.robot.extras))
+            return ScriptText(str(self._own_script), format_script(now.table.elements, conditions=now.robot.conditions))
         found = script_folder.resolve(path, self._own_script)
         return ScriptText(str(found), script_folder.read_text(found))
 
     def diff_script(self, path: str) -> ScriptDiff:
-        from silo.settings.conditions_diff import diff_extras
+        from silo.settings.conditions_diff import diff_conditions
         from silo.settings.script import apply_script, parse_script
         from silo.settings.typed import diff_options
 
@@ -49,9 +49,9 @@ class ScriptServer(Server, does=[requests]):
         script = parse_script(script_folder.read_text(found), found)
         plan = apply_script(script, table, self.replica.status().frequency_hz)
         unknown = [str(unknown.name) for unknown in plan.unknown]
-        now = self.replica.now.robot.extras
-        extras = diff_extras(now, script.extras_beside(now))
-        return ScriptDiff(str(found), diff_options(table, plan.options), unknown, script.warnings, extras)
+        now = self.replica.now.robot.conditions
+        conditions = diff_conditions(now, script.conditions_beside(now))
+        return ScriptDiff(str(found), diff_options(table, plan.options), unknown, script.warnings, conditions)
 
     def load_script(self, turn: Turn, path: str, revision: int) -> EditsApplied:
         for _ in range(TRIES - 1):
@@ -66,7 +66,7 @@ class ScriptServer(Server, does=[requests]):
 
     def _load(self, turn: Turn, path: str, revision: int) -> EditsApplied:
         from silo.settings.script import apply_script, parse_script
-        from silo.settings.script_conditions import extras_text
+        from silo.settings.script_conditions import conditions_text
 
         now = self.replica.now
         self.robot.must_live()
@@ -82,16 +82,16 @@ class ScriptServer(Server, does=[requests]):
         unknown = [name.name for name in plan.unknown]
         # the edits are based on the table that was just compared, whatever the client has seen
         based_on = now.table.revision if revision == -1 else revision
-        wanted = script.extras_beside(now.robot.extras)
-        extras = wanted if wanted != now.robot.extras else None
-        applied = apply_edits(self.robot, turn, ApplyEdits(revision=based_on, edits=edits, extras=extras), now)
+        wanted = script.conditions_beside(now.robot.conditions)
+        conditions = wanted if wanted != now.robot.conditions else None
+        applied = apply_edits(self.robot, turn, ApplyEdits(revision=based_on, edits=edits, conditions=conditions), now)
         text = f"script {found} loaded: {applied.changed} elements changed"
         if unknown:
             text += f", {len(unknown)} names are not in the table"
         if script.unknown_keys:
             text += f", {len(script.unknown_keys)} keys are unknown and were left alone"
-        if extras is not None:
-            text += f"; {extras_text(extras)}"
+        if conditions is not None:
+            text += f"; {conditions_text(conditions)}"
         self.events.publish(EventKind.SCRIPT_LOADED, text, by=turn.by)
         return EditsApplied(applied.revision, applied.changed, unknown, [*script.warnings, *applied.warnings])
 
@@ -101,7 +101,7 @@ class ScriptServer(Server, does=[requests]):
         target = script_folder.resolve(path, self._own_script)
         script_folder.check_target(target, self._own_script, overwrite=overwrite)
         now = self.replica.now
-        kept = write_script(target, now.table.elements, now.robot.extras)
+        kept = write_script(target, now.table.elements, now.robot.conditions)
         text = f"script saved: {target}{kept_text(kept)}"
         self.events.publish(EventKind.SCRIPT_SAVED, text, by=turn.by)
         return text

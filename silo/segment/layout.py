@@ -23,7 +23,7 @@ from typing import TypeVar
 
 import msgspec
 
-from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
 from silo.core.tuning.parameters import ParameterInfo
 
@@ -155,7 +155,7 @@ class Cut(msgspec.Struct, frozen=True):
     who: str = ""
 
 
-class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
+class SegmentSchema(msgspec.Struct, frozen=True, weakref=True, rename={"conditions": "extras"}):
     """What the segment holds and who writes it. `pid_start` and `boot_id` tell the writer from a reused pid.
 
     `logger_id` is drawn once in the life of a logger, `run` once per start: names may come again, these don't. `marks`
@@ -185,7 +185,7 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     logger_id: str = ""
     run: str = ""
     pid_namespace: int = 0  # in which `pid` counts, 0 in older segments
-    extras: Conditions = NO_EXTRAS
+    conditions: Conditions = NO_CONDITIONS
     marks: int = -1
     mark_slots: int = 0
     unheld: int = -1

@@ -11,7 +11,7 @@ NONE = "none"  # what stands for one that there isn't
 _Item = Derived | SignalLimits | TriggerOptions
 
 
-def diff_extras(now: Conditions, new: Conditions) -> list[FieldChange]:
+def diff_conditions(now: Conditions, new: Conditions) -> list[FieldChange]:
     """Return what changes when `now` becomes `new`: an entry per field, one for what comes or goes as a whole."""
     return [
         *_diff("derived", now.derived, new.derived),

@@ -18,12 +18,12 @@ from pathlib import Path
 import msgspec
 import yaml
 
-from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import ElementInfo, ElementOptions
 from silo.core.names import nearest
 from silo.errors import SaveError, ScriptError
 from silo.settings.options import IN_SCRIPT, OptionValue
-from silo.settings.script_conditions import format_extras, kinds_of, merged
+from silo.settings.script_conditions import format_conditions, kinds_of, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
 from silo.settings.typed import ElementSettings, rate_words
 from silo.settings.yaml_nodes import Pair, collector_paused, compose, explain, text_of
@@ -43,7 +43,9 @@ class Script:
     path: Path
     elements: tuple[ScriptElement, ...]
     unknown_keys: tuple[UnknownKey, ...] = ()
-    extras: Conditions | None = None  # derived signals, limits and triggers, None where the script says nothing of them
+    conditions: Conditions | None = (
+        None  # derived signals, limits and triggers, None where the script says nothing of them
+    )
     kinds: frozenset[str] = frozenset()  # keys of them that it has
 
     @property
@@ -53,9 +55,9 @@ class Script:
         more = len(self.unknown_keys) - MAX_PROBLEMS
         return shown + ([f"{self.path}: and {more} more unknown keys"] if more > 0 else [])
 
-    def extras_beside(self, now: Conditions) -> Conditions:
-        """Return the extras that it leads to where there are these: kinds that it doesn't speak of stay."""
-        return now if self.extras is None else merged(self.extras, self.kinds, now)
+    def conditions_beside(self, now: Conditions) -> Conditions:
+        """Return the conditions that it leads to where there are these: kinds that it doesn't speak of stay."""
+        return now if self.conditions is None else merged(self.conditions, self.kinds, now)
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ def parse_script(text: str, path: str | os.PathLike[str]) -> Script:
             elements = tuple(reader.elements(root))
     if reader.problems:
         raise ScriptError(_message(path, reader.problems + [(key.line, key.text) for key in reader.unknown]))
-    return Script(path, elements, tuple(reader.unknown), reader.extras, reader.kinds)
+    return Script(path, elements, tuple(reader.unknown), reader.conditions, reader.kinds)
 
 
 def _message(path: Path, problems: list[tuple[int, str]]) -> str:
@@ -174,11 +176,13 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
 # ------------------------------------------------------------------------------------------------------------ writing
 
 
-def format_script(table: Sequence[ElementInfo], kept: Sequence[UnknownKey] = (), extras: Conditions = NO_EXTRAS) -> str:
+def format_script(
+    table: Sequence[ElementInfo], kept: Sequence[UnknownKey] = (), conditions: Conditions = NO_CONDITIONS
+) -> str:
     """The script that gives `table` its present options: all of them, in order, as the original writes it.
 
-    `kept` are keys that silo doesn't know: they stand again where they stood, without their comments. `extras` stand in
-    keys that the original doesn't know.
+    `kept` are keys that silo doesn't know: they stand again where they stood, without their comments. `conditions`
+    stand in keys that the original doesn't know.
     """
     places: dict[tuple[str, str], list[Pair]] = {}
     for key in kept:
@@ -197,7 +201,7 @@ def format_script(table: Sequence[ElementInfo], kept: Sequence[UnknownKey] = (),
             if group:
                 lines.append(unknown(group, info.name, 6))
         lines.append(unknown("element", info.name, 4))
-    return "".join([*lines, format_extras(extras, unknown), unknown("below", "", 0)])
+    return "".join([*lines, format_conditions(conditions, unknown), unknown("below", "", 0)])
 
 
 def _layout() -> list[tuple[str, str, str]]:
@@ -229,13 +233,13 @@ def _quoted(name: str) -> str:
 
 
 def write_script(
-    path: str | os.PathLike[str], table: Sequence[ElementInfo], extras: Conditions | None = None
+    path: str | os.PathLike[str], table: Sequence[ElementInfo], conditions: Conditions | None = None
 ) -> list[str]:
     """Write `format_script(table)` to `path`, whole or not at all; a script that stands there is replaced.
 
     Keys of that script that silo doesn't know are kept, as far as their elements are in the table; returns them, as
-    `note` or `note of /log/x`. Without `extras` (None), those of that script are kept too. Raises `ScriptError` when
-    the file can't be written; what stood there is then untouched.
+    `note` or `note of /log/x`. Without `conditions` (None), those of that script are kept too. Raises `ScriptError`
+    when the file can't be written; what stood there is then untouched.
     """
     from silo.files.atomic import atomic_file  # with its package, NumPy and more: nothing that a reader should pay for
 
@@ -244,9 +248,9 @@ def write_script(
         mode = stat.S_IMODE(final.stat().st_mode) if final.exists() else None
         names = {"", *(info.name for info in table)}
         unknown, old = _kept(final)
-        now = old if extras is None else extras
-        conditions: dict[str, list[str]] = {key: [one.name for one in items] for key, items in kinds_of(now)}
-        kept = [found for key in unknown if (found := _placed(key, names, conditions)) is not None]
+        now = old if conditions is None else conditions
+        named: dict[str, list[str]] = {key: [one.name for one in items] for key, items in kinds_of(now)}
+        kept = [found for key in unknown if (found := _placed(key, names, named)) is not None]
         text = format_script(table, kept, now).encode()
         with atomic_file(final) as file:
             file.write(text)
@@ -269,19 +273,19 @@ def _placed(key: UnknownKey, elements: Container[str], conditions: Mapping[str, 
 
 
 def _kept(path: Path) -> tuple[list[UnknownKey], Conditions]:
-    """The unknown keys and extras of a script that is about to be replaced; none where nobody can read it as one."""
+    """The unknown keys and conditions of a script that is about to be replaced; none where nobody can read it."""
     if not path.is_file():
-        return [], NO_EXTRAS
+        return [], NO_CONDITIONS
     reader = Reader()
     try:
         with path.open("rb") as file:
             root = compose(file.read(MAX_SCRIPT_BYTES).decode("utf-8-sig"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError):
-        return [], NO_EXTRAS  # it is replaced, as it was asked for
+        return [], NO_CONDITIONS  # it is replaced, as it was asked for
     with collector_paused():
         for _ in reader.elements(root):
             pass
-    return reader.unknown, reader.extras or NO_EXTRAS
+    return reader.unknown, reader.conditions or NO_CONDITIONS
 
 
 def kept_text(kept: Sequence[str]) -> str:

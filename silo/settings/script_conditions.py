@@ -25,7 +25,7 @@ from typing import Any, Final, Literal, TypeVar
 import msgspec
 import yaml
 
-from silo.core.conditions import NO_EXTRAS, Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.conditions import NO_CONDITIONS, Conditions, Derived, SignalLimits, TriggerOptions
 from silo.core.elements import ElementInfo, FileType
 from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import many
@@ -42,7 +42,7 @@ KEYS = (DERIVED, LIMITS, TRIGGERS)
 _Item = TypeVar("_Item", Derived, SignalLimits, TriggerOptions)
 
 
-def read_extras(
+def read_conditions(
     keys: Mapping[str, yaml.Node], report: Callable[[int, str], None], note: Callable[[Kind, str, Pair, str], None]
 ) -> Conditions | None:
     """Return what the keys of a script say; None if they aren't there.
@@ -73,9 +73,9 @@ def merged(script: Conditions, given: Collection[str], now: Conditions) -> Condi
     )
 
 
-def kinds_of(extras: Conditions) -> list[tuple[Kind, Sequence[Derived | SignalLimits | TriggerOptions]]]:
+def kinds_of(conditions: Conditions) -> list[tuple[Kind, Sequence[Derived | SignalLimits | TriggerOptions]]]:
     """Return what there is of each kind, by its key in a script."""
-    return [(DERIVED, extras.derived), (LIMITS, extras.limits), (TRIGGERS, extras.triggers)]
+    return [(DERIVED, conditions.derived), (LIMITS, conditions.limits), (TRIGGERS, conditions.triggers)]
 
 
 def _items(
@@ -185,13 +185,15 @@ def _bounds(node: yaml.Node) -> tuple[float | None, ...]:
     return tuple(found)
 
 
-def format_extras(extras: Conditions, unknown: Callable[[str, str, int], str] = lambda place, name, indent: "") -> str:
+def format_conditions(
+    conditions: Conditions, unknown: Callable[[str, str, int], str] = lambda place, name, indent: ""
+) -> str:
     """Return the keys of a script; empty where there is nothing to say.
 
     unknown: the text of the keys that silo doesn't know, of a kind and a name, with so many blanks before each line.
     """
     lines = []
-    for key, items in kinds_of(extras):
+    for key, items in kinds_of(conditions):
         lines += [f"{key}:\n"] if items else []
         for item in items:
             fields = [(name, value) for name, value in msgspec.to_builtins(item).items() if value != ""]
@@ -203,25 +205,25 @@ def format_extras(extras: Conditions, unknown: Callable[[str, str, int], str] = 
     return "".join(lines)
 
 
-def extras_text(extras: Conditions) -> str:
+def conditions_text(conditions: Conditions) -> str:
     """Return how many there are of each, in words."""
-    counts = [
-        (len(extras.derived), "derived signal"), (len(extras.limits), "limit"), (len(extras.triggers), "trigger")
-    ]  # fmt: skip
-    told = [f"{many(count, noun)}" for count, noun in counts if count]
+    kinds = {"derived signal": conditions.derived, "limit": conditions.limits, "trigger": conditions.triggers}
+    told = [many(len(those), noun) for noun, those in kinds.items() if those]
     return ", ".join(told) or "no derived signals, limits, triggers any more"
 
 
-def checked_extras(extras: Conditions, elements: Sequence[ElementInfo], prefix: str, frequency_hz: float) -> Conditions:
-    """Return extras that fit a table. Raises ElementError for the first that doesn't."""
+def checked_conditions(
+    conditions: Conditions, elements: Sequence[ElementInfo], prefix: str, frequency_hz: float
+) -> Conditions:
+    """Return conditions that fit a table. Raises ElementError for the first that doesn't."""
     from silo.judging.definitions import check_held, with_derived, with_limits, with_trigger
 
-    made = NO_EXTRAS
-    for derived in extras.derived:
+    made = NO_CONDITIONS
+    for derived in conditions.derived:
         made = with_derived(made, derived, elements, prefix)
-    for limits in extras.limits:
+    for limits in conditions.limits:
         made = with_limits(made, limits, elements, prefix)
-    for trigger in extras.triggers:
+    for trigger in conditions.triggers:
         made = with_trigger(made, trigger, elements, prefix)
         check_held(trigger, elements, frequency_hz)
     return made

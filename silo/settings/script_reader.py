@@ -12,7 +12,7 @@ import yaml
 from silo.core.conditions import Conditions
 from silo.core.names import did_you_mean, nearest
 from silo.settings.options import IN_SCRIPT, OPTIONS, ElementOption, OptionValue, shorten
-from silo.settings.script_conditions import KEYS, Kind, given_kinds, read_extras
+from silo.settings.script_conditions import KEYS, Kind, given_kinds, read_conditions
 from silo.settings.typed import ElementSettings, RelativeValue, UnreadableError, read_text, read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
 
@@ -70,7 +70,7 @@ class Reader:
     def __init__(self) -> None:
         self.problems: list[tuple[int, str]] = []
         self.unknown: list[UnknownKey] = []
-        self.extras: Conditions | None = None
+        self.conditions: Conditions | None = None
         self.kinds: frozenset[str] = frozenset()  # of them that have their key
 
     def report(self, line: int, text: str) -> None:
@@ -87,7 +87,7 @@ class Reader:
             return
         known = ("log_elements", *KEYS) if isinstance(root, yaml.MappingNode) else ("log_elements",)
         listed = self._mapping(root, "", known, "a script")
-        self.extras, self.kinds = read_extras(listed, self.report, self._note), given_kinds(listed)
+        self.conditions, self.kinds = read_conditions(listed, self.report, self._note), given_kinds(listed)
         if "log_elements" not in listed:
             if not self.problems and not self.unknown:
                 self.report(line_of(root), "`log_elements:` is missing")

@@ -12,7 +12,7 @@ import socket
 
 import msgspec
 
-from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import State, Table
 from silo.errors import ConnectionLostError
 
@@ -30,7 +30,7 @@ class RunOffer(msgspec.Struct, frozen=True):
     named: bool = True
 
 
-class RobotState(msgspec.Struct, frozen=True, tag=True):
+class RobotState(msgspec.Struct, frozen=True, tag=True, rename={"conditions": "extras"}):
     """Robot to helper: pushed at connection and after every change. `table` only when its revision changed."""
 
     logger: str
@@ -44,7 +44,7 @@ class RobotState(msgspec.Struct, frozen=True, tag=True):
     reason: str
     by: str
     table: Table | None = None
-    extras: Conditions = NO_EXTRAS
+    conditions: Conditions = NO_CONDITIONS
     saved: str = ""  # where the run before this one was saved, if its start did that; fit to show
     cut_off: int = 0  # ticks of stretches before the present one that are in no file
     begun_ns: int = 0  # when the first of these began, and all their ticks; 0 without a cut

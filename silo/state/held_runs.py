@@ -29,7 +29,7 @@ class HeldRuns:
         self._replica, self.changed = replica, changed
         self._lock = threading.Lock()
         self._runs: dict[str, SegmentReader] = {}  # by their ids, oldest first
-        self._extras: dict[str, Conditions] = {}  # derived signals, limits and triggers that each had last
+        self._conditions: dict[str, Conditions] = {}  # derived signals, limits and triggers that each had last
         self._known: set[str] = set()  # all that there ever were
         self._looked: set[Path] = set()
         self._told: set[str] = set()  # of which is known that they began
@@ -45,13 +45,13 @@ class HeldRuns:
             reader = self._replica.open_reader()
             if reader is not None and reader.schema.run not in self._known:
                 self._add(reader)
-        self.note_extras()
+        self.note_conditions()
 
-    def note_extras(self) -> None:
+    def note_conditions(self) -> None:
         """Remember what the present run is watched for."""
         robot = self._replica.now.robot
         if self._replica.run and robot.segment == self._replica.segment:
-            self._extras[self._replica.run] = robot.extras
+            self._conditions[self._replica.run] = robot.conditions
 
     def find(self) -> list[str]:
         """Return the ids of runs of this logger that no helper process took over, oldest first; they are kept, too."""
@@ -124,7 +124,7 @@ class HeldRuns:
     def _forget(self, run: str) -> None:
         with self._lock:
             reader = self._runs.pop(run)
-        self._extras.pop(run, None)
+        self._conditions.pop(run, None)
         reader.close()
 
     def _count(self) -> None:
@@ -141,9 +141,9 @@ class HeldRuns:
         with self._lock:
             return list(self._runs)
 
-    def extras(self, run: str) -> Conditions | None:
+    def conditions(self, run: str) -> Conditions | None:
         """Return what a run was watched for last, None where no helper process knew it."""
-        return self._extras.get(run)
+        return self._conditions.get(run)
 
     def open(self, run: str) -> SegmentReader | None:
         """Return a reader of a run for the calling thread alone; None where its memory was needed.

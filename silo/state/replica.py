@@ -146,8 +146,8 @@ class Replica:
 
     def _made_of(self, robot: RobotState, before: LoggerSnapshot | None) -> LoggerSnapshot:
         table = robot.table or (before.table if before else Table(robot.revision, []))
-        if robot.table is not None or before is None or robot.extras.derived != before.robot.extras.derived:
-            derived = derived_infos(table.elements, _options(robot).prefix, robot.extras.derived)
+        if robot.table is not None or before is None or robot.conditions.derived != before.robot.conditions.derived:
+            derived = derived_infos(table.elements, _options(robot).prefix, robot.conditions.derived)
             table = Table(robot.revision, table.elements, derived)
         unchanged = before is not None and table is before.table
         if not unchanged or (before is not None and robot.segment != before.robot.segment):
@@ -232,7 +232,7 @@ class Replica:
         known = self._plan
         if known is not None and known[0] is reader.schema and known[1] is now.table:
             return known[2]
-        plan = derived_plan(reader.schema, now.table.elements, now.robot.extras.derived)
+        plan = derived_plan(reader.schema, now.table.elements, now.robot.conditions.derived)
         self._plan = (reader.schema, now.table, plan)
         return plan
 

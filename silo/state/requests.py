@@ -85,7 +85,7 @@ class EditsApplied(Reply, frozen=True):
     warnings: list[str] = []
 
 
-class ApplyEdits(RobotRequest[EditsApplied], frozen=True):
+class ApplyEdits(RobotRequest[EditsApplied], frozen=True, rename={"conditions": "extras"}):
     """All or nothing, and only while stopped, or at a `cut` of the run, which goes on in another stretch.
 
     `revision` is the table's that the edits are based on (-1: any).
@@ -93,7 +93,7 @@ class ApplyEdits(RobotRequest[EditsApplied], frozen=True):
 
     revision: int
     edits: list[Edit]
-    extras: Conditions | None = None  # derived signals, limits and triggers of a script, None: they stay
+    conditions: Conditions | None = None  # derived signals, limits and triggers of a script, None: they stay
     cut: bool = False
 
 

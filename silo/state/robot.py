@@ -31,7 +31,7 @@ class TableOfLogger(Protocol):
 
     def problems(self, edits: list[Edit], /) -> list[Problem]: ...
     def apply(
-        self, edits: list[Edit], extras: Conditions | None = ..., /, *, cut: bool = ..., who: str = ...
+        self, edits: list[Edit], conditions: Conditions | None = ..., /, *, cut: bool = ..., who: str = ...
     ) -> int: ...
 
 
@@ -57,12 +57,12 @@ class StateRobot(Server, does=[requests], robot=True):
     def apply_edits(self, request: ApplyEdits) -> EditsApplied:
         table = self.table
         with table.lock:
-            cut = request.cut and request.extras is None
+            cut = request.cut and request.conditions is None
             if self.logger.is_running and not cut:
                 raise refused_running()
             check_revision(request, table.revision)
             check_none(table.problems(request.edits))
-            changed = table.apply(request.edits, request.extras, cut=cut, who=request.client)
+            changed = table.apply(request.edits, request.conditions, cut=cut, who=request.client)
             large = large_text(table.elements) if changed else ""
             return EditsApplied(table.revision, changed, warnings=[large] if large else [])
 

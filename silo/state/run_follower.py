@@ -33,7 +33,7 @@ class RunFollower:
         A run that can't be opened is tried again at the next look: it was replaced meanwhile, and the next one is
         handed over soon. Raises SegmentError for one that is damaged.
         """
-        derived = self._replica.now.robot.extras.derived if self._derived else ()
+        derived = self._replica.now.robot.conditions.derived if self._derived else ()
         if self.reader is not None and self._known == (self._replica.run, derived):
             self._release(self.reader)
             return False

@@ -118,7 +118,7 @@ class StateServer(Server, does=[requests]):
 def apply_edits(robot: RobotProgram, turn: Turn, request: ApplyEdits, now: LoggerSnapshot) -> EditsApplied:
     """Have edits of the table that is there now done, once they are checked. Raises what refuses them."""
     check_edits(request, now)
-    if not request.edits and request.extras is None:
+    if not request.edits and request.conditions is None:
         return EditsApplied(robot.replica.now.table.revision, 0)
     return robot.reply(request, turn)
 

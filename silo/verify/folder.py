@@ -247,7 +247,7 @@ class _Folder:
         ids = Counter(event.run for event in recording.events if event.run)
         run = self.run_of(recording.logger, ids.most_common(1)[0][0] if ids else "", recording.started_ns)
         run.ticks = max(run.ticks, recording.offset)
-        if recording.extras.capture is not None:
+        if recording.conditions.capture is not None:
             run.captured.append((path, recording))
         elif len(recording.time_ns):
             begin = recording.offset - len(recording.time_ns)
@@ -484,10 +484,10 @@ def _totals(runs: Iterable[_Run]) -> Iterator[Verdict]:
 
 def _captures(run: _Run, listed: list[CaptureEntry]) -> Iterator[Verdict]:
     fires = Counter(
-        (recording.extras.capture.trigger, fire)
+        (recording.conditions.capture.trigger, fire)
         for _, recording in run.captured
-        if recording.extras.capture is not None
-        for fire in recording.extras.capture.fires
+        if recording.conditions.capture is not None
+        for fire in recording.conditions.capture.fires
     )
     for (trigger, fire), count in fires.items():
         if count > 1:

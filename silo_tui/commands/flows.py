@@ -274,21 +274,21 @@ async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldCh
     if not name:
         return "", []
     diff = await link.read(lambda client: client.diff_script(name))
-    if not diff.changes and not diff.extras:
+    if not diff.changes and not diff.conditions:
         unknown = f"; {len(diff.unknown)} names of it are not in the table" if diff.unknown else ""
         context.say(f"{name} says what the logger has already: nothing to load{unknown}")
         return "", []
     if seen:
-        return name, diff.extras
+        return name, diff.conditions
     choices = [Choice("load", f"Load {name}", "l"), Choice("", "Don't")]
     question = Question(f"Load {diff.path}?", script_diff_text(diff), choices)
-    return (name if await context.app.push_screen_wait(question) == "load" else ""), diff.extras
+    return (name if await context.app.push_screen_wait(question) == "load" else ""), diff.conditions
 
 
 async def load_script(context: Context, path: str = "") -> None:
     """Choose a script, shows what it would change, loads it."""
     session, link = context.session, context.link
-    name, extras = await _chosen_script(context, path)
+    name, conditions = await _chosen_script(context, path)
     if not name:
         return
     fields, elements = session.table.pending_count
@@ -313,18 +313,18 @@ async def load_script(context: Context, path: str = "") -> None:
         if around:
             await session.start(unsaved)
     await session.reload()
-    if extras:
+    if conditions:
         await session.refresh_conditions()
     context.table_changed()
     context.status_changed()
     unknown = f"; {len(loaded.unknown)} names of it are not in the table" if loaded.unknown else ""
-    context.say(f"loaded {name}: {many(loaded.changed, 'element')} changed{_extras_words(extras)}{unknown}")
+    context.say(f"loaded {name}: {many(loaded.changed, 'element')} changed{_conditions_words(conditions)}{unknown}")
     _warn(context, loaded)
 
 
-def _extras_words(extras: Sequence[FieldChange]) -> str:
+def _conditions_words(conditions: Sequence[FieldChange]) -> str:
     """Return which derived signals, limits and triggers a script changed, the first few by name."""
-    names = list(dict.fromkeys(change.name for change in extras))
+    names = list(dict.fromkeys(change.name for change in conditions))
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return f"; {', '.join(names[:3])}{more}" if names else ""
 

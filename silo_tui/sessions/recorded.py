@@ -50,7 +50,7 @@ class FileSession(Session):
         path = Path(log.path)
         super().__init__(path.name, FILE_COLUMNS)
         recording = log.recording
-        self.capture = recording.extras.capture  # where a trigger fired
+        self.capture = recording.conditions.capture  # where a trigger fired
         self.source = RecordingSource(recording, list(log))
         self._facts = FileFacts(recording, list(log), self.source.time_ns)
         size_bytes = path.stat().st_size if path.is_file() else 0
@@ -208,7 +208,7 @@ def _bounds_of(recording: Recording, elements: Sequence[ElementInfo]) -> dict[st
     """Return the limits that the file has, by scalar; those of a signal that isn't in it are none."""
     catalogue = table_catalogue(elements, recording.prefix)
     found: dict[str, Bounds4] = {}
-    for limits in recording.extras.limits:
+    for limits in recording.conditions.limits:
         with contextlib.suppress(ElementError):
             _, (signal, *_) = bind_limits(limits, catalogue)
             found.update(dict.fromkeys(scalar_names(signal, catalogue, limits.name), limits.bounds))

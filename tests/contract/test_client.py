@@ -223,13 +223,13 @@ def test_a_difference_in_triggers_alone_is_told_and_loaded(side, client):
     side.add_script("a.yaml", client.read_script().text + TRIGGERS)
     diff = client.diff_script("a.yaml")
     assert not diff.changes
-    assert [(change.name, change.field, change.old, change.new) for change in diff.extras] == [
+    assert [(change.name, change.field, change.old, change.new) for change in diff.conditions] == [
         ("trigger high", "", "none", "x > 3, pre 2 s")
     ]
     client.load_script("a.yaml")
-    assert client.diff_script("a.yaml").extras == []
+    assert client.diff_script("a.yaml").conditions == []
     side.add_script("b.yaml", client.read_script().text.replace("pre_s: 2", "pre_s: 3"))
-    diff = client.diff_script("b.yaml").extras
+    diff = client.diff_script("b.yaml").conditions
     assert [(change.field, change.old, change.new) for change in diff] == [("pre", "2 s", "3 s")]
 
 

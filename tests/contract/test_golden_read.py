@@ -49,7 +49,7 @@ def segment(tmp_path: Path) -> Path:
 def test_a_segment_is_read(segment) -> None:
     recording = SegmentReader(segment).snapshot()
     same(recording, set(VALUES))
-    assert [one.name for one in recording.extras.triggers] == ["high"]
+    assert [one.name for one in recording.conditions.triggers] == ["high"]
 
 
 def test_a_journal_is_read(tmp_path) -> None:

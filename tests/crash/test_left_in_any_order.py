@@ -253,7 +253,7 @@ class Left(RuleBasedStateMachine):
         for path in self.logs.glob("bot_*.silo"):
             log = read_recording(path)
             values = log.elements[0].entries[0].values.tolist()
-            if (facts := log.extras.capture) is None:
+            if (facts := log.conditions.capture) is None:
                 found.update(values)
                 told = [event.kind for event in log.events]
                 assert told.count("started") <= 1
@@ -273,9 +273,9 @@ class Left(RuleBasedStateMachine):
         assert not list(self.logs.glob(".*.journal")) or self.stays
 
 
-def saved_here(reader, folder, types, extras):
+def saved_here(reader, folder, types, conditions):
     """In this process, as another one would take half a second each time."""
-    return save_reader(reader, folder, types, extras=extras)
+    return save_reader(reader, folder, types, conditions=conditions)
 
 
 def fires(values):

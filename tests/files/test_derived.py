@@ -25,8 +25,8 @@ def element(name, values, divider=1, first=0):
 
 def recording(*elements, derived=(), ticks=12):
     time_ns = 10**18 + np.arange(ticks) * 10**6
-    extras = Conditions(tuple(Derived(f"/log/{name}", text) for name, text in derived))
-    return Recording("robot", time_ns, ticks, elements, frequency_hz=1000.0, extras=extras)
+    conditions = Conditions(tuple(Derived(f"/log/{name}", text) for name, text in derived))
+    return Recording("robot", time_ns, ticks, elements, frequency_hz=1000.0, conditions=conditions)
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def test_every_format_has_them_as_columns_and_keeps_what_they_are(logged, tmp_pa
     found = read_recording(target)
     assert columns(found)["/log/twice"] == [2.0 * at for at in range(12)]
     assert columns(found)["/log/high"] == [at > 5 for at in range(12)]
-    assert found.extras == logged.extras
+    assert found.conditions == logged.conditions
     assert [one.description for one in found.elements if one.name == "/log/sum"] == ["= twice + third"]
 
 
@@ -125,4 +125,4 @@ def test_a_logger_saves_what_was_derived_while_it_ran(tmp_path, runtime_folder, 
         found = silo.open_log(path)
         assert found["twice"].values.tolist() == [2.0 * at for at in range(20)]
         assert found["twice"].unit == "V"
-        assert [one.name for one in found.recording.extras.derived] == ["/log/twice"]
+        assert [one.name for one in found.recording.conditions.derived] == ["/log/twice"]

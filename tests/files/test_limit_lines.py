@@ -25,7 +25,7 @@ def element(name, *columns, unit="Nm"):
 @pytest.fixture
 def logged():
     wave = 20 * np.sin(np.arange(200) / 20)
-    extras = Conditions(
+    conditions = Conditions(
         (Derived("/log/power", "joints/tau_0 * speed", "W"),),
         (
             SignalLimits("joints/tau", (None, -15.0, 15.0, 30.0)),
@@ -34,7 +34,7 @@ def logged():
         ),
     )
     made = [element("joints/tau", wave, wave / 2), element("speed", np.full(200, 2.0), unit="rad/s")]
-    return Recording("r", 10**18 + np.arange(200) * 10**6, 200, made, frequency_hz=1000.0, extras=extras)
+    return Recording("r", 10**18 + np.arange(200) * 10**6, 200, made, frequency_hz=1000.0, conditions=conditions)
 
 
 def levels(recording, *patterns, **options):

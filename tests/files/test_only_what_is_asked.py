@@ -29,7 +29,7 @@ def recording():
     ]  # fmt: skip
     stamps = np.arange(TICKS, dtype=np.int64) * 10**7 + 1_700_000_000_000_000_000
     limits = Conditions(limits=(SignalLimits("/log/g1/s5", (0.0, None, None, 1.0)),))
-    return Recording("many", stamps, TICKS, elements, frequency_hz=100.0, extras=limits)
+    return Recording("many", stamps, TICKS, elements, frequency_hz=100.0, conditions=limits)
 
 
 @pytest.fixture(params=FORMATS)

@@ -55,7 +55,7 @@ def recording() -> Recording:
         ),
         one("/log/lossy", "A", [("", "<f8", np.arange(5.0))], lost=7, failures=Failures(2, ((3, 3), (5, 5)))),
     ]
-    extras = Conditions(
+    conditions = Conditions(
         (Derived("/log/effort", "norm(tau)", "Nm"),),
         (SignalLimits("/log/q", (-0.9, None, 0.5, 0.9), 2, 0.05),),
         (TriggerOptions("fall", "q > 0.5", 0.01, 0.01),),
@@ -76,7 +76,7 @@ def recording() -> Recording:
         time_looping=True,
         warnings=("memory limit reached",),
         why="trigger fall",
-        extras=extras,
+        conditions=conditions,
         events=events,
     )
 

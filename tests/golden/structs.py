@@ -33,7 +33,7 @@ from silo.rpc.published import Event, Summary, ViewFrame
 from silo.state.handover import RunOffer
 
 SHOWN = "Start"  # of a union of requests, in whatever order modules are imported
-DEPTH = 6  # of samples: `Extras` within `Extras` would have no end
+DEPTH = 6  # of samples: `Conditions` within `Conditions` would have no end
 
 
 @dataclass(frozen=True)

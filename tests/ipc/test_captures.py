@@ -43,7 +43,7 @@ def test_what_a_trigger_captures_is_in_a_file_of_its_name(bench, client, events)
         log = silo.open_log(path)
         assert log["x"].values.tolist() == list(range(496, 505))
         assert log["twice"].values.tolist() == list(range(992, 1010, 2))
-        assert log.recording.extras.capture.fires == (500,)
+        assert log.recording.conditions.capture.fires == (500,)
         assert log.warnings == ()
 
 
@@ -120,7 +120,7 @@ def test_a_robot_that_is_killed_within_post_leaves_a_capture_that_says_so(robots
         robot.kill()
         ((path,),) = captured(events)
     with pytest.warns(silo.LogWarning, match="the robot program died"):
-        assert silo.open_log(path).recording.extras.capture.trigger == "late"
+        assert silo.open_log(path).recording.conditions.capture.trigger == "late"
 
 
 def test_a_script_that_a_client_saves_has_what_is_derived_limited_and_triggered(bench, client, tmp_path):
@@ -128,7 +128,7 @@ def test_a_script_that_a_client_saves_has_what_is_derived_limited_and_triggered(
     bench.logger.trigger("high", "twice > 50", pre="50ms")
     wait_until(lambda: "twice > 50" in client.read_script().text)
     client.save_script("new.yaml")
-    assert read_script(tmp_path / "scripts" / "new.yaml").extras == bench.logger._extras
+    assert read_script(tmp_path / "scripts" / "new.yaml").conditions == bench.logger._conditions.now
 
 
 def test_a_script_that_a_client_loads_sets_triggers(bench, client, events, tmp_path):
@@ -137,7 +137,7 @@ def test_a_script_that_a_client_loads_sets_triggers(bench, client, events, tmp_p
     client.load_script("with.yaml")
     told = wait_until(lambda: next((event for event in events if event.kind is EventKind.SCRIPT_LOADED), None))
     assert told.text.endswith("; 1 trigger")
-    assert [one.when for one in bench.logger._extras.triggers] == ["x > 300"]
+    assert [one.when for one in bench.logger._conditions.now.triggers] == ["x > 300"]
 
 
 def test_a_script_with_a_trigger_that_fits_not_changes_nothing(bench, client, tmp_path):
@@ -145,7 +145,7 @@ def test_a_script_with_a_trigger_that_fits_not_changes_nothing(bench, client, tm
     (tmp_path / "scripts" / "with.yaml").write_text(text)
     with pytest.raises(silo.RefusedError, match="nobody"):
         client.load_script("with.yaml")
-    assert bench.logger._extras.triggers == ()
+    assert bench.logger._conditions.now.triggers == ()
     assert bench.logger["x"].options.divider == 1
 
 
@@ -192,13 +192,13 @@ def test_a_script_leaves_alone_what_it_does_not_speak_of(bench, client, tmp_path
     script.write_text("log_elements: []\ntriggers:\n  - {name: low, when: x < 0}\n")
     wait_until(lambda: "high" in client.read_script().text)
     client.load_script("more.yaml")
-    extras = bench.logger._extras
-    assert [one.name for one in extras.triggers] == ["low"]
-    assert (len(extras.derived), len(extras.limits)) == (1, 1)
+    conditions = bench.logger._conditions.now
+    assert [one.name for one in conditions.triggers] == ["low"]
+    assert (len(conditions.derived), len(conditions.limits)) == (1, 1)
     script.write_text("log_elements: []\nsignal_limits: []\n")
     bench.logger.load_script(script)
-    extras = bench.logger._extras
-    assert (len(extras.derived), len(extras.limits), len(extras.triggers)) == (1, 0, 1)
+    conditions = bench.logger._conditions.now
+    assert (len(conditions.derived), len(conditions.limits), len(conditions.triggers)) == (1, 0, 1)
 
 
 def test_a_script_whose_trigger_wants_more_past_than_its_buffers_hold_is_refused(bench, client, tmp_path):
@@ -209,7 +209,7 @@ def test_a_script_whose_trigger_wants_more_past_than_its_buffers_hold_is_refused
         bench.logger.load_script(script)
     with pytest.raises(silo.RefusedError, match="set size="):
         client.load_script("more.yaml")
-    assert bench.logger._extras.triggers == ()
+    assert bench.logger._conditions.now.triggers == ()
 
 
 def test_a_script_may_bring_the_buffers_that_its_trigger_needs(bench, client, tmp_path):
@@ -219,7 +219,7 @@ def test_a_script_may_bring_the_buffers_that_its_trigger_needs(bench, client, tm
     script.write_text(script.read_text() + "triggers:\n  - {name: low, when: x < 0, pre_s: 60}\n")
     bench.logger.set(buffer="looping", size="10s")
     client.load_script("more.yaml")
-    assert bench.logger._extras.triggers[0].name == "low"
+    assert bench.logger._conditions.now.triggers[0].name == "low"
 
 
 # ------------------------------------------------------------------------------------------- what can't be told

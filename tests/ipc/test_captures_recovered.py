@@ -48,7 +48,7 @@ def captures(folder: Path, ending: str = "silo") -> list[Path]:
 def check(path: Path) -> None:
     with pytest.warns(LogWarning, match="the program and its helper process died, [0-9]+ ticks before its end"):
         log = silo.open_log(path)
-    facts = log.recording.extras.capture
+    facts = log.recording.conditions.capture
     (fire,) = facts.fires
     values = log["x"].values
     assert values[fire - facts.first] % 100 == 50
@@ -83,7 +83,7 @@ def test_a_capture_that_could_not_be_written_is_written_by_the_next_recover(robo
     assert "capture 1 of 'fall', ticks" in found.text
     assert not list(runtime.glob("*.judge"))
     (whole,) = (path for path in (tmp_path / "logs").glob("*.silo") if "fall" not in path.name)
-    assert [one.name for one in silo.open_log(whole).recording.extras.triggers] == ["fall"]
+    assert [one.name for one in silo.open_log(whole).recording.conditions.triggers] == ["fall"]
 
 
 def test_the_next_start_writes_the_capture_and_no_second_one(robots, tmp_path, capsys) -> None:

@@ -75,7 +75,7 @@ class TestTriggers:
         assert trigger(client).state is TriggerWord.WAITING
         wait_until(lambda: "x > 5" in client.read_script().text)
         client.save_script("new.yaml")
-        assert read_script(tmp_path / "scripts" / "new.yaml").extras.triggers[0].when == "x > 5"
+        assert read_script(tmp_path / "scripts" / "new.yaml").conditions.triggers[0].when == "x > 5"
         bench.logger.start()
         bench.ticks(2)
         trigger(client, state=TriggerWord.ARMED)
@@ -110,7 +110,7 @@ class TestTriggers:
         bench.logger.trigger("high", "x > 5")
         wait_until(lambda: "high" in client.read_script().text)  # the helper process knows it by now
         client.arm_trigger("high", armed=False)
-        assert bench.logger._extras.triggers[0].armed is False
+        assert bench.logger._conditions.now.triggers[0].armed is False
         wait_until(lambda: "armed: false" in client.read_script().text)
 
     def test_a_single_one_has_fired_until_it_is_armed(self, bench, client):
@@ -180,7 +180,7 @@ class TestTriggers:
     def test_mistakes_are_refused_and_nothing_is_changed(self, bench, client, options, says):
         with pytest.raises(silo.RefusedError, match=says):
             client._set_trigger(options)
-        assert bench.logger._extras.triggers == ()
+        assert bench.logger._conditions.now.triggers == ()
 
     def test_tried_it_tells_when_it_would_have_fired_in_what_is_held(self, bench, client):
         bench.logger.start()
@@ -188,7 +188,7 @@ class TestTriggers:
         tried = client.try_trigger(TriggerOptions("any", "x % 50 == 0", post_s=0.1))
         assert (tried.fires, tried.ticks, tried.first, tried.last) == (3, [49, 99, 149], 0, 159)
         assert tried.time_ns[0] == bench.begin_ns + 49 * bench.tick_ns
-        assert bench.logger._extras.triggers == ()
+        assert bench.logger._conditions.now.triggers == ()
 
     def test_tried_on_a_buffer_that_lapped_it_tells_what_is_held(self, bench, client):
         bench.logger.start()
@@ -301,7 +301,7 @@ class TestCommands:
         assert run(["trigger", "disarm", "bot", "high"]) == 0
         assert run(["trigger", "arm", "high"]) == 0
         assert run(["trigger", "rm", "high"]) == 0
-        assert bench.logger._extras.triggers == ()
+        assert bench.logger._conditions.now.triggers == ()
 
     def test_alarms_end_with_5_where_nothing_could_be_judged(self, bench, client, capsys):
         bench.logger.limit("x", (None, None, 40, 100))

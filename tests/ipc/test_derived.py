@@ -83,7 +83,7 @@ class TestTable:
             client._remove_derived("a")
         with pytest.raises(RefusedError, match="no derived signal is called 'z', there are /log/a, /log/b"):
             client._remove_derived("z")
-        assert [one.name for one in bench.logger._extras.derived] == ["/log/a", "/log/b"]
+        assert [one.name for one in bench.logger._conditions.now.derived] == ["/log/a", "/log/b"]
 
     def test_what_limits_and_triggers_use_stays(self, bench, client):
         bench.logger.derive("twice", "2 * x")
@@ -99,7 +99,7 @@ class TestTable:
         bench.logger.derive("a", "x + 1")
         bench.logger.derive("b", "2 * x")
         bench.logger.derive("a", "b + 1")
-        assert [one.name for one in bench.logger._extras.derived] == ["/log/b", "/log/a"]
+        assert [one.name for one in bench.logger._conditions.now.derived] == ["/log/b", "/log/a"]
 
     def test_one_of_an_element_that_is_off_says_why(self, bench, client):
         bench.logger.derive("twice", "2 * kept")
@@ -271,7 +271,7 @@ def test_a_recording_without_end_has_it(bench, client, tmp_path):
     found = silo.open_log(part)
     assert begun == 0
     assert found["twice"].values.tolist() == [2.0 * at for at in range(1, 101)]
-    assert [one.name for one in found.recording.extras.derived] == ["/log/twice"]
+    assert [one.name for one in found.recording.conditions.derived] == ["/log/twice"]
 
 
 def test_the_commands_make_list_watch_and_remove_it(bench, client, capsys):

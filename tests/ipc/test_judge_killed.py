@@ -92,7 +92,7 @@ def test_each_spike_fires_and_is_captured_exactly_once(bench, client, tmp_path):
     assert len([one for one in happened(bench, EventKind.TRIGGERED, run) if "'first'" in one.text]) == 1
     assert happened(bench, EventKind.BLIND, run) == []
     logs = [silo.open_log(path) for path in folder.glob("*_spike_*.silo")]
-    assert sorted(log.recording.extras.capture.fires[0] for log in logs) == sorted(spikes)
+    assert sorted(log.recording.conditions.capture.fires[0] for log in logs) == sorted(spikes)
     assert all(log["q_x"].values.tolist() == [0.0] * 3 + [100.0] + [0.0] * 3 for log in logs)
     assert wait_until(lambda: (now := answered(client.alarms)) and now.limits)[0].count == len(spikes)
 
@@ -118,7 +118,7 @@ def test_a_capture_that_was_under_way_goes_on(bench, client, heard):
     path = captured(bench)
     log = silo.open_log(path)
     assert log["x"].values.tolist() == list(range(46, 152))
-    assert (log.warnings, log.recording.extras.capture.number) == ((), 1)
+    assert (log.warnings, log.recording.conditions.capture.number) == ((), 1)
 
 
 def test_of_a_capture_under_way_that_the_rings_hold_no_more_there_is_a_file_that_says_so(bench, client, heard):

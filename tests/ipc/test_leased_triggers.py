@@ -43,7 +43,7 @@ def test_it_is_in_no_script_and_not_in_the_logger(bench, client):
     assert trigger(client, "scope").state is TriggerWord.WAITING
     client.save_script("new.yaml")
     assert "scope" not in client.read_script("new.yaml").text
-    assert bench.logger._extras.triggers == ()
+    assert bench.logger._conditions.now.triggers == ()
 
 
 def test_it_goes_with_a_client_that_goes_away(bench, client):

@@ -35,9 +35,9 @@ def element(name, values, divider=1, first=0, unit="-", labels=None):
     return RecordedElement(f"/log/{name}", unit, kind, shape, divider, BufferType.GROWING, first, entries)
 
 
-def recording(*elements, ticks=10, extras=None):
+def recording(*elements, ticks=10, conditions=None):
     time_ns = 10**18 + np.arange(ticks) * 10**6
-    return Recording("robot", time_ns, ticks, elements, frequency_hz=1000.0, extras=extras or Conditions())
+    return Recording("robot", time_ns, ticks, elements, frequency_hz=1000.0, conditions=conditions or Conditions())
 
 
 @pytest.fixture
@@ -48,7 +48,9 @@ def log():
         element("joints/qd", np.full((10, 2), 2.0), unit="rad/s"),
         element("mode", np.array([0, 1, 1, 0, 0], np.int32), divider=2, labels={0: "STAND", 1: "WALK"}),
         element("late", np.arange(4.0), first=6),
-        extras=Conditions((Derived("/log/power", "joints/tau * joints/qd", "W"), Derived("/log/total", "sum(power)"))),
+        conditions=Conditions(
+            (Derived("/log/power", "joints/tau * joints/qd", "W"), Derived("/log/total", "sum(power)"))
+        ),
     ))  # fmt: skip
 
 
@@ -92,14 +94,14 @@ def test_a_derived_signal_is_in_the_log_like_any_other(log):
 @pytest.mark.parametrize("ending", ["silo", "csv", "mcap", ""])
 def test_files_keep_what_is_derived_and_limited(log, tmp_path, ending):
     limits = SignalLimits("/log/joints/tau", (None, -10.0, 10.0, None), 2, 0.5, 0.1, "mode == WALK")
-    extras = Conditions(log.recording.extras.derived, (limits,))
-    made = recording(*log.recording.elements[:2], ticks=10, extras=extras)
+    conditions = Conditions(log.recording.conditions.derived, (limits,))
+    made = recording(*log.recording.elements[:2], ticks=10, conditions=conditions)
     write(made, tmp_path, "robot", ["silo"], "run")
     target = tmp_path / (f"other.{ending}" if ending else "walk")
     if ending != "silo":
         convert(tmp_path / "run.silo", target, None, False)
     found = read_recording(target if ending != "silo" else tmp_path / "run.silo")
-    assert found.extras == extras
+    assert found.conditions == conditions
     assert Log(found)["power"].values.sum() == 2 * np.arange(20.0).sum()
 
 
@@ -164,8 +166,8 @@ class TestCheck:
         assert run(["check", file, "--limit", "x=4,3,2,1"]) == EXIT_FAILED
 
     def test_limits_in_the_log_need_no_arguments(self, spiky, tmp_path):
-        extras = Conditions((Derived("/log/twice", "2 * x"),), (SignalLimits("twice", (None, None, 150, None)),))
-        write(Recording(**{**vars(spiky), "extras": extras}), tmp_path, "robot", ["silo"], "run")
+        conditions = Conditions((Derived("/log/twice", "2 * x"),), (SignalLimits("twice", (None, None, 150, None)),))
+        write(Recording(**{**vars(spiky), "conditions": conditions}), tmp_path, "robot", ["silo"], "run")
         assert run(["check", str(tmp_path / "run.silo")]) == EXIT_FOUND
 
 
@@ -189,7 +191,7 @@ class TestLogger:
         found = silo.open_log(saved.path)
         assert found["joints/twice"].values[:, 0].tolist() == [0, 2, 4, 6, 8]
         assert found["joints/twice"].unit == "rad"
-        assert [one.worst for one in check(found.recording, found.recording.extras.limits)] == ["RED_HIGH"] * 2
+        assert [one.worst for one in check(found.recording, found.recording.conditions.limits)] == ["RED_HIGH"] * 2
 
     def test_mistakes_are_refused_and_nothing_changes(self, log):
         with pytest.raises(silo.errors.ExpressionError, match="did you mean 'joints/q"):
@@ -204,13 +206,13 @@ class TestLogger:
             log.limit("joints/q", (0, 1, 2, 3), stale="soon")
         with pytest.raises(silo.ElementError, match="red_low, yellow_low"):
             log.limit("joints/q", (0, math.nan, 2, 3))
-        assert log._extras == Conditions()
+        assert log._conditions.now == Conditions()
 
     def test_a_new_expression_replaces_the_old_one_and_must_fit_what_stands_on_it(self, log):
         log.derive("a", "joints/q_0")
         log.derive("b", "a + 1")
         log.derive("a", "joints/q_1")
-        assert [one.expression for one in log._extras.derived] == ["joints/q_1", "a + 1"]
+        assert [one.expression for one in log._conditions.now.derived] == ["joints/q_1", "a + 1"]
         with pytest.raises(silo.ElementError, match="'/log/a' would be computed from itself"):
             log.derive("a", "b + 1")
         with pytest.raises(silo.errors.ExpressionError, match="no signal is named 'nope'"):
@@ -219,9 +221,9 @@ class TestLogger:
     def test_while_running_a_signal_may_be_derived_but_no_script_read(self, log):
         log.start()
         log.derive("x", "mode")
-        assert [one.name for one in log._extras.derived] == ["/log/x"]
+        assert [one.name for one in log._conditions.now.derived] == ["/log/x"]
         with pytest.raises(silo.StateError):
-            log._conditions.apply_extras(log._extras)
+            log._conditions.apply_conditions(log._conditions.now)
 
     def test_a_script_keeps_what_is_derived_and_limited(self, log, tmp_path):
         log.derive("twice", "2 * joints/q + 0 * mode", unit="°")
@@ -229,17 +231,17 @@ class TestLogger:
         log.trigger("odd", "max(twice) > 3", pre="20ms", save=["silo", "bag"], rearm="mode < 1", mode="single")
         log.update()
         path = log.save_script(tmp_path / "kept.yaml")
-        before = log._extras
+        before = log._conditions.now
         log.derive("more", "mode")
         log.load_script(path)
-        assert log._extras == before
+        assert log._conditions.now == before
         assert read_script(path).warnings == []
 
     def test_a_script_that_says_nothing_of_them_leaves_them(self, log, tmp_path):
         log.derive("more", "mode")
         (tmp_path / "plain.yaml").write_text("log_elements: []\n")
         log.load_script(tmp_path / "plain.yaml")
-        assert [one.name for one in log._extras.derived] == ["/log/more"]
+        assert [one.name for one in log._conditions.now.derived] == ["/log/more"]
 
     @pytest.mark.parametrize(
         ("text", "says"),
@@ -259,19 +261,19 @@ class TestLogger:
         with pytest.raises(silo.errors.ScriptError) as caught:
             log.load_script(tmp_path / "bad.yaml")
         assert says in str(caught.value)
-        assert log._extras == Conditions()
+        assert log._conditions.now == Conditions()
 
     def test_a_script_written_without_them_keeps_those_that_stand_in_it(self, log, tmp_path):
         log.derive("more", "mode")
         log.update()
         path = log.save_script(tmp_path / "kept.yaml")
         write_script(path, log.elements)
-        assert read_script(path).extras == log._extras
+        assert read_script(path).conditions == log._conditions.now
 
 
 def test_limits_of_what_is_not_in_a_log_are_unobservable_and_the_others_are_judged(tmp_path, capsys):
     limits = (SignalLimits("/log/off", (None, None, 1.0, 2.0)), SignalLimits("/log/x", (None, None, 5.0, 8.0)))
-    log = recording(element("x", np.arange(10.0)), extras=Conditions(limits=limits))
+    log = recording(element("x", np.arange(10.0)), conditions=Conditions(limits=limits))
     gone, found = check(log, limits)
     assert (gone.what, gone.worst, gone.violated) == ("/log/off", "UNOBSERVABLE", False)
     assert "/log/off" in gone.why
@@ -283,7 +285,7 @@ def test_limits_of_what_is_not_in_a_log_are_unobservable_and_the_others_are_judg
 
 def test_a_log_of_which_nothing_can_be_judged_is_not_fine(tmp_path):
     log = recording(
-        element("x", np.arange(10.0)), extras=Conditions(limits=(SignalLimits("/log/off", (None, None, 1, 2)),))
+        element("x", np.arange(10.0)), conditions=Conditions(limits=(SignalLimits("/log/off", (None, None, 1, 2)),))
     )
     write(log, tmp_path, "robot", ["silo"], "run")
     assert run(["check", str(tmp_path / "run.silo")]) == EXIT_BLIND

@@ -59,7 +59,7 @@ def test_a_capture_is_exact_to_the_tick(robot):
     assert len(log["fast/x_1"].values) == 327 - 297 + 1
     assert log["slow"].values.tolist() == [290.0, 300.0, 310.0, 320.0]
     assert recording.warnings == ()
-    facts = recording.extras.capture
+    facts = recording.conditions.capture
     assert (facts.trigger, facts.first, facts.last, facts.fires, facts.ended) == ("spike", 297, 327, (317,), "")
 
 
@@ -95,10 +95,10 @@ def test_fires_without_end_close_a_capture_at_its_most_bytes_and_go_on_in_the_ne
 @pytest.mark.parametrize(("post", "ends"), [("100ms", 60.0), ("8s", 80.05)])
 def test_fires_without_end_have_a_file_within_a_minute_or_ten_times_what_one_captures(robot, post, ends):
     robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post=post)
-    rule = trigger_rule(robot.logger._conditions.extras.triggers[0], 1000.0)
+    rule = trigger_rule(robot.logger._conditions.now.triggers[0], 1000.0)
     assert rule.longest == ends * 1000
     robot.logger.trigger("look", "fast/x_0 > 50", save=[])
-    assert trigger_rule(robot.logger._conditions.extras.triggers[1], 1000.0).longest == NO_END
+    assert trigger_rule(robot.logger._conditions.now.triggers[1], 1000.0).longest == NO_END
 
 
 def test_captures_under_way_that_take_all_memory_together_are_closed_and_say_so(robot, monkeypatch):
@@ -122,7 +122,7 @@ def test_a_post_that_no_memory_holds_is_refused_with_its_size(robot):
     robot.logger.array("many", 500, size=3000)
     with pytest.raises(silo.ElementError, match=r"pre and post of 43200 s are 16[0-9],[0-9]{3} MB.* at most 256 MB"):
         robot.logger.trigger("spike", "fast/x_0 > 50", post="12h")
-    assert robot.logger._extras.triggers == ()
+    assert robot.logger._conditions.now.triggers == ()
 
 
 def test_each_fire_is_told_also_one_that_makes_a_capture_longer(robot):
@@ -183,7 +183,7 @@ def test_an_end_before_post_gives_what_there_is_and_says_so(robot):
     recording = buffer.recording()
     assert len(silo.Log(recording)["fast/x_0"].values) == 15
     assert "the robot program died, 991 ticks before its end" in recording.warnings[0]
-    assert recording.extras.capture.ended.startswith("the robot program died")
+    assert recording.conditions.capture.ended.startswith("the robot program died")
 
 
 def test_rows_that_were_overwritten_before_they_were_judged_are_told(robot):
@@ -208,7 +208,9 @@ def test_of_a_capture_whose_rows_were_overwritten_the_ticks_that_are_missing_are
     robot.logger.close()
     missing = int(silo.Log(recording)["brief"].values[0]) - 1000
     assert missing > 2000
-    assert recording.extras.capture.ended == f"the first {missing} ticks were overwritten before they could be copied"
+    assert (
+        recording.conditions.capture.ended == f"the first {missing} ticks were overwritten before they could be copied"
+    )
 
 
 def test_a_trigger_of_an_element_that_is_off_is_unobservable(robot):
@@ -248,7 +250,7 @@ def test_spikes_of_one_sample_at_random_places_are_all_captured_and_nothing_else
 def test_a_pre_longer_than_a_buffer_is_refused_with_the_size_that_would_do(robot):
     with pytest.raises(silo.ElementError, match=r"'/log/fast/x' holds 3000 samples, 6002 are needed: set size=6002"):
         robot.logger.trigger("spike", "fast/x_0 > 50", pre="5s")
-    assert robot.logger._extras.triggers == ()
+    assert robot.logger._conditions.now.triggers == ()
 
 
 @pytest.mark.parametrize(
@@ -262,7 +264,7 @@ def test_a_pre_longer_than_a_buffer_is_refused_with_the_size_that_would_do(robot
 def test_mistakes_in_a_trigger_are_refused(robot, options, says):
     with pytest.raises(silo.ElementError, match=says):
         robot.logger.trigger(**{"name": "spike", "when": "fast/x_0 > 50", **options})
-    assert robot.logger._extras.triggers == ()
+    assert robot.logger._conditions.now.triggers == ()
 
 
 def test_a_start_without_a_helper_says_that_nobody_judges(robot, caplog):
@@ -317,9 +319,9 @@ def test_a_trigger_that_is_removed_and_set_again_within_post_has_two_captures(ro
     robot.start()
     robot.ticks(50, [(40, 0)])
     whole = robot.judge.step().whole
-    extras = robot.judge.extras
+    conditions = robot.judge.conditions
     robot.judge.adopt(silo.core.conditions.Conditions())
-    robot.judge.adopt(extras)
+    robot.judge.adopt(conditions)
     robot.ticks(200, [(10, 0)])
     whole += robot.judge.step().whole
     assert [(buffer.capture.number, buffer.capture.first) for buffer in whole] == [

@@ -28,9 +28,9 @@ from silo.recorder.orders import (
     Progress,
     RecordOrder,
     Report,
+    conditions_file,
     decode_report,
     encode,
-    extras_file,
 )
 from silo.recorder.ring_cursor import RingCursor
 from silo.recorder.writing import RecorderDisk, Writing
@@ -161,10 +161,10 @@ class Process:
             return b""
 
     def follow(self, log: Logger) -> None:
-        extras = extras_file(log._extras)
+        conditions = conditions_file(log._conditions.now)
         with log._present.run.segment.open_read_only() as file:
-            socket.send_fds(self.socket, [encode(Follow(log._present.path))], [file.fileno(), extras])
-        os.close(extras)
+            socket.send_fds(self.socket, [encode(Follow(log._present.path))], [file.fileno(), conditions])
+        os.close(conditions)
 
     def wait_recording(self) -> None:
         """Until it has begun with the run."""

@@ -205,7 +205,7 @@ def test_limits_and_triggers_stand_in_every_part(robot, tmp_path, truth, capsys)
     robot.ticks(300)
     direct.step()
     direct.finish()
-    found = open_log(parts(tmp_path)[0]).recording.extras
+    found = open_log(parts(tmp_path)[0]).recording.conditions
     assert [one.name for one in found.limits] == ["x"]
     assert [one.name for one in found.triggers] == ["high"]
     assert run(["check", str(parts(tmp_path)[0])]) == 4
@@ -221,7 +221,7 @@ def test_limits_of_what_is_not_recorded_stay_away(robot, tmp_path, truth, capsys
     robot.ticks(300)
     direct.step()
     direct.finish()
-    assert [one.name for one in open_log(parts(tmp_path)[0]).recording.extras.limits] == ["slow"]
+    assert [one.name for one in open_log(parts(tmp_path)[0]).recording.conditions.limits] == ["slow"]
     assert run(["check", str(parts(tmp_path)[0])]) == 0
     capsys.readouterr()
 
@@ -233,12 +233,12 @@ def test_other_limits_begin_another_part(robot, tmp_path, truth) -> None:
     robot.ticks(50)
     direct.step()
     robot.log.limit("x", (None, None, 150, 250))
-    direct.writing.put(direct.writing.change_extras, robot.log._extras)
+    direct.writing.put(direct.writing.change_conditions, robot.log._conditions.now)
     robot.ticks(50)
     direct.step()
     direct.finish()
     one, two = (read_bag(path) for path in parts(tmp_path))
-    assert [len(found.extras.limits) for found in (one, two)] == [0, 1]
+    assert [len(found.conditions.limits) for found in (one, two)] == [0, 1]
     assert [truth.span(one), truth.span(two)] == [(0, 50), (50, 100)]
 
 

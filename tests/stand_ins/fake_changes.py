@@ -18,7 +18,7 @@ from silo.recordings.requests import GetPiece, Recordings
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import RefusedWhy
 from silo.scripts.requests import KeptView, KeptViews, ScriptDiff, Scripts, ScriptText
-from silo.settings.conditions_diff import diff_extras
+from silo.settings.conditions_diff import diff_conditions
 from silo.settings.options import edit_problems, refusal
 from silo.settings.script import Script, ScriptPlan, apply_script, format_script, parse_script
 from silo.settings.typed import diff_options
@@ -51,7 +51,9 @@ class FakeChanges:
     def read_script(self, path: str = "") -> ScriptText:
         self._ask()
         if not path:
-            return ScriptText(path=f"{FOLDER}/robot.yaml", text=format_script(self.elements, extras=self.extras))
+            return ScriptText(
+                path=f"{FOLDER}/robot.yaml", text=format_script(self.elements, conditions=self.conditions)
+            )
         full, text = self._script(path)
         return ScriptText(path=full, text=text)
 
@@ -59,18 +61,18 @@ class FakeChanges:
         script, plan = self._plan(path)
         changes = diff_options(self.elements, plan.options)
         unknown = [str(unknown.name) for unknown in plan.unknown]
-        extras = diff_extras(self.extras, script.extras_beside(self.extras))
-        return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings, extras)
+        conditions = diff_conditions(self.conditions, script.conditions_beside(self.conditions))
+        return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings, conditions)
 
     @property
-    def extras(self) -> Conditions:
+    def conditions(self) -> Conditions:
         """What belongs to it beside its elements."""
         return Conditions(self.derived, self.limit_options, tuple(one.options for one in self.trigger_statuses))
 
-    def _take_extras(self, extras: Conditions) -> None:
-        self.derived, self.limit_options = extras.derived, extras.limits
+    def _take_conditions(self, conditions: Conditions) -> None:
+        self.derived, self.limit_options = conditions.derived, conditions.limits
         known = {one.options: one for one in self.trigger_statuses}
-        self.trigger_statuses = [known.get(one, TriggerStatus(one, TriggerWord.ARMED)) for one in extras.triggers]
+        self.trigger_statuses = [known.get(one, TriggerStatus(one, TriggerWord.ARMED)) for one in conditions.triggers]
 
     def _check(self, revision: int, *, stopped: bool = True) -> None:
         self._ask()
@@ -141,8 +143,8 @@ class FakeChanges:
         self._check(revision)
         script, plan = self._plan(path)
         changed = self._take(plan.options)
-        if script.extras is not None:
-            self._take_extras(script.extras)
+        if script.conditions is not None:
+            self._take_conditions(script.conditions)
         self.publish(EventKind.SCRIPT_LOADED, f"script {path} loaded", by=OWN_NAME)
         return EditsApplied(self.revision, changed, [str(unknown.name) for unknown in plan.unknown], script.warnings)
 
@@ -151,7 +153,7 @@ class FakeChanges:
         self.calls.append(("save_script", path, overwrite))
         if path in self.files and not overwrite:
             raise refused(RefusedWhy.EXISTS, f"{FOLDER}/{path} exists")
-        self.files[path] = format_script(self.elements, extras=self.extras)
+        self.files[path] = format_script(self.elements, conditions=self.conditions)
         self.publish(EventKind.SCRIPT_SAVED, f"script {path} saved", by=OWN_NAME)
         return f"saved {FOLDER}/{path}"
 

@@ -75,7 +75,7 @@ class FakeConditions:
             raise refused(RefusedWhy.INVALID, self.refuse_derived)
         whole = Derived(join_name("/log", "", name), expression, unit)
         try:
-            self.derived = with_derived(self.extras, whole, self.elements, "/log").derived
+            self.derived = with_derived(self.conditions, whole, self.elements, "/log").derived
         except ElementError as error:
             raise refused(RefusedWhy.INVALID, str(error)) from error
         self.revision += 1
@@ -85,7 +85,7 @@ class FakeConditions:
         self._ask()
         self.calls.append(("remove_derived", name))
         try:
-            self.derived = without_derived(self.extras, name, self.elements, "/log").derived
+            self.derived = without_derived(self.conditions, name, self.elements, "/log").derived
         except ElementError as error:
             raise refused(RefusedWhy.INVALID, str(error)) from error
         self.revision += 1

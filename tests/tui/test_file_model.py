@@ -231,8 +231,8 @@ def test_a_sample_from_before_a_capture_makes_its_time_axis_no_longer_and_no_hol
     # ticks 740 to 1800; asked for were 1000 to 1800
     elements = (element("a", np.arange(801.0), first=260), element("slow", np.arange(11.0), divider=100))
     times = START_NS + STEP_NS * np.arange(1061, dtype=np.int64)
-    extras = Conditions(capture=CaptureFacts("fall", 1, 1000, 1800, (1400,), (int(times[660]),)))
-    recording = Recording("robot", times, 1801, elements, frequency_hz=400.0, extras=extras)
+    conditions = Conditions(capture=CaptureFacts("fall", 1, 1000, 1800, (1400,), (int(times[660]),)))
+    recording = Recording("robot", times, 1801, elements, frequency_hz=400.0, conditions=conditions)
     of = RecordingSource(recording, [each.name for each in elements])
     assert (of.begin_ns, of.end_ns) == (times[260], times[1060])
     assert of.extent_ns(["/log/a", "/log/slow"]) == (times[260], times[1060])

@@ -137,19 +137,19 @@ def test_it_slips_at_random_with_a_limit_and_a_trigger_that_waits_to_be_armed(tm
             log.collect()
         found = Log(log.snapshot())
         log.stop()
-    (trigger,) = log._extras.triggers
+    (trigger,) = log._conditions.now.triggers
     slips = found.eval(f"{trigger.when} and prev({trigger.when}) == 0").values.sum()
     assert 1 <= slips <= 3
     assert not trigger.armed
-    assert found["base/tilt"].values.max() > log._extras.limits[0].bounds[3]
+    assert found["base/tilt"].values.max() > log._conditions.now.limits[0].bounds[3]
 
 
 def test_a_script_that_says_other_things_goes_first(demo: Logger) -> None:
     demo.derive("own", "battery/voltage * 2")
     demo.update()
     judge(demo)
-    assert [one.name for one in demo._extras.derived] == ["/log/own"]
-    assert not demo._extras.triggers
+    assert [one.name for one in demo._conditions.now.derived] == ["/log/own"]
+    assert not demo._conditions.now.triggers
     demo.close()
 
 
@@ -227,7 +227,7 @@ def test_it_starts_at_any_frequency(tmp_path: Path, frequency_hz: float) -> None
     assert len(loop_variables(log)) + len(tuning(log)) == LOOP_ELEMENTS
     log.update()
     judge(log)
-    assert [trigger.name for trigger in log._extras.triggers] == ["slip"]
+    assert [trigger.name for trigger in log._conditions.now.triggers] == ["slip"]
     log.close()
 
 

@@ -1,8 +1,8 @@
 """What differs between derived signals, limits and triggers, in words."""
 
-from silo.core.conditions import NO_EXTRAS, Conditions, Derived, SignalLimits, TriggerOptions
+from silo.core.conditions import NO_CONDITIONS, Conditions, Derived, SignalLimits, TriggerOptions
 from silo.core.elements import FileType
-from silo.settings.conditions_diff import diff_extras
+from silo.settings.conditions_diff import diff_conditions
 
 FALL = TriggerOptions("fall", "abs(base/roll) > 0.6", 5.0, 1.0)
 HOT = SignalLimits("/log/temperature", (None, None, 60.0, 80.5))
@@ -10,16 +10,16 @@ POWER = Derived("/log/power", "tau * qd", "W")
 
 
 def words(now, new):
-    return [(change.name, change.field, change.old, change.new) for change in diff_extras(now, new)]
+    return [(change.name, change.field, change.old, change.new) for change in diff_conditions(now, new)]
 
 
 def test_equal_ones_differ_in_nothing():
     both = Conditions((POWER,), (HOT,), (FALL,))
-    assert words(both, both) == words(NO_EXTRAS, NO_EXTRAS) == []
+    assert words(both, both) == words(NO_CONDITIONS, NO_CONDITIONS) == []
 
 
 def test_what_comes_is_told_with_all_that_is_unusual_of_it():
-    assert words(NO_EXTRAS, Conditions((POWER,), (HOT,), (FALL,))) == [
+    assert words(NO_CONDITIONS, Conditions((POWER,), (HOT,), (FALL,))) == [
         ("derived /log/power", "", "none", "tau * qd, unit W"),
         ("limits /log/temperature", "", "none", "- - 60 80.5"),
         ("trigger fall", "", "none", "abs(base/roll) > 0.6, pre 5 s, post 1 s"),
@@ -27,7 +27,7 @@ def test_what_comes_is_told_with_all_that_is_unusual_of_it():
 
 
 def test_what_goes_is_told_with_what_it_was():
-    assert words(Conditions(triggers=(FALL,)), NO_EXTRAS) == [
+    assert words(Conditions(triggers=(FALL,)), NO_CONDITIONS) == [
         ("trigger fall", "", "abs(base/roll) > 0.6, pre 5 s, post 1 s", "none")
     ]
 

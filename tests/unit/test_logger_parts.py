@@ -46,10 +46,10 @@ def test_conditions_are_checked_against_a_table_without_a_logger(parts):
     conditions.derive("double", "tau * 2")
     conditions.trigger("fall", "double > 1")
     assert table.revision > before
-    assert [one.name for one in conditions.extras.limits] == ["/log/tau"]
-    assert [one.name for one in conditions.extras.triggers] == ["fall"]
+    assert [one.name for one in conditions.now.limits] == ["/log/tau"]
+    assert [one.name for one in conditions.now.triggers] == ["fall"]
     conditions._remove_trigger("fall")
-    assert conditions.extras.triggers == ()
+    assert conditions.now.triggers == ()
 
 
 def test_what_a_life_cycle_forbids_no_part_does(parts):

@@ -98,7 +98,7 @@ def test_none_in_place_of_what_was_set_forgets_it(new_logger):
     log.limit("x", None)
     log.trigger("high", None)
     log.derive("twice", None)
-    assert log._extras == type(log._extras)()
+    assert log._conditions.now == type(log._conditions.now)()
 
 
 def test_an_element_knows_at_how_many_ticks_it_could_not_be_read(new_logger):

@@ -299,9 +299,9 @@ TRIGGER = "log_elements: []\ntriggers:\n  - name: fall\n    when: x > 1\n    {}\
     ("word", "armed"), [("no", False), ("off", False), ("false", False), ("yes", True), ("on", True)]
 )
 def test_a_trigger_is_armed_by_the_words_that_an_element_takes(word: str, armed: bool) -> None:
-    extras = script(TRIGGER.format(f"armed: {word}")).extras
-    assert extras is not None
-    assert extras.triggers[0].armed is armed
+    conditions = script(TRIGGER.format(f"armed: {word}")).conditions
+    assert conditions is not None
+    assert conditions.triggers[0].armed is armed
 
 
 @pytest.mark.parametrize(
@@ -314,9 +314,9 @@ def test_a_trigger_is_armed_by_the_words_that_an_element_takes(word: str, armed:
     ],
 )
 def test_what_a_trigger_saves_is_given_by_name_or_number(words: str, expected: tuple[FileType, ...]) -> None:
-    extras = script(TRIGGER.format(f"save: {words}")).extras
-    assert extras is not None
-    assert extras.triggers[0].save == expected
+    conditions = script(TRIGGER.format(f"save: {words}")).conditions
+    assert conditions is not None
+    assert conditions.triggers[0].save == expected
 
 
 @pytest.mark.parametrize(
@@ -339,9 +339,9 @@ def test_bounds_that_are_no_four_numbers_are_told() -> None:
     text = "log_elements: []\nsignal_limits:\n  - name: q\n    bounds: [1, {}]\n"
     for rest in ("2", "2, 3", "x, 3, 4", "[2], 3, 4"):
         assert ":4: signal_limits 'q': bounds must be four numbers" in complaint(text.format(rest))
-    extras = script(text.format("null, 3, ~")).extras
-    assert extras is not None
-    assert extras.limits[0].bounds == (1.0, None, 3.0, None)
+    conditions = script(text.format("null, 3, ~")).conditions
+    assert conditions is not None
+    assert conditions.limits[0].bounds == (1.0, None, 3.0, None)
 
 
 @pytest.mark.parametrize(
@@ -359,8 +359,8 @@ def test_an_unknown_key_of_a_condition_is_a_warning_with_its_line(text: str, war
     (told,) = found.warnings
     assert f"config/robot.yaml:3: {warning}" in told
     assert "left alone" in told
-    assert found.extras is not None
-    assert found.extras != Conditions()
+    assert found.conditions is not None
+    assert found.conditions != Conditions()
 
 
 def test_unknown_keys_of_conditions_stand_again_in_a_script_that_is_written(tmp_path: Path) -> None:
@@ -373,9 +373,9 @@ def test_unknown_keys_of_conditions_stand_again_in_a_script_that_is_written(tmp_
     before = read_script(path)
     assert write_script(path, []) == ["note of /log/d", "later_silo of fall"]
     after = read_script(path)
-    assert after.extras == before.extras
+    assert after.conditions == before.conditions
     assert [key.label for key in after.unknown_keys] == ["note of /log/d", "later_silo of fall"]
     assert "more: 3" in path.read_text()
-    assert before.extras is not None
-    gone = msgspec.structs.replace(before.extras, triggers=before.extras.triggers[1:])
+    assert before.conditions is not None
+    gone = msgspec.structs.replace(before.conditions, triggers=before.conditions.triggers[1:])
     assert write_script(path, [], gone) == ["note of /log/d"]

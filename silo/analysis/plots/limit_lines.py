@@ -29,7 +29,7 @@ def limit_levels(recording: Recording, names: Collection[str], right: Collection
     own = {entry.name: element.name for element in recording.elements for entry in element.entries}
     owners = {name: own.get(name, name.rpartition("_")[0]) for name in names}
     known = Names([*{*names, *owners.values()}], recording.prefix)
-    for limits in recording.extras.limits:
+    for limits in recording.conditions.limits:
         meant = {known.name(one) for one in known.find(limits.name, namespaces=False)}
         for name in names:
             if name not in meant and owners[name] not in meant:

@@ -174,7 +174,7 @@ def diff(words: Target, exit_code: bool, as_json: bool) -> int:
         if as_json:
             found = client.diff_script(path)
             show_json(found)
-            differs = bool(found.changes or found.extras)
+            differs = bool(found.changes or found.conditions)
         else:
             differs = _diff(client, path)
         return EXIT_FOUND if exit_code and differs else 0
@@ -182,11 +182,11 @@ def diff(words: Target, exit_code: bool, as_json: bool) -> int:
 
 def _diff(client: "Client", path: str) -> bool:
     found = client.diff_script(path)
-    show_changes([*found.changes, *found.extras])
+    show_changes([*found.changes, *found.conditions])
     _warn(found.warnings)
     _warn_unknown(found.unknown)
     names = len({change.name for change in found.changes})
-    others = len({change.name for change in found.extras})
+    others = len({change.name for change in found.conditions})
     told = [many(names, "element")] * bool(names)
     told += [f"{others} of derived signals, limits, triggers"] * bool(others)
     click.echo(f"{found.path}: {' and '.join(told)} would change" if told else f"{found.path}: no difference")

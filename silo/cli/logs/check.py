@@ -59,9 +59,9 @@ def check_command(
     recording = read_recording(find_saved(file), added_formats)
     baseline = None if against is None else read_recording(find_saved(against), added_formats)
     held = [] if rules is None else read_rules(rules)
-    asked = [*recording.extras.limits, *(_limits(text, when) for text in limits)]
+    asked = [*recording.conditions.limits, *(_limits(text, when) for text in limits)]
     if baseline is not None:  # what it broke, too, is nothing new
-        asked = asked[len(recording.extras.limits) :]
+        asked = asked[len(recording.conditions.limits) :]
     if not (asked or never or always or held or baseline):
         raise click.UsageError(
             "the log has no limits: give some, --limit joints/tau=-40,-30,30,40 or --never 'abs(base/roll) > 0.6'"

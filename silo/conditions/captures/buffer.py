@@ -26,9 +26,11 @@ def bytes_per_tick(schema: SegmentSchema) -> float:
 class CaptureBuffer:
     """Rows of ticks `capture.first` to `capture.last` of all elements that are saved: a `RowSource`."""
 
-    def __init__(self, options: TriggerOptions, capture: Capture, reader: SegmentReader, extras: Conditions) -> None:
-        """Begin a capture; `extras` are the derived signals and limits by which it was judged that it fired."""
-        self.extras = extras
+    def __init__(
+        self, options: TriggerOptions, capture: Capture, reader: SegmentReader, conditions: Conditions
+    ) -> None:
+        """Begin a capture; `conditions` are the derived signals and limits by which it was judged that it fired."""
+        self.conditions = conditions
         self.trigger = options.name
         self.options = options  # as they were when it began
         self.capture = capture
@@ -166,9 +168,11 @@ class CaptureBuffer:
             self.trigger, capture.number, capture.first, capture.last, tuple(fire.tick for fire in capture.fires),
             tuple(fire.time_ns for fire in capture.fires), "; ".join(ended),
         )  # fmt: skip
-        extras = msgspec.structs.replace(found.extras, capture=facts)
+        conditions = msgspec.structs.replace(found.conditions, capture=facts)
         # of buffers of the size of a capture the snapshot thinks that they are short
         warnings = [text for text in found.warnings if not text.startswith("the oldest samples of")]
         return dataclasses.replace(
-            found, extras=extras, warnings=(*warnings, *(f"capture of '{self.trigger}': {text}" for text in ended))
+            found,
+            conditions=conditions,
+            warnings=(*warnings, *(f"capture of '{self.trigger}': {text}" for text in ended)),
         )

@@ -85,9 +85,9 @@ def _written(
     if FileType.SILO not in there:
         recording, own = buffer.recording(), within_ticks(happened, buffer.capture.first, buffer.capture.last)
         # derived signals and limits by which it fired, whatever they are by now
-        extras = msgspec.structs.replace(buffer.extras, capture=recording.extras.capture)
+        conditions = msgspec.structs.replace(buffer.conditions, capture=recording.conditions.capture)
         why = f"trigger {options.name}"
-        files += write_run(recording, folder, logger, name=name, why=why, events=own, extras=extras)
+        files += write_run(recording, folder, logger, name=name, why=why, events=own, conditions=conditions)
     others: list[FileType] = [kind for kind in wanted if kind is not FileType.SILO and kind not in there]
     if others:
         # what CSV and bags need would leave this process with twice its memory

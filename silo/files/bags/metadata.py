@@ -9,7 +9,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import BufferType, Entry, LoggedEvent, Stretch
 from silo.core.recording import NO_FAILURES, Failures
 from silo.files.mcap.chunks import MOST_RATIO, MOST_ROOM
@@ -57,7 +57,7 @@ class PlacedElement(msgspec.Struct, frozen=True, omit_defaults=True):
     failures: Failures = NO_FAILURES
 
 
-class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True):
+class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True, rename={"conditions": "extras"}):
     """`Recording` without values and time stamps. `channel_sizes` are the message lengths, -1 for strings."""
 
     version: int
@@ -71,7 +71,7 @@ class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     time_looping: bool = False
     warnings: tuple[str, ...] = ()
     why: str = ""
-    extras: Conditions = NO_EXTRAS
+    conditions: Conditions = NO_CONDITIONS
     events: tuple[LoggedEvent, ...] = ()
     about: dict[str, str] = {}
     stretch: Stretch | None = None

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.core.conditions import NO_EXTRAS, Conditions
+from silo.core.conditions import NO_CONDITIONS, Conditions
 from silo.core.elements import MARKER, BufferType, LoggedEvent, Stretch
 from silo.core.kinds import SCALAR
 from silo.core.recording import (
@@ -157,7 +157,7 @@ class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True, rename={"buf
     failures: Failures = NO_FAILURES
 
 
-class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
+class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True, rename={"conditions": "extras"}):
     """What the header can't say of the log as a whole; `span` are the first and the last time stamp, ns.
 
     `markers` counts the events that somebody set, which stand further on, for lists of files.
@@ -171,7 +171,7 @@ class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     warnings: tuple[str, ...] = ()
     why: str = ""
     span: tuple[int, int] = (0, 0)
-    extras: Conditions = NO_EXTRAS
+    conditions: Conditions = NO_CONDITIONS
     markers: int = 0
     about: dict[str, str] = {}
     stretch: Stretch | None = None

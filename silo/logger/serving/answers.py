@@ -67,7 +67,7 @@ def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
             reason=logger.stop_reason,
             by=by,
             table=Table(revision, logger._scripted.elements) if revision != table_sent else None,
-            extras=logger._conditions.extras,
+            conditions=logger._conditions.now,
             saved=logger._present.saved_before,
             cut_off=logger._present.unsaved_before,
             begun_ns=logger._present.begun_ns,

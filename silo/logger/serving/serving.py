@@ -420,10 +420,16 @@ class Serving:
         """
         logger = self._logger_ref()
         # what was derived just now may not have been told yet
-        extras = logger._conditions.extras if logger is not None else None
+        conditions = logger._conditions.now if logger is not None else None
         segment, why = ("", "") if run is None else (str(run.segment.path), "saved at a cut")
         request = Save(
-            types=types, name=name, folder=folder, extras=extras, segment=segment, why=why, client="the robot program"
+            types=types,
+            name=name,
+            folder=folder,
+            conditions=conditions,
+            segment=segment,
+            why=why,
+            client="the robot program",
         )
         _, saving = self._asked(request, SaveStarted, "it saves nothing later")
         return self._wait(saving, "it had begun to save, and goes on when it wakes")
@@ -513,7 +519,7 @@ class Serving:
         logger = self._logger_ref()
         if self._parted() or logger is None:
             return
-        if has_left(logger.options.name, logger.options.id) or (logger.ticks and logger._conditions.extras.judged):
+        if has_left(logger.options.name, logger.options.id) or (logger.ticks and logger._conditions.now.judged):
             try:
                 self._spawn()
             except (SiloError, OSError) as error:

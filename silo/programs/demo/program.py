@@ -11,7 +11,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from silo.core.conditions import NO_EXTRAS
+from silo.core.conditions import NO_CONDITIONS
 from silo.core.elements import Action, FileType
 from silo.core.quantities.writing import many, size_text
 from silo.logger.logger import Logger
@@ -164,7 +164,7 @@ def judge(log: Logger) -> None:
 
     The robot slips at random, and tilts by 0.2 rad then.
     """
-    if log._extras != NO_EXTRAS or "/log/base/euler" not in log:
+    if log._conditions.now != NO_CONDITIONS or "/log/base/euler" not in log:
         return
     log.derive("tilt", "hypot(base/euler_roll, base/euler_pitch)", group="base", unit="rad")
     log.limit("base/tilt", (None, None, 0.08, 0.15), hysteresis=0.01)

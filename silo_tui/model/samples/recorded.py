@@ -75,7 +75,7 @@ class _Tile:
 
 def _begin_of(recording: Recording) -> int:
     """Return the place of the first time stamp that was asked for: a capture's signals may have one from before."""
-    capture, ticks = recording.extras.capture, len(recording.time_ns)
+    capture, ticks = recording.conditions.capture, len(recording.time_ns)
     return min(max(0, capture.first - (recording.offset - ticks)), ticks - 1) if capture is not None else 0
 
 

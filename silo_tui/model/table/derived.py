@@ -37,9 +37,9 @@ def words_of(one: Derived, table: TableState) -> list[str]:
         raise ElementError("name it before Enter: it stands in tables, plots and files")
     whole = Derived(join_name(table.prefix, "", one.name), one.expression, one.unit)
     own = table.elements[: table.own]
-    extras = with_derived(Conditions(present(table)), whole, own, table.prefix)
-    info = next(info for info in derived_infos(own, table.prefix, extras.derived) if info.name == whole.name)
-    return [_kind(info), *_users(whole.name, extras.derived, table)]
+    conditions = with_derived(Conditions(present(table)), whole, own, table.prefix)
+    info = next(info for info in derived_infos(own, table.prefix, conditions.derived) if info.name == whole.name)
+    return [_kind(info), *_users(whole.name, conditions.derived, table)]
 
 
 def _kind(info: ElementInfo) -> str:

@@ -31,12 +31,12 @@ def scripts_question(link: Link, scripts: Scripts) -> Question:
     return Question("Load a script", body, choices, current, preview if choices else None)
 
 
-def _extras_text(extras: Sequence[FieldChange]) -> Text:
+def _conditions_text(conditions: Sequence[FieldChange]) -> Text:
     """Return differences of derived signals, limits and triggers, those of one below its name."""
     lines = Text()
-    for name in dict.fromkeys(change.name for change in extras):
+    for name in dict.fromkeys(change.name for change in conditions):
         lines.append(f"{name}\n", style="bold")
-        for change in extras:
+        for change in conditions:
             if change.name == name:
                 lines.append(f"  {change.field} {change.old} → {change.new}\n" if change.field else _whole(change))
     return lines
@@ -49,15 +49,15 @@ def _whole(change: FieldChange) -> str:
 def script_diff_text(diff: ScriptDiff) -> Text:
     """Return what a script would change, in words."""
     lines = Text()
-    if not diff.changes and not diff.extras:
+    if not diff.changes and not diff.conditions:
         lines.append("It would change nothing.\n")
     elif diff.changes:
         elements = len({change.name for change in diff.changes})
         lines.append(f"It would change {many(elements, 'element')}:\n")
     lines.append_text(groups_text(diff.changes))
-    if diff.extras:
+    if diff.conditions:
         lines.append("\n" * bool(diff.changes) + "Beside elements it would change:\n")
-        lines.append_text(_extras_text(diff.extras))
+        lines.append_text(_conditions_text(diff.conditions))
     if diff.warnings:
         lines.append("\n" + "\n".join(diff.warnings) + "\n")
     if diff.unknown:
