@@ -69,6 +69,8 @@ class Gate:
         typed, top = self._kept.popleft(), self._app.screen
         if isinstance(top, Dialog) and typed.time < top.drawn_s and top.may_lose(typed):
             self._app.context.say(DROPPED)
+            while self._kept and self._kept[0].time < top.drawn_s:  # what followed it was meant for where it led
+                self._kept.popleft()
             return
         self._through = typed
         self._app.post_message(typed)

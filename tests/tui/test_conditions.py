@@ -403,6 +403,7 @@ async def test_a_capture_without_end_says_how_long_it_is_and_what_ends_it(fake, 
     fake.trigger_statuses = [replace(FALL, state=TriggerWord.FIRING, capturing_s=14.0)]
     async with opened(fake) as screen:
         await screen.press("T")
+        await screen.shows("fall")
         await screen.press("enter")
         await screen.shows("fall has no capture yet; m plots its signals │")
         await screen.shows("fall captures, 14 s so far: the")

@@ -61,6 +61,21 @@ async def test_a_question_that_loses_something_takes_no_answer_from_before(fake,
         await screen.until(lambda: any(call[0] == "apply" for call in fake.calls))
 
 
+@pytest.mark.parametrize("slow_to_mount", [Question], indirect=True)
+@pytest.mark.parametrize(("keys", "done"), [("t a enter", ["cut"]), ("t a j enter", []), ("t a D enter", [])])
+async def test_enter_may_come_early_where_it_loses_nothing_unless_it_was_meant_for_another_choice(
+    keys, done, slow_to_mount, fake, opened
+):
+    _, may_mount, begun = slow_to_mount
+    async with opened(fake.run(20)) as screen:
+        burst(screen, keys)
+        await begun.wait()
+        may_mount.set()
+        await screen.until(lambda: screen.app.gate.free)
+        await screen.shows("it goes on" if done else "were dropped")
+        assert [call[0] for call in fake.calls if call[0] in ("cut", "apply")] == done
+
+
 async def test_what_loses_nothing_may_be_answered_blind(fake, opened):
     async with opened(fake.run(20)) as screen:
         burst(screen, "S y")

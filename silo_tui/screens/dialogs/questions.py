@@ -101,11 +101,10 @@ class Question(Dialog[str | None]):
         self.call_after_refresh(self._drawn)
 
     def may_lose(self, typed: events.Event) -> bool:
-        """Whether it may: all but Esc and the keys of choices that lose nothing."""
+        """Whether it may: all but Esc, the keys of choices that lose nothing, and Enter where it begins with one."""
         harmless = {choice.key for choice in self._choices if choice.key and not choice.loses}
-        return self.loses and not (
-            isinstance(typed, events.Key) and (typed.key == "escape" or typed.character in harmless)
-        )
+        keys = {"escape"} if self._choices[self._begin].loses else {"escape", "enter"}
+        return self.loses and not (isinstance(typed, events.Key) and (typed.key in keys or typed.character in harmless))
 
     def _drawn(self) -> None:
         self.drawn_s = get_time()
