@@ -47,7 +47,7 @@ async def test_runs_are_listed_narrowed_by_what_was_measured_and_opened(fake, op
     async with opened(fake) as screen:
         await on_runs(screen, folder)
         assert [one.name for one in screen.app.screen.shown] == ["run2", "run1", "run0"]
-        assert "1/1" in screen.text
+        await screen.shows("1/1")
         await screen.press("/", *"max(tau) > 5", "enter")
         await screen.until(lambda: [one.name for one in screen.app.screen.shown] == ["run2", "run1"])
         await screen.press("escape")
