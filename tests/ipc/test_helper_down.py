@@ -127,15 +127,15 @@ def test_a_name_means_the_living_logger_and_not_a_dead_one_of_that_name() -> Non
 
 def test_a_program_that_was_killed_and_started_again_is_opened_whatever_its_old_helper_does(robots) -> None:
     first = robots("bot")
-    freeze(first.helper_pid)  # as slow as one that has gigabytes to save
-    first.kill()
-    again = robots("bot")
-    os.kill(first.helper_pid, signal.SIGCONT)
-    with Client.connect(f"bot.{first.pid}") as lingering:
+    with Client.connect("bot"):  # for whom its helper process stays
+        freeze(first.helper_pid)  # as slow as one that has gigabytes to save
+        first.kill()
+        again = robots("bot")
+        os.kill(first.helper_pid, signal.SIGCONT)
         wait_until(lambda: any(found.dead for found in discover().loggers))
-        assert lingering is not None
-        with Client.connect("bot") as client:
+        with Client.connect(f"bot.{first.pid}") as lingering, Client.connect("bot") as client:
             assert client.status().pid == again.pid
+            assert lingering.status().pid == first.pid
 
 
 # ------------------------------------------------------------------------------------------ views that can't be fed
