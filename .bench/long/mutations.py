@@ -57,6 +57,7 @@ MOST_FILES = 12  # of nearest tests
 MEMORY = Path("/dev/shm")
 BUDGET_S = 4.0  # of processor time, of the tests that a fault is tried on
 MOST_BYTES = 8 << 30  # of memory: some faults are lists without an end
+MOST_FILE_BYTES = 1 << 30  # or files that fill the memory which they stand in
 PASSED, NOTICED, NO_TESTS, BROKE = 0, 1, 5, 70  # exit statuses; pytest's others tell of modules that can't be loaded
 LEFT = "left to slow"
 # what tests load that is none of ours
@@ -248,6 +249,7 @@ def forked(work: Callable[[], int], limit_s: float | None = None) -> int | None:
         try:
             os.setsid()
             resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
+            resource.setrlimit(resource.RLIMIT_FSIZE, (MOST_FILE_BYTES, MOST_FILE_BYTES))
             for descriptor in (1, 2):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
             status = work()
