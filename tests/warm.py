@@ -82,6 +82,8 @@ class WarmPopen(subprocess.Popen):
     def _wait(self, timeout: float | None) -> int:
         if self._end is None:
             return super()._wait(timeout)  # type: ignore[misc]
+        if self.returncode is None and self._end.fileno() < 0:
+            self.returncode = -signal.SIGKILL  # nobody held it any more, and its end of the line went with it
         if self.returncode is None:
             if not select.select([self._end], [], [], timeout)[0]:
                 raise subprocess.TimeoutExpired(self.args, timeout or 0.0)

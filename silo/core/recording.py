@@ -176,6 +176,7 @@ class RecordedElement:
 
 _OF_LOGS = ("save", "to_pandas", "to_polars", "to_xarray", "plot", "eval", "clip", "resample", "names", "glob", "times")
 _OTHER_NAMES = {
+    "extras": "it is .conditions",
     "signals": "recording.elements are its elements, silo.Log(recording)['x'] is a signal",
     "keys": "list(silo.Log(recording)) has the names",
     "values": "silo.Log(recording)['x'].values has them",

@@ -1,6 +1,7 @@
 """`python -m silo.helper`: started by `Logger.serve()`, not by people."""
 
 import argparse
+import contextlib
 import logging
 import os
 import sys
@@ -31,11 +32,15 @@ def main() -> int:
 
 def _end(code: int) -> None:
     """End without taking Python apart, which takes 0.3 s more, and `Logger.close()` waits for that."""
-    for thread in threading.enumerate():
-        if not thread.daemon and thread is not threading.main_thread():
-            thread.join()
-    sys.stdout.flush()
-    os._exit(code)
+    try:
+        for thread in threading.enumerate():
+            if not thread.daemon and thread is not threading.main_thread():
+                thread.join()
+        if sys.stdout is not None:  # as it is where the program was started without
+            with contextlib.suppress(OSError, ValueError):
+                sys.stdout.flush()
+    finally:
+        os._exit(code)
 
 
 if __name__ == "__main__":

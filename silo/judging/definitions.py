@@ -147,9 +147,13 @@ def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
         ticks("holdoff", options.holdoff_s),
         mode,
         ticks("patience", options.patience_s),
-        # of one that fires make longer and longer the file comes while one still looks at it
-        max(round(LONG_CAPTURE_S * frequency_hz), LONG_CAPTURE * (pre + post)) if options.save else NO_END,
+        round(long_capture_s(options) * frequency_hz) if options.save else NO_END,
     )
+
+
+def long_capture_s(options: TriggerOptions) -> float:
+    """Return after how long one that fires on and on has a file: while one still looks at it."""
+    return max(LONG_CAPTURE_S, LONG_CAPTURE * (options.pre_s + options.post_s))
 
 
 def check_held(one: TriggerOptions, elements: Sequence[ElementInfo], frequency_hz: float) -> None:

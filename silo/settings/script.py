@@ -43,9 +43,7 @@ class Script:
     path: Path
     elements: tuple[ScriptElement, ...]
     unknown_keys: tuple[UnknownKey, ...] = ()
-    conditions: Conditions | None = (
-        None  # derived signals, limits and triggers, None where the script says nothing of them
-    )
+    conditions: Conditions | None = None  # None where the script says nothing of them
     kinds: frozenset[str] = frozenset()  # keys of them that it has
 
     @property

@@ -112,6 +112,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
         self._known = columns
         self._wide = self._bare = False
         self._laid: Layout | None = None
+        self._shown_rows = 0  # of the screen, for which the cursor was brought there
         self._strips: dict[tuple[object, ...], Strip] = {}
         self._masks_of = (-1, -1)
         self._settings: dict[int, bytes] = {}
@@ -279,6 +280,7 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
 
     def show_cursor(self) -> None:
         """Scroll so that the cursor is on the screen, and draw where it was and where it is."""
+        self._shown_rows = self.size.height
         height = max(1, self.size.height)
         top, position = round(self.scroll_y), self.rows.position
         wanted = min(max(top, position - height + 1), position)
@@ -294,6 +296,8 @@ class ElementTable(Guarded, ScrollView, Styled, can_focus=True):
 
     def live_changed(self) -> None:
         """Paint what reads differently now."""
+        if self.size.height != self._shown_rows:  # Textual tells of no new size that comes with a scroll
+            self.show_cursor()
         session, sight, now_s = self.session, self.sight, time.monotonic()
         pace = pace_of(self.app)
         sight.digits_fewer = pace.digits_fewer

@@ -15,11 +15,11 @@ import silo
 from silo.client.client import Client
 from silo.core.elements import FileType, State
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError
-from silo.fleet.fleet import surveyed
+from silo.fleet.fleet import asked_all
 from silo.fleet.resolving import discover
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy
-from tests.waiting import freeze, wait_until
+from tests.waiting import DEADLINE_S, freeze, wait_until
 
 
 @pytest.fixture
@@ -144,7 +144,7 @@ def test_program_that_is_started_again_is_found_by_its_old_clients(robot, robots
 def test_dead_logger_makes_way_for_its_successor_in_the_list(robot, robots, watcher, until) -> None:
     robot.kill()
     until(lambda: watcher.heard(EventKind.CRASHED))
-    (dead,) = surveyed().members
+    (dead,) = asked_all().members
     assert dead.status.state is State.DEAD
     again = robots("bot")
     assert [found.pid for found in discover().loggers] == [again.pid]
@@ -286,3 +286,13 @@ def test_helper_stays_small(cold, robot, watcher) -> None:
     text = Path(f"/proc/{robot.helper_pid}/status").read_text()
     (size,) = [int(line.split()[1]) for line in text.splitlines() if line.startswith("VmRSS")]
     assert size < 64_000, f"{size} kB"  # of which 2.5 MB are rules at its socket, and a thread per lane
+
+
+def test_it_ends_in_order_where_the_program_was_started_without_output(tmp_path):
+    program = (
+        f"import silo; log = silo.Logger('quiet', folder={str(tmp_path)!r}); log.array('x', 3); log.serve(); "
+        "log.start(); log.collect(); log.close()"
+    )
+    words = ["sh", "-c", f'exec {sys.executable} -c "$0" >&-', program]
+    done = subprocess.run(words, stderr=subprocess.PIPE, text=True, timeout=DEADLINE_S, check=False)
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr

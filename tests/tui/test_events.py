@@ -170,6 +170,7 @@ async def test_without_plots_enter_opens_those_of_what_it_is_about_else_of_the_c
     running.trigger_statuses = [TriggerStatus(TriggerOptions("fall", "base/velocity_x > 1"), TriggerWord.ARMED)]
     running.happen(kind, words, running.now_ns)
     async with opened(running) as screen:
+        await screen.until(lambda: screen.session.triggers)
         await screen.enter(":goto /log/legs/LF/contact")
         await screen.do("events", "enter")
         await screen.shows(words.removeprefix("/log") if kind == "limit" else words)

@@ -90,7 +90,8 @@ async def test_the_header_says_file_duration_ticks_and_losses(path, on_file, siz
 @pytest.mark.parametrize("size", SIZES)
 async def test_the_table_says_what_is_in_the_file(path, on_file, size):
     async with on_file(path, size) as screen:
-        lines = {line.split()[0]: line.split() for line in screen.text.splitlines()[2:8] if line.split()}
+        rows = [line.lstrip("> ").split() for line in screen.text.splitlines()[2:8]]
+        lines = {row[0]: row for row in rows if row}
         assert lines["/legs/LF/torque"][1:4] == ["Nm", "1", "8000"]
         assert "f64[3]" in lines["/base/position"]
         assert "enum" in lines["/state/gait"]

@@ -76,6 +76,15 @@ async def test_enter_may_come_early_where_it_loses_nothing_unless_it_was_meant_f
         assert [call[0] for call in fake.calls if call[0] in ("cut", "apply")] == done
 
 
+async def test_a_key_typed_early_over_a_question_without_an_answer_is_no_mistake(fake, opened):
+    fake.files.clear()
+    async with opened(fake) as screen:
+        burst(screen, "L enter")
+        await screen.until(lambda: isinstance(screen.app.screen, Question), "the list of scripts")
+        await screen.until(lambda: screen.app.gate.free)
+        assert "mistake" not in screen.text
+
+
 async def test_what_loses_nothing_may_be_answered_blind(fake, opened):
     async with opened(fake.run(20)) as screen:
         burst(screen, "S y")

@@ -1,4 +1,4 @@
-"""Signals and logs as tables of other libraries: pandas, polars, xarray (conditions).
+"""Signals and logs as tables of other libraries: pandas, polars, xarray (extras).
 
 Time stamps keep their nanoseconds. Enumerations become categories, ticks without sample become missing values.
 """

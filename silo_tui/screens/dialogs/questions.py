@@ -103,7 +103,8 @@ class Question(Dialog[str | None]):
     def may_lose(self, typed: events.Event) -> bool:
         """Whether it may: all but Esc, the keys of choices that lose nothing, and Enter where it begins with one."""
         harmless = {choice.key for choice in self._choices if choice.key and not choice.loses}
-        keys = {"escape"} if self._choices[self._begin].loses else {"escape", "enter"}
+        first = self._choices[self._begin : self._begin + 1]
+        keys = {"escape"} if any(choice.loses for choice in first) else {"escape", "enter"}
         return self.loses and not (isinstance(typed, events.Key) and (typed.key in keys or typed.character in harmless))
 
     def _drawn(self) -> None:

@@ -12,6 +12,7 @@ from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import SavedFile
 from silo.core.quantities.writing import many
 from silo.files.formats import kind_of
+from silo.judging.definitions import long_capture_s
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone
 from silo_tui.model.lists.conditions import CAUTION, LOUD, ago, name_width, named_in, times_head, trigger_row
@@ -102,9 +103,14 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         if one is None or one.state is not TriggerWord.FIRING:
             return found
         post = text.span(one.options.post_s) if one.options.post_s else "0 s"
+        latest = text.span(long_capture_s(one.options))
         ends = f"; {key_of('trigger_toggle')} switches it off, so that it ends" if one.options.armed else ""
         so_far = f", {ago(one.capturing_s)} so far" if one.capturing_s else ""
-        return [*found, f"{one.options.name} captures{so_far}: the file is written {post} after the last fire{ends}"]
+        return [
+            *found,
+            f"{one.options.name} captures{so_far}: the file is written {post} after the last fire,"
+            f" at the latest at {latest}{ends}",
+        ]
 
     # ------------------------------------------------------------------------------------------------- commands
 
