@@ -189,11 +189,15 @@ class CommandRunner:
 
     async def _choose_view(self) -> None:
         """Ask what to look at: what one looks for first, or a view that was kept."""
-        names = enumerate(await kept_names(self._context), 1)
-        kept = [Choice(name, f"View {name}", str(at) if at < 10 else "") for at, name in names]
-        choices = [Choice(each.name, each.words, each.letter) for each in PRESETS]
-        choices += [*kept, Choice(KEEP, "Keep what is on the screen, by a name", "k")]
+        choices = [Choice(each.name, each.words, each.letter) for each in PRESETS] + numbered(files.names())
+        if self._context.session.link is not None:  # it is asked for them only then: what is here waits for nobody
+            choices.append(Choice(ROBOT, "Views that the robot keeps", "r"))
+        choices.append(Choice(KEEP, "Keep what is on the screen, by a name", "k"))
         name = await self._context.app.push_screen_wait(Question("Look at what?", "", choices))
+        if name == ROBOT:
+            if not (kept := numbered(await robots_names(self._context))):
+                raise RefusedError(f"the robot keeps no views: `:view save {ROBOT}NAME` keeps what is on the screen")
+            name = await self._context.app.push_screen_wait(Question("Look at what?", "", kept))
         if name == KEEP and (screen := self._context.upper_screen) is not None:
             screen.begin_command("view save")
         elif name:
@@ -265,9 +269,10 @@ async def open_view(context: Context, name: str) -> None:
 async def view_shown(context: Context, name: str) -> str:
     """Put a view on the screen; return what is to be said of it. RefusedError where there is none of that name.
 
-    `robot:NAME` is one that the robot keeps, whose name alone will do where no other has it.
+    `robot:NAME` is one that the robot keeps, whose name alone will do where no other has it; only then it is asked.
     """
-    if name not in files.names() and ROBOT + name in await kept_names(context):
+    is_here = name.startswith(ROBOT) or name in {LOST, *BY_NAME, *files.names()}
+    if not is_here and ROBOT + name in await kept_names(context):
         name = ROBOT + name
     try:
         if name == LOST and LOST not in files.names() and (left := files.left_behind(context.session.name)):
@@ -292,12 +297,22 @@ async def view_shown(context: Context, name: str) -> str:
     return "; ".join(filter(None, [f"view {name}", missing, *problems[:1]]))
 
 
+async def robots_names(context: Context) -> list[str]:
+    """Return the names of the views that the robot keeps."""
+    return [ROBOT + name for name in (await context.link.read(lambda client: client._kept_views())).names]
+
+
 async def kept_names(context: Context) -> list[str]:
     """Return the names of the views that were kept, here and on the robot."""
     known = files.names()
     with suppress(SiloError):  # an older silo, or no link: those of this machine are there all the same
-        known += [ROBOT + name for name in (await context.link.read(lambda client: client._kept_views())).names]
+        known += await robots_names(context)
     return known
+
+
+def numbered(names: Sequence[str]) -> list[Choice]:
+    """Return views as choices, the first nine by their digit."""
+    return [Choice(name, f"View {name}", str(at) if at < 10 else "") for at, name in enumerate(names, 1)]
 
 
 async def tell_views(context: Context) -> None:

@@ -287,6 +287,18 @@ async def test_a_view_is_kept_on_the_robot_for_all_who_look_at_it(new_fake, open
         await screen.shows("view robot:lab walk")
         await run(screen, "view robot:other")
         await screen.shows("there is no view 'other' on the robot")
+        second.views_kept["hottest"] = second.views_kept["lab walk"]
+        await run(screen, "view hottest")
+        await screen.shows("│ view hottest")
+        await screen.until(lambda: not screen.app.context._flow_running)
+        assert screen.session.rows.filter.text == "unit:degC"
+        screen.app.screen.action_command("view")
+        await screen.shows("Look at what?")
+        assert "View robot:lab walk" not in screen.text
+        await screen.press("r")
+        await screen.shows("View robot:lab walk")
+        await screen.press("2")
+        await screen.until(lambda: screen.session.rows.sort == "div", "the robot's view")
 
 
 async def test_a_view_that_isnt_there_is_told_with_those_that_are(fake, opened):
