@@ -200,8 +200,8 @@ def _run(
     if theme is not None:
         os.environ.pop("TEXTUAL_THEME", None)
         settings = replace(settings, theme=theme)
-    elif terminal.has_few_colors():
-        settings = replace(settings, theme="16")
+    elif terminal.has_few_colors() and "theme" not in in_file.named and not os.environ.get("TEXTUAL_THEME"):
+        in_file = settings = replace(settings, theme="16")  # nobody chose it: it is not to be written
     if mouse is None:
         mouse = terminal.mouse_wanted(settings.mouse)
     app = SiloApp(

@@ -62,6 +62,7 @@ class Settings:
     columns: tuple[str, ...] = ()
     keys: Mapping[str, str] = field(default_factory=dict)
     keymap: str = DEFAULT
+    named: frozenset[str] = field(default=frozenset(), compare=False)  # by the file
 
 
 def changed(old: Settings, new: Settings) -> dict[str, Any]:

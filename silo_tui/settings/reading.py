@@ -101,7 +101,7 @@ def read(text: str) -> tuple[Settings, list[SettingsProblem]]:
             found["keys"] = _keys(keys[1], problems, found.get("keymap", settings.keymap))
         except _MistakeError as mistake:
             problems.append(SettingsProblem(line_of(keys[0]), f"{mistake}{LEFT_OUT}"))
-    return replace(settings, **found), sorted(problems, key=lambda problem: problem.line)
+    return replace(settings, **found, named=frozenset(found)), sorted(problems, key=lambda problem: problem.line)
 
 
 def _once(name: str, found: Container[str]) -> None:

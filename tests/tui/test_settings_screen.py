@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
-from silo_tui.cli import command
+from silo_tui.cli import _run, command
 from silo_tui.settings.options import OPTIONS, Settings
 from silo_tui.settings.reading import path, read, read_file
+from silo_tui.settings.writing import write_file
 from silo_tui.theme import theme_name
 from silo_tui.widgets.bars import KeyBar
 
@@ -184,6 +185,28 @@ async def test_above_a_dialog_the_bar_shows_the_keys_of_the_dialog(fake, opened)
         await screen.press("escape")
         await screen.until(lambda: screen.app.screen.query_one(KeyBar)._instead == "")
         await screen.shows("? Help  q Quit")
+
+
+@pytest.mark.parametrize(
+    ("in_file", "wished", "theme"), [("", "", "silo-16"), ("theme: dark\n", "", "silo-dark"), ("", "nord", "nord")]
+)
+def test_sixteen_colours_count_where_nobody_chose_others_and_are_not_written(home, monkeypatch, in_file, wished, theme):
+    home.mkdir()
+    path().write_text(in_file)
+    monkeypatch.setenv("TEXTUAL_THEME", wished)
+    monkeypatch.setattr("silo_tui.terminal.has_few_colors", lambda: True)
+    found = []
+
+    def run(app, mouse):
+        found.append(app.theme)
+        context = app.context
+        write_file(context.saved_settings, replace(context.settings, mouse="off"))
+
+    monkeypatch.setattr(f"{APP}.SiloApp.run", run)
+    monkeypatch.setattr("silo_tui.sessions.finder.ClientFinder.begin", lambda finder: None)
+    _run("robot", "local", None, demo=False, read_only=False, rate=None, view="", theme=None, mouse=False)
+    assert found == [theme]
+    assert path().read_text() == f"{in_file}mouse: off\n"
 
 
 def test_the_command_line_knows_the_themes():
