@@ -27,6 +27,21 @@ def test_recordings_that_differ_never_look_alike():
         assert len(set(rows.fitting_stems(found, "robot", width).values())) == 4
 
 
+def test_ten_times_as_many_recordings_are_compared_ten_times_as_often(monkeypatch):
+    class Counted(str):
+        compared = 0
+        __hash__ = str.__hash__
+
+        def __eq__(self, other):
+            Counted.compared += 1
+            return str.__eq__(self, other)
+
+    monkeypatch.setattr(rows, "short_stem", lambda one, own, width: Counted(one.stem))
+    monkeypatch.setattr(rows, "fitting_names", lambda names, room: names)
+    rows.fitting_stems([one(f"run_{number}") for number in range(500)], "robot", 80)
+    assert Counted.compared < 5000
+
+
 def test_rows_have_the_width_of_the_screen_and_the_titles_stand_over_them():
     for width in (80, 100, 120, 160, 250):
         row, head = rows.row(one(why="trigger fall" * 9, span_s=5.0), "robot", width, 0.0), rows.head(width)

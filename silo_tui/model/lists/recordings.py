@@ -5,6 +5,7 @@ Plain functions of what a robot told; nothing is asked or drawn here.
 
 import re
 import time
+from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
 
@@ -50,7 +51,8 @@ def fitting_stems(found: Sequence[SavedRecording], own: str, width: int) -> dict
     """Return the names of recordings as they fit into the list, by their own: different ones never look alike."""
     room, _ = _widths(width)
     short = [short_stem(one, own, room) for one in found]
-    told = [each if short.count(each) == 1 else one.stem for each, one in zip(short, found, strict=True)]
+    often = Counter(short)
+    told = [each if often[each] == 1 else one.stem for each, one in zip(short, found, strict=True)]
     return dict(zip((one.stem for one in found), fitting_names(told, room), strict=True))
 
 
