@@ -1,8 +1,9 @@
 """The lines of words above the keys: news of the robot, and below the facts of a screen and the answer to a key."""
 
-import textwrap
 from collections.abc import Callable, Sequence
 
+from rich.cells import cell_len
+from rich.console import Console
 from rich.text import Text
 from textual.app import RenderResult
 
@@ -10,7 +11,7 @@ from silo.core.quantities.writing import many
 from silo_tui.actions import key_of
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.table.cells import sign_of
-from silo_tui.model.table.columns import STEADY, TREE
+from silo_tui.model.table.columns import NAME, STEADY
 from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
@@ -21,10 +22,13 @@ HELD = "stands still 3 s after a key"
 MOST_ROWS = 3  # of news and an answer together: they stand over the rows that they are about
 
 
-def beginning(words: str, room: int, rows: int) -> str:
-    """Return as much as so many rows take, and where the rest is."""
-    rest = f" … ({key_of('messages') or ':messages'})"
-    return words if len(words) <= room else "\n".join(textwrap.wrap(words, room, max_lines=rows, placeholder=rest))
+def beginning(words: str, room: int, rows: int, console: Console) -> str:
+    """Return as much as so many rows of cells take, line by line, and where the rest is."""
+    wrapped, rest = Text(words).wrap(console, room), f" … ({key_of('messages') or ':messages'})"
+    lines = [line.plain for line in wrapped[:rows]]
+    if len(wrapped) > rows:
+        lines[-1] = wrapped[rows - 1].wrap(console, max(1, room - cell_len(rest)))[0].plain + rest
+    return "\n".join(lines)
 
 
 class MessageLine(FittingLine):
@@ -73,18 +77,18 @@ class MessageLine(FittingLine):
             return below
         rows = max(1, MOST_ROWS - len(below.wrap(self.app.console, self._room)))
         *tour, newest = self._news.split("\n")
-        return Text("\n").join([*map(Text, tour), Text(beginning(newest, self._room, rows)), below])
+        return Text("\n").join([*map(Text, tour), Text(beginning(newest, self._room, rows, self.app.console)), below])
 
     @property
     def answer(self) -> str:
         """What is shown of the answer."""
-        return beginning(self.said, self._room, MOST_ROWS - bool(self._news))
+        return beginning(self.said, self._room, MOST_ROWS - bool(self._news), self.app.console)
 
     def below(self, room: int) -> Text:
         """Return facts and the answer, or the answer alone where the line has no room for more."""
         if self._failed:
             return Text(self.said, style=bold(self.app.theme_variables, "alarm"))
-        return Text(self.answer) if len(self.said) > room else self.line(room)
+        return Text(self.answer) if cell_len(self.said) > room else self.line(room)
 
     def parts(self) -> list[LinePart]:
         """Return facts, and the answer whole."""
@@ -135,7 +139,7 @@ class InfoLine(MessageLine):
             since = f" since {text.clock(since_ns)}" if rows.sort in STATISTICS and since_ns else ""
             order = f"by {rows.sort} {rows.arrow}{since}"
             held = f" ({HELD})" * rows.held
-            back = f"; {key_of('sort')} {rows.orders[TREE].letter}: by name"
+            back = f"; {key_of('sort')} {rows.orders[NAME].letter}: by name"
             parts.append(LinePart(7, f"{order}{held}{back}", "", (order + held, order)))
         if not parts and not self.said and len(rows.tree.lines):
             branches = len(rows.tree.branches)

@@ -3,9 +3,12 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.console import Console
 
 from silo_tui.model.table.fields import Field
+from silo_tui.model.words.names import cells
 from silo_tui.widgets.bars import LinePart, fitting
+from silo_tui.widgets.messages import beginning
 
 PART = st.builds(LinePart, st.integers(0, 9), st.text("abc", max_size=9))
 PARTS = st.lists(PART, max_size=8, unique_by=lambda part: part.words)
@@ -54,3 +57,12 @@ async def test_the_editor_of_a_cell_leaves_the_columns_before_it_in_sight(fake, 
         await screen.do("j", "edit_divider")
         line = screen.text.split("\n")[2 + screen.session.rows.position]
         assert "[x]" in line
+
+
+def test_an_answer_is_measured_in_cells_and_keeps_its_lines():
+    wide = beginning("数" * 30, 40, 2, Console())
+    assert [cells(line) for line in wide.split("\n")] == [40, 20]
+    lines = beginning(f"first\n{'数' * 30}\nlast", 40, 2, Console()).split("\n")
+    assert lines[0] == "first"
+    assert lines[1].endswith("… (:messages)")
+    assert cells(lines[1]) <= 40

@@ -77,7 +77,7 @@ async def test_rows_don_t_move_within_three_seconds_of_a_key_and_the_cursor_stay
         rows, table = screen.session.rows, screen.session.table
         await screen.until(lambda: table.facts.of("value", len(table)) is not None)
         await screen.press("j", "j")
-        await screen.shows("by value ↓ (stands still 3 s after a key); o n: by name")
+        await screen.shows("by value ↓ (stands still 3 s after a key); o l: by name")
         element, order = rows.row, list(rows.shown)
         fake.facts = {"value": {table.names[row]: float(place) for place, row in enumerate(order)}}
         top = screen.app.screen
