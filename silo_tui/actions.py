@@ -362,6 +362,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("alarm_worst", "enter", "To its worst", "plot it, the worst sample under the cursor", "Alarms", _ALARMS, 2),
     Command("alarm_limits", "e", "Limits", "other limits for the signal", "Alarms", _ALARMS, 3, writes=True, asks=True),
     Command("alarm_new", "N", "New", "give a signal limits", "Alarms", _ALARMS, 4, writes=True, asks=True),
+    Command("alarm_remove", "x", "Delete", "take the limits of the signal away", "Alarms", _ALARMS, 5, writes=True,
+            asks=True),
     # ---------------------------------------------------------------------------------------------- parameters
     Command("parameters", "P", "Parameters", "what the program offers to be tuned: turn it, undo it, keep presets",
             "Go", _BOTH + _DETAIL + _CONDITIONS + _RECORDINGS + _EVENTS, asks=True,

@@ -78,7 +78,8 @@ _TABLE = (
     ("R", "restart restart_loggers"),
     ("w", "save_data write_events save_loggers fetch_recording write_settings"),
     ("w,p w", "export_plots"),
-    (DESTROYS, "delete_recording trigger_remove forget_derived"),
+    (DESTROYS, "delete_recording forget_derived"),
+    (f"{DESTROYS},e x", "trigger_remove alarm_remove"),
     ("ctrl+l,v r", "refresh detail_refresh response_again try_link list_read look_again"),
     # -------------------------------------------------------------------------------------------- the program
     ("escape", "back"),

@@ -3,6 +3,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import msgspec
 from textual.geometry import Region
@@ -121,24 +122,22 @@ class Editing(ElementsScreen):
         self.app.push_screen(Question(f"New for {short}?", "", choices), lambda answer: self._make(answer, made, name))
 
     def _make(self, answer: str | None, made: TriggerOptions, name: str) -> None:
-        """Go to the editor of a trigger, or of limits."""
-        from silo_tui.screens.lists.triggers import TriggersScreen
-
+        """Ask for a trigger, limits or a derived signal, over the table."""
         if answer == "trigger":
-            triggers = TriggersScreen(self.session)
-            self.app.push_screen(triggers)
-            triggers.call_after_refresh(triggers.edit, made, is_new=True)
+            from silo_tui.screens.dialogs.trigger_editor import ask_trigger
+
+            self.context.run_flow(ask_trigger(self.context, made))
         elif answer == "derived":
             self.derive("", self.session.short_name(name).lstrip("/"))
         elif answer == "limits":
             self._ask_limits(name)
 
     def _ask_limits(self, name: str) -> None:
-        from silo_tui.screens.lists.alarms import AlarmsScreen
+        from silo_tui.screens.dialogs.form import told
+        from silo_tui.screens.dialogs.limits import ask_limits
 
-        alarms = AlarmsScreen(self.session)
-        self.app.push_screen(alarms)
-        alarms.call_after_refresh(alarms.ask_limits, self.session.short_name(name).lstrip("/"), name)
+        shown = self.session.short_name(name).lstrip("/")
+        self.context.run_flow(ask_limits(self.context, shown, name, partial(told, self.context, place="alarms")))
 
     def _edit_chosen(self, answer: str | None) -> None:
         if answer is not None:

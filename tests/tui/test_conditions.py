@@ -153,10 +153,10 @@ class TestScreens:
             await screen.shows("No triggers. N makes one")
             await screen.press("N")
             await screen.shows("the condition: signals")
-            await screen.press("tab", "tab")
+            await screen.press("tab")  # as one reads it
             await screen.type("x > 3")
             await screen.shows("name it")
-            await screen.press("shift+tab", "shift+tab")
+            await screen.press("shift+tab")
             await screen.type("high")
             await screen.shows("would have fired 3 ×")
             await screen.press("enter")
@@ -177,6 +177,16 @@ class TestScreens:
             await screen.shows("LF/HAA/torque: 1 alarm seen by ann")
             await screen.press("T")
             await screen.shows("No triggers")
+
+    async def test_limits_are_deleted_where_their_alarm_stands_after_a_question(self, fake, opened):
+        fake.limit_statuses = [HOT]
+        async with opened(fake) as screen:
+            await screen.press("A")
+            await screen.shows("86.31")
+            await screen.press("x")
+            await screen.shows("Delete limits of LF/HAA/torque on robot?")
+            await screen.press("y")
+            await screen.until(lambda: ("remove_limits", HOT.limits) in fake.calls)
 
     async def test_limits_are_edited_from_what_they_are_and_keep_it(self, fake, opened):
         given = SignalLimits("/log/LF/HAA/torque", (None, None, 60.0, 80.0), 3, 1.0, 0.5, "x > 1")
@@ -371,19 +381,22 @@ class TestLists:
         async with opened(fake) as screen:
             await screen.press("N", "t")
             await screen.shows("New trigger on robot")
-            await screen.press("escape", "escape")
+            await screen.press("escape")
             await screen.until(lambda: screen.app.screen.scope == "table")
             await screen.press("N", "l")
             await screen.shows("Limits of base/orientation_x")
             await screen.press("enter")
             await screen.shows("type a number into LL, L, H or HH")
-            await screen.press("3", "tab", "2", "enter")
+            assert screen.app.screen.focused is screen.app.screen.field("LL")
+            await screen.press("tab", "tab", "3", "tab", "2", "enter")
             await screen.shows("must rise")
             await screen.press("backspace", "4")
             await screen.shows(" H▲ HH▲")  # its newest values lie below both
             await screen.press("enter")
             await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
             assert fake.calls[-1][1].bounds == (None, None, 3.0, 4.0)
+            await screen.shows("are set (A Alarms)")
+            assert screen.app.screen.scope == "table"
 
 
 def test_signals_are_found_in_a_condition_by_name_entry_and_glob(robot):
@@ -414,7 +427,7 @@ async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, opened):
     async with opened(fake) as screen:
         await screen.press("T", "N")
         await screen.shows("the condition: signals")
-        await screen.press("tab", "tab")
+        await screen.press("tab")
         await screen.type("nobody > 3")
         await screen.shows("no signal is named 'nobody'")
         assert screen.app.screen.query_one("#form-told").has_class("quiet")  # one types still

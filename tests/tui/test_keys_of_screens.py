@@ -45,7 +45,7 @@ LAW = (
     ("V", "range", "TGARLKU"),
     ("e", "edit limits change", "TGAHK"),
     ("t", "on/off arm/off stop", "TGR"),
-    ("x", "discard remove delete default", "TPGRHK"),
+    ("x", "discard remove delete default", "TPGARHK"),
     ("d", "divider", "T"),
     ("s", "size", "T"),
     ("b", "buffer", "T"),

@@ -75,7 +75,7 @@ def test_a_letter_of_a_menu_has_one_meaning_on_every_screen():
 
 def test_what_destroys_shares_its_key_with_nothing():
     assert {command for command, keys in TWO_LAYERS.items() if "D" in keys.replace(",", " ").split()} == {
-        "delete_recording", "trigger_remove", "forget_derived",
+        "delete_recording", "trigger_remove", "alarm_remove", "forget_derived",
     }  # fmt: skip
 
 

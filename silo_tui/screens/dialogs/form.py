@@ -12,9 +12,11 @@ from textual.timer import Timer
 from textual.widgets import Input, Static
 
 from silo.errors import ExpressionError, RefusedError, SiloError
+from silo_tui.actions import BY_ID, key_of
 from silo_tui.modal import Dialog, run_alone
 
 if TYPE_CHECKING:
+    from silo.client.client import Client
     from silo_tui.context import Context
 
 ResultT = TypeVar("ResultT")
@@ -161,6 +163,15 @@ async def taken(
         problem = await _refused(send(answer))
         if not problem:
             return
+
+
+async def told(context: "Context", job: "Callable[[Client], str]", place: str) -> None:
+    """Ask for something of conditions, and say what came of it, and the key of the list where it stands from now on."""
+    said = await context.link.call(job)
+    try:
+        await context.session.refresh_conditions()
+    finally:
+        context.say(f"{said} ({key_of(place)} {BY_ID[place].label})")
 
 
 async def _refused(sent: Awaitable[None]) -> str:

@@ -1,6 +1,8 @@
 """Edit the limits of a signal: a line each, and below how often they would have been violated in what is held."""
 
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from silo.core.conditions import SignalLimits, TriggerOptions
 from silo.errors import SiloError
@@ -11,9 +13,13 @@ from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.lists.conditions import tried_lines
 from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
 from silo_tui.model.plots.limits import lines_of
-from silo_tui.screens.dialogs.form import Form
+from silo_tui.screens.dialogs.form import Form, taken
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.live_source import LiveSource
+
+if TYPE_CHECKING:
+    from silo.client.client import Client
+    from silo_tui.context import Context
 
 LINES = (("signal",), ("LL", "L"), ("H", "HH"), ("persist", "hyst"), ("stale", "when"))
 HINTS = {
@@ -36,6 +42,27 @@ class LimitsWish:
     limits: SignalLimits | None
 
 
+async def ask_limits(
+    context: "Context", shown: str, name: str, carry_out: "Callable[[Callable[[Client], str]], Awaitable[None]]"
+) -> None:
+    """Ask for limits of a signal, shown by its short name, with those that it has; `carry_out` sends what is wished."""
+    session = context.session
+    given = next((one.options for one in session.limits if name == one.limits), None)
+
+    def form(wish: LimitsWish | None, problem: str) -> LimitsDialog:
+        if wish is None:
+            return LimitsDialog(session, shown, name, given)
+        return LimitsDialog(session, wish.shown, wish.name, wish.limits, problem)
+
+    def send(wish: LimitsWish) -> Awaitable[None]:
+        made = wish.limits
+        if made is None:
+            return carry_out(lambda client: client._remove_limits(wish.name))
+        return carry_out(lambda client: client._set_limits(made))
+
+    await taken(context, form, send)
+
+
 class LimitsDialog(Form[LimitsWish]):
     """Answers with the limits on Enter."""
 
@@ -50,8 +77,8 @@ class LimitsDialog(Form[LimitsWish]):
         self._session, self._shown, self._name, self._given = session, shown, name, limits
 
     def on_mount(self) -> None:
-        """Begin with the signal where there is none yet."""
-        self.begin_at("H" if self._shown else "signal")
+        """Begin with the signal where there is none yet, else with the first bound."""
+        self.begin_at("LL" if self._shown else "signal")
 
     def made(self) -> LimitsWish:
         """Return what is typed; of another signal than it began with, what is not typed stays as that one has it."""

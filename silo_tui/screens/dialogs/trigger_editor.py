@@ -1,19 +1,13 @@
 """Edit one trigger: lines for what it says, and below them what it would have done in all that is held."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
-
 from silo.core.conditions import TriggerOptions
 from silo_tui.context import Context
 from silo_tui.model.lists.conditions import fields_of, options_of_fields, tried_lines
-from silo_tui.screens.dialogs.form import Form, taken
+from silo_tui.screens.dialogs.form import Form, taken, told
 from silo_tui.sessions.live import Session
 
-if TYPE_CHECKING:
-    from silo.client.client import Client
-
 UNNAMED = "name it before Enter: the name stands in names of files"
-LINES = (("name", "mode"), ("when",), ("rearm",), ("pre", "post"), ("persist", "holdoff"), ("save", "keep"))
+LINES = (("name",), ("when",), ("rearm", "mode"), ("pre", "post"), ("persist", "holdoff"), ("save", "keep"))
 HINTS = {
     "name": "a word for names of files", "when": "abs(base/roll) > 0.6 and controller/mode == STANCE",
     "rearm": "else: the condition was false", "pre": "5s", "post": "1s", "persist": "20ms", "holdoff": "10s",
@@ -24,16 +18,7 @@ HINTS = {
 async def ask_trigger(context: Context, made: TriggerOptions) -> None:
     """Let a new trigger be edited, and set it."""
     await taken(context, lambda one, problem: TriggerEditor(context.session, one or made, is_new=True, problem=problem),
-                lambda answer: told(context, lambda client: client._set_trigger(answer)))  # fmt: skip
-
-
-async def told(context: Context, job: "Callable[[Client], str]") -> None:
-    """Ask for something of conditions, and say what came of it."""
-    said = await context.link.call(job)
-    try:
-        await context.session.refresh_conditions()
-    finally:
-        context.say(said)
+                lambda answer: told(context, lambda client: client._set_trigger(answer), "triggers"))  # fmt: skip
 
 
 class TriggerEditor(Form[TriggerOptions]):

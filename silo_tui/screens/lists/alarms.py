@@ -1,7 +1,7 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The limits of a logger's signals: what is beyond them, what was and nobody has seen."""
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from rich.text import Text
@@ -13,8 +13,8 @@ from silo_tui.model.lists.conditions import IN_SPACE, alarms_words, limit_head, 
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.words.names import fitting_names_below
-from silo_tui.screens.dialogs.form import taken
-from silo_tui.screens.dialogs.limits import LimitsDialog, LimitsWish
+from silo_tui.screens.dialogs.limits import ask_limits
+from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.screens.lists.conditions import ConditionsScreen
 from silo_tui.screens.plots.monitor import MonitorScreen
 from silo_tui.sessions.live_source import LiveSource
@@ -128,27 +128,26 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     def command_alarm_limits(self) -> None:
         one = self.here()
         if one is not None:
-            self.ask_limits(self.session.short_name(one.limits).lstrip("/"), one.limits)
+            self._ask_limits(self.named(one.limits), one.limits)
 
     def command_alarm_new(self) -> None:
-        self.ask_limits("", "")
+        self._ask_limits("", "")
 
-    def ask_limits(self, shown: str, name: str) -> None:
-        """Ask for limits of a signal, shown by its short name, with those that it has."""
-        given = next((one.options for one in self.session.limits if name == one.limits), None)
+    def _ask_limits(self, shown: str, name: str) -> None:
+        self.context.run_flow(ask_limits(self.context, shown, name, self.carry_out))
 
-        def form(wish: LimitsWish | None, problem: str) -> LimitsDialog:
-            if wish is None:
-                return LimitsDialog(self.session, shown, name, given)
-            return LimitsDialog(self.session, wish.shown, wish.name, wish.limits, problem)
+    def command_alarm_remove(self) -> None:
+        if names := list(dict.fromkeys(one.limits for one in self.targets())):
+            self.context.run_flow(self._remove(names))
 
-        def send(wish: LimitsWish) -> Awaitable[None]:
-            made = wish.limits
-            if made is None:
-                return self.carry_out(lambda client: client._remove_limits(wish.name))
-            return self.carry_out(lambda client: client._set_limits(made))
-
-        self.context.run_flow(taken(self.context, form, send))
+    async def _remove(self, names: Sequence[str]) -> None:
+        """Ask, and take them away."""
+        which = self.named(names[0]) if len(names) == 1 else f"{len(names)} signals"
+        body = (
+            f"{', '.join(map(self.named, names))}. {key_of('acknowledge')} acknowledges an alarm and keeps its limits."
+        )
+        if await confirmed(self.app, f"Delete limits of {which} on {self.session.name}?", body, "Delete", "Keep them"):
+            await self.carry_out(lambda client: "; ".join([client._remove_limits(name) for name in names]))
 
     async def _told(self, job: "Callable[[Client], str]") -> None:
         try:
