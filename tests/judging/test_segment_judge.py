@@ -74,19 +74,26 @@ def test_captures_that_wait_to_be_written_leave_no_room_for_more_and_it_is_said(
     assert "capture 1 of 'spike' was left out" in found.blind[0]
 
 
-def test_fires_without_end_close_a_capture_at_its_most_bytes_and_go_on_in_the_next(robot, monkeypatch):
-    monkeypatch.setattr("silo.judging.triggers.MOST_CAPTURE_BYTES", 2**16)
+@pytest.mark.parametrize(
+    ("what", "most", "bytes_most", "ticks_most"),
+    [("triggers.MOST_CAPTURE_BYTES", 2**16, 2**16, 10**9), ("definitions.LONG_CAPTURE_S", 0.1, 2**19, 2050 + 206)],
+)
+def test_fires_without_end_close_a_capture_at_its_most_bytes_or_time_and_go_on_in_the_next(
+    robot, monkeypatch, what, most, bytes_most, ticks_most
+):
+    monkeypatch.setattr(f"silo.judging.{what}", most)
     robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="200ms")
     robot.start()
-    whole, most = [], 0
+    whole, held = [], 0
     for _ in range(60):
         robot.ticks(100, [(50, 0)])
         whole += robot.judge.step().whole
-        most = max(most, sum(buffer.size_bytes for buffer in robot.judge._buffers))
-    assert most <= 2 * 2**16
+        held = max(held, sum(buffer.size_bytes for buffer in robot.judge._buffers))
+    assert held <= 2 * bytes_most
     assert len(whole) >= 2
     for buffer, following in pairwise(whole):
-        assert buffer.size_bytes <= 2**16
+        assert buffer.size_bytes <= bytes_most
+        assert buffer.capture.last - buffer.capture.first + 1 <= ticks_most
         assert buffer.why == f"closed as it fired on and on: capture {buffer.capture.number + 1} goes on"
         assert following.capture.first <= buffer.capture.last  # no tick is in neither
         assert len(silo.Log(buffer.recording())["fast/x_0"]) == buffer.capture.last - buffer.capture.first + 1
