@@ -42,7 +42,7 @@ def rewritten(text: str, old: Settings, new: Settings) -> str:
     before, _ = reading.read(text)
     wanted = replace(before, **changed(old, new), keys=_merged(before, old, new))
     made = text
-    for name, value in changed(before, wanted).items():
+    for name, value in {**changed(before, wanted), **changed(old, new)}.items():  # a default too, where it was chosen
         made = _with_value(made, name, typed(value))
     for command in sorted({*before.keys, *wanted.keys}):
         if wanted.keys.get(command) != before.keys.get(command):

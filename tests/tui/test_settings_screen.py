@@ -201,12 +201,14 @@ def test_sixteen_colours_count_where_nobody_chose_others_and_are_not_written(hom
         found.append(app.theme)
         context = app.context
         write_file(context.saved_settings, replace(context.settings, mouse="off"))
+        if theme == "silo-16":
+            write_file(context.settings, replace(context.settings, theme="dark"))
 
     monkeypatch.setattr(f"{APP}.SiloApp.run", run)
     monkeypatch.setattr("silo_tui.sessions.finder.ClientFinder.begin", lambda finder: None)
     _run("robot", "local", None, demo=False, read_only=False, rate=None, view="", theme=None, mouse=False)
     assert found == [theme]
-    assert path().read_text() == f"{in_file}mouse: off\n"
+    assert path().read_text() == f"{in_file}mouse: off\n" + "theme: dark\n" * (theme == "silo-16")
 
 
 def test_the_command_line_knows_the_themes():
