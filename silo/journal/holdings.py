@@ -4,8 +4,11 @@ The robot program, its helper and the commands say it with these words. Nothing 
 segment of gigabytes while it is written.
 """
 
+from bisect import bisect_right
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import accumulate
 
 from silo.core.elements import BufferType
 from silo.core.quantities.writing import duration, many
@@ -22,6 +25,8 @@ _SINCE_CUT = "the last cut"
 class Holdings:
     """`samples` of `elements` together (those that hold any), from the oldest to the newest in `seconds`.
 
+    Most of the elements hold `most_s` or less: of what is kept for good, or seldom sampled, the oldest is far older.
+
     `ticks` counts those since start, or since the cut where it goes on another run, whether anything of them is still
     held or not.
     """
@@ -31,6 +36,7 @@ class Holdings:
     samples: int
     seconds: float
     since: str = "start"
+    most_s: float = 0.0
 
     @property
     def text(self) -> str:
@@ -39,7 +45,8 @@ class Holdings:
         if not self.samples:
             return f"no sample, of {ticks} since {self.since}"
         held = f"{many(self.samples, 'sample')} of {many(self.elements, 'element')}"
-        return f"{held} over {duration(self.seconds)}, of {ticks} since {self.since}"
+        most = f" (most of them {duration(self.most_s)} or less)" if 2 * self.most_s < self.seconds else ""
+        return f"{held} over {duration(self.seconds)}{most}, of {ticks} since {self.since}"
 
 
 @dataclass(frozen=True)
@@ -77,11 +84,23 @@ def segment_holdings(reader: SegmentReader | JournalReader, kept: list[RetainedA
     held = [(span, one) for span, one in spans if len(span)]
     if not held:
         return Holdings(ticks, 0, 0, 0.0, since)
-    oldest = min(span[0] * one.divider for span, one in held)
-    newest = max(span[-1] * one.divider for span, one in held)
-    seconds = (_stamp(reader, newest) - _stamp(reader, oldest)) / 1e9
+    ends = [(span[0] * one.divider, span[-1] * one.divider, one.count) for span, one in held]
+    seconds, most_s = _lengths(ends, lambda tick: _stamp(reader, tick))
     elements, samples = sum(one.count for _, one in held), sum(len(span) * one.count for span, one in held)
-    return Holdings(ticks, elements, samples, seconds, since)
+    return Holdings(ticks, elements, samples, seconds, since, most_s)
+
+
+def _lengths(ends: list[tuple[int, int, int]], stamp_of: Callable[[int], int]) -> tuple[float, float]:
+    """How long that is from the oldest tick to the newest, and at most of more than half of the elements.
+
+    `ends` are oldest tick, newest tick and how many elements have these.
+    """
+    shortest = sorted(ends, key=lambda each: (each[1] - each[0], each[0]))
+    counts = list(accumulate(each[2] for each in shortest))
+    most = shortest[bisect_right(counts, counts[-1] / 2)]
+    whole = min(each[0] for each in ends), max(each[1] for each in ends)
+    seconds, most_s = ((stamp_of(newest) - stamp_of(oldest)) / 1e9 for oldest, newest in (whole, most[:2]))
+    return seconds, most_s
 
 
 def _samples(reader: SegmentReader | JournalReader, kept: RetainedAlike, ticks: int, first_tick: int) -> range:
@@ -101,7 +120,6 @@ def recording_holdings(recording: Recording) -> Holdings:
     held = [element for element in recording.elements if element.count]
     if not held:
         return Holdings(recording.offset, 0, 0, 0.0, since)
-    oldest = min(element.first for element in held)
-    newest = max(element.first + (element.count - 1) * element.divider for element in held)
-    seconds = int(recording.time_ns[newest] - recording.time_ns[oldest]) / 1e9
-    return Holdings(recording.offset, len(held), sum(element.count for element in held), seconds, since)
+    ends = [(each.first, each.first + (each.count - 1) * each.divider, 1) for each in held]
+    seconds, most_s = _lengths(ends, lambda tick: int(recording.time_ns[tick]))
+    return Holdings(recording.offset, len(held), sum(each.count for each in held), seconds, since, most_s)

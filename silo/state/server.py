@@ -1,9 +1,10 @@
 """Who is there and how the logger stands; starting and stopping it; its table and edits of it; its event log."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from silo.core.elements import Problem
+from silo.core.elements import Problem, State
 from silo.net.keys import may_use
 from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done, Request, request_of
@@ -110,7 +111,12 @@ class StateServer(Server, does=[requests]):
             problem = "no tick of that time is held any more"
         if problem:
             raise RequestRefusedError(RefusedWhy.INVALID, f"{problem}; nothing was marked")
-        mark = events.publish(EventKind.MARKER, words, by=turn.by, tick=meant)
+        # who typed the words meant the moment of the key, for both: how long ago its tick was, the stamps know
+        age_ns = 0
+        if at_ns and meant is not None and status.state is State.RUNNING:
+            age_ns = status.last_tick_ns - replica.stamp_of(meant)
+        time_ns = time.time_ns() - max(0, age_ns)
+        mark = events.publish(EventKind.MARKER, words, by=turn.by, tick=meant, time_ns=time_ns)
         # what was answered outlives a kill of this process, and has its number for good
         return requests.Marked(events.log.settled(mark, WRITTEN_S) or mark)
 

@@ -182,7 +182,7 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     discard = Choice("discard", f"Discard all edits; {key_of('undo')} brings them back", "x")
     body = _what_changes(context, changes)
     if context.session.running:
-        body.append(f"\nThe logger runs, and a running logger takes no edits but at a cut. {SPLIT}", style="bold")
+        body.append(f"\nThe logger runs, and takes edits without losing a tick: Apply and go on. {SPLIT}", style="bold")
         go_on = Choice("cut", "Apply and go on: no tick is lost, what it has is saved", "g")
         return await _ask_around(context, title, body, [go_on, keep], "stop, apply, start again", "a", [discard])
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
@@ -299,7 +299,7 @@ async def load_script(context: Context, path: str = "") -> None:
             return
     around, unsaved = session.running, Unsaved.REFUSE
     if around:
-        body_text = Text(f"The logger runs, and a running logger takes no script. {SPLIT}")
+        body_text = Text(f"The logger runs, and a script is loaded while it stands still. {SPLIT}")
         no, steps = Choice("", "Don't load"), "stop, load, start again"
         answer = await _ask_around(context, "Stop, load, start again?", body_text, [no], steps, "y")
         if answer is None or (answer == "save" and not await _stop_and_save(context)):
@@ -358,7 +358,9 @@ async def save_script(context: Context, path: str | None = None) -> None:
         if not await confirmed(context.app, f"Overwrite {name or 'the script'}?", str(refused), "Overwrite"):
             return
         said = await link.call(lambda client: client.save_script(name, True))
-    context.say((said or f"saved {name}") + ending)
+    fields, _ = session.table.pending_count
+    without = f"{many(fields, 'pending edit')} not in it; " if fields else ""  # first: the path may be long
+    context.say(without + (said or f"saved {name}") + ending)
 
 
 async def may_leave(context: Context) -> bool:

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,13 @@ def test_a_mark_goes_to_the_newest_tick_or_to_the_one_given(bot, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert "6  marker: slipped  (" in lines[-2]
     assert "2  marker: here  (" in lines[-1]
+
+
+def test_a_mark_of_a_moment_has_its_time_and_its_tick(bot, client):
+    bot.ticks(100)
+    mark = client.mark("typed slowly", at_ns=bot.begin_ns + 6 * bot.tick_ns)
+    assert mark.tick == 6
+    assert mark.time_ns <= time.time_ns() - 100 * bot.tick_ns
 
 
 def test_a_tick_that_is_not_there_is_told_with_those_that_are(bot, capsys):

@@ -1,6 +1,7 @@
 """Which signals share a plot, lanes and bands, ticks, and the dots that plots are drawn with."""
 
 import math
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +17,7 @@ from silo_tui.model.drawing.columns import ColumnPiece
 from silo_tui.model.drawing.plots import Plotted, draw_panel, together
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.plots.panels import first_to_show, gathered, heights, isolate, join, least_height, sides, stacked
+from silo_tui.model.plots.time_axis import axis_line
 from silo_tui.widgets.styled import _style
 
 
@@ -52,6 +54,12 @@ def test_what_can_t_share_a_plot_says_why(plots, most, reason):
     panels = [*gathered(plots[:-1], by_unit=False), (plots[-1],)] if len(plots) > 2 else stacked(plots)
     with pytest.raises(ValueError, match=reason):
         join(panels, 0, most)
+
+
+def test_letters_leave_a_cell_beside_the_words_of_the_axis():
+    events = dict.fromkeys([*range(15, 26), *range(35, 46), 77, 78], "T")
+    line = axis_line(80, lambda share: f"{share:.2f} s", [(18, "A")], events)
+    assert re.findall(r"[TA] ?[\d.]+ s ?[TA]", line) == re.findall(r"[TA] [\d.]+ s [TA]", line) != []
 
 
 def test_the_last_plot_joins_with_the_one_above():

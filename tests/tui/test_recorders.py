@@ -1,6 +1,7 @@
 """Endless recordings in the terminal: begun, watched, ended."""
 
 import pytest
+from msgspec import structs
 
 from silo.core.elements import RecorderState
 from silo.recorder.requests import RecorderInfo
@@ -26,6 +27,16 @@ class TestRows:
         assert "██▏   21 of 50 GB" in line
         assert line.endswith("   21     0")
         assert len(line) == len(head(width)) == width
+
+    @pytest.mark.parametrize(
+        ("size", "keep", "shown"),
+        [(45_300_000, 10**9, "  45 MB of 1 GB"), (400_000_000, 2 * 10**9, "0.4 of 2 GB"), (70, 0, " 30 GB")],
+    )
+    def test_what_is_written_shows_in_a_large_budget_and_without_one_only_its_own(self, robot, size, keep, shown):
+        one = structs.replace(WALK, size_bytes=size, keep_bytes=keep)
+        line = row(one, [each.name for each in robot], None, "/home/ann/logs", 80, NOW_NS)
+        assert shown in line
+        assert len(line) == 80
 
     def test_one_that_ended_by_itself_tells_why(self, robot):
         line = row(FULL, [each.name for each in robot], None, "/home/ann/logs", 80, NOW_NS)

@@ -139,6 +139,14 @@ def test_the_peak_is_the_highest_cell_of_its_plot_and_has_its_number(way):
     assert plot.left
 
 
+@pytest.mark.parametrize("hz", [50.0, 51.3, 51.7, 52.5])
+def test_the_axis_reaches_the_amplitude_that_is_told(hz):
+    found = spectrum_of(longest_piece(times(160), waves(160, (hz, 41.0))))
+    plot = big_plot.of_spectra([found], peaks_of(found), "linear", SIZE, None)
+    assert peaks_of(found)[0].amplitude == pytest.approx(41, rel=0.05)
+    assert max(float(word) for word in plot.left.values()) >= 40
+
+
 @pytest.mark.parametrize(("chosen", "signs"), [(None, ["1", "3"]), (1, ["[2]", "3"])])
 def test_a_number_that_has_no_room_beside_another_is_left_out(chosen, signs):
     found = spectrum_of(longest_piece(times(4000), waves(4000, (50.0, 2.0), (52.0, 2.0), (150.0, 0.2))))

@@ -32,8 +32,21 @@ def test_a_looping_buffer_is_told_by_its_samples_not_by_the_ticks_since_start(ne
     for _ in range(12_840):
         logger.collect()
     told = segment_holdings(SegmentReader(logger._present.path))
-    assert told == Holdings(12_840, 1, 1000, 9.99)
+    assert told == Holdings(12_840, 1, 1000, 9.99, most_s=9.99)
     assert told.text == "1000 samples of 1 element over 9.99 s, of 12840 ticks since start"
+
+
+def test_one_that_holds_all_makes_the_others_no_longer_than_they_are(new_logger):
+    times = iter(range(0, 10**12, 10_000_000))
+    logger = new_logger(max_time=40, clock=lambda: next(times))
+    logger.array("x", 3, size=1000)
+    logger.array("y", size=1000)
+    logger.array("kept", buffer="growing")
+    logger.start()
+    for _ in range(4000):
+        logger.collect()
+    told = segment_holdings(SegmentReader(logger._present.path)).text
+    assert told == "6000 samples of 3 elements over 40 s (most of them 9.99 s or less), of 4000 ticks since start"
 
 
 @pytest.mark.parametrize("ticks", [0, 3])

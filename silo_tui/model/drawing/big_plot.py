@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from silo.analysis.compute.spectra import Peak, Spectrum
+from silo.analysis.compute.spectra import Peak, Spectrum, peaks_of
 from silo.core.arrays.columns import bins_at, reduce
 from silo.core.arrays.values import Floats
 from silo_tui.model.drawing import axes, braille, dots
@@ -60,7 +60,7 @@ def of_spectra(
     """
     width, height = size
     top_hz = max(len(each.amplitudes) * each.step_hz for each in spectra)
-    curves = [_per_column(levels(each.amplitudes, way), each.step_hz, top_hz, 2 * width) for each in spectra]
+    curves = [_curve(each, way, top_hz, 2 * width) for each in spectra]
     low = min(float(np.nanmin(curve[0])) for curve in curves)
     high = max(float(np.nanmax(curve[1])) for curve in curves)
     if way == "log":
@@ -85,16 +85,27 @@ def of_spectra(
     return BigPlot(dots.lines_of(cells), owners, words, below, notes=notes, spots=tuple(spots))
 
 
-def _per_column(values: Floats, step_hz: float, top_hz: float, columns: int) -> tuple[Floats, Floats]:
-    """Smallest and largest level of the lines in each column; a straight line where there are fewer than columns."""
+def _curve(spectrum: Spectrum, way: str, top_hz: float, columns: int) -> tuple[Floats, Floats]:
+    """Smallest and largest level of the lines in each column; a straight line where there are fewer than columns.
+
+    Peaks are as high as they are told: a sine between two lines is higher than both.
+    """
+    peaks = peaks_of(spectrum)
+    found = levels(np.append(spectrum.amplitudes, [peak.amplitude for peak in peaks]), way)
+    values, tops = np.split(found, [len(spectrum.amplitudes)])
+    step_hz = spectrum.step_hz
     if len(values) < 2 * columns:
         at = (np.arange(columns) + 0.5) / columns * top_hz / step_hz - 1
-        line = np.interp(at, np.arange(len(values)), values, right=np.nan)
-        return line, line
-    ends = np.arange(columns) / columns * top_hz / step_hz
-    starts = np.minimum(ends.astype(np.intp), len(values) - 1)
-    found = reduce(values, bins_at(starts))
-    return found.low, found.high
+        low = np.interp(at, np.arange(len(values)), values, right=np.nan)
+        high = low.copy()
+    else:
+        ends = np.arange(columns) / columns * top_hz / step_hz
+        bins = reduce(values, bins_at(np.minimum(ends.astype(np.intp), len(values) - 1)))
+        low, high = bins.low, bins.high
+    for peak, top in zip(peaks, tops, strict=True):
+        column = min(columns - 1, int(peak.frequency_hz / top_hz * columns))
+        high[column] = np.fmax(high[column], top)
+    return low, high
 
 
 def _over_one_another(lit: Sequence[dots.Dots]) -> tuple[dots.Cells, Owners]:

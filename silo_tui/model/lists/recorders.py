@@ -80,19 +80,19 @@ def _room(width: int) -> int:
 
 
 def budget_text(one: RecorderInfo) -> str:
-    """Return a bar and `21 of 50 GB`; without a budget the size alone."""
+    """Return a bar and `21 of 50 GB`; without a budget what was written since it was started."""
     if not one.keep_bytes:
-        return f"{'':{BAR}} {size_text(one.size_bytes)}"
+        return f"{'':{BAR}} {size_text(one.written_bytes)}"
     return f"{text.bar(min(1.0, one.size_bytes / one.keep_bytes), BAR):{BAR}} {_of(one.size_bytes, one.keep_bytes)}"
 
 
 def _of(part: int, whole: int) -> str:
-    """Return two sizes in the unit of the larger one: `21 of 50 GB`, `0.4 of 2 GB`."""
+    """Return two sizes in the unit of the larger one where both show: `21 of 50 GB`, `0.4 of 2 GB`, `45 MB of 2 GB`."""
     unit, scale = next(
         ((unit, 10.0**power) for unit, power in (("GB", 9), ("MB", 6)) if whole >= 10**power), ("kB", 1e3)
     )
-    some = part / scale
-    return f"{some:.1f}".removesuffix(".0") + f" of {text.short(whole / scale, 3)} {unit}"
+    some = f"{part / scale:.1f}".removesuffix(".0") if not 0 < part < 0.1 * scale else size_text(float(f"{part:.2g}"))
+    return f"{some} of {text.short(whole / scale, 3)} {unit}"
 
 
 def _since(seconds: float) -> str:

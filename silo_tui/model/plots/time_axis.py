@@ -19,8 +19,10 @@ def axis_line(
     for share in (0.0, 0.25, 0.5, 0.75, 1.0):
         word = word_at(share)
         start = min(width - len(word), max(0, round(share * width) - (len(word) // 2 if 0 < share < 1 else 0)))
-        if all(char == " " for char in line[max(0, start - 1) : start + len(word) + 1]):
-            line[start : start + len(word)] = word.replace(" ", NO_BREAK)  # no letter goes in between
+        begin, end = max(0, start - 1), min(width, start + len(word) + 1)
+        if "".join(line[begin:end]).isspace():
+            line[begin:end] = NO_BREAK * (end - begin)  # no letter goes in between, nor right beside it
+            line[start : start + len(word)] = word.replace(" ", NO_BREAK)
     for cell, sign in [*cursors, *sorted(events.items(), key=lambda letter: RANK.index(letter[1]))]:
         if (free := _free_cell(line, cell, 0 if sign == "H" else FAR)) is not None:
             line[free] = sign

@@ -243,7 +243,7 @@ def diff_text(changes: Sequence[PendingChange], prefix: str = "", cost: Text | N
 
     `cost` stands behind the largest groups, where it is seen on a small terminal too.
     """
-    lines = groups_text(changes, prefix, 0, None if cost is None else LARGEST)
+    lines = groups_text(changes, prefix, end=MAX_GROUPS if cost is None else LARGEST)
     if cost is not None:
         lines.append_text(cost).append_text(groups_text(changes, prefix, LARGEST))
     for change in [change for change in changes if change.theirs is not None][:MAX_LINES]:
@@ -251,16 +251,15 @@ def diff_text(changes: Sequence[PendingChange], prefix: str = "", cost: Text | N
     return lines
 
 
-def groups_text(changes: Sequence[Change], prefix: str = "", begin: int = 0, end: int | None = None) -> Text:
-    """Return changes in groups, the largest first: those from `begin` to `end`, and how many come after."""
+def groups_text(changes: Sequence[Change], prefix: str = "", begin: int = 0, end: int = MAX_GROUPS) -> Text:
+    """Return changes in groups, the largest first: those from `begin` to `end`, and how many are listed nowhere."""
     lines = Text()
     groups = groups_of(changes, prefix)
-    end = min(len(groups), MAX_GROUPS if end is None else end)
     counted = len(str(groups[0].count)) if groups else 1
     for group in groups[begin:end]:
         lines.append(f"{group.count:>{counted}} × {group.pattern}", style="bold")
         lines.append(f"  {group.words}\n")
-    rest = sum(group.count for group in groups[end:])
+    rest = sum(group.count for group in groups[MAX_GROUPS:]) if end == MAX_GROUPS else 0
     if rest:
         lines.append(f"and {rest} more\n")
     return lines

@@ -205,7 +205,8 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             + big_plot.level_words(peak.amplitude, self.level, unit)
             for number, peak in enumerate(peaks, 1)
         ]
-        notes = [f"peak {words[0]}", *words[1:]] if words else ["no peak stands out"]
+        whose = self._letter(self.plots.index(plots[0]))  # nothing where it is the only one
+        notes = [f"{whose}peak {words[0]}", *words[1:]] if words else [f"{whose}no peak stands out"]
         rate = 1 / first.period_s
         notes.append(f"{text.compact(step)} Hz a line")
         notes.append(f"{duration(first.seconds)} of {text.short(rate)} Hz, jitter {text.span(first.jitter_s, 2)}")
@@ -339,7 +340,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             return
         peak = self._peaks[self._peak]
         level = big_plot.level_words(peak.amplitude, self.level, self.plots[0].element.unit)
-        self.say(f"peak {self._peak + 1}: {text.short(peak.frequency_hz, 6)} Hz, {level}")
+        self.say(f"{self._letter(0)}peak {self._peak + 1}: {text.short(peak.frequency_hz, 6)} Hz, {level}")
         self.draw_soon()
 
     def _move_cursor(self, cells: int) -> None:
