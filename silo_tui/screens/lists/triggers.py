@@ -108,8 +108,8 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         so_far = f", {ago(one.capturing_s)} so far" if one.capturing_s else ""
         return [
             *found,
-            f"{one.options.name} captures{so_far}: the file is written {post} after the last fire,"
-            f" at the latest at {latest}{ends}",
+            f"{one.options.name} captures{so_far}: the file is written {post} after the last fire, or"
+            f" after {latest}{ends}",
         ]
 
     # ------------------------------------------------------------------------------------------------- commands
