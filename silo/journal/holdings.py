@@ -45,7 +45,7 @@ class Holdings:
         if not self.samples:
             return f"no sample, of {ticks} since {self.since}"
         held = f"{many(self.samples, 'sample')} of {many(self.elements, 'element')}"
-        most = f" (most of them {duration(self.most_s)} or less)" if 2 * self.most_s < self.seconds else ""
+        most = f" (most of them {duration(self.most_s)} or less)" if 0 < 2 * self.most_s < self.seconds else ""
         return f"{held} over {duration(self.seconds)}{most}, of {ticks} since {self.since}"
 
 
