@@ -123,7 +123,7 @@ def _met_quickly(groups: Iterable[Equal], bad: Bad) -> dict[Path, _Met] | None:
             try:
                 _look(_message(text), (), met, number)
             except (ValueError, RecursionError) as error:
-                bad.append((np.array([number]), f"it is no JSON: {error}"))
+                bad.append((np.array([number]), _no_json(error)))
                 continue
             if any(len(one.counts.keys() - {"empty list"}) > 1 for one in met.values()):
                 return None
@@ -270,7 +270,11 @@ def _decoded(groups: Iterable[Equal], bad: Bad) -> Iterator[tuple[int, Any]]:
             try:
                 yield number, _message(row.tobytes())
             except (ValueError, RecursionError) as error:  # noqa: PERF203  # one by one, as each may be damaged
-                bad.append((np.array([number]), f"it is no JSON: {error}"))
+                bad.append((np.array([number]), _no_json(error)))
+
+
+def _no_json(error: Exception) -> str:
+    return f"it is no JSON: {error}"
 
 
 def _message(text: bytes) -> Any:
