@@ -403,6 +403,11 @@ class Session:
         self.measured_hz, self.ticks, self.lost_total = status.measured_hz, status.ticks, status.lost
         self.idle_s = status.idle_s
 
+    def _is_of_before(self, status: Status) -> bool:
+        """Whether a status that came with news was overtaken by the answer to a start or a stop."""
+        theirs, ours = ((one.started_ns, one.state is not State.RUNNING) for one in (status, self.status))
+        return theirs < ours
+
     async def take_event(self, event: Event) -> None:
         """Follow what happened in the logger."""
         self.conditions_due = self.conditions_due or event.kind in _CONDITION_KINDS
@@ -414,7 +419,7 @@ class Session:
             self.saves[event.job] = event
         if event.kind is EventKind.CRASHED:
             self.left_files = event.files
-        if event.status is not None:
+        if event.status is not None and not self._is_of_before(event.status):
             self.take_status(event.status)
         elif event.kind not in {EventKind.SAVING, EventKind.SCRIPT_SAVED, EventKind.SAVE_FAILED}:
             await self.refresh_status()

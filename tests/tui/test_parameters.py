@@ -174,6 +174,7 @@ async def test_one_is_excited_after_a_look_at_how_far_and_how_long_and_any_key_e
         await screen.do("parameters")
         await screen.shows("above ground")
         await screen.do("excite")
+        await screen.until(lambda: screen.app.screen.query(Input), "a line to type in")
         await screen.shows("0.4 to 0.54 in steps of 0.005 m")
         line = screen.app.screen.query_one(Input)
         assert line.value == "chirp 0.1-20Hz amplitude 0.015 for 20s"

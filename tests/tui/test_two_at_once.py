@@ -6,6 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from silo.core.arrays.columns import ColumnStore
+from silo.rpc.published import Event, EventKind
+from silo.state.requests import Unsaved
 from silo_tui.model.samples.held import HeldSource
 from silo_tui.model.samples.pinned import SLICES, PinnedSource
 
@@ -68,3 +70,20 @@ async def test_a_moment_that_two_go_to_is_pinned_once():
     assert asked == [90 * SECOND, 40 * SECOND]
     stretches = [(piece.begin_ns, piece.end_ns) for piece in source.pieces]
     assert stretches == [(40 * SECOND, 50 * SECOND), (90 * SECOND, 100 * SECOND)]
+
+
+async def test_news_of_before_a_start_that_arrive_after_its_answer_stop_nothing(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        session = screen.app.context.session
+        await session.stop()
+        stopped = fake.status()
+        fake.now_ns += 1_000_000
+        await session.start(Unsaved.DISCARD)
+        assert session.running
+        await session.take_event(Event(1, fake.now_ns, EventKind.STOPPED, "stopped", "", stopped))
+        assert session.running  # a question would offer what fits a stopped logger
+        started = fake.status()
+        await session.stop()
+        await session.take_event(Event(2, fake.now_ns, EventKind.STARTED, "started", "", started))
+        assert not session.running
