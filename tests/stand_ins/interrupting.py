@@ -17,6 +17,7 @@ class Interrupts:
         self._seen: dict[Place, None] = {}
         self._at: Place | None = None
         self._number = -1
+        self._ended = False
 
     def places(self, action: Callable[[], object]) -> list[Place]:
         """Every instruction that an action comes to, in their order."""
@@ -48,29 +49,67 @@ class Interrupts:
 
     @contextlib.contextmanager
     def _traced(self) -> Iterator[None]:
-        before = sys.gettrace()
-        sys.settrace(self._call)
-        try:
+        self._ended = False
+        with _stepped_through(self._concerns, self._come_to):
             yield
-        finally:
-            sys.settrace(before)
 
-    def _call(self, frame: FrameType, event: str, _: object) -> Any:
+    def _concerns(self, code: CodeType) -> bool:
         # each instruction that is stepped through costs a call: of the others' code none is looked at
-        if not self._watched(frame.f_code) if self._at is None else frame.f_code != self._at[0]:
+        return not self._ended and (self._watched(code) if self._at is None else code == self._at[0])
+
+    def _come_to(self, place: Place) -> None:
+        if self._ended:
+            return
+        if self._at is None:
+            self._seen.setdefault(place)
+        if place == self._at or len(self._seen) == self._number + 1:
+            self._ended = True
+            raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def _by_trace(concerns: Callable[[CodeType], bool], come_to: Callable[[Place], None]) -> Iterator[None]:
+    def called(frame: FrameType, event: str, _: object) -> Any:
+        if not concerns(frame.f_code):
             return None
         frame.f_trace_opcodes, frame.f_trace_lines = True, False
-        return self._step
+        return step
 
-    def _step(self, frame: FrameType, event: str, _: object) -> Any:
+    def step(frame: FrameType, event: str, _: object) -> Any:
         if event == "opcode":
-            place = frame.f_code, frame.f_lasti
-            if self._at is None:
-                self._seen.setdefault(place)
-                if len(self._seen) == self._number + 1:
-                    sys.settrace(None)
-                    raise KeyboardInterrupt
-            elif place == self._at:
-                sys.settrace(None)
-                raise KeyboardInterrupt
-        return self._step
+            come_to((frame.f_code, frame.f_lasti))
+        return step
+
+    before = sys.gettrace()
+    sys.settrace(called)
+    try:
+        yield
+    finally:
+        sys.settrace(before)
+
+
+@contextlib.contextmanager
+def _by_events(concerns: Callable[[CodeType], bool], come_to: Callable[[Place], None]) -> Iterator[None]:
+    """The same from Python 3.12 on, whose trace functions miss instructions of code that they stepped through before."""
+    python: Any = sys.monitoring  # type: ignore[attr-defined,unused-ignore]
+    events, tool, stepped = python.events, python.DEBUGGER_ID, []
+
+    def begun(code: CodeType, _: int) -> None:
+        if concerns(code) and code not in stepped:
+            stepped.append(code)
+            python.set_local_events(tool, code, events.INSTRUCTION)
+
+    python.use_tool_id(tool, __name__)
+    python.register_callback(tool, events.PY_START, begun)
+    python.register_callback(tool, events.INSTRUCTION, lambda code, offset: come_to((code, offset)))
+    python.set_events(tool, events.PY_START)
+    try:
+        yield
+    finally:
+        python.set_events(tool, 0)
+        for code in stepped:
+            python.set_local_events(tool, code, 0)
+        python.free_tool_id(tool)
+
+
+_stepped_through = _by_trace if sys.version_info < (3, 12) else _by_events

@@ -7,22 +7,26 @@ import numpy as np
 import pytest
 
 import silo
+from silo.core import runtime
+from silo.logger.current_run import CurrentRun
+from silo.logger.logger import Logger
+from silo.loop.run import Run
+from silo.segment import held_runs
+from silo.segment.writer import Segment
 from tests.stand_ins.interrupting import Interrupts
 from tests.stand_ins.ticking import Robot
 
+# the code that has a file or a descriptor in its hands
 OWNERS = {
-    "collecting/segment.py": {"make", "_fill", "_append_rows", "_append", "_allocate", "unlink", "open_read_only"},
-    "collecting/run.py": {"__init__", "begin", "drop", "reader"},
-    "collecting/held.py": {"hold"},
-    "logger/current_run.py": {"replace", "_begin", "_let_go", "_let_go_of_others", "drop"},
-    "logger/logger.py": {"start", "restart", "stop", "close", "_free", "_drop"},
-    "silo/core/runtime.py": {"open_into", "open_unfinished", "announce_segment", "withdraw_segment"},
+    owner.__code__
+    for owner in (
+        *(Segment.make, Segment._fill, Segment._append_rows, Segment._append, Segment._allocate, Segment.unlink),
+        *(Segment.open_read_only, Run.__init__, Run.begin, Run.drop, Run.reader.fget, held_runs.hold, held_runs.remove),
+        *(CurrentRun.replace, CurrentRun._begin, CurrentRun._let_go_of_others, CurrentRun.drop),
+        *(Logger.start, Logger.restart, Logger.stop, Logger.close, Logger._let_go, Logger._free, Logger._drop),
+        *(runtime.open_into, runtime.open_unfinished, runtime.announce_segment, runtime.withdraw_segment),
+    )
 }
-
-
-def holds(code):
-    """Whether this code has a file or a descriptor in its hands."""
-    return any(code.co_filename.endswith(file) and code.co_name in names for file, names in OWNERS.items())
 
 
 def left_over(folders):
@@ -68,7 +72,7 @@ def test_an_interrupt_anywhere_leaves_no_file_and_no_descriptor_after_close(tmp_
     (tmp_path / "logs").mkdir()
     monkeypatch.setenv("SILO_RUNTIME_DIR", str(runtime))
     before, action = ACTIONS[what]
-    interrupts = Interrupts(holds)
+    interrupts = Interrupts(OWNERS.__contains__)
     first = before(made(storage, tmp_path))
     places = interrupts.places(lambda: action(first))
     first.close(discard=True)
