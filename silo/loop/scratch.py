@@ -34,8 +34,8 @@ def _pack_format(source: Source) -> str | None:
 _MISSING = {
     "f": np.nan,
     "c": complex(np.nan, np.nan),
-    "M": np.datetime64("NaT"),
-    "m": np.timedelta64("NaT"),  # of no unit: NumPy before 2.3 casts one of another unit to a number
+    "M": "NaT",
+    "m": "NaT",  # as text: it has no unit that would be converted to that of the array
 }
 _MISSING_TEXTS = {"f": "NaN", "c": "NaN", "M": "NaT", "m": "NaT"}
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from types import CodeType, FrameType
 from typing import Any
@@ -90,18 +91,22 @@ def _by_trace(concerns: Callable[[CodeType], bool], come_to: Callable[[Place], N
 
 @contextlib.contextmanager
 def _by_events(concerns: Callable[[CodeType], bool], come_to: Callable[[Place], None]) -> Iterator[None]:
-    """The same from Python 3.12 on, whose trace functions miss instructions of code that they stepped through before."""
+    """The same from Python 3.12 on, whose trace functions miss instructions of code that was stepped through before."""
     python: Any = sys.monitoring  # type: ignore[attr-defined,unused-ignore]
-    events, tool, stepped = python.events, python.DEBUGGER_ID, []
+    events, tool, stepped, here = python.events, python.DEBUGGER_ID, [], threading.get_ident()
 
     def begun(code: CodeType, _: int) -> None:
         if concerns(code) and code not in stepped:
             stepped.append(code)
             python.set_local_events(tool, code, events.INSTRUCTION)
 
+    def step(code: CodeType, offset: int) -> None:
+        if threading.get_ident() == here:  # Ctrl-C comes to no other thread
+            come_to((code, offset))
+
     python.use_tool_id(tool, __name__)
     python.register_callback(tool, events.PY_START, begun)
-    python.register_callback(tool, events.INSTRUCTION, lambda code, offset: come_to((code, offset)))
+    python.register_callback(tool, events.INSTRUCTION, step)
     python.set_events(tool, events.PY_START)
     try:
         yield
