@@ -294,6 +294,8 @@ class SiloApp(Guarded, App[None]):
         async with self._news:
             await context.quietly(session.take_event(event))
         own = is_by(event.by, self._finder.own_name)  # whoever asked tells how it went
+        if event.kind is EventKind.CRASHED:
+            context.forget_news()
         if event.kind is EventKind.SAVE_FAILED and not own and not self.screen.is_modal:
             context.fail(event.text)
         elif event.kind not in QUIET_KINDS and not own:

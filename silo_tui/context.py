@@ -26,11 +26,11 @@ from silo_tui.sessions.live import Session
 from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import SettingsProblem
 from silo_tui.tour import Tour
+from silo_tui.widgets import messages
 from silo_tui.widgets.bars import OPENS, KeyBar, left_a_file
 from silo_tui.widgets.inputs import Fleeting
 from silo_tui.widgets.messages import MessageLine
 
-READ_S = 4.0  # so long news of the robot stand at least; then the next key takes them away
 MOST_TOLD = 500
 
 
@@ -125,6 +125,7 @@ class Context:
     def show_file(self, file: Session) -> None:
         """Make a file the open one, over the logger."""
         self._behind, self._session = self._session, file
+        self._unread.clear()
 
     def leave_file(self) -> None:
         """Go back to the logger, and to the screen from which the file was opened."""
@@ -257,9 +258,13 @@ class Context:
 
     def read_news(self) -> None:
         """Take news away that stood long enough: somebody goes on."""
-        if self._unread and time.time() - self._unread[-1].at_s >= READ_S:
-            self._unread.clear()
-            self.tell_upper(lambda screen: screen.show_news(self.news))
+        if self._unread and time.time() - self._unread[-1].at_s >= messages.READ_S:
+            self.forget_news()
+
+    def forget_news(self) -> None:
+        """Take news away that say no more what is: another thing is open, or the robot program is gone."""
+        self._unread.clear()
+        self.tell_upper(lambda screen: screen.show_news(self.news))
 
     def say_settings_problems(self) -> None:
         """Say once what of the settings file was left out."""
@@ -374,6 +379,8 @@ class SiloScreen(Leaving[None]):
             self._as_typed(command)
             return
         self.context.read_news()
+        for line in self.query(MessageLine):
+            line.read()
         if not self.context.allows(command):
             return
         places = (self, *self.parts, self.context.runner, self.app)

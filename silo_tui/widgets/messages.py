@@ -1,5 +1,6 @@
 """The lines of words above the keys: news of the robot, and below the facts of a screen and the answer to a key."""
 
+import time
 from collections.abc import Callable, Sequence
 
 from rich.cells import cell_len
@@ -18,6 +19,7 @@ from silo_tui.sessions.live import Session
 from silo_tui.theme import bold
 from silo_tui.widgets.bars import LONG, STATISTICS, FittingLine, LinePart
 
+READ_S = 4.0  # so long answers and news of the robot stand at least; then the next key takes them away
 HELD = "stands still 3 s after a key"
 MOST_ROWS = 3  # of news and an answer together: they stand over the rows that they are about
 
@@ -41,14 +43,20 @@ class MessageLine(FittingLine):
     def __init__(self) -> None:
         super().__init__()
         self.said = ""  # the answer to a key
+        self._said_s = 0.0  # monotonic, when
         self._failed = False
         self._news = ""
         self._rows = 1
 
     def say(self, words: str, *, failed: bool = False) -> None:
-        """Show an answer until the next one."""
-        self.said, self._failed = words, failed
+        """Show an answer until the next one, or until somebody goes on who had time to read it."""
+        self.said, self._failed, self._said_s = words, failed, time.monotonic()
         self.changed()
+
+    def read(self) -> None:
+        """Take an answer away that stood long enough: what it is about goes on, and may have ended."""
+        if self.said and time.monotonic() - self._said_s >= READ_S:
+            self.say("")
 
     def tell(self, news: str) -> None:
         """Show news of the robot above; empty: none any more."""

@@ -8,8 +8,8 @@ from textual import events
 
 from silo.core.elements import FileType, State
 from silo.rpc.published import EventKind
-from silo_tui import context
 from silo_tui.model.table.fields import Field
+from silo_tui.widgets import messages
 from tests.stand_ins.fake_logger import FakeClient
 from tests.stand_ins.fake_signals import scalar
 from tests.waiting import DEADLINE_S
@@ -301,7 +301,7 @@ async def test_a_logger_without_elements_and_no_logger_at_all_say_what_to_write_
 
 @pytest.mark.parametrize("keys", [(), ("m",), ("T",), ("m", "enter", "c")])
 async def test_news_of_the_robot_and_the_answer_to_a_key_have_a_line_each(fake, opened, monkeypatch, keys):
-    monkeypatch.setattr(context, "READ_S", 3600.0)
+    monkeypatch.setattr(messages, "READ_S", 3600.0)
     async with opened(fake.run(), size=(120, 30)) as screen:
         await screen.press(*keys)
         screen.app.context.upper_screen.say("an answer to a key")
@@ -312,9 +312,9 @@ async def test_news_of_the_robot_and_the_answer_to_a_key_have_a_line_each(fake, 
         assert "an answer to a key" in screen.text
         await screen.press("backslash", "escape")
         assert "bob@lab" in screen.text  # it may not have been read yet
-        monkeypatch.setattr(context, "READ_S", 0.0)
+        monkeypatch.setattr(messages, "READ_S", 0.0)
         await screen.press("backslash", "escape")
-        await screen.until(lambda: "bob@lab" not in screen.text)
+        await screen.until(lambda: "bob@lab" not in screen.text and "an answer to a key" not in screen.text)
 
 
 LONG = " ".join(f"word{number}" for number in range(30))

@@ -298,13 +298,19 @@ async def test_on_the_plots_of_a_dead_robot_enter_opens_what_it_left_and_why_is_
     async with opened(fake.run()) as screen:
         await screen.press("m")
         await screen.until(lambda: screen.app.screen.scope == "monitor", "the plots")
+        screen.app.context.hear("saved what was before")
+        await screen.shows("saved what was before")
         fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
         left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
         fake.publish(EventKind.CRASHED, fake.reason, files=left)
         await screen.shows("Enter opens it")
         assert screen.text.count("ended without close()") == 1
+        assert "saved what was before" not in screen.text
+        screen.app.context.hear("it was a battery")
+        await screen.shows("it was a battery")
         await screen.press("enter")
         await screen.until(lambda: screen.app.context.file_over_logger, "the file")
+        await screen.until(lambda: "RUN" not in screen.text and "battery" not in screen.text, "the file alone")
 
 
 async def test_what_a_dead_robot_left_here_is_opened_without_a_link_too(opened, fake, logs):
