@@ -97,9 +97,9 @@ def saving(client: Client, types: Sequence[FileType], name: str = "", timeout_s:
     return f"saved {told}", tuple(files)
 
 
-def loading(client: Client, path: str) -> Answer:
+def loading(client: Client, path: str, *, cut: bool = False) -> Answer:
     """Load a script of the robot's own folder."""
-    applied = client.load_script(path)
+    applied = client.load_script(path, cut=cut)
     unknown = f", {len(applied.unknown)} names of it unknown" if applied.unknown else ""
     return f"loaded {path or 'its script'}: {applied.changed} elements changed{unknown}", ()
 

@@ -160,22 +160,19 @@ class LoggerConditions(TakesConditions[None]):
             self.now = msgspec.structs.replace(self.now, triggers=kept)
             self._life.tell()
 
-    def apply_conditions(self, conditions: Conditions, edits: Sequence[Edit] = ()) -> None:
+    def apply_conditions(self, conditions: Conditions, edits: Sequence[Edit]) -> None:
         """Take derived signals, limits and triggers of a script in the place of all that there are; none forget them.
 
-        `edits` are what is about to be changed of the table. Raises ElementError, ExpressionError, StateError.
+        For who has the logger's lock, and tells of it; `edits` are what is about to be changed of the table. Raises
+        ElementError, ExpressionError.
         """
         from silo.settings.script_conditions import checked_conditions
 
-        with self._life.lock:
-            self._life.check_stopped("load a script")
-            options = {edit.name: edit.options for edit in edits}
-            planned = [
-                msgspec.structs.replace(info, options=options.get(info.name, info.options))
-                for info in self._table.infos
-            ]
-            self.take(checked_conditions(conditions, planned, self.options.prefix, self.options.frequency_hz))
-            self._life.tell()
+        options = {edit.name: edit.options for edit in edits}
+        planned = [
+            msgspec.structs.replace(info, options=options.get(info.name, info.options)) for info in self._table.infos
+        ]
+        self.take(checked_conditions(conditions, planned, self.options.prefix, self.options.frequency_hz))
 
     def warn_at_start(self, *, served: bool) -> None:
         """Tell at a start which triggers and limits can't do what they were set for."""

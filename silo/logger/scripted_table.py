@@ -393,23 +393,25 @@ class ScriptedTable:
             return changed
 
     @contextlib.contextmanager
-    def _changing(self, who: str = "", *, cut: bool) -> Iterator[None]:
-        """Have the table changed by what is done within: of a logger that stands still, or else (`cut`) at a cut."""
+    def _changing(self, who: str = "", *, cut: bool, what: str = "change elements") -> Iterator[None]:
+        """Have table and conditions changed by what is done within: of a logger that stands still, or else (`cut`)
+        while it runs, at a cut where elements change. `what` can't be done otherwise.
+        """
         with self._life.lock:
-            runs, before = cut and self._life.running, self._table.state
+            runs, before, conditions = cut and self._life.running, self._table.state, self._conditions.now
             if not runs:
-                self._life.check_stopped("change elements")
+                self._life.check_stopped(what)
             infos = self._table.infos
             try:
                 yield
-                if runs and self._table.state != before:
-                    new = [info.options for info in self._table.infos]
-                    told = [f"{one.name} {one.field} {one.old} -> {one.new}" for one in diff_options(infos, new)]
+                changes = diff_options(infos, [info.options for info in self._table.infos]) if runs else []
+                if changes:
+                    told = [f"{one.name} {one.field} {one.old} -> {one.new}" for one in changes]
                     more = [f"and {len(told) - MOST_TOLD_CHANGES} more"] if len(told) > MOST_TOLD_CHANGES else []
                     self._life.cut("; ".join(told[:MOST_TOLD_CHANGES] + more), who or self._options.name)
             except BaseException:
                 if runs:
-                    self._table.state = before
+                    self._table.state, self._conditions.now = before, conditions
                 raise
             self._life.tell()
 
@@ -446,10 +448,10 @@ class ScriptedTable:
     ) -> int:
         """Apply edits as one transaction, all or none, with `conditions` in the place of all; how many changed.
 
-        `cut`: also while the logger runs, as `set`, for whom is `who`; no conditions then. Raises StateError,
-        SegmentError, ElementError with a line for each reason: nothing was changed.
+        `cut`: also while the logger runs, as `set`, for whom is `who`. Raises StateError, SegmentError, ElementError
+        with a line for each reason: nothing was changed.
         """
-        with self._changing(who, cut=cut and conditions is None):
+        with self._changing(who, cut=cut):
             edits = edits_given(edits, self._table.infos, self._options.frequency_hz)
             problems = self._table.problems(edits)
             if problems:
@@ -460,24 +462,25 @@ class ScriptedTable:
             self._warn_of_size(changed)
             return changed
 
-    def load_script(self, path: str | os.PathLike[str] | None = None) -> list[str]:
+    def load_script(self, path: str | os.PathLike[str] | None = None, *, cut: bool = False) -> list[str]:
         """Configure all elements by a script.
 
         Args:
             path: the script; the logger's own if it is left out.
+            cut: load it while the logger runs, too, which goes on as changed, as by `set`.
 
         Returns:
             The names in it that the table lacks.
 
         Raises:
-            StateError: the logger runs.
+            StateError: the logger runs (without `cut`), or can't be cut now.
+            SegmentError: there is no room for another stretch; nothing is changed.
             ScriptError: the script has problems, one per line; nothing is changed then.
         """
         from silo.settings.script import apply_script, read_script
 
         file = self._script_path(path)
-        with self._life.lock:
-            self._life.check_stopped("load a script")
+        with self._changing(cut=switch("cut", cut), what="load a script"):
             script = read_script(file)
             plan = apply_script(script, self._table.infos, self._options.frequency_hz)
             conditions = self._conditions.now
@@ -489,7 +492,6 @@ class ScriptedTable:
                 conditions = self._conditions_of(script.conditions_beside(conditions), planned, file)
             self._table.change(dict(enumerate(plan.options)))
             self._conditions.take(conditions)
-            self._life.tell()
         for warning in script.warnings:
             log.warning("%s", warning)
         for words in plan.rates:

@@ -74,18 +74,20 @@ class ScriptRequests(Caller):
         """
 
     @change(lane=Lane.DISK)
-    def load_script(self, path: str = "", revision: int = -1) -> EditsApplied:
+    def load_script(self, path: str = "", revision: int = -1, cut: bool = False) -> EditsApplied:
         """Apply a script on the robot's side.
 
         Args:
             path: within the script folder; empty: the logger's own.
             revision: that of the table it is based on; -1: whichever.
+            cut: while the logger runs, too: it goes on as changed, in another stretch, as with `apply`.
 
         Returns:
             The new revision, how many elements changed, and the names that the table lacks.
 
         Raises:
-            RefusedError: the logger runs, or the script has problems; nothing was changed.
+            RefusedError: the logger runs (without `cut`) or can't be cut now, or the script has problems; nothing was
+                changed.
         """
 
     @change(lane=Lane.DISK, timeout_s=15.0)

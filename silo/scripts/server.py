@@ -53,24 +53,25 @@ class ScriptServer(Server, does=[requests]):
         conditions = diff_conditions(now, script.conditions_beside(now))
         return ScriptDiff(str(found), diff_options(table, plan.options), unknown, script.warnings, conditions)
 
-    def load_script(self, turn: Turn, path: str, revision: int) -> EditsApplied:
+    def load_script(self, turn: Turn, path: str, revision: int, cut: bool) -> EditsApplied:
         for _ in range(TRIES - 1):
             try:
-                return self._load(turn, path, revision)
+                return self._load(turn, path, revision, cut=cut)
             except RequestRefusedError as refused:  # noqa: PERF203  # once, as a rule
                 if revision != -1 or refused.why is not RefusedWhy.CONFLICT:
                     raise
             # The robot program changed its table on the way, and whoever asks means whatever table there is. The robot
             # process pushes its table before it answers, so the replica has it by now: compare the script anew.
-        return self._load(turn, path, revision)
+        return self._load(turn, path, revision, cut=cut)
 
-    def _load(self, turn: Turn, path: str, revision: int) -> EditsApplied:
+    def _load(self, turn: Turn, path: str, revision: int, *, cut: bool) -> EditsApplied:
         from silo.settings.script import apply_script, parse_script
         from silo.settings.script_conditions import conditions_text
 
         now = self.replica.now
         self.robot.must_live()
-        self.robot.must_stop()
+        if not cut:
+            self.robot.must_stop()
         found = script_folder.resolve(path, self._own_script)
         script = parse_script(script_folder.read_text(found), found)
         plan = apply_script(script, now.table.elements, self.replica.status().frequency_hz)
@@ -84,7 +85,8 @@ class ScriptServer(Server, does=[requests]):
         based_on = now.table.revision if revision == -1 else revision
         wanted = script.conditions_beside(now.robot.conditions)
         conditions = wanted if wanted != now.robot.conditions else None
-        applied = apply_edits(self.robot, turn, ApplyEdits(revision=based_on, edits=edits, conditions=conditions), now)
+        request = ApplyEdits(revision=based_on, edits=edits, conditions=conditions, cut=cut)
+        applied = apply_edits(self.robot, turn, request, now)
         text = f"script {found} loaded: {applied.changed} elements changed"
         if unknown:
             text += f", {len(unknown)} names are not in the table"

@@ -279,7 +279,8 @@ def _status(reply: StatusReply, told: Callable[[str], None] | None) -> Status:
 
 def refused_running() -> RequestRefusedError:
     """Return what is raised for an edit of a logger that runs."""
-    return RequestRefusedError(RefusedWhy.RUNNING, "the logger is running: stop it, then apply; nothing was changed")
+    text = "the logger is running: stop it first, or have it go on as changed (cut); nothing was changed"
+    return RequestRefusedError(RefusedWhy.RUNNING, text)
 
 
 def check_revision(request: ApplyEdits, revision: int) -> None:

@@ -57,12 +57,11 @@ class StateRobot(Server, does=[requests], robot=True):
     def apply_edits(self, request: ApplyEdits) -> EditsApplied:
         table = self.table
         with table.lock:
-            cut = request.cut and request.conditions is None
-            if self.logger.is_running and not cut:
+            if self.logger.is_running and not request.cut:
                 raise refused_running()
             check_revision(request, table.revision)
             check_none(table.problems(request.edits))
-            changed = table.apply(request.edits, request.conditions, cut=cut, who=request.client)
+            changed = table.apply(request.edits, request.conditions, cut=request.cut, who=request.client)
             large = large_text(table.elements) if changed else ""
             return EditsApplied(table.revision, changed, warnings=[large] if large else [])
 

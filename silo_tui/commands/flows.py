@@ -297,18 +297,20 @@ async def load_script(context: Context, path: str = "") -> None:
         body = f"{edits} stay pending on top of the script."
         if not await confirmed(context.app, "Load over pending edits?", body, "Load"):
             return
-    around, unsaved = session.running, Unsaved.REFUSE
-    if around:
-        body_text = Text(f"The logger runs, and a script is loaded while it stands still. {SPLIT}")
-        no, steps = Choice("", "Don't load"), "stop, load, start again"
-        answer = await _ask_around(context, "Stop, load, start again?", body_text, [no], steps, "y")
-        if answer is None or (answer == "save" and not await _stop_and_save(context)):
+    around, cut, unsaved = False, False, Unsaved.REFUSE
+    if session.running:
+        body_text = Text(f"The logger runs, and takes a script without losing a tick: Load and go on. {SPLIT}")
+        go_on = Choice("cut", "Load and go on: no tick is lost, what it has is saved", "g")
+        first, steps = [go_on, Choice("", "Don't load")], "stop, load, start again"
+        answer = await _ask_around(context, f"Load {name} while it runs?", body_text, first, steps, "y")
+        if not answer or (answer == "save" and not await _stop_and_save(context)):
             return
-        unsaved = _decided(answer)
-        if session.running:
+        cut, unsaved = answer == "cut", _decided(answer)
+        around = not cut
+        if around and session.running:
             await session.stop()
     try:
-        loaded = await link.call(lambda client: client.load_script(name))
+        loaded = await link.call(lambda client: client.load_script(name, cut=cut))
     finally:
         if around:
             await session.start(unsaved)
@@ -318,7 +320,8 @@ async def load_script(context: Context, path: str = "") -> None:
     context.table_changed()
     context.status_changed()
     unknown = f"; {len(loaded.unknown)} names of it are not in the table" if loaded.unknown else ""
-    context.say(f"loaded {name}: {many(loaded.changed, 'element')} changed{_conditions_words(conditions)}{unknown}")
+    told = f"{many(loaded.changed, 'element')} changed{_conditions_words(conditions)}{unknown}"
+    context.say(f"loaded {name}: {told}{'; it goes on' if cut else '; logging again' if around else ''}")
     _warn(context, loaded)
 
 

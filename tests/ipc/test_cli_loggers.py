@@ -328,6 +328,19 @@ def _is_done(client: Client, edits: list[silo.Edit]) -> bool:
         return False
 
 
+def test_a_script_is_loaded_while_it_runs_where_one_says_so(log: silo.Logger, command: Run) -> None:
+    log.set("q", divider=2)
+    log.save_script(Path(log.options.script).with_name("apart.yaml"))
+    log.set("q", divider=3)
+    log.start()
+    wait_until(lambda: log.ticks > 10)
+    shown = command("script", "load", "arm", "apart.yaml")
+    assert (shown.code, "go on as changed (cut)" in shown.err) == (1, True)
+    shown = command("script", "load", "arm", "apart.yaml", "--cut")
+    assert (shown.code, "1 element changed" in shown.out, log.is_running) == (0, True, True), shown.err
+    assert log["q"].options.divider == 2
+
+
 def test_restart_stops_changes_and_starts_again(log: silo.Logger, command: Run) -> None:
     log.start()
     shown = command("set", "*", "divider=2", "--restart", "--discard")

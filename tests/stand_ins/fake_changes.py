@@ -137,10 +137,10 @@ class FakeChanges:
         self.stop()
         return self.start(Unsaved.DISCARD)
 
-    def load_script(self, path: str = "", revision: int = -1) -> EditsApplied:
+    def load_script(self, path: str = "", revision: int = -1, cut: bool = False) -> EditsApplied:
         self._ask()
-        self.calls.append(("load_script", path))
-        self._check(revision)
+        self.calls.append(("load_script and go on" if cut else "load_script", path))
+        self._check(revision, stopped=not cut)
         script, plan = self._plan(path)
         changed = self._take(plan.options)
         if script.conditions is not None:

@@ -188,14 +188,22 @@ async def test_loading_an_unknown_script_says_so(fake, opened):
         await screen.shows("there is no script")
 
 
-async def test_a_running_logger_takes_a_script_only_around_a_stop(fake, opened):
+@pytest.mark.parametrize(
+    ("key", "calls", "told"),
+    [
+        ("g", ["load_script and go on"], "it goes on"), ("D", ["stop", "load_script", "start"], "logging again"),
+        ("escape", [], ""),
+    ],
+)  # fmt: skip
+async def test_a_running_logger_takes_a_script_and_goes_on_or_around_a_stop(fake, opened, key, calls, told):
     async with opened(fake.run(), size=(100, 30)) as screen:
         await screen.enter(":load quiet.yaml")
         await screen.shows("40 → 4")
         await screen.press("l")
-        await screen.shows("Stop, load, start again?")
-        await screen.press("D")
-        await screen.until(lambda: [call[0] for call in fake.calls] == ["stop", "load_script", "start"])
+        await screen.shows("Load quiet.yaml while it runs?")
+        await screen.press(key)
+        await screen.shows(told)
+        assert [call[0] for call in fake.calls] == calls
 
 
 async def test_an_existing_script_is_overwritten_only_when_asked(fake, opened):

@@ -201,6 +201,31 @@ def test_what_changes_nothing_cuts_nothing_and_a_stopped_logger_is_just_changed(
     assert len(logger._present.stretches) == 1
 
 
+def test_a_script_is_loaded_at_a_cut_with_its_conditions_or_not_at_all(new_logger, tmp_path):
+    logger = new_logger()
+    loop = Loop(logger)
+    (script := tmp_path / "walk.yaml").write_text(
+        "log_elements: [{name: /log/x, divider: 3}]\ntriggers: [{name: late, when: n > 300}]\n"
+    )
+    with pytest.raises(StateError, match="no tick yet"):
+        logger.load_script(script, cut=True)
+    assert (logger._conditions.now.triggers, logger["x"].options.divider) == ((), 1)
+    loop.turn(2)
+    with pytest.raises(StateError, match="can't load a script while logger 'test' runs"):
+        logger.load_script(script)
+    assert logger.load_script(script, cut=True) == []
+    assert ([one.name for one in logger._conditions.now.triggers], logger["x"].options.divider) == (["late"], 3)
+    assert len(logger._present.stretches) == 2
+    assert [one.name for one in logger._present.run.segment.schema.conditions.triggers] == ["late"]
+    logger.save_script(script)
+    logger.trigger("early", "n > 1")
+    loop.turn(3)
+    logger.load_script(script, cut=True)  # what is no element needs no other stretch
+    assert ([one.name for one in logger._conditions.now.triggers], len(logger._present.stretches)) == (["late"], 2)
+    logger.save()
+    loop.whole(tmp_path)
+
+
 @pytest.mark.parametrize("unsaved", ["clear", "save"])
 def test_counts_are_of_all_stretches_and_a_start_begins_anew(new_logger, tmp_path, unsaved):
     logger = new_logger()

@@ -116,14 +116,16 @@ def check(path: Path, logger: str | None) -> None:
 @script.command(short_help="Configure all elements by a script.")
 @_logger_and_path
 @click.option("-n", "--dry-run", is_flag=True, help="Only show what would change.")
+@click.option("--cut", is_flag=True, help="If it runs: load and go on, without a tick between.")
 @everyone_option
-def load(words: Target, dry_run: bool, everyone: bool) -> None:
-    """Configure all elements by a script; only while the logger is stopped.
+def load(words: Target, dry_run: bool, cut: bool, everyone: bool) -> None:
+    """Configure all elements by a script; while the logger runs only with --cut: it goes on as changed.
 
     \b
     Examples:
       silo script load demo walk.yaml
       silo script load demo walk.yaml --dry-run
+      silo script load demo walk.yaml --cut
       silo script load 'robot*/anymal' walk.yaml --all
     """
     logger, (path,) = words
@@ -132,13 +134,13 @@ def load(words: Target, dry_run: bool, everyone: bool) -> None:
     if not dry_run and (found := many_meant("load the script for", logger, everyone=everyone)) is not None:
         from silo.client.bulk import loading
 
-        carry_out("load", found, lambda client: loading(client, path))
+        carry_out("load", found, lambda client: loading(client, path, cut=cut))
         return
     with connect(logger) as client:
         if dry_run:
             _diff(client, path)
             return
-        applied = client.load_script(path)
+        applied = client.load_script(path, cut=cut)
     _warn(applied.warnings)
     _warn_unknown(applied.unknown)
     click.echo(f"loaded: {many(applied.changed, 'element')} changed (revision {applied.revision})")
