@@ -24,7 +24,7 @@ from silo.errors import SegmentError, StateError
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import bytes_of
 from silo.state.handover import offer_run
-from tests.waiting import freeze
+from tests.waiting import freeze, wait_until
 
 PROGRAM = """
 import os, signal, sys
@@ -218,6 +218,7 @@ def test_a_save_by_a_client_counts_for_the_robot_program_too(served, until):
     log.start()
     log.collect()
     with Client.connect("bot") as client:
+        wait_until(lambda: client.status().ticks)
         client.save([silo.types.FileType.SILO])
         until(lambda: not log.has_unsaved)
     log.collect()

@@ -16,6 +16,7 @@ def test_an_index_that_is_there_gets_what_is_saved_and_captured(bench, client, t
     bench.logger.trigger("high", "x > 50", pre="50ms", post="30ms")
     bench.logger.start()
     bench.ticks(100)
+    wait_until(lambda: client.status().ticks == 100)  # the helper process has learned of the start
     client.save(["silo", "csv"])
     found = wait_until(lambda: len(there := listed(tmp_path)) == 2 and there)
     assert all(path.startswith("logs/bot_") and path.endswith(".silo") for path in found)
@@ -24,6 +25,7 @@ def test_an_index_that_is_there_gets_what_is_saved_and_captured(bench, client, t
 def test_without_an_index_none_is_made(bench, client, tmp_path):
     bench.logger.start()
     bench.ticks(10)
+    wait_until(lambda: client.status().ticks == 10)
     client.save(["silo"])
     bench.logger.close()
     assert not list(tmp_path.rglob(NAME))
