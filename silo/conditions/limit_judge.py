@@ -355,11 +355,12 @@ def _status(one: _Limited, at: int) -> LimitStatus:
     if one.why:
         return LimitStatus(scalar.name, "", LimitWord.BLIND, one.unit, why=one.why).given(one.options)
     state, value = one.limit.states[at], float(one.newest[at])
+    seen = state.acknowledged
     word = LimitWord.BLIND if one.silent else _word(state, value)
     made = LimitStatus(
         scalar.name, one.options.name, word, one.unit, value if math.isfinite(value) else None,
         count=state.count, stale_count=state.stale_count, alarm=bool(state.alarm or state.stale_alarm),
-        seen_by=state.acknowledged.who if state.acknowledged else "",
+        seen_by=seen.who if seen else "", since_seen=state.count + state.stale_count - seen.count if seen else 0,
         why=(one.silent or "it has no value yet") if word is LimitWord.BLIND else "",
     ).given(one.options)  # fmt: skip
     return _with_worst(made, one.limit.rule, state, scalar.worst)

@@ -61,9 +61,9 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `limit` is the bound that is or was violated worst, and `worst` the value farthest beyond, `worst_word` the range it
     was in; None where no bound ever was. `count` and `stale_count` count violations and stale times of this run,
-    `samples` the samples of the newest violation. `alarm`: it was violated, and nobody has acknowledged it; else
-    `seen_by` tells who has. `since_ns` is when the newest violation began. `bounds` and what follows are those of
-    `SignalLimits`.
+    `samples` the samples of the newest violation. `alarm`: it was violated, and nobody has acknowledged that; `seen_by`
+    tells who acknowledged one last, `since_seen` how many violations and stale times began since. `since_ns` is when
+    the newest violation began. `bounds` and what follows are those of `SignalLimits`.
     """
 
     name: str
@@ -90,6 +90,14 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     hysteresis: float = 0.0
     stale_s: float = 0.0
     when: str = ""
+    since_seen: int = 0
+
+    @property
+    def seen(self) -> str:
+        """Who has seen it, and how often it came again since; NEW where nobody has."""
+        if not self.seen_by:
+            return "NEW" if self.alarm else ""
+        return f"{self.seen_by}, {self.since_seen} since" if self.alarm and self.since_seen else self.seen_by
 
     @property
     def options(self) -> SignalLimits:

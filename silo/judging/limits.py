@@ -105,15 +105,18 @@ class Violation:
 
 @dataclass(frozen=True)
 class Acknowledgement:
-    """Who has seen an alarm, and when."""
+    """Who has seen an alarm, when, and how many violations and stale times there were until then."""
 
     who: str
     time_ns: int
+    count: int = 0
 
 
 @dataclass
 class EntryState:
-    """How one scalar stands. `alarm` is the worst that is not acknowledged, GREEN where there is none."""
+    """How one scalar stands. `alarm` is the worst that is not acknowledged, GREEN where there is none; `acknowledged`
+    the newest time that somebody saw one.
+    """
 
     level: Level = Level.GREEN
     stale: bool = False
@@ -178,7 +181,7 @@ class Limit:
         alarms = [state for state in chosen if state.alarm or state.stale_alarm]
         for state in alarms:
             state.alarm, state.stale_alarm = Level.GREEN, False
-            state.acknowledged = Acknowledgement(who, time_ns)
+            state.acknowledged = Acknowledgement(who, time_ns, state.count + state.stale_count)
         return len(alarms)
 
     def worst(self) -> Level:
@@ -312,7 +315,7 @@ class Limit:
             return
         state.level, state.since_tick, state.opposite = level, tick, 0
         if abs(level) > abs(state.alarm):
-            state.alarm, state.acknowledged = level, None
+            state.alarm = level
 
     def _freshen(self, state: EntryState, time_ns: Ints, values: Floats, missing: NDArray[np.bool_]) -> None:
         """Note when values were new, and how often one came too late."""
@@ -339,7 +342,7 @@ class Limit:
     def _note_stale(self, state: EntryState, times: int) -> None:
         if times:
             state.stale_count += times
-            state.stale_alarm, state.acknowledged = True, None
+            state.stale_alarm = True
 
 
 def _count(state: EntryState, level: Level, samples: int) -> None:

@@ -103,7 +103,7 @@ class LimitMachine(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.tick = -1
-        self.acknowledged: list[tuple[str, int] | None] = [None, None]
+        self.acknowledged: list[tuple[str, int, int] | None] = [None, None]
         self.stale_alarms = [False, False]
 
     @initialize(
@@ -126,11 +126,9 @@ class LimitMachine(RuleBasedStateMachine):
         self.limit.feed(ticks, ticks * MS, np.array(rows), given)
         for at, tick in enumerate(ticks.tolist()):
             for entry, model in enumerate(self.models):
-                alarm, stale = model.alarm, model.stale_count
+                stale = model.stale_count
                 model.row(tick, rows[at][entry], None if context is None else context[at])
                 self.stale_alarms[entry] |= model.stale_count > stale
-                if abs(model.alarm) > abs(alarm) or model.stale_count > stale:
-                    self.acknowledged[entry] = None
         self.tick = int(ticks[-1])
 
     @rule(later=st.integers(0, 4))
@@ -139,7 +137,7 @@ class LimitMachine(RuleBasedStateMachine):
         for entry, model in enumerate(self.models):
             limit_ns = model.rule.stale_ns
             if limit_ns and not model.stale and model.fresh is not None and now_ns - model.fresh > limit_ns:
-                model.stale, self.stale_alarms[entry], self.acknowledged[entry] = True, True, None
+                model.stale = self.stale_alarms[entry] = True
                 model.stale_count += 1
                 found.append(entry)
         assert self.limit.check_stale(now_ns) == found
@@ -154,7 +152,8 @@ class LimitMachine(RuleBasedStateMachine):
         assert self.limit.acknowledge(who, self.tick, entries) == len(seen)
         for entry in seen:
             self.models[entry].alarm, self.stale_alarms[entry] = 0, False
-            self.acknowledged[entry] = (who, self.tick)
+            model = self.models[entry]
+            self.acknowledged[entry] = who, self.tick, len(model.violations) + model.stale_count
 
     @invariant()
     def it_stands_as_the_model_does(self) -> None:
@@ -167,7 +166,7 @@ class LimitMachine(RuleBasedStateMachine):
             assert (state.stale, state.stale_count, state.stale_alarm) == (model.stale, model.stale_count, stale)
             assert state.is_open == (model.open is not None)
             note = state.acknowledged
-            assert (note and (note.who, note.time_ns)) == seen
+            assert (note and (note.who, note.time_ns, note.count)) == seen
         assert self.limit.worst() == max((model.level for model in self.models), key=abs)
 
 

@@ -223,7 +223,7 @@ class TestLogger:
         log.derive("x", "mode")
         assert [one.name for one in log._conditions.now.derived] == ["/log/x"]
         with pytest.raises(silo.StateError):
-            log._conditions.apply_conditions(log._conditions.now)
+            log._scripted.apply([], log._conditions.now)
 
     def test_a_script_keeps_what_is_derived_and_limited(self, log, tmp_path):
         log.derive("twice", "2 * joints/q + 0 * mode", unit="°")

@@ -276,11 +276,23 @@ class TestScreens:
             await screen.press("enter")
             await screen.until(lambda: not screen.app.screen.is_modal)
 
-    async def test_without_an_alarm_it_says_so(self, fake, opened):
-        fake.limit_statuses = [LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0)]
+    async def test_limits_that_nothing_broke_have_a_line_below_what_is_over(self, fake, opened):
+        quiet = LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0, bounds=(None, 0.0, 2.5, None))
+        fake.limit_statuses = [quiet]
         async with opened(fake) as screen:
             await screen.press("A")
-            await screen.shows("Nothing over its limits. 1 watched, 0 blind")
+            await screen.shows("within L 0 H 2.5 │ 0 over limits now │ 1 limit")
+            fake.limit_statuses = [quiet, HOT]
+            await screen.press("r")
+            await screen.shows("86.31")
+            assert screen.text.index("86.31") < screen.text.index("OK /y")
+
+    async def test_an_alarm_that_came_again_says_who_saw_it_and_how_often_it_came_since(self, fake, opened):
+        fake.limit_statuses = [replace(HOT, seen_by="ann@pc", since_seen=2, count=5)]
+        async with opened(fake, size=(100, 24)) as screen:
+            await screen.press("A")
+            await screen.shows("    5  +2 ")
+            await screen.shows("2 × again since ann@pc saw it (e: persistence")
 
     async def test_an_element_beyond_its_limits_has_the_sign_in_the_table(self, fake, opened):
         name = fake.elements[0].name + fake.elements[0].entries[0].suffix

@@ -86,7 +86,7 @@ def _row(one: "LimitStatus") -> tuple[str, ...]:
         one.word.value, one.name, _number(one.value), _number(one.limit),
         f"{one.worst_word.value} {_number(one.worst)}" if one.worst is not None else "",
         clock_text(time.time() - one.since_ns / 1e9) if one.since_ns else "", str(count) if count else "",
-        "NEW" if one.alarm else one.seen_by,
+        one.seen,
     )  # fmt: skip
 
 

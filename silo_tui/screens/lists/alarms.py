@@ -13,6 +13,7 @@ from silo_tui.model.lists.conditions import IN_SPACE, alarms_words, limit_head, 
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.words.names import fitting_names_below
+from silo_tui.model.words.text import short
 from silo_tui.screens.dialogs.limits import ask_limits
 from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.screens.lists.conditions import ConditionsScreen
@@ -26,8 +27,12 @@ if TYPE_CHECKING:
 MOST_LINES = 500
 
 
+def _is_quiet(one: LimitStatus) -> bool:
+    return not one.violated and one.word is not LimitWord.BLIND
+
+
 class AlarmsScreen(ConditionsScreen[LimitStatus]):
-    """A line for each scalar that is or was over, and for what is blind."""
+    """A line for each scalar with limits: what is or was over, what is blind, then what was always within them."""
 
     scope = "alarms"
     orders = (
@@ -53,7 +58,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
 
     @property
     def _found(self) -> list[LimitStatus]:
-        return [one for one in self.session.limits if one.violated or one.word is LimitWord.BLIND]
+        return sorted(self.session.limits, key=_is_quiet)
 
     def key_of(self, one: LimitStatus) -> str:
         return one.name
@@ -63,18 +68,18 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         return [element] if element is not None else []
 
     def told(self, one: LimitStatus) -> str:
-        return f"{one.word.value} {self.session.short_name(one.name)} {'NEW' if one.alarm else one.seen_by} {one.why}"
+        return f"{one.word.value} {self.session.short_name(one.name)} {one.seen} {one.why}"
 
     def row_of(self, one: LimitStatus, width: int) -> Text:
         line = Text(limit_row(one, self._names[one.name], width))
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
         if one.is_over or one.word is LimitWord.BLIND:
             line.stylize(bold(self.app.theme_variables, "alarm" if red else "warning"), 2, 4)
+        elif _is_quiet(one):
+            line.stylize("dim")
         return line
 
     def none(self) -> str:
-        if watched := len(self.session.limits):
-            return f"Nothing over its limits. {watched} watched, 0 blind"
         return f"No limits. {key_of('alarm_new')} gives some"
 
     def words(self) -> str:
@@ -84,7 +89,14 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         if one.why:
             return f"{one.name} is blind: {one.why}"
         count, meaning = len(self._found), MEANINGS.get(one.word.value, "")
-        told = f"{meaning}{', seen by nobody yet' * one.alarm} │ " if meaning else ""
+        if _is_quiet(one):
+            told = zip(["LL", "L", "H", "HH"], one.bounds, strict=True)
+            meaning = f"within {' '.join(f'{word} {short(bound)}' for word, bound in told if bound is not None)}"
+        unseen = ", seen by nobody yet" if one.seen == "NEW" else ""
+        if one.alarm and one.since_seen:
+            way = f"{key_of('alarm_limits')}: persistence or hysteresis keep one quiet that flaps"
+            unseen = f", {one.since_seen} × again since {one.seen_by} saw it ({way})"
+        told = f"{meaning}{unseen} │ " if meaning or unseen else ""
         more = f"the first {MOST_LINES} of {count} │ " if count > MOST_LINES else ""
         return told + more + alarms_words(self.session.limits)
 
