@@ -188,6 +188,24 @@ class TestScreens:
             await screen.press("y")
             await screen.until(lambda: ("remove_limits", HOT.limits) in fake.calls)
 
+    async def test_a_form_tells_what_the_field_means_that_has_the_keys(self, fake, opened):
+        async with opened(fake) as screen:
+            await screen.press("A", "N")
+            await screen.shows("signal: a name as the table shows it")
+            await screen.press("tab")
+            await screen.shows("LL: red below this")
+
+    async def test_more_marked_alarms_than_plots_are_told(self, fake, opened):
+        names = [info.name + info.entries[0].suffix for info in fake.elements[:9]]
+        fake.limit_statuses = [LimitStatus(name, name, LimitWord.RED_HIGH, value=9.0, count=1) for name in names]
+        async with opened(fake) as screen:
+            await screen.press("A")
+            await screen.shows("/legs/LF/contact")
+            await screen.press("*")
+            await screen.shows("9 marked")
+            await screen.do("plot_conditions")
+            await screen.shows("the first 6 of 9 signals: mark others")
+
     async def test_limits_are_edited_from_what_they_are_and_keep_it(self, fake, opened):
         given = SignalLimits("/log/LF/HAA/torque", (None, None, 60.0, 80.0), 3, 1.0, 0.5, "x > 1")
         fake.limit_statuses = [HOT.given(given)]

@@ -181,7 +181,10 @@ async def test_above_a_dialog_the_bar_shows_the_keys_of_the_dialog(fake, opened)
     async with opened(fake) as screen:
         await screen.press("t", "q")
         await screen.shows("Quit without applying?")
-        await screen.shows("Enter Chooses")
+        await screen.until(lambda: screen.text.split("\n")[-1].startswith(" Enter "))
+        first = screen.text.split("\n")[-1]
+        await screen.press("j")
+        await screen.until(lambda: screen.text.split("\n")[-1] != first, "what Enter does at the next choice")
         await screen.press("escape")
         await screen.until(lambda: screen.app.screen.query_one(KeyBar)._instead == "")
         await screen.shows("? Help  q Quit")

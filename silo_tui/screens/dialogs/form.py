@@ -5,6 +5,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar
 
 from rich.text import Text
+from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
@@ -30,6 +31,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     AFTER_S: ClassVar[float] = 0.2  # since the last key, until what is typed is looked at
     EXPRESSION: ClassVar[str] = ""  # the label of a field that is one: mistakes of it have a place
+    ABOUT: ClassVar[Mapping[str, str]] = {}  # what a field means, by its label: told of the one that has the keys
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("escape", "leave", "Back", show=False)
     ]
@@ -60,6 +62,8 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
                         yield Input(
                             self._values.get(name, ""), placeholder=self._hints[name], compact=True, id=f"form-{name}"
                         )
+            if self.ABOUT:
+                yield Static("", id="form-about", classes="quiet", markup=False)
             yield Static("", id="form-told", markup=False)
             yield from self.below()
 
@@ -76,6 +80,12 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self.field(name).focus()
         self.tell(self._problem, "failed")
         self.look_soon()
+
+    def on_descendant_focus(self, event: events.DescendantFocus) -> None:
+        """Tell what the field means that has the keys now."""
+        name = str(event.widget.id).removeprefix("form-")
+        for line in self.query("#form-about").results(Static):
+            line.update(f"{name}: {self.ABOUT[name]}" if name in self.ABOUT else "")
 
     def field(self, name: str) -> Input:
         """Return the line of a label."""

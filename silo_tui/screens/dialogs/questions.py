@@ -3,6 +3,7 @@
 First stands what one most likely wants; where that loses or stops something, or is about many, what does nothing.
 """
 
+import re
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, cast
@@ -23,6 +24,7 @@ from silo_tui.modal import Choices, Dialog, run_alone
 from silo_tui.model.table.changes import Change, Cost, groups_of
 from silo_tui.model.table.state import PendingChange
 
+MOVES = "j k Move  PgDn PgUp Scroll  Esc Back"
 MAX_LINES = 400
 MAX_GROUPS = 60
 LARGEST = 2  # groups: at 80x24 what they cost stands below them
@@ -45,7 +47,7 @@ class Choice:
 class Question(Dialog[str | None]):
     """Asks; answers with the value of a choice, None on Esc. A long body scrolls."""
 
-    KEYS_HERE = "Enter Chooses  j k Move  PgDn PgUp Scroll  Esc Back"
+    KEYS_HERE = f"Enter Chooses  {MOVES}"
 
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("escape,q", "leave", "Back", show=False),
@@ -146,7 +148,11 @@ class Question(Dialog[str | None]):
         return super().dismiss(result or None)
 
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
-        """Tell more of the choice under the cursor."""
+        """Say what Enter does now, and tell more of the choice under the cursor."""
+        label = re.split(r"[:;,(]", self._choices[event.option_index].label)[0].strip()
+        self.KEYS_HERE = f"Enter {label}  {MOVES}"
+        if (screen := cast(Any, self.app).context.upper_screen) is not None:
+            screen.show_keys_above()
         if self._about is not None:
             run_alone(self, "about", self._tell, str(event.option.id), self._about)
 

@@ -13,6 +13,18 @@ HINTS = {
     "rearm": "else: the condition was false", "pre": "5s", "post": "1s", "persist": "20ms", "holdoff": "10s",
     "mode": "normal or single, rising", "save": "silo csv bag", "keep": "newest so many, 0 all",
 }  # fmt: skip
+ABOUT = {
+    "name": "what its captures are called: letters, digits, - and _",
+    "when": "it fires as this turns true: signals, numbers with units, and or not",
+    "rearm": "after it fired it waits until this is true once; empty: until 'when' was false",
+    "mode": "normal fires each time, single once; rising falling level enter leave: at which edge",
+    "pre": "so much before the moment is in the file, as far as the buffers hold it",
+    "post": "so much after the moment is in the file",
+    "persist": "'when' must be true for so long before it fires: 0 at once",
+    "holdoff": "after it fired nothing fires for so long: 0 at once again",
+    "save": "files of a capture: silo, csv, bag or several",
+    "keep": "so many of the newest captures stay, older ones are deleted: 0 keeps all",
+}
 
 
 async def ask_trigger(context: Context, made: TriggerOptions) -> None:
@@ -26,6 +38,7 @@ class TriggerEditor(Form[TriggerOptions]):
 
     KEYS_HERE = "Enter Sets it  Tab Next field  Esc Back"
     AFTER_S = 0.5
+    ABOUT = ABOUT
 
     def __init__(self, session: Session, options: TriggerOptions, *, is_new: bool, problem: str = "") -> None:
         where = f"on {session.name}"

@@ -90,8 +90,8 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
             return f"{one.name} is blind: {one.why}"
         count, meaning = len(self._found), MEANINGS.get(one.word.value, "")
         if _is_quiet(one):
-            told = zip(["LL", "L", "H", "HH"], one.bounds, strict=True)
-            meaning = f"within {' '.join(f'{word} {short(bound)}' for word, bound in told if bound is not None)}"
+            given = zip(("LL", "L", "H", "HH"), one.bounds, strict=True)
+            meaning = f"within {' '.join(f'{word} {short(bound)}' for word, bound in given if bound is not None)}"
         unseen = ", seen by nobody yet" if one.seen == "NEW" else ""
         if one.alarm and one.since_seen:
             way = f"{key_of('alarm_limits')}: persistence or hysteresis keep one quiet that flaps"

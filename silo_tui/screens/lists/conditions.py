@@ -104,8 +104,10 @@ class ConditionsScreen(ListScreen[Status]):
         from silo_tui.screens.plots.monitor import MonitorScreen
 
         source = LiveSource(self.session)
-        names = [name for name in dict.fromkeys(found) if source.element(name) is not None][:MOST_PLOTS]
+        names = [name for name in dict.fromkeys(found) if source.element(name) is not None]
         if names:
-            self.app.push_screen(MonitorScreen(self.session, source, names))
+            self.app.push_screen(MonitorScreen(self.session, source, names[:MOST_PLOTS]))
+            if len(names) > MOST_PLOTS:
+                self.context.say(f"the first {MOST_PLOTS} of {len(names)} signals: mark others to plot them")
         else:
             self.say("nothing of it can be plotted: it is no signal of the table")
