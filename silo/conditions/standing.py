@@ -94,10 +94,10 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def seen(self) -> str:
-        """Who has seen it, and how often it came again since; NEW where nobody has."""
-        if not self.seen_by:
-            return "NEW" if self.alarm else ""
-        return f"{self.seen_by}, {self.since_seen} since" if self.alarm and self.since_seen else self.seen_by
+        """Who has seen it, and how often it came again since; NEW where nobody has, or it became worse since."""
+        if not self.alarm:
+            return self.seen_by
+        return f"{self.seen_by}, {self.since_seen} since" if self.since_seen else "NEW"
 
     @property
     def options(self) -> SignalLimits:

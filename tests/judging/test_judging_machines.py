@@ -151,8 +151,8 @@ class LimitMachine(RuleBasedStateMachine):
         ]
         assert self.limit.acknowledge(who, self.tick, entries) == len(seen)
         for entry in seen:
-            self.models[entry].alarm, self.stale_alarms[entry] = 0, False
             model = self.models[entry]
+            model.alarm, self.stale_alarms[entry] = 0, False
             self.acknowledged[entry] = who, self.tick, len(model.violations) + model.stale_count
 
     @invariant()

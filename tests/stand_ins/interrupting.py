@@ -91,7 +91,7 @@ def _by_trace(concerns: Callable[[CodeType], bool], come_to: Callable[[Place], N
 
 @contextlib.contextmanager
 def _by_events(concerns: Callable[[CodeType], bool], come_to: Callable[[Place], None]) -> Iterator[None]:
-    """The same from Python 3.12 on, whose trace functions miss instructions of code that was stepped through before."""
+    """The same from Python 3.12 on; trace functions of 3.13 miss instructions of code stepped through before."""
     python: Any = sys.monitoring  # type: ignore[attr-defined,unused-ignore]
     events, tool, stepped, here = python.events, python.DEBUGGER_ID, [], threading.get_ident()
 

@@ -43,6 +43,17 @@ class TestWords:
         assert row.split() == ["HH", "/LF/HAA/torque", "84.2", "80", "86.31", "00:12", "2", "NEW"]
         assert len(row) <= 80
 
+    @pytest.mark.parametrize(
+        ("alarm", "seen_by", "since", "told"),
+        [
+            (True, "", 0, "NEW"), (True, "ann@pc", 2, "+2 ann"), (False, "ann@pc", 0, "ann"), (False, "", 0, "2"),
+            (True, "ann@pc", 0, "NEW"),  # the violation that was seen became a worse one
+        ],
+    )  # fmt: skip
+    def test_an_alarm_is_new_until_somebody_has_seen_it_as_it_is(self, alarm, seen_by, since, told):
+        row = limit_row(replace(HOT, alarm=alarm, seen_by=seen_by, since_seen=since), "/x", 80, NOW_NS)
+        assert row.split()[-len(told.split()) :] == told.split()
+
     def test_the_head_tells_the_worst_alarm_and_how_many_triggers_watch(self):
         assert head_words([FALL, BLIND], [HOT]) == (
             ("1 alarm HH", "HH 1"), True, ("1 trigger armed", "1 armed"),
@@ -310,7 +321,7 @@ class TestScreens:
         async with opened(fake, size=(100, 24)) as screen:
             await screen.press("A")
             await screen.shows("    5  +2 ")
-            await screen.shows("2 × again since ann@pc saw it (e: persistence")
+            await screen.shows("2 × again since ann@pc saw it (e: persist or")
 
     async def test_an_element_beyond_its_limits_has_the_sign_in_the_table(self, fake, opened):
         name = fake.elements[0].name + fake.elements[0].entries[0].suffix

@@ -192,7 +192,7 @@ async def test_loading_an_unknown_script_says_so(fake, opened):
     ("key", "calls", "told"),
     [
         ("g", ["load_script and go on"], "it goes on"), ("D", ["stop", "load_script", "start"], "logging again"),
-        ("escape", [], ""),
+        ("escape", [], "nothing was done"),
     ],
 )  # fmt: skip
 async def test_a_running_logger_takes_a_script_and_goes_on_or_around_a_stop(fake, opened, key, calls, told):

@@ -97,7 +97,7 @@ def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = Non
     else:
         since = ""
     again = f"+{one.since_seen} " if one.alarm and one.since_seen else ""
-    seen = f"{again}{one.seen_by.split('@')[0]}" if one.seen_by else one.seen
+    seen = f"{again}{(one.seen_by if again else one.seen).split('@')[0]}"
     count = one.count + one.stale_count
     stale = one.word is LimitWord.STALE
     told = {number for number in (one.value, one.worst, None if stale else one.limit) if number is not None}

@@ -2,7 +2,7 @@
 
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from silo.core.conditions import SignalLimits, TriggerOptions
 from silo.errors import SiloError
@@ -26,14 +26,6 @@ HINTS = {
     "signal": "joints/torque", **BOUNDS,
     "persist": "samples in a row: 1", "hyst": "ends so far inside: 0", "stale": "the same for: 0.5s",
     "when": "a condition that must hold",
-}  # fmt: skip
-ABOUT = {
-    "signal": "a name as the table shows it",
-    "LL": "red below this", "L": "yellow below this", "H": "yellow above this", "HH": "red above this",
-    "persist": "so many samples in a row beyond a bound make an alarm: 1 at the first",
-    "hyst": "an alarm ends only so far inside the bound, in its unit: calms one that flaps",
-    "stale": "an alarm where the value stays the same for so long: 0.5s; empty: never",
-    "when": "judged only while this holds, as controller/mode == WALK; empty: always",
 }  # fmt: skip
 HELP = "type a number into LL, L, H or HH (empty: no such bound), or a time into stale: so long it may stay the same"
 STALE = "no bound: it is an alarm where it stays the same for so long"
@@ -76,7 +68,14 @@ class LimitsDialog(Form[LimitsWish]):
 
     KEYS_HERE = "Enter Sets them  Tab Next field  Esc Back"
     AFTER_S = 0.5
-    ABOUT = ABOUT
+    ABOUT: ClassVar = {
+        "signal": "a name as the table shows it",
+        "LL": "red below this", "L": "yellow below this", "H": "yellow above this", "HH": "red above this",
+        "persist": "so many samples in a row beyond a bound make an alarm: 1 at the first",
+        "hyst": "an alarm ends only so far inside the bound, in its unit: calms one that flaps",
+        "stale": "an alarm where the value stays the same for so long: 0.5s; empty: never",
+        "when": "judged only while this holds, as controller/mode == WALK; empty: always",
+    }  # fmt: skip
 
     def __init__(self, session: Session, shown: str, name: str, limits: SignalLimits | None, problem: str = "") -> None:
         """`name` is the whole name of the signal that is `shown`; without one it is to be typed."""

@@ -1,5 +1,7 @@
 """Edit one trigger: lines for what it says, and below them what it would have done in all that is held."""
 
+from typing import ClassVar
+
 from silo.core.conditions import TriggerOptions
 from silo_tui.context import Context
 from silo_tui.model.lists.conditions import fields_of, options_of_fields, tried_lines
@@ -13,18 +15,6 @@ HINTS = {
     "rearm": "else: the condition was false", "pre": "5s", "post": "1s", "persist": "20ms", "holdoff": "10s",
     "mode": "normal or single, rising", "save": "silo csv bag", "keep": "newest so many, 0 all",
 }  # fmt: skip
-ABOUT = {
-    "name": "what its captures are called: letters, digits, - and _",
-    "when": "it fires as this turns true: signals, numbers with units, and or not",
-    "rearm": "after it fired it waits until this is true once; empty: until 'when' was false",
-    "mode": "normal fires each time, single once; rising falling level enter leave: at which edge",
-    "pre": "so much before the moment is in the file, as far as the buffers hold it",
-    "post": "so much after the moment is in the file",
-    "persist": "'when' must be true for so long before it fires: 0 at once",
-    "holdoff": "after it fired nothing fires for so long: 0 at once again",
-    "save": "files of a capture: silo, csv, bag or several",
-    "keep": "so many of the newest captures stay, older ones are deleted: 0 keeps all",
-}
 
 
 async def ask_trigger(context: Context, made: TriggerOptions) -> None:
@@ -38,7 +28,18 @@ class TriggerEditor(Form[TriggerOptions]):
 
     KEYS_HERE = "Enter Sets it  Tab Next field  Esc Back"
     AFTER_S = 0.5
-    ABOUT = ABOUT
+    ABOUT: ClassVar = {
+        "name": "stands in names of its files: letters and digits",
+        "when": "it fires as this turns true (see mode): signals, numbers with units, and or not",
+        "rearm": "after it fired it waits until this is true once; empty: until 'when' was false",
+        "mode": "normal each time, single once; then its edge: rising, falling, level",
+        "pre": "so much before the moment is in the file: the buffers must hold it",
+        "post": "so much after the moment is in the file",
+        "persist": "'when' must be true for so long before it fires: 0 at once",
+        "holdoff": "after it fired nothing fires for so long: 0 at once again",
+        "save": "files of a capture: silo, csv, bag or several",
+        "keep": "so many of the newest captures stay, older ones are deleted: 0 keeps all",
+    }
 
     def __init__(self, session: Session, options: TriggerOptions, *, is_new: bool, problem: str = "") -> None:
         where = f"on {session.name}"

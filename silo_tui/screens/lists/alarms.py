@@ -88,13 +88,13 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
             return ""
         if one.why:
             return f"{one.name} is blind: {one.why}"
-        count, meaning = len(self._found), MEANINGS.get(one.word.value, "")
+        count, meaning = len(self.session.limits), MEANINGS.get(one.word.value, "")
         if _is_quiet(one):
             given = zip(("LL", "L", "H", "HH"), one.bounds, strict=True)
             meaning = f"within {' '.join(f'{word} {short(bound)}' for word, bound in given if bound is not None)}"
         unseen = ", seen by nobody yet" if one.seen == "NEW" else ""
         if one.alarm and one.since_seen:
-            way = f"{key_of('alarm_limits')}: persistence or hysteresis keep one quiet that flaps"
+            way = f"{key_of('alarm_limits')}: persist or hyst keep one quiet that flaps"
             unseen = f", {one.since_seen} × again since {one.seen_by} saw it ({way})"
         told = f"{meaning}{unseen} │ " if meaning or unseen else ""
         more = f"the first {MOST_LINES} of {count} │ " if count > MOST_LINES else ""
