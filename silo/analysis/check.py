@@ -11,7 +11,7 @@ from silo.errors import ElementError
 from silo.expressions.binding import bind
 from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
 from silo.expressions.over_recordings import RecordingJudge, narrowed
-from silo.judging.definitions import bind_limits, rule_of, scalar_names
+from silo.judging.checks import bind_limits, rule_of, scalar_names
 from silo.judging.limits import Level, Limit, Violation
 
 UNCHANGED = "; nothing was changed"  # of errors that are none here

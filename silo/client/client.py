@@ -600,7 +600,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         some: Sequence[str] = (),
         some_quantities: Sequence[str] = (),
     ) -> Survey:
-        """Return quantities (of `silo.rpc.statistics.QUANTITIES`) of elements or entries; without names of all.
+        """Return quantities (of `silo.live.quantities.QUANTITIES`) of elements or entries; without names of all.
 
         Statistics are over all samples since this client asked first (`reset`: anew), and end when it hasn't asked for
         a minute. `derived`: without names, derived signals follow. `some` are those of which `some_quantities` are

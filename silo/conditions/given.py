@@ -62,7 +62,7 @@ class TakesConditions(Generic[DoneT]):
                 changed.
             GoesOnError: of a client: the robot program takes longer.
         """
-        from silo.judging.definitions import MOST_STALE_S, bounds_given, seconds
+        from silo.judging.checks import MOST_STALE_S, bounds_given, seconds
 
         name = text("the signal's name", name, 'limit("joints/tau", (-40, -30, 30, 40))')
         if bounds is None:
@@ -123,7 +123,7 @@ class TakesConditions(Generic[DoneT]):
             GoesOnError: of a client: the robot program takes longer.
         """
         from silo.files.formats import file_types
-        from silo.judging.definitions import MOST_TRIGGER_S, seconds
+        from silo.judging.checks import MOST_TRIGGER_S, seconds
 
         name = line("the trigger's name", name, _TRIGGER)
         if when is None:

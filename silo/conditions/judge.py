@@ -515,7 +515,7 @@ class LeasedTriggers(Leases[str, TriggerOptions]):
 
         Raises ElementError for what makes no sense beside the conditions and the table of the logger.
         """
-        from silo.judging.definitions import check_held, with_trigger
+        from silo.judging.checks import check_held, with_trigger
 
         real("lease_s of a trigger", lease_s, SHORTEST_LEASE_S, LONGEST_LEASE_S, "s")
         with self:

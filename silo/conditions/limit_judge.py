@@ -19,7 +19,7 @@ from silo.core.conditions import SignalLimits
 from silo.errors import ElementError
 from silo.expressions.binding import OFF, BoundExpression, BoundSignal, ScalarPlace, means_else
 from silo.expressions.evaluation import Evaluator, EvaluatorMemory, SourceRows
-from silo.judging.definitions import bind_limits, scalar_names
+from silo.judging.checks import bind_limits, scalar_names
 from silo.judging.limits import EntryState, Level, Limit, LimitRule, Violation
 
 TELL_AGAIN_S = 1.0  # a scalar that flutters is one event in so long

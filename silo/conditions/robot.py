@@ -36,7 +36,7 @@ class ConditionRobot(Server, does=[requests], robot=True):
     logger: ConditionsOfLogger
 
     def set_trigger(self, trigger: TriggerOptions, lease_s: float) -> str:
-        from silo.judging.definitions import fixed_text
+        from silo.judging.checks import fixed_text
         from silo.judging.switched_off import off_problem
 
         logger = self.logger

@@ -21,7 +21,7 @@ from silo.core.elements import ElementInfo
 from silo.errors import ElementError
 from silo.expressions.binding import BoundExpression, means_else
 from silo.expressions.evaluation import UNOBSERVABLE, Evaluator
-from silo.judging.definitions import trigger_rule
+from silo.judging.checks import trigger_rule
 from silo.judging.switched_off import trigger_conditions
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Trigger, TriggerMode, longest_capture
 from silo.segment.held_runs import program_of

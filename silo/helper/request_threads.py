@@ -1,6 +1,6 @@
 """The control threads: they take requests in, answer what only reads at once, and have the rest wait for its turn.
 
-What changes something, or reads gigabytes, is done in lanes (`silo.control.lanes`), so that a robot process that
+What changes something, or reads gigabytes, is done in lanes (`silo.helper.lanes`), so that a robot process that
 doesn't answer holds up no status, a recorder no mark, and a history no view.
 """
 
@@ -19,8 +19,8 @@ from silo.conditions.judge import Judge
 from silo.conditions.server import ConditionServer
 from silo.control.authentication import Authentication, attachment_of
 from silo.control.denials import Denials
-from silo.control.lanes import Lanes, Waiting, is_late
 from silo.control.server import ControlLock, ControlServer
+from silo.helper.lanes import Lanes, Waiting, is_late
 from silo.helper.robot_link import RobotLink, ending
 from silo.helper.saver import Saver
 from silo.history.server import HistoryServer

@@ -61,7 +61,7 @@ class CloseView(Ask[Done], frozen=True):
 
 
 class GetSurvey(SlowAsk[Survey], frozen=True):
-    """Quantities (`silo.rpc.statistics`) of some elements or entries, of all elements of the table without `names`.
+    """Quantities (`silo.live.quantities`) of some elements or entries, of all elements of the table without `names`.
 
     These are followed by its derived signals with `derived`. `some_quantities` of the elements and entries `some` come
     beside them, of the same samples: what stands in one row of a table is of one moment.

@@ -19,11 +19,11 @@ from silo.core.arrays.columns import Floats
 from silo.core.elements import BufferType, State
 from silo.errors import SegmentError
 from silo.live.newest import NewestValues
+from silo.live.quantities import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.live.requests import GetSurvey, Survey
 from silo.net.keys import may_use
 from silo.rpc.leases import Leases
 from silo.rpc.refusals import RefusedWhy, RequestRefusedError
-from silo.rpc.statistics import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.segment.layout import ElementSchema, EntrySchema
 from silo.segment.picking import RowPicker
 from silo.segment.reader import SegmentReader

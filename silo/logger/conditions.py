@@ -47,7 +47,7 @@ class LoggerConditions(TakesConditions[None]):
 
     def with_limits(self, info: ElementInfo, bounds: Sequence[float | None]) -> Conditions:
         """Return them with limits of an element that is about to be added. Raises ElementError."""
-        from silo.judging.definitions import bounds_given, with_limits
+        from silo.judging.checks import bounds_given, with_limits
 
         one = SignalLimits(info.name, bounds_given(info.name, bounds))
         return with_limits(self.now, one, [*self._table.all_infos, info], self.options.prefix)
@@ -70,7 +70,7 @@ class LoggerConditions(TakesConditions[None]):
             ElementError: the name is taken, or it would be computed from itself.
             StateError: the logger is closed.
         """
-        from silo.judging.definitions import with_derived
+        from silo.judging.checks import with_derived
 
         if expression is None:
             self._remove_derived(name)
@@ -92,7 +92,7 @@ class LoggerConditions(TakesConditions[None]):
             self._take_derived(with_derived(self.now, one, self._table.all_infos, prefix))
 
     def _remove_derived(self, name: str) -> None:
-        from silo.judging.definitions import without_derived
+        from silo.judging.checks import without_derived
 
         name = text("the signal's name", name, 'log.remove_derived("power")')
         with self._life.lock:
@@ -105,7 +105,7 @@ class LoggerConditions(TakesConditions[None]):
             self._life.tell()
 
     def _set_limits(self, limits: SignalLimits) -> None:
-        from silo.judging.definitions import with_limits
+        from silo.judging.checks import with_limits
 
         if not isinstance(limits, SignalLimits):
             raise ElementError(
@@ -129,7 +129,7 @@ class LoggerConditions(TakesConditions[None]):
 
     def _set_trigger(self, trigger: TriggerOptions) -> None:
         from silo.files.naming import check_name
-        from silo.judging.definitions import check_held, with_trigger
+        from silo.judging.checks import check_held, with_trigger
 
         if not isinstance(trigger, TriggerOptions):
             raise ElementError(
@@ -181,7 +181,7 @@ class LoggerConditions(TakesConditions[None]):
             log.warning("%s: limits are judged by the helper process, and there is none: call serve()", judged)
         if not self.now.triggers:
             return
-        from silo.judging.definitions import check_held
+        from silo.judging.checks import check_held
 
         names = ", ".join(one.name for one in self.now.triggers)
         if not served:

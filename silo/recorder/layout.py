@@ -25,7 +25,7 @@ from silo.files.bags.ros_types import STRING, Channel, MessageType, channels_of,
 from silo.files.bags.writer import MAX_CHANNELS, Utf8Entry, definitions, recording_facts, utf8_entry
 from silo.files.parts.metadata import EVENTS_RING, PART_VERSION, PartFacts, RingFacts
 from silo.files.texts import presentable
-from silo.judging.definitions import table_catalogue
+from silo.judging.checks import table_catalogue
 from silo.segment.layout import ElementSchema, SegmentSchema
 from silo.segment.rows import Rows
 

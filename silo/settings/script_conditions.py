@@ -216,7 +216,7 @@ def checked_conditions(
     conditions: Conditions, elements: Sequence[ElementInfo], prefix: str, frequency_hz: float
 ) -> Conditions:
     """Return conditions that fit a table. Raises ElementError for the first that doesn't."""
-    from silo.judging.definitions import check_held, with_derived, with_limits, with_trigger
+    from silo.judging.checks import check_held, with_derived, with_limits, with_trigger
 
     made = NO_CONDITIONS
     for derived in conditions.derived:

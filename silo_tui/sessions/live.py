@@ -15,12 +15,12 @@ from silo.core.conditions import TriggerOptions
 from silo.core.elements import LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
 from silo.errors import RefusedError
+from silo.live.quantities import SLOW, SLOW_SHARE
 from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import Recordings
 from silo.rpc.frames import Frame
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import RefusedWhy
-from silo.rpc.statistics import SLOW, SLOW_SHARE
 from silo.settings.typed import ElementSettings, apply_settings
 from silo.state.requests import EditsApplied, Unsaved
 from silo_tui.model.drawing.columns import ColumnStore

@@ -26,7 +26,7 @@ from silo.errors import ElementError, FileFormatError, LogWarning
 from silo.expressions.binding import bind
 from silo.expressions.evaluation import FALSE, TRUE, UNOBSERVABLE
 from silo.expressions.over_recordings import RecordingJudge
-from silo.judging.definitions import bind_limits, scalar_names, table_catalogue
+from silo.judging.checks import bind_limits, scalar_names, table_catalogue
 from silo_tui.model.drawing.columns import ColumnPiece
 from silo_tui.model.drawing.plots import trend
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow

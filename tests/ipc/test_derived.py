@@ -12,8 +12,8 @@ from silo.client.client import Client
 from silo.core.elements import Edit, RecorderState, State
 from silo.errors import RefusedError
 from silo.history.requests import OpenPin
+from silo.live.quantities import QUANTITIES
 from silo.rpc.published import EventKind
-from silo.rpc.statistics import QUANTITIES
 from tests.ipc.conftest import TICK_NS, Heard
 from tests.waiting import answered, wait_until
 

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 import zenoh
 
-from silo.control import lanes
 from silo.control.authentication import Authentication
 from silo.control.denials import Denials
 from silo.fleet.exchange import decode_reply, encoded
+from silo.helper import lanes
 from silo.helper.request_threads import RequestThreads
 from silo.net.keys import LOCAL_SENDER, Root
 from silo.net.session import close, open_client, open_server

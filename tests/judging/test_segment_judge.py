@@ -10,7 +10,7 @@ import silo
 import silo.core.conditions
 from silo.conditions.segment_judge import MOST_SPOOL_BYTES, SegmentJudge, try_trigger
 from silo.conditions.standing import TriggerWord
-from silo.judging.definitions import trigger_rule
+from silo.judging.checks import trigger_rule
 from silo.judging.triggers import NO_END
 from silo.segment.reader import SegmentReader
 

@@ -7,7 +7,7 @@ from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import Derived, SignalLimits, TriggerOptions, TriggerWord
 from silo.core.elements import join_name
 from silo.errors import ElementError
-from silo.judging.definitions import with_derived, without_derived
+from silo.judging.checks import with_derived, without_derived
 from silo.rpc.refusals import RefusedWhy
 from tests.stand_ins.fake_signals import refused
 

@@ -13,11 +13,11 @@ from silo.expressions.search import Finder, FoundMoments, Looking
 from silo.expressions.span import Between, between
 from silo.history.arrays import SampleArrays
 from silo.history.requests import PinOpened
+from silo.live.quantities import QUANTITIES
 from silo.live.requests import Survey
 from silo.rpc.frames import Frame
 from silo.rpc.published import NotLive
 from silo.rpc.refusals import RefusedWhy
-from silo.rpc.statistics import QUANTITIES
 from tests.stand_ins.fake_signals import HZ, held_ticks, refused, signal
 
 

@@ -9,7 +9,7 @@ from silo.core.conditions import Derived
 from silo.core.elements import Table
 from silo.errors import ElementError
 from silo.expressions.derived_signals import derived_infos
-from silo.rpc.statistics import LOST
+from silo.live.quantities import LOST
 from silo_tui.model.table import derived
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.cells import sign_of

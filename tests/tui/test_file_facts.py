@@ -6,7 +6,7 @@ import pytest
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.silo.writer import write_silo
-from silo.rpc.statistics import FROZEN, LOST, NOT_FINITE, SLOW
+from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW
 from silo_tui.model.table import file_facts
 from silo_tui.model.table.file_facts import FileFacts
 

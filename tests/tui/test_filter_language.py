@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from silo.core.elements import Table
-from silo.rpc.statistics import FROZEN, NOT_FINITE, SLOW
+from silo.live.quantities import FROZEN, NOT_FINITE, SLOW
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.fields import Field

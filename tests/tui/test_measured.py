@@ -7,7 +7,7 @@ import pytest
 
 from silo.conditions.standing import LimitStatus, LimitWord
 from silo.core.elements import ElementInfo, ElementOptions, Entry
-from silo.rpc.statistics import FROZEN, NOT_FINITE, SLOW
+from silo.live.quantities import FROZEN, NOT_FINITE, SLOW
 from silo_tui.model.samples.live import Reading, value_text
 from silo_tui.model.words import text
 from silo_tui.terminal.thinness import STEPS

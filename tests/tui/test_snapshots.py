@@ -13,11 +13,11 @@ from silo.core.elements import BufferType, Entry, FileType, RecorderState, State
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files.silo.writer import write_silo
 from silo.fleet.member import Member
+from silo.live.quantities import FROZEN, NOT_FINITE
 from silo.net.found import LoggerAddress
 from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
 from silo.rpc.published import Summary
-from silo.rpc.statistics import FROZEN, NOT_FINITE
 from silo_tui.app import SiloApp
 from silo_tui.layouts import files
 from silo_tui.layouts.layout import KeptLayout

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from silo.core.elements import Table
-from silo.rpc.statistics import FROZEN, NOT_FINITE
+from silo.live.quantities import FROZEN, NOT_FINITE
 from silo_tui.model.table.facts import Facts
 from silo_tui.model.table.rows import RowList
 from silo_tui.model.table.state import TableState

@@ -6,7 +6,7 @@ from silo.core.quantities.reading import read_keep, read_seconds, read_split
 from silo.core.quantities.writing import duration
 from silo.errors import ElementError
 from silo.journal.holdings import Holdings
-from silo.judging.definitions import seconds
+from silo.judging.checks import seconds
 from silo.settings.typed import read_settings
 
 

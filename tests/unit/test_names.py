@@ -13,7 +13,7 @@ from silo.core.elements import ElementInfo, ElementOptions, Entry, Table
 from silo.core.names import Names, begun, component_name, glob_of_regex, is_word, matching
 from silo.errors import ElementError, LogWarning, UnknownNameError
 from silo.expressions.binding import bind
-from silo.judging.definitions import table_catalogue
+from silo.judging.checks import table_catalogue
 from silo.rpc.words import full_name
 from silo_tui.model.lists.conditions import named_in
 from silo_tui.model.table import filter as filters

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from silo.conditions import state_file
-from silo.control.lanes import Lane
 from silo.core import runtime
 from silo.helper import dead_robot
+from silo.helper.lanes import Lane
 from silo.net import session
 
 ROOT = Path(__file__).resolve().parents[2]

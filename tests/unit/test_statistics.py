@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import silo
+from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.live.requests import GetSurvey, Survey
 from silo.live.statistics import Sums, Surveyor, Tally
 from silo.logger.serving.answers import robot_state
 from silo.rpc.refusals import Refused, answered
-from silo.rpc.statistics import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.segment.reader import SegmentReader
 from silo.state.replica import Replica
 from tests.waiting import wait_until

@@ -48,7 +48,7 @@ def _rule_options(command: "click.decorators.FC") -> "click.decorators.FC":
 def _made(name: str, when: str, pre: str, post: str, edge: str, rearm: str, persist: str, holdoff: str,
           mode: str = "normal", types: tuple[str, ...] = ("silo",), keep: int = 0) -> "TriggerOptions":  # fmt: skip
     from silo.core.conditions import TriggerOptions
-    from silo.judging.definitions import MOST_TRIGGER_S, seconds
+    from silo.judging.checks import MOST_TRIGGER_S, seconds
 
     def given(what: str, text: str) -> float:
         try:

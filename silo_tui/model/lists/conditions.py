@@ -159,7 +159,7 @@ def fields_of(one: TriggerOptions) -> dict[str, str]:
 
 def options_of_fields(fields: dict[str, str], before: TriggerOptions) -> TriggerOptions:
     """Return the trigger that lines say. Raises ElementError or ValueError, in words fit to show."""
-    from silo.judging.definitions import MOST_TRIGGER_S, seconds
+    from silo.judging.checks import MOST_TRIGGER_S, seconds
 
     def given(name: str) -> float:
         word = fields[name].strip().replace(" ", "") or "0"

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 from silo.core.conditions import SignalLimits
-from silo.judging.definitions import MOST_STALE_S, seconds
+from silo.judging.checks import MOST_STALE_S, seconds
 from silo_tui.model.plots.limits import Bounds4
 from silo_tui.model.words import text
 

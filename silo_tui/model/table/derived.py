@@ -7,7 +7,7 @@ from silo.core.elements import ElementInfo, join_name
 from silo.core.quantities.writing import many
 from silo.errors import ElementError
 from silo.expressions.derived_signals import derived_infos
-from silo.judging.definitions import with_derived
+from silo.judging.checks import with_derived
 from silo_tui.model.table.state import TableState
 
 

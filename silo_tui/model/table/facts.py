@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.columns import Floats
-from silo.rpc.statistics import FROZEN, LOST, NOT_FINITE, SLOW
+from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW
 
 # of limits, which the survey knows nothing of
 RED_HIGH, RED_LOW, YELLOW_HIGH, YELLOW_LOW = 1 << 16, 1 << 17, 1 << 18, 1 << 19

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from silo.core.arrays.columns import Floats
 from silo.core.recording import RecordedElement, Recording
-from silo.rpc.statistics import FROZEN_PERIODS, FROZEN_S, signs_of
+from silo.live.quantities import FROZEN_PERIODS, FROZEN_S, signs_of
 
 BLOCK = 1 << 16  # samples that are looked at together
 STATISTICS = ("min", "max", "mean", "std")

@@ -7,7 +7,7 @@ import numpy as np
 
 from silo.core.arrays.columns import Floats
 from silo.core.names import component_name
-from silo.rpc.statistics import NOT_FINITE
+from silo.live.quantities import NOT_FINITE
 from silo_tui.model.samples.live import has_norm
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.columns import LIVE_COLUMNS, NAME, TREE, TableColumn, orders_of

@@ -3,7 +3,7 @@
 from textual.widgets import Static
 
 from silo.expressions.binding import bind
-from silo.judging.definitions import table_catalogue
+from silo.judging.checks import table_catalogue
 from silo_tui.model.lists.conditions import tried_lines
 from silo_tui.model.samples.find import WORDS, Search, What
 from silo_tui.model.table import derived

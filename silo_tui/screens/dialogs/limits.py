@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from silo.core.conditions import SignalLimits, TriggerOptions
 from silo.errors import SiloError
-from silo.judging.definitions import rule_of
+from silo.judging.checks import rule_of
 from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.drawing.plots import draw, plots_of
 from silo_tui.model.drawing.window import PlotWindow

@@ -12,7 +12,7 @@ from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import SavedFile
 from silo.core.quantities.writing import many
 from silo.files.formats import kind_of
-from silo.judging.definitions import long_capture_s
+from silo.judging.checks import long_capture_s
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone
 from silo_tui.model.lists.conditions import CAUTION, LOUD, ago, name_width, named_in, times_head, trigger_row
