@@ -3,6 +3,7 @@
 import asyncio
 import inspect
 import time
+import traceback
 import unicodedata
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
@@ -306,9 +307,8 @@ async def _screen_of(app: SiloApp, size: tuple[int, int] = (80, 24)) -> AsyncIte
         screen = Screen(app, pilot)
         yield screen
         assert not app.screen_stack or screen.text is not None  # which is drawn here, where no test looks
-        assert not app.unforeseen.errors, (
-            app.unforeseen.errors
-        )  # which a user is told of, and a test must not pass over
+        # which a user is told of, and a test must not pass over
+        assert not app.unforeseen.errors, "".join(map("".join, map(traceback.format_exception, app.unforeseen.errors)))
         app.release()
         app.exit()  # as who uses it does: what works in it ends before its screens go
         await pilot.app._task

@@ -6,6 +6,7 @@ import pkgutil
 
 import numpy as np
 import pytest
+from textual.geometry import Size
 
 from silo.core.elements import BufferType, Entry, FileType
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
@@ -13,7 +14,9 @@ from silo.files import write
 from silo_tui import screens as every_screen
 from silo_tui.actions import COMMANDS, footer_for
 from silo_tui.commands import flows
+from silo_tui.modal import Choices
 from silo_tui.model.table.fields import Field
+from silo_tui.screens.dialogs.questions import Question
 from silo_tui.screens.table import TableScreen
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -431,6 +434,22 @@ async def test_every_choice_is_on_the_screen_however_few_words_stand_above(fake,
         await screen.press("pagedown")
         for choice in choices:
             assert choice in screen.text
+
+
+async def test_a_question_that_hears_of_its_size_before_its_choices_do_is_drawn_whole(fake, opened, monkeypatch):
+    laid_out, resized, sizes = Choices.container_size.fget, Question.on_resize, []
+
+    def early(question, event):
+        sizes.append(Size(0, 0))
+        resized(question, event)
+        sizes.clear()
+
+    monkeypatch.setattr(Question, "on_resize", early)
+    monkeypatch.setattr(Choices, "container_size", property(lambda each: sizes[0] if sizes else laid_out(each)))
+    async with opened(fake.run()) as screen:
+        await screen.press("N")
+        for choice in ("A trigger", "Limits", "A signal derived from it"):
+            await screen.shows(choice)
 
 
 class SlowDemo:

@@ -8,6 +8,7 @@ from textual.widgets import Input
 
 from silo.core.elements import BufferType
 from silo.history.requests import PinOpened
+from silo_tui.screens.dialogs.questions import Prompt
 from tests.stand_ins.fake_signals import HZ, START_NS, scalar, signal
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
@@ -372,6 +373,16 @@ async def test_a_crossing_is_offered_at_the_value_under_the_cursor(fake, opened)
         await screen.shows("Enter finds it")
         line = screen.app.screen.query_one(Input)
         await screen.until(lambda: line.value == "40", "the level of the spike")
+
+
+async def test_what_is_offered_before_the_line_is_drawn_stands_in_it(fake, opened):
+    async with opened(fake) as screen:
+        asked, answers = Prompt("Level", "of what", "", "20"), []
+        screen.app.push_screen(asked, answers.append)
+        asked.offer("40")
+        await screen.settled()
+        await screen.press("enter")
+        assert answers == ["40"]
 
 
 # ------------------------------------------------------------------------------------ when nothing could be pinned

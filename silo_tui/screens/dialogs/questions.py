@@ -6,6 +6,7 @@ First stands what one most likely wants; where that loses or stops something, or
 import re
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar, cast
 
 from rich.text import Text
@@ -114,11 +115,14 @@ class Question(Dialog[str | None]):
 
     def on_resize(self, event: events.Resize) -> None:
         """Let a long body scroll: the choices are always on the screen."""
-        if self._about is not None:
-            return
-        room = event.size.height * 9 // 10 - BORDER_AND_TITLE_ROWS
+        if self._about is None:
+            drawn = bool(self.query_one(OptionList).container_size)  # the size of the screen may come before theirs
+            (self._fit if drawn else partial(self.call_after_refresh, self._fit))(event.size.height)
+
+    def _fit(self, height: int) -> None:
+        room = height * 9 // 10 - BORDER_AND_TITLE_ROWS
         choices, body = self.query_one(OptionList), self.query(".dialog-body")
-        width = choices.container_size.width
+        width = max(1, choices.container_size.width)
         rows = sum(len(self._line(each).wrap(self.app.console, width)) for each in self._choices)
         for each in body:
             each.styles.max_height = max(3, room - rows)
@@ -206,8 +210,8 @@ class Prompt(Dialog[str | None]):
     ) -> None:
         """`label` says of what stands in the line what it is."""
         super().__init__()
-        self._check, self._label = check, label
-        self._title, self._body, self._value, self._placeholder = title, body, value, placeholder
+        self._check, self._label, self._title, self._body = check, label, title, body
+        self._line = Input(value, placeholder=placeholder, compact=True)
 
     def compose(self) -> ComposeResult:
         """Yield title, body, input."""
@@ -217,15 +221,14 @@ class Prompt(Dialog[str | None]):
             with Horizontal(classes="form-line"):
                 if self._label:
                     yield Static(self._label, classes="form-label")
-                yield Input(self._value, placeholder=self._placeholder, compact=True)
+                yield self._line
             yield Static("", id="line-problem", markup=False)
 
     def offer(self, value: str) -> None:
-        """Offer a value that came later, unless one is typed already."""
-        for line in self.query(Input):
-            if not line.value:
-                line.value = value
-                line.select_all()
+        """Offer a value that came later, be the line drawn or not, unless one is typed already."""
+        if not self._line.value:
+            self._line.value = value
+            self._line.select_all()
 
     def _take(self, line: str) -> None:
         try:
