@@ -68,12 +68,14 @@ def pytest_runtestloop() -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Two workers per processor, as the slow tests wait for processes half of their time.
+    """Three workers per processor, as the slow tests wait for processes; one for each GB of memory at most.
 
     None where tests are named by their file, as they begin sooner without.
     """
-    named = any(".py" in argument for argument in config.args)
-    return 0 if named else 2 * len(os.sched_getaffinity(0))
+    if any(".py" in argument for argument in config.args):
+        return 0
+    memory_gb = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") >> 30
+    return min(3 * len(os.sched_getaffinity(0)), max(1, memory_gb))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

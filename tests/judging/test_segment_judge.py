@@ -76,7 +76,7 @@ def test_captures_that_wait_to_be_written_leave_no_room_for_more_and_it_is_said(
 
 @pytest.mark.parametrize(
     ("what", "most", "bytes_most", "ticks_most"),
-    [("triggers.MOST_CAPTURE_BYTES", 2**16, 2**16, 10**9), ("definitions.LONG_CAPTURE_S", 0.1, 2**19, 2050 + 206)],
+    [("triggers.MOST_CAPTURE_BYTES", 2**16, 2**16, 10**9), ("checks.LONG_CAPTURE_S", 0.1, 2**19, 2050 + 206)],
 )
 def test_fires_without_end_close_a_capture_at_its_most_bytes_or_time_and_go_on_in_the_next(
     robot, monkeypatch, what, most, bytes_most, ticks_most

@@ -4,6 +4,7 @@ import pytest
 from msgspec import structs
 
 from silo.core.elements import RecorderState
+from silo.errors import RefusedError
 from silo.recorder.requests import RecorderInfo
 from silo_tui.model.lists.recorders import WritingPace, head, row
 
@@ -98,6 +99,24 @@ class TestScreens:
             await screen.press("escape")
             await screen.until(lambda: not screen.app.screen.is_modal)
             assert not fake.recorder_infos
+
+    async def test_what_was_typed_stands_in_the_lines_again_where_it_is_refused(self, fake, opened, monkeypatch):
+        def refused(*given):
+            raise RefusedError("the folder is outside of the logger's")
+
+        async with opened(fake) as screen:
+            monkeypatch.setattr(fake, "record", refused)
+            await screen.do("recordings", "record")
+            await screen.shows("72 signals")
+            await screen.press("tab")
+            await screen.enter("/tmp")
+            await screen.shows("the folder is outside of the logger's")
+            monkeypatch.undo()
+            await screen.press("tab")
+            assert screen.app.screen.fields["to"] == "/tmp"
+            await screen.press(*["backspace"] * 4)
+            await screen.enter("walks")
+            await screen.shows("recording 'robot' to /home/ann/logs/walks")
 
     async def test_typed_with_a_name_that_nobody_has_it_says_so(self, fake, opened):
         async with opened(fake) as screen:

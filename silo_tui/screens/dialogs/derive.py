@@ -1,14 +1,13 @@
 """Derived signals from the terminal: the lines that make or change one, and the question before one is forgotten."""
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from silo.core.conditions import Derived
 from silo.core.quantities.writing import many
-from silo.errors import RefusedError
 from silo_tui.context import Context
 from silo_tui.model.table import derived
-from silo_tui.screens.dialogs.form import Form
+from silo_tui.screens.dialogs.form import NUMBER, Form, taken
 from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.sessions.live import Session
 
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 
 LINES = (("name", "unit"), ("is",))
 HINTS = {"name": "power", "unit": "else as it follows", "is": "joints/torque * joints/velocity"}
-HELP = "signals, numbers with units, + - * ** and a / with blanks, abs sqrt sin prev diff rate mean min max any all"
 
 
 class DeriveDialog(Form[Derived]):
@@ -25,6 +23,11 @@ class DeriveDialog(Form[Derived]):
 
     KEYS_HERE = "Enter Derives it  Tab Next field  Esc Back"
     EXPRESSION = "is"
+    ABOUT: ClassVar = {
+        "name": "a row of the table, a topic and a column of files is called so",
+        "unit": "shown beside its values: 'kW' or '1'; empty: as it follows from those of its signals",
+        "is": "computed at each tick from what is logged: a name as the table shows it, or its end",
+    }
 
     def __init__(self, session: Session, one: Derived, *, is_new: bool, problem: str = "") -> None:
         name = session.short_name(one.name).lstrip("/")
@@ -46,7 +49,7 @@ class DeriveDialog(Form[Derived]):
     def _typed(self) -> Derived:
         fields = {name: typed.strip() for name, typed in self.fields.items()}
         if not fields["is"]:
-            raise ValueError(HELP)
+            raise ValueError(NUMBER)
         return Derived(fields["name"], fields["is"], fields["unit"])
 
     async def look(self) -> str:
@@ -57,21 +60,19 @@ class DeriveDialog(Form[Derived]):
 async def ask_derived(context: Context, session: Session, one: Derived) -> None:
     """Ask what is to be derived, have it derived, and go to its row."""
     is_new = not any(known.name == one.name for known in derived.present(session.table))
-    made, problem, said = one, "", ""
-    while not said:
-        answer = await context.app.push_screen_wait(DeriveDialog(session, made, is_new=is_new, problem=problem))
-        if answer is None:
-            return
-        made = answer
-        try:
-            said = await context.link.call(_deriving(made))
-        except RefusedError as error:
-            problem = str(error)
-    await session.reload()
-    row = session.table.row(derived.named(session.table, made.name).name)
-    if row is not None and not session.rows.move_to_row(row):
-        said += "; the filter hides it"
-    context.say(session.table.shown(said))
+
+    def form(made: Derived | None, problem: str) -> DeriveDialog:
+        return DeriveDialog(session, made or one, is_new=is_new, problem=problem)
+
+    async def send(made: Derived) -> None:
+        said = await context.link.call(_deriving(made))
+        await session.reload()
+        row = session.table.row(derived.named(session.table, made.name).name)
+        if row is not None and not session.rows.move_to_row(row):
+            said += "; the filter hides it"
+        context.say(session.table.shown(said))
+
+    await taken(context, form, send)
 
 
 def _deriving(made: Derived) -> "Callable[[Client], str]":

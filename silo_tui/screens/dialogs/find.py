@@ -7,7 +7,7 @@ from silo.judging.checks import table_catalogue
 from silo_tui.model.lists.conditions import tried_lines
 from silo_tui.model.samples.find import WORDS, Search, What
 from silo_tui.model.table import derived
-from silo_tui.screens.dialogs.form import Form
+from silo_tui.screens.dialogs.form import CONDITION, Form
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.sessions.live import Session
 
@@ -56,7 +56,7 @@ class ConditionDialog(Form[Search]):
         """Return the search; its signals are there. Raises ExpressionError with the place, ValueError for nothing."""
         typed, table = self.fields["when"].strip(), self._session.table
         if not typed:
-            raise ValueError("the condition: signals of the table, numbers with units, and or not, prev diff rate mean")
+            raise ValueError(CONDITION)
         bind(typed, table_catalogue(table.elements[: table.own], table.prefix, derived.present(table))).condition()
         return Search(What.CONDITION, condition=typed)
 

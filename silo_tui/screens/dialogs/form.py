@@ -13,6 +13,7 @@ from textual.timer import Timer
 from textual.widgets import Input, Static
 
 from silo.errors import ExpressionError, RefusedError, SiloError
+from silo.expressions.operations import FUNCTIONS
 from silo_tui.actions import BY_ID, key_of
 from silo_tui.modal import Dialog, run_alone
 
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from silo_tui.context import Context
 
 ResultT = TypeVar("ResultT")
+
+NUMBER = f"signals, numbers with units, + - * ** and a / with blanks, {' '.join(FUNCTIONS)}"
+CONDITION = f"the condition: signals, numbers with units, and or not, {' '.join(FUNCTIONS)}"
 
 
 class Form(Dialog[ResultT | None], Generic[ResultT]):

@@ -1,6 +1,7 @@
 """Endless recordings from the terminal: the lines that begin one, the questions that end one."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from silo.core.names import matching
 from silo.core.quantities.reading import read_keep, read_split
@@ -11,7 +12,7 @@ from silo_tui.context import Context
 from silo_tui.model.table.changes import cost_of
 from silo_tui.model.table.fields import Field
 from silo_tui.model.words import text
-from silo_tui.screens.dialogs.form import Form
+from silo_tui.screens.dialogs.form import Form, taken
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.sessions.live import Session
 
@@ -25,8 +26,9 @@ ALL, MARKED = "all", "marked"
 
 @dataclass(frozen=True)
 class Wish:
-    """What `Client.record` is to be asked for."""
+    """What `Client.record` is to be asked for; `signals` are the patterns as they were typed."""
 
+    signals: str
     patterns: tuple[str, ...]
     to: str
     split: str
@@ -38,10 +40,17 @@ class RecordDialog(Form[Wish]):
     """Answers with what is to be recorded on Enter."""
 
     KEYS_HERE = "Enter Records  Tab Next field  Esc Back"
+    ABOUT: ClassVar = {
+        "signals": "all, those that are marked, or names of the table, with * for any part of one",
+        "to": "a folder in that of the logger, on the robot; empty: recordings",
+        "name": "of the recording and its files; empty: the logger's",
+        "split": "a part is finished and the next begun after so much or so long; empty: never",
+        "keep": "beyond so much its own oldest parts are deleted; all: it stops when the disk is full",
+    }
 
-    def __init__(self, session: Session, free_bytes: int, signals: str = "") -> None:
-        begun = {"signals": signals or (MARKED if session.rows.marked_count else ALL), "split": "1GB"}
-        super().__init__(f"Record on {session.name}, until it is stopped", LINES, begun, HINTS)
+    def __init__(self, session: Session, free_bytes: int, begun: Wish, problem: str = "") -> None:
+        values = {name: getattr(begun, name) for names in LINES for name in names}
+        super().__init__(f"Record on {session.name}, until it is stopped", LINES, values, HINTS, problem)
         self._session, self._free_bytes = session, free_bytes
 
     def on_mount(self) -> None:
@@ -71,7 +80,7 @@ class RecordDialog(Form[Wish]):
         keep = "" if keep == ALL else keep
         read_split(split)
         read_keep(keep)
-        return Wish(self._patterns(), self._value("to"), split, keep, self._value("name"))
+        return Wish(self._value("signals"), self._patterns(), self._value("to"), split, keep, self._value("name"))
 
     async def look(self) -> str:
         """Return how many signals that are, how fast the files grow, and for how long there is room."""
@@ -100,15 +109,20 @@ class RecordDialog(Form[Wish]):
 
 async def begin(context: Context, session: Session, free_bytes: int, signals: str = "") -> None:
     """Ask what is to be recorded, `signals` at first, and have it recorded."""
-    wish = await context.app.push_screen_wait(RecordDialog(session, free_bytes, signals))
-    if wish is None:
-        return
-    started = await context.link.call(
-        lambda client: client.record(wish.patterns, wish.to, wish.split, wish.keep, wish.name)
-    )
-    await _look(session)
-    warned = f"; {started.text}" if started.text and not session.running else ""  # a run that begins tells it
-    context.say(f"recording '{started.name}' to {started.folder}{warned}")
+    first = Wish(signals or (MARKED if session.rows.marked_count else ALL), (), "", "1GB", "", "")
+
+    def form(wish: Wish | None, problem: str) -> RecordDialog:
+        return RecordDialog(session, free_bytes, wish or first, problem)
+
+    async def send(wish: Wish) -> None:
+        started = await context.link.call(
+            lambda client: client.record(wish.patterns, wish.to, wish.split, wish.keep, wish.name)
+        )
+        await _look(session)
+        warned = f"; {started.text}" if started.text and not session.running else ""  # a run that begins tells it
+        context.say(f"recording '{started.name}' to {started.folder}{warned}")
+
+    await taken(context, form, send)
 
 
 async def end(context: Context, session: Session) -> None:

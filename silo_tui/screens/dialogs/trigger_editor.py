@@ -5,7 +5,7 @@ from typing import ClassVar
 from silo.core.conditions import TriggerOptions
 from silo_tui.context import Context
 from silo_tui.model.lists.conditions import fields_of, options_of_fields, tried_lines
-from silo_tui.screens.dialogs.form import Form, taken, told
+from silo_tui.screens.dialogs.form import CONDITION, Form, taken, told
 from silo_tui.sessions.live import Session
 
 UNNAMED = "name it before Enter: the name stands in names of files"
@@ -57,7 +57,7 @@ class TriggerEditor(Form[TriggerOptions]):
         """Return what it would have done."""
         fields = self.fields
         if not fields["when"].strip():
-            return "the condition: signals, numbers with units, and or not, prev diff rate mean min max any all"
+            return CONDITION
         unnamed = not fields["name"].strip()  # the condition counts while there is no name yet
         made = options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
         tried = await self._session.tried(made)
