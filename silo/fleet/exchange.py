@@ -95,18 +95,21 @@ def root_at(borrowed: SessionLease, found: LoggerAddress, timeout_s: float) -> k
 
 
 def those_there(mine: SessionLease, alive: str, timeout_s: float) -> list[keys.Root]:
-    """Return whose tokens are there, sorted.
+    """Return whose tokens are there, sorted: who is told of now, and whom those see who follow it in the same session.
 
-    Beside a subscription in the same session the end of an answer may overtake a part of it (1 of 42 tokens came): it
-    is asked again there until nobody new is told.
+    Beside a subscription the end of an answer may overtake a part of it: 1, or 5, of 42 tokens came.
     """
-    seen: set[keys.Root] = set()
-    while True:
-        replies = mine.session.liveliness().get(alive, timeout=timeout_s + mine.slack_s)
-        told = {keys.robot_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None} - {None, *seen}
-        seen |= {root for root in told if root is not None}
-        if not told or not mine.followed.is_set():
-            return sorted(seen)
+    wanted = zenoh.KeyExpr(alive)
+    seen = {root for here in list(mine.followed.values()) for root in list(here.values())}
+    followed = {root for root in seen if wanted.intersects(zenoh.KeyExpr(root.key("alive")))}
+    return sorted(those_told(mine, alive, timeout_s) | followed)
+
+
+def those_told(mine: SessionLease, alive: str, timeout_s: float) -> set[keys.Root]:
+    """Return of whose tokens one question is told."""
+    replies = mine.session.liveliness().get(alive, timeout=timeout_s + mine.slack_s)
+    roots = (keys.robot_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None)
+    return {root for root in roots if root is not None}
 
 
 def payload_of(reply: zenoh.Reply, key: str) -> bytes | None:

@@ -17,7 +17,7 @@ import msgspec
 import zenoh
 
 from silo.errors import ConnectionLostError, SiloError, VersionError
-from silo.fleet.exchange import client_name, decode_reply, root_at, those_there
+from silo.fleet.exchange import client_name, decode_reply, root_at, those_there, those_told
 from silo.fleet.many import POLL_S as ANSWERED_S
 from silo.fleet.many import Asking
 from silo.fleet.member import HELPER_DOWN, NO_ANSWER, OTHER_SILO, Member
@@ -441,7 +441,8 @@ class FleetLink:
             there = [root_at(mine, self._found, self._plan.answer_s)]
         else:
             there = who_is_there(mine, keys.ANY_ALIVE, self._plan.answer_s)
-        asking = Asking(mine, self._plan.answer_s)
+        # who began to follow in the same session just now has every answer be overtaken for a while
+        asking = Asking(mine, self._plan.answer_s, patient=bool(mine.followed))
         routers = self._ask_routers(mine)
         self._come(there, asking)
         while asking.count or (routers is not None and not routers.done):
@@ -465,11 +466,12 @@ class FleetLink:
                 # Those that are there already have an end, which a subscription has not. Until Zenoh has come to terms
                 # with a subscription it tells who asks that nobody is there: 29 of 40 sessions, for up to 0.2 s.
                 there = those_there(mine, alive, answer_s)
-                mine.followed.set()
                 tokens = session.liveliness().declare_subscriber(alive, zenoh.handlers.RingChannel(MOST), history=True)
                 declared.append(tokens)
                 news = _history(tokens, there, SETTLED_S + mine.slack_s)
                 _settle(mine, alive, len(there), answer_s)
+                self._note(there)
+                mine.followed[self] = self._here
             asking = Asking(mine, answer_s)
             routers = self._ask_routers(mine)
             looked_s = 0.0
@@ -482,11 +484,10 @@ class FleetLink:
                 elif not self._told.attentive and summaries is not None:
                     undeclare(summaries)
                     summaries = None
-                self._come(there, asking)
                 while (sample := tokens.try_recv()) is not None:
                     news.append(sample)
                 self._take_tokens(news, asking)
-                there, news = [], []
+                news = []
                 if summaries is not None:
                     self._take_summaries(summaries)
                 self._take_answers(asking)
@@ -500,6 +501,7 @@ class FleetLink:
                 self.again.wait(idle_s if not asking.count else POLL_S / 10)
                 self.again.clear()
         finally:
+            mine.followed.pop(self, None)
             undeclare(*declared, summaries)
 
     def _problem(self, session: zenoh.Session) -> SiloError | None:
@@ -532,6 +534,13 @@ class FleetLink:
         return LoggerAddress.behind(self._name, root)
 
     def _come(self, roots: Iterable[keys.Root], asking: Asking) -> None:
+        new = self._note(roots)
+        if self._told.attentive:
+            for key in new:
+                self._ask(key, asking)
+
+    def _note(self, roots: Iterable[keys.Root]) -> list[str]:
+        """Note who is there; return the keys of those who were not."""
         now_s, changes = time.monotonic(), []
         for root in roots:
             key = self._key(root)
@@ -540,9 +549,7 @@ class FleetLink:
                 changes.append((key, _coming(self._found_at(root), now_s)))
         if changes:
             self._told.change(changes)
-        if self._told.attentive:
-            for key, _ in changes:
-                self._ask(key, asking)
+        return [key for key, _ in changes]
 
     def _lose(self, gone: list[str]) -> None:
         now_s = time.monotonic()
@@ -649,7 +656,7 @@ def _nobody_there(config: str, session: zenoh.Session) -> str:
 def _settle(mine: SessionLease, alive: str, count: int, timeout_s: float) -> None:
     """Wait until who asks is told of so many again; one that went meanwhile is waited for no longer than that takes."""
     until_s = time.monotonic() + SETTLED_S + mine.slack_s
-    while len(those_there(mine, alive, timeout_s)) < count and time.monotonic() < until_s:
+    while len(those_told(mine, alive, timeout_s)) < count and time.monotonic() < until_s:
         time.sleep(POLL_S / 10)
 
 

@@ -2,6 +2,7 @@
 
 import time
 from collections import deque
+from itertools import chain, repeat
 from typing import Any
 
 import zenoh
@@ -18,10 +19,20 @@ POLL_S = 0.002
 
 
 class Pending:
-    """A request whose answer nobody waits for: it is looked at when it has come."""
+    """A request whose answer nobody waits for: it is looked at when it has come.
+
+    One that only reads and ends without an answer is asked again a few times, a `patient` one until its time is up.
+    """
 
     def __init__(
-        self, mine: SessionLease, root: Root, request: Request[Any], timeout_s: float, clock: TheirClock = UNKNOWN
+        self,
+        mine: SessionLease,
+        root: Root,
+        request: Request[Any],
+        timeout_s: float,
+        clock: TheirClock = UNKNOWN,
+        *,
+        patient: bool = False,
     ) -> None:
         timeout_s += mine.slack_s
         self._session = mine.session
@@ -29,6 +40,8 @@ class Pending:
         self._payload = encoded(request, clock.after(timeout_s))
         self._proof = mine.proof if request.key == Do.key else None
         self._pauses_s = iter(AGAIN_S if request.key != Do.key else ())
+        if patient and request.key != Do.key:
+            self._pauses_s = chain(self._pauses_s, repeat(AGAIN_S[-1]))
         self._until_s = time.monotonic() + timeout_s
         self._again_s: float | None = None  # when it is asked again
         self._ask()
@@ -55,7 +68,7 @@ class Pending:
                     return True, payload
         except zenoh.ZError:  # no more will come
             pause_s = next(self._pauses_s, None)
-            if pause_s is None:
+            if pause_s is None or time.monotonic() + pause_s > self._until_s:
                 return True, None
             self._again_s = time.monotonic() + pause_s
         return False, None
@@ -64,8 +77,9 @@ class Pending:
 class Asking:
     """Requests to loggers by their keys, so many under way over one session that a round trip serves them all."""
 
-    def __init__(self, mine: SessionLease, timeout_s: float) -> None:
-        self._mine, self._timeout_s = mine, timeout_s
+    def __init__(self, mine: SessionLease, timeout_s: float, *, patient: bool = False) -> None:
+        """Who is `patient` asks those again that have no answer at once, until their time is up."""
+        self._mine, self._timeout_s, self._patient = mine, timeout_s, patient
         self._waiting: deque[tuple[str, Root, Request[Any]]] = deque()
         self._under_way: dict[str, Pending] = {}
 
@@ -77,7 +91,7 @@ class Asking:
     def _send(self) -> None:
         while self._waiting and len(self._under_way) < AT_ONCE:
             key, root, request = self._waiting.popleft()
-            self._under_way[key] = Pending(self._mine, root, request, self._timeout_s)
+            self._under_way[key] = Pending(self._mine, root, request, self._timeout_s, patient=self._patient)
 
     @property
     def count(self) -> int:

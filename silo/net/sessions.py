@@ -7,7 +7,7 @@ and is closed when the last of its users gives it back.
 import logging
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,7 +34,7 @@ class _Shared:
     rtt_s: float = 0.0
     users: int = 0
     looking: threading.Lock = field(default_factory=threading.Lock)
-    followed: threading.Event = field(default_factory=threading.Event)
+    followed: dict[object, Mapping[str, keys.Root]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class SessionLease:
     """A session to talk through, and the round trip time of its link in s, 0 on this computer.
 
     Changes go out under the name `user`; with `proof` where a group shares the socket. `looking` is held while somebody
-    asks who is there, or begins to follow that; `followed` is set once somebody did.
+    asks who is there, or begins to follow that; `followed` has whom those see who follow it.
     """
 
     session: zenoh.Session
@@ -52,7 +52,7 @@ class SessionLease:
     proof: bytes | None = None
     identity: str = ""  # by which a logger tells operators apart
     looking: threading.Lock = field(default_factory=threading.Lock)
-    followed: threading.Event = field(default_factory=threading.Event)
+    followed: dict[object, Mapping[str, keys.Root]] = field(default_factory=dict)
 
     @property
     def slack_s(self) -> float:

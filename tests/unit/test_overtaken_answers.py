@@ -88,6 +88,21 @@ def test_of_many_who_are_asked_at_a_time_those_whose_answers_were_overtaken_are_
     assert (session.asked, asking.count) == (overtaken + 1, 0)
 
 
+def test_who_asks_many_patiently_asks_until_the_time_is_up_and_sends_a_change_once():
+    session, found = Session(*[[]] * (len(AGAIN_S) + 2), [answer()]), []
+    asking = Asking(lease(session), 60.0, patient=True)
+    asking.add("anymal", ROOT, GetSummary())
+    wait_until(lambda: found.extend(asking.poll()) or found)
+    assert [(key, payload is not None) for key, payload in found] == [("anymal", True)]
+    for request, timeout_s in ((GetSummary(), 0.5), (Start(), 60.0)):
+        session, found = Session(), []
+        asking = Asking(lease(session), timeout_s, patient=True)
+        asking.add("anymal", ROOT, request)
+        wait_until(lambda asking=asking, found=found: found.extend(asking.poll()) or found)
+        assert found == [("anymal", None)]
+    assert session.asked == 1
+
+
 def test_of_many_who_are_asked_one_that_is_gone_comes_to_an_end_and_a_change_is_sent_once():
     for request, times in ((GetSummary(), 1 + len(AGAIN_S)), (Start(), 1)):
         session, found = Session(), []
@@ -97,14 +112,16 @@ def test_of_many_who_are_asked_one_that_is_gone_comes_to_an_end_and_a_change_is_
         assert (found, session.asked) == ([("anymal", None)], times)
 
 
-def test_beside_a_follower_it_is_looked_until_nobody_new_is_told():
+def test_beside_a_follower_whom_it_sees_is_there_though_the_end_of_the_answer_came_first():
     roots = [Root("robot3", "leg", f"{number:010x}") for number in range(4)]
     tokens = [reply(root.key("alive")) for root in roots]
-    followed = lease(Session(tokens[1:2], tokens[:3], tokens[2:], []))
-    assert those_there(followed, "silo/**/alive", 2.0) == roots[1:2]  # nobody follows: one round trip
-    followed = lease(Session(tokens[1:2], tokens[:3], tokens[2:], []))
-    followed.followed.set()
-    assert those_there(followed, "silo/**/alive", 2.0) == roots
+    alone = lease(Session(tokens[1:2]))
+    assert those_there(alone, "silo/**/alive", 2.0) == roots[1:2]
+    beside = lease(Session(tokens[1:2], tokens[1:2]))
+    beside.followed["somebody"] = {str(root): root for root in [*roots[:1], *roots[2:]]}
+    assert those_there(beside, "silo/**/alive", 2.0) == roots
+    beside.followed["somebody"] = {"arm": Root("robot3", "arm", "0" * 10)}
+    assert those_there(beside, "silo/*/leg/alive", 2.0) == roots[1:2]
 
 
 def test_a_session_that_ends_while_it_is_asked_again_is_told():
