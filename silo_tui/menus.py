@@ -141,7 +141,10 @@ class MenuReader:
         count = max(-(-len(entries) // MOST_ROWS), min(3, width // LEAST_COLUMN, len(entries)))
         rows, column = -(-len(entries) // count), width // count
         title = BY_ID[self._menu].help.removeprefix("the menu of ")
-        title += f"  (now: {of_all.pop()})" if len(of_all) == 1 and "" not in of_all else ""
+        if len(of_all) == 1:
+            title += f"  (now: {one})" if (one := of_all.pop()) else ""
+        else:
+            title += "  brackets: not now"
         leaves = f"{key_of('back')} back"
         picture = Text(f"{key_of(self._menu)}  {title}", style="bold", no_wrap=True)
         picture.truncate(width - len(leaves) - 2, overflow="ellipsis")

@@ -477,4 +477,5 @@ async def test_while_the_demo_starts_nobody_is_told_that_no_logger_runs(opened):
         assert "No logger is running" not in screen.text
         demo.said = "The demo ended with exit code 1:\nno room"
         await screen.shows("The demo ended with exit code 1")
+        assert screen.text.index("no room") < screen.text.index("No logger is running")  # first what is wrong
         await screen.shows("No logger is running")

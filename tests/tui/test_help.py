@@ -10,7 +10,7 @@ from silo_tui.model.table.columns import COLUMNS
 from silo_tui.model.table.facts import OLD, SIGNS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.filter import TERMS
-from silo_tui.screens.lists.help import _NUMBER, column_count, entries, page
+from silo_tui.screens.lists.help import _NUMBER, GAP, column_count, entries, page
 
 SCOPES = sorted({scope for command in COMMANDS for scope in command.scopes} - {"any"})
 
@@ -30,6 +30,23 @@ def test_no_word_of_help_is_out_of_sight(scope, width):
 @pytest.mark.parametrize(("width", "count"), [(80, 2), (119, 2), (120, 3), (160, 3), (60, 1)])
 def test_there_are_three_columns_from_120(width, count):
     assert column_count(width) == count
+
+
+@pytest.mark.parametrize("width", [60, 80, 120, 160])
+@pytest.mark.parametrize("scope", SCOPES)
+def test_each_column_begins_with_a_title_and_none_is_much_longer_than_the_others(scope, width):
+    found = entries(scope, everywhere=False)
+    first, *rest = page(found, width).plain.split("\n")
+    groups, count = {entry.group for entry in found}, column_count(width)
+    step = (width - 2 - GAP * (count - 1)) // count + GAP
+    titles = [first[1 + step * column :][:step].strip() for column in range(count)]
+    assert {title.removesuffix(" (more)") for title in titles} <= groups
+    assert (" (more)" not in titles[0], len(set(titles))) == (True, count)
+    if count > 1:
+        heights = [
+            max(row for row, line in enumerate(rest) if line[1 + step * at :][:step].strip()) for at in range(count)
+        ]
+        assert max(heights) - min(heights) <= max(12, max(heights) // 3)
 
 
 @pytest.mark.parametrize("scope", SCOPES)

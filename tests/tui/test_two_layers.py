@@ -121,6 +121,7 @@ async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(fake, o
         await screen.until(lambda: drawn(screen))
         assert "Divider: 1" in drawn(screen)
         assert "(x) Discard: none waits" in drawn(screen)
+        assert "brackets: not now" in drawn(screen)
         await screen.press("k")
         await screen.shows("k is not in the menu")
         assert screen.session.rows.position == 0

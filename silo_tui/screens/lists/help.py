@@ -144,23 +144,36 @@ def page(found: Iterable[HelpLine], width: int, chosen: HelpLine | None = None) 
     count = column_count(width)
     room = (width - 2 - GAP * (count - 1)) // count
     key_room = min(max((cell_len(entry.left) for entry in found if entry.group != "Commands"), default=0), room // 3)
-    lines: list[Text] = []
-    group = ""
-    for entry in found:
-        if entry.group != group:
-            group = entry.group
-            lines += [Text(""), Text(group, style="underline")] if lines else [Text(group, style="underline")]
-        lines += _lines(entry, key_room, room, is_chosen=entry is chosen)
-    height = -(-len(lines) // count)
+    columns = _columns(
+        [(entry.group, _lines(entry, key_room, room, is_chosen=entry is chosen)) for entry in found], count
+    )
+    height = max(map(len, columns))
     made = []
     for row in range(height):
         line = Text(" ")
-        for column in range(count):
-            place = column * height + row
-            cell = lines[place] if place < len(lines) else Text("")
+        for column, lines in enumerate(columns):
+            cell = lines[row] if row < len(lines) else Text("")
             line.append_text(cell).append(" " * (room - cell.cell_len + GAP * (column < count - 1)))
         made.append(line)
     return Text("\n").join(made)
+
+
+def _columns(entries: Sequence[tuple[str, list[Text]]], count: int) -> list[list[Text]]:
+    """Return the lines of entries with the titles of their groups, as so many columns; each begins with a title."""
+    titles = len({group for group, _ in entries})
+    height = -(-(sum(len(lines) for _, lines in entries) + 2 * titles) // count)
+    columns: list[list[Text]] = [[]]
+    before = ""
+    for group, lines in entries:
+        title = [Text(group, style="underline")]
+        begun = title if group != before else []
+        gap = [Text("")] if begun and columns[-1] else []
+        if len(columns[-1]) + len(gap + begun + lines) > height and len(columns) < count:
+            columns.append([])
+            gap, begun = [], begun or [Text(f"{group} (more)", style="underline")]
+        columns[-1] += [*gap, *begun, *lines]
+        before = group
+    return [*columns, *([] for _ in range(count - len(columns)))]
 
 
 def _lines(entry: HelpLine, key_room: int, room: int, *, is_chosen: bool) -> list[Text]:

@@ -80,8 +80,8 @@ class LoggersScreen(ListScreen[fleet.LoggerLine]):
                 ", and there is no file of that path" if "/" in self._wanted and not Path(self._wanted).exists() else ""
             )
             advice = f"Waiting for the logger {self._wanted!r}: it doesn't run{no_file}.\n\n{waiting}"
-        notes = [note for note in (problem, *forbidden) if note]
-        self._notes = "\n\n".join([advice, *notes]).strip() if not found else "\n".join(filter(None, [advice, *notes]))
+        # what went wrong stands above what one could do
+        self._notes = ("\n" if found else "\n\n").join(filter(None, [problem, advice, *forbidden]))
         self.show()
 
     def show(self) -> None:
