@@ -1,7 +1,9 @@
 """What the commands share: which logger is meant, completion of names, tables of plain text."""
 
 import os
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -153,6 +155,27 @@ def _forget_discovered() -> None:
     ctx = click.get_current_context(silent=True)
     if ctx is not None:
         ctx.find_root().meta.pop(f"silo discovery {configuration()}", None)
+
+
+class Ending:
+    """Ctrl-C and SIGTERM from now on: they are waited for."""
+
+    # Python handles a signal in the main thread; that of one that another thread took doesn't wake it
+    LOOKED_S = 0.5
+
+    def __init__(self) -> None:
+        self._asked = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: self._asked.set())
+
+    def wait(self) -> None:
+        """Wait for one."""
+        while not self.within(self.LOOKED_S):
+            pass
+
+    def within(self, time_s: float) -> bool:
+        """Return whether one has come, after so long at most."""
+        return self._asked.wait(time_s)
 
 
 def tell_viewers(client: "Client") -> None:

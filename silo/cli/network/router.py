@@ -1,13 +1,11 @@
 """`silo router`: where robots and desks meet: each robot connects to it, and so does each desk, once."""
 
 import functools
-import signal
-import threading
 from pathlib import Path
 
 import click
 
-from silo.cli.common import TypedPath
+from silo.cli.common import Ending, TypedPath
 
 WATCH_S = 1.0
 
@@ -44,9 +42,7 @@ def router(config: Path) -> None:
     settings = from_file(str(config))
     admission, old = router_admission(settings, endpoints, str(config)), hold_directions(settings)
     feed = RouterFeed(session, lambda: denials.told)
-    ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+    ending = Ending()
     click.echo(f"router on {', '.join(endpoints)}")
     if old:
         click.echo(direction_words(str(config), old), err=True)
@@ -55,7 +51,7 @@ def router(config: Path) -> None:
     elif not admission.proven:
         click.echo("whoever may change something can do so under any name: its rules don't hold names", err=True)
     try:
-        while not ended.wait(WATCH_S):
+        while not ending.within(WATCH_S):
             denials.watch()
             feed.send()
     finally:

@@ -1,15 +1,13 @@
 """`silo foxglove`, `silo ros2`, `silo mcp`: a logger, or the runs in folders, in the viewers of others."""
 
 import secrets
-import signal
-import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from silo.bridges.listening import LOOPBACK, bound, check_installed
-from silo.cli.common import TypedPath, check_control, complete_logger, configuration, tell_viewers
+from silo.cli.common import Ending, TypedPath, check_control, complete_logger, configuration, tell_viewers
 from silo.errors import LogNotFoundError
 
 if TYPE_CHECKING:
@@ -96,9 +94,7 @@ def ros2(logger: str | None, router: str, domain: int, distro: str, control: boo
     from silo.bridges.ros2.names import Distribution, Node, ros_name
     from silo.bridges.services import services, setting
 
-    ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+    ending = Ending()
     name, reach = _pinned(logger, control=control)
     offered = services(reach, ros_name(name)) if control else {}
     with joined(router) as session:
@@ -110,7 +106,7 @@ def ros2(logger: str | None, router: str, domain: int, distro: str, control: boo
         with graph.serving(offered):
             click.echo(f"{name} is node /{node.name} in domain {domain} of {router}, for ROS 2 {distro}")
             click.echo("all in the graph can start, stop, save, set parameters" if control else "read-only", err=True)
-            ended.wait()
+            ending.wait()
 
 
 @click.command("mcp")
