@@ -316,6 +316,24 @@ class TestScreens:
             await screen.shows("86.31")
             assert screen.text.index("86.31") < screen.text.index("OK /y")
 
+    @pytest.mark.parametrize(
+        ("now", "told"),
+        [
+            (
+                {"bounds": (None, 0.0, 2.5, None), "count": 1, "alarm": True},
+                "within L 0 H 2.5 again, seen by nobody yet",
+            ),
+            ({"bounds": (None, 0.0, 2.5, None), "count": 1, "seen_by": "ann@pc"}, "within L 0 H 2.5 again"),
+            ({"stale_s": 0.5}, "never the same for 500 ms"),
+            ({"bounds": (1.0, None, None, None), "stale_s": 2.0}, "within LL 1, never the same for 2 s"),
+        ],
+    )
+    async def test_what_is_as_its_limits_want_it_says_what_that_is(self, fake, opened, now, told):
+        fake.limit_statuses = [LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0, **now)]
+        async with opened(fake, size=(120, 24)) as screen:
+            await screen.press("A")
+            await screen.shows(f"\n {told} │ 0 over limits now")
+
     async def test_an_alarm_that_came_again_says_who_saw_it_and_how_often_it_came_since(self, fake, opened):
         fake.limit_statuses = [replace(HOT, seen_by="ann@pc", since_seen=2, count=5)]
         async with opened(fake, size=(100, 24)) as screen:

@@ -41,7 +41,7 @@ class RecordDialog(Form[Wish]):
 
     KEYS_HERE = "Enter Records  Tab Next field  Esc Back"
     ABOUT: ClassVar = {
-        "signals": "all, those that are marked, or names of the table, with * for any part of one",
+        "signals": "all, marked, or names of the table, with * for any part",
         "to": "a folder in that of the logger, on the robot; empty: recordings",
         "name": "of the recording and its files; empty: the logger's",
         "split": "a part is finished and the next begun after so much or so long; empty: never",

@@ -13,7 +13,7 @@ from silo_tui.model.lists.conditions import IN_SPACE, alarms_words, limit_head, 
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.table.facts import MEANINGS
 from silo_tui.model.words.names import fitting_names_below
-from silo_tui.model.words.text import short
+from silo_tui.model.words.text import short, span
 from silo_tui.screens.dialogs.limits import ask_limits
 from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.screens.lists.conditions import ConditionsScreen
@@ -29,6 +29,14 @@ MOST_LINES = 500
 
 def _is_quiet(one: LimitStatus) -> bool:
     return not one.violated and one.word is not LimitWord.BLIND
+
+
+def _kept(one: LimitStatus) -> str:
+    """Return what a signal does that is as its limits want it."""
+    given = zip(("LL", "L", "H", "HH"), one.bounds, strict=True)
+    bounds = " ".join(f"{word} {short(bound)}" for word, bound in given if bound is not None)
+    moves = f"never the same for {span(one.stale_s)}" if one.stale_s else ""
+    return ", ".join(filter(None, [bounds and f"within {bounds}", moves]))
 
 
 class AlarmsScreen(ConditionsScreen[LimitStatus]):
@@ -89,16 +97,15 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         if one.why:
             return f"{one.name} is blind: {one.why}"
         count, meaning = len(self.session.limits), MEANINGS.get(one.word.value, "")
-        if _is_quiet(one):
-            given = zip(("LL", "L", "H", "HH"), one.bounds, strict=True)
-            meaning = f"within {' '.join(f'{word} {short(bound)}' for word, bound in given if bound is not None)}"
-        unseen = ", seen by nobody yet" if one.seen == "NEW" else ""
+        if one.word is LimitWord.OK:
+            meaning = f"{_kept(one)}{' again' if one.violated else ''}"
+        unseen = "seen by nobody yet" if one.seen == "NEW" else ""
         if one.alarm and one.since_seen:
             way = f"{key_of('alarm_limits')}: persist or hyst keep one quiet that flaps"
-            unseen = f", {one.since_seen} × again since {one.seen_by} saw it ({way})"
-        told = f"{meaning}{unseen} │ " if meaning or unseen else ""
-        more = f"the first {MOST_LINES} of {count} │ " if count > MOST_LINES else ""
-        return told + more + alarms_words(self.session.limits)
+            unseen = f"{one.since_seen} × again since {one.seen_by} saw it ({way})"
+        told = ", ".join(filter(None, [meaning, unseen]))
+        more = f"the first {MOST_LINES} of {count}" if count > MOST_LINES else ""
+        return " │ ".join(filter(None, [told, more, alarms_words(self.session.limits)]))
 
     # ------------------------------------------------------------------------------------------------- commands
 
