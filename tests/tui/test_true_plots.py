@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from silo.core.arrays.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Gap, NonFinite, bins_of, hole_mark
@@ -243,6 +243,8 @@ def test_engineering_notation(value, shown):
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False), st.floats(allow_nan=False, allow_infinity=False))
+@example(0.0, -5e-324)
+@example(-5e-324, 5e-324)
 def test_ends_of_an_axis_fit_and_differ(one, other):
     smallest, largest = sorted((one, other))
     bottom, top = braille.nice_range(smallest, largest)

@@ -89,7 +89,7 @@ def axis_ends(bottom: float, top: float, base: int = 0, width: int = 9) -> tuple
             words = [engineering(end, digits) for end in (bottom, top)]
             rounded = [float(f"{end:.{digits - 1}e}") for end in (bottom, top)]
             told = all(abs(a / 2 - b / 2) <= 2e-3 * extent for a, b in zip(rounded, (bottom, top), strict=True))
-            if told and max(map(len, words)) <= width:
+            if told and words[0] != words[1] and max(map(len, words)) <= width:
                 return words[0], words[1], ""
         for decimals in range(4):  # 999999.4 and 1000000.6: each by itself, not one from the other
             words = [f"{end:.{decimals}f}" for end in (bottom, top)]
@@ -98,7 +98,8 @@ def axis_ends(bottom: float, top: float, base: int = 0, width: int = 9) -> tuple
                 return words[0], words[1], ""
         origins = (f"{bottom:.{digits}g}" for digits in range(6, 18))
         origin = next((word for word in origins if abs(float(word) - bottom) <= 2e-3 * extent), repr(bottom))
-        return "+0", _step(2 * extent, width), origin
+        step = top - bottom  # half of the smallest number there is would be none
+        return "+0", _step(step if math.isfinite(step) else 2 * extent, width), origin
     whole = math.floor(bottom)
     return f"+{engineering(bottom - whole)}", f"+{engineering(top - whole)}", str(base + whole)
 
