@@ -313,7 +313,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         self._let_go()
         return self._release_control()
 
-    def hand_over(self, to: str) -> str:
+    def give_control(self, to: str) -> str:
         """Give control to another operator who is connected.
 
         Args:
@@ -325,7 +325,7 @@ class Client(  # `trigger` and `limit` stand in silo/conditions/given.py, `find`
         Raises:
             RefusedError: nobody of that name is connected, or somebody else has control.
         """
-        text("to", to, 'client.hand_over("anna")')
+        text("to", to, 'client.give_control("anna")')
         words = self._give_control(to)
         self._let_go()
         return words

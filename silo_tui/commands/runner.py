@@ -247,7 +247,7 @@ async def control_flow(context: Context, words: Sequence[str]) -> None:
         "take": lambda client: client.take_control(),
         "force": lambda client: client.take_control(force=True),
         "release": lambda client: client.release_control(),
-        "give": lambda client: client.hand_over(words[1]),
+        "give": lambda client: client.give_control(words[1]),
     }
     if not words:
         await session.refresh_status()

@@ -361,10 +361,10 @@ def test_control_is_handed_over_to_an_operator_who_is_connected(bench) -> None:
     with Other("anna") as anna, Other("bob") as bob:
         anna.take_control()
         with pytest.raises(RefusedError, match="no operator 'carol' is connected"):
-            anna.hand_over("carol")
+            anna.give_control("carol")
         bob._hello()
         wait_until(lambda: "@local bob" in {one.identity for one in anna.status().clients})
-        anna.hand_over("bob")
+        anna.give_control("bob")
         assert bob.status().control.identity == "@local bob"
         with pytest.raises(RefusedError, match="bob@robot3"):
             anna.start()

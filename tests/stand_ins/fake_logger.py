@@ -211,7 +211,7 @@ class FakeClient(FakeRows, FakeChanges, FakeConditions, FakeParameters):
         self.controlled = None
         return f"control of {self.name} is released"
 
-    def hand_over(self, to: str) -> str:
+    def give_control(self, to: str) -> str:
         self._ask()
         self._controlled_by(f"{to} (proven) from desk2, silo-tui 2", to)
         return f"{to} has control of {self.name}"

@@ -63,7 +63,7 @@ def give(client: "Client", user: str) -> str:
     Example:
       silo control give anymal bob
     """
-    return client.hand_over(user)
+    return client.give_control(user)
 
 
 def _facts(found: "tuple[str, Status]") -> dict[str, object]:
