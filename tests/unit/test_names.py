@@ -1,6 +1,7 @@
 """One rule for names: what a spelling means is the same at every door."""
 
 import warnings
+from itertools import count
 from types import SimpleNamespace
 
 import numpy as np
@@ -28,8 +29,12 @@ ONE, ALL = (
 )
 
 
+_number = count()
+
+
 def made(folder, *names):
-    log = silo.Logger("names", frequency=100, folder=folder, script=folder / "no.yaml")
+    # a second one of its name would end the first, which tests share
+    log = silo.Logger(f"names{next(_number)}", frequency=100, folder=folder, script=folder / "no.yaml")
     for name in names:
         log.add(np.zeros(()), name)
     log.start()
