@@ -40,6 +40,18 @@ def test_every_folder_and_module_is_in_the_picture_and_in_the_table(drawing):
             assert f"silo/{path.name}" in page or f" {path.name}" in page
 
 
+def test_folders_that_the_table_names_within_a_room_are_there(drawing):
+    rows = re.findall(r"^\| `(silo\S*)/` \| (.*) \|$", drawing.PAGE.read_text(), re.MULTILINE)
+    named = [
+        (room, name)
+        for room, words in rows
+        for names in re.findall(r"`((?:\w+/ ?)+)`", words)
+        for name in names.split()
+    ]
+    assert len(named) > 20
+    assert [(room, name) for room, name in named if not any((ROOT / room).rglob(name.strip("/")))] == []
+
+
 def test_links_lead_to_files_that_there_are(drawing):
     pages = [ROOT / "README.md", *(ROOT / ".docs").rglob("*.md"), *(ROOT / ".github").rglob("*.md")]
     links = [(page, link) for page in pages for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text())]
