@@ -313,23 +313,14 @@ class SiloApp(Guarded, App[None]):
 
     # ----------------------------------------------------------------------------------------------------- commands
 
-    def command_menus(self) -> None:
-        self.reader.open("menus")
+    def command_menus(self, menu: str = "menus") -> None:
+        self.reader.open(menu)
 
-    def command_menu_go(self) -> None:
-        self.reader.open("menu_go")
-
-    def command_menu_edit(self) -> None:
-        self.reader.open("menu_edit")
-
-    def command_menu_view(self) -> None:
-        self.reader.open("menu_view")
-
-    def command_menu_record(self) -> None:
-        self.reader.open("menu_record")
-
-    def command_menu_plots(self) -> None:
-        self.reader.open("menu_plots")
+    command_menu_go = partialmethod(command_menus, "menu_go")
+    command_menu_edit = partialmethod(command_menus, "menu_edit")
+    command_menu_view = partialmethod(command_menus, "menu_view")
+    command_menu_record = partialmethod(command_menus, "menu_record")
+    command_menu_plots = partialmethod(command_menus, "menu_plots")
 
     def command_again(self) -> None:
         self.reader.again(turned=False)
@@ -449,9 +440,6 @@ class SiloApp(Guarded, App[None]):
         session = self.context.session
         ask_mark(self.context, session.frame_time_ns or session.status.last_tick_ns)
 
-    def command_episode_good(self) -> None:
-        self._say_of_episode("good")
-
     def command_excite(self, typed: Spelled = BY_KEY) -> None:
         from silo_tui.screens.lists.parameters import ParametersScreen
         from silo_tui.screens.plots.exciting import excite
@@ -466,12 +454,6 @@ class SiloApp(Guarded, App[None]):
         session = getattr(self.context.upper_screen, "session", self.context.session)
         self.context.run_flow(show_response(self.context, session, typed.arguments))
 
-    def command_episode_bad(self) -> None:
-        self._say_of_episode("bad")
-
-    def command_episode_redo(self) -> None:
-        self._say_of_episode("redo")
-
     def command_episode(self, typed: Spelled = BY_KEY) -> None:
         from silo_tui.screens.dialogs.marking import ask_episode
 
@@ -484,6 +466,10 @@ class SiloApp(Guarded, App[None]):
         from silo_tui.screens.dialogs.marking import say_of_episode
 
         run_aside(self, "mark", say_of_episode, self.context, word, name)
+
+    command_episode_good = partialmethod(_say_of_episode, "good")
+    command_episode_bad = partialmethod(_say_of_episode, "bad")
+    command_episode_redo = partialmethod(_say_of_episode, "redo")
 
     def on_monitor_screen_open_left(self, asked: "MonitorScreen.OpenLeft") -> None:
         """Open what a dead robot left, with the plots that were there."""
