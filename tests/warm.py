@@ -25,11 +25,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from silo.core.child import RUN
 from silo.logger.serving.process import HELPER_ENVIRONMENT
 
 ADDRESS, COLD = "SILO_TEST_NURSERY", "SILO_TEST_COLD"
 ALLOCATOR = "PYTHONMALLOC"  # as helper processes have one of their own, a nursery has it from its start
-MODULES = {"silo.helper", "silo.recorder", "silo.recordings.writing", "silo.run_index.keeping"}
+MODULES = {"silo.cli", "silo.helper", "silo.recorder", "silo.recordings.writing", "silo.run_index.keeping"}
 EXECUTABLE = sys.executable  # some tests say that it is another
 _Popen = subprocess.Popen  # what stands for it while tests run is the one below
 HOME = str(Path(__file__).parents[1])
@@ -51,6 +52,8 @@ class WarmPopen(subprocess.Popen):
         given = dict(zip(_GIVEN, more, strict=True))
         environment = dict(os.environ if given["env"] is None else given["env"])
         words = [] if isinstance(args, str | bytes) else [os.fsdecode(word) for word in args]
+        if words[1:3] == ["-c", RUN]:
+            words[1:3] = ["-m"]
         self._end: socket.socket | None = None
         if given["shell"] or given["preexec_fn"] is not None or not _is_warm(words, environment):
             super()._execute_child(args, executable, *more)  # type: ignore[misc]

@@ -26,6 +26,17 @@ ENDING_S = 2.0  # how long one may take from closing its channel to its end
 _PR_SET_PDEATHSIG = 1
 NONE, PIPE = subprocess.DEVNULL, subprocess.PIPE
 
+# `-m` and `-c` put the present folder first: a `queue.py` of the robot's would be the program's, too
+RUN = (
+    "import sys; sys.path[:] = filter(None, sys.path); del sys.argv[0]; import runpy; "
+    "runpy.run_module(sys.argv[0], run_name='__main__', alter_sys=True)"
+)
+
+
+def own_program(module: str) -> list[str]:
+    """Return the words that run a module, or `__main__` of a package, and find none in the present folder."""
+    return [sys.executable, "-c", RUN, module]
+
 
 class ChildProcess:
     """A process that was started. Of those with pipes a `with` closes these, and waits for its end."""
@@ -44,10 +55,10 @@ class ChildProcess:
 
         Raises OSError.
         """
-        # `-m` puts the present folder first: a `queue.py` of the robot's would be the child's, too
-        own = {"PYTHONPATH": _search(), "PYTHONSAFEPATH": "1"}
+        own = {"PYTHONPATH": _search(), "PYTHONSAFEPATH": "1"}  # heeded from Python 3.11 on
+        program = [sys.executable, "-m", module] if sys.version_info >= (3, 11) else own_program(module)
         self._process: subprocess.Popen[bytes] = subprocess.Popen(
-            [sys.executable, "-m", module, *map(str, arguments)],
+            [*program, *map(str, arguments)],
             pass_fds=descriptors,
             env=dict(os.environ, **own, **(environment or {})),
             start_new_session=True,

@@ -82,7 +82,12 @@ def _problems(root: Path, parquet: Any, info: dict[str, Any], fps: int, features
         if not {*COLUMNS} <= {*names}:
             continue
         for group in range(data.num_row_groups):
-            table = data.read_row_group(group)
+            try:
+                table = data.read_row_group(group)
+            except (OSError, ValueError) as error:  # a value is missing where an older pyarrow takes none
+                yield f"{file.relative_to(root)} can't be read, frames from {seen} on: {error}"
+                seen += data.metadata.row_group(group).num_rows
+                continue
             yield from _of_frames(table, seen, fps, episodes, len(tasks))
             yield from _of_columns(table, seen, features)
             seen += table.num_rows

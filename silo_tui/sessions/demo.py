@@ -4,9 +4,10 @@ import contextlib
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
+
+from silo.core.child import own_program
 
 STOP_S = 30.0  # as long as saving may take on a busy computer
 
@@ -29,8 +30,8 @@ class Demo:
         self._output = folder / ".demo-output"
         with self._output.open("wb") as output:
             # a session of its own: Ctrl-C and a closed terminal reach us alone, and we end it in order
-            program = [sys.executable, "-c", "from silo.cli import main; main()", "demo", "--folder", str(folder)]
-            program += ["--with-parent", str(os.getpid())]  # if we are killed, nobody else ends it
+            # with its parent: if we are killed, nobody else ends it
+            program = [*own_program("silo.cli"), "demo", "--folder", str(folder), "--with-parent", str(os.getpid())]
             self._process = subprocess.Popen(
                 program, stdin=subprocess.DEVNULL, stdout=output,
                 stderr=subprocess.STDOUT, start_new_session=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},

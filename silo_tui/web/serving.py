@@ -3,13 +3,13 @@
 import logging
 import shlex
 import socket
-import sys
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 
 from aiohttp import web
 from textual_serve.server import Server
 
+from silo.core.child import own_program
 from silo_tui.web import guard
 
 MOST_PAGES = 4  # each is a process that watches the robot
@@ -80,7 +80,7 @@ def serve(arguments: Sequence[str], port: int, *, control: bool, tell: Callable[
     with listening:
         listening.bind((HOST, port))
         # the child finds the robot as we do; over SSH it would leave the mouse alone, which a browser needn't
-        command = [sys.executable, "-m", "silo_tui", "--mouse", *([] if control else ["--read-only"]), *arguments]
+        command = [*own_program("silo_tui"), "--mouse", *([] if control else ["--read-only"]), *arguments]
         server = PageServer(shlex.join(command), "silo-tui", guard.new_token())
         server.port = listening.getsockname()[1]
         what = "anybody who has this address can change and stop the logger" if control else "read-only"

@@ -274,7 +274,7 @@ DAMAGE = {  # the column, where, the row that is changed, to what
     "frame_index": (DATA, 0, 1, "episode 0: frame_index doesn't count"),
     "episode_index": (DATA, -1, 7, "episode 7, there are 2"),
     "task_index": (DATA, 0, 2, "task_index up to 2, there are 2 tasks"),
-    "action": (DATA, 0, None, "'action': 1 values are missing"),
+    "action": (DATA, 0, None, "'action': 1 values are missing|can't be read"),  # by an older pyarrow
     "length": (EPISODES, 0, 3, "episode 0 says frames 0 to 60; 3 from 0 on end at 3"),
     "dataset_to_index": (EPISODES, 1, 99, "info.json says total_frames 135, there are 99"),
 }
@@ -285,7 +285,8 @@ def test_what_its_loader_would_take_is_found(made, tmp_path, column):
     file, row, value, words = DAMAGE[column]
     copy = shutil.copytree(made.path, tmp_path / "copy")
     changed(copy / file, column, row, value)
-    assert any(words in problem for problem in check_lerobot(copy)), check_lerobot(copy)
+    problems = "\n".join(check_lerobot(copy))
+    assert any(each in problems for each in words.split("|")), problems
 
 
 def test_a_head_that_says_something_else_is_found(made, tmp_path):

@@ -1,11 +1,13 @@
 """Processes of silo's own: what they load, how they end, what became of them."""
 
 import os
+import subprocess
 import sys
 
 import pytest
 
-from silo.core.child import PIPE, ChildProcess
+import silo.errors
+from silo.core.child import PIPE, ChildProcess, own_program
 
 pytestmark = pytest.mark.slow
 
@@ -32,12 +34,12 @@ def test_a_file_in_the_present_folder_that_is_called_as_a_module_is_not_the_chil
     module, tmp_path, monkeypatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for name in ("queue", "json", "silo"):
+    for name in ("queue", "json", "runpy", "silo"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('not that one')")
-    program = module("import json, queue, silo.errors; print(silo.errors.__file__)")
-    import silo
-
-    assert said_by(ChildProcess(program, [], stdout=PIPE)).startswith(os.path.dirname(silo.__file__))  # noqa: PTH120
+    program = module("import json, queue, sys, silo.errors; print(*sys.argv, silo.errors.__file__)")
+    told = f"{tmp_path / 'elsewhere' / program}.py 7 {silo.errors.__file__}"
+    assert said_by(ChildProcess(program, [7], stdout=PIPE)) == told
+    assert subprocess.check_output([*own_program(program), "7"], text=True).strip() == told  # by every Python
 
 
 def test_it_gets_descriptors_by_their_numbers_and_the_environment_that_is_said(module) -> None:
