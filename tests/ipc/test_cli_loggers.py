@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -98,7 +99,7 @@ def log(served: silo.Logger, runtime: Path, monkeypatch: pytest.MonkeyPatch) -> 
             size=2000,
         )
     for path in Path(served.options.folder).iterdir():
-        path.unlink()
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
     return served
 
 

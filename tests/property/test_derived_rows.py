@@ -99,7 +99,7 @@ def test_stamps_alone_are_read_without_computing(logged):
 
 
 def test_what_needs_an_element_that_is_off_has_no_ring(tmp_path):
-    with silo.Logger("d", folder=tmp_path, script=tmp_path / "s.yaml") as log:
+    with silo.Logger("other", folder=tmp_path, script=tmp_path / "s.yaml") as log:
         log.array("a")
         log.array("b", enabled=False)
         log.start()
