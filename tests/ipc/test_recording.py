@@ -169,6 +169,17 @@ def test_a_restart_is_recorded_from_its_first_tick_and_the_program_may_record_to
 
 
 @pytest.mark.slow
+def test_what_was_added_just_now_is_recorded(bench, client) -> None:
+    for number in range(5):
+        bench.logger.array(f"added{number}")
+        bench.logger.update()
+        bench.logger.derive(f"made{number}", f"2 * added{number}")
+        name = bench.logger.record([f"added{number}", f"made{number}"], name=f"r{number}")
+        assert name in {one.name for one in client.recorders()}
+        bench.logger.stop_recording(name)
+
+
+@pytest.mark.slow
 def test_a_recording_that_is_begun_before_the_start_has_the_first_tick(bench, client, tmp_path) -> None:
     bench.logger.record()
     bench.logger.start()

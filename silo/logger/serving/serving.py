@@ -110,6 +110,7 @@ class Serving:
             self._arguments += ["--config", str(Path(config).absolute())]
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._sending = threading.Lock()
+        self._telling = threading.RLock()  # its state; taken before the lock of the logger, never with it
         self._waking = threading.Lock()  # held for the write of 8 bytes only
         self._numbers = itertools.count(1)
         self._answers: dict[int, concurrent.futures.Future[tuple[AnyReply, SaveFuture]]] = {}
@@ -235,9 +236,10 @@ class Serving:
     def _handle(self, message: object) -> None:
         logger = self._logger_ref()
         if isinstance(message, LinkRequest) and logger is not None:
-            self._by = message.request.client
-            reply = answer(logger, message.request)
-            self._push_state()
+            with self._telling:
+                self._by = message.request.client
+                reply = answer(logger, message.request)
+                self._push_state()
             if isinstance(reply, ParametersSet) and reply.waits:
                 self._landing.append((message.number, reply.name, time.monotonic() + WAITS_S))
             else:
@@ -272,10 +274,11 @@ class Serving:
         logger = self._logger_ref()
         if logger is None:
             return  # it is being forgotten, and ends this
-        state = robot_state(logger, self._by, self._table_sent)
-        self._by = ""
-        self._send(state)
-        self._table_sent = state.revision
+        with self._telling:
+            state = robot_state(logger, self._by, self._table_sent)
+            self._by = ""
+            self._send(state)
+            self._table_sent = state.revision
 
     def _send(self, message: RobotState | LinkRequest | LinkReply | LetGo | Goodbye) -> None:
         """Send a message. Raises OSError where the helper process is gone, or frozen with its buffer full."""
@@ -471,6 +474,7 @@ class Serving:
         self._answers[number] = asked
         until_s = clock_s() + LISTENED_S
         try:
+            self._push_state()  # first: it may be about what was added just now
             self._send(LinkRequest(number, msgspec.structs.replace(request, until_s=until_s)))
         except OSError as error:
             self._answers.pop(number, None)
