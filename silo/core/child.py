@@ -26,15 +26,17 @@ ENDING_S = 2.0  # how long one may take from closing its channel to its end
 _PR_SET_PDEATHSIG = 1
 NONE, PIPE = subprocess.DEVNULL, subprocess.PIPE
 
+_HOME = str(Path(__file__).resolve().parents[2])  # where this silo is
+
 # `-m` and `-c` put the present folder first: a `queue.py` of the robot's would be the program's, too
 RUN = (
-    "import sys; sys.path[:] = filter(None, sys.path); del sys.argv[0]; import runpy; "
+    f"import sys; sys.path[:] = [{_HOME!r}, *filter(None, sys.path)]; del sys.argv[0]; import runpy; "
     "runpy.run_module(sys.argv[0], run_name='__main__', alter_sys=True)"
 )
 
 
 def own_program(module: str) -> list[str]:
-    """Return the words that run a module, or `__main__` of a package, and find none in the present folder."""
+    """Return the words that run a module, or `__main__` of a package: of this silo, and none in the present folder."""
     return [sys.executable, "-c", RUN, module]
 
 
@@ -126,8 +128,8 @@ def end_with_parent(number: int) -> None:
 
 def _search() -> str:
     """Where a child looks for modules: first where this silo is."""
-    home = str(Path(__file__).resolve().parents[2])
-    return os.pathsep.join(dict.fromkeys([home, *os.environ.get("PYTHONPATH", "").split(os.pathsep)])).strip(os.pathsep)
+    given = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    return os.pathsep.join(dict.fromkeys([_HOME, *given])).strip(os.pathsep)
 
 
 # ------------------------------------------------------------------------------------------- of a parent that is gone

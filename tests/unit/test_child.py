@@ -7,6 +7,7 @@ import sys
 import pytest
 
 import silo.errors
+import silo.version
 from silo.core.child import PIPE, ChildProcess, own_program
 
 pytestmark = pytest.mark.slow
@@ -40,6 +41,14 @@ def test_a_file_in_the_present_folder_that_is_called_as_a_module_is_not_the_chil
     told = f"{tmp_path / 'elsewhere' / program}.py 7 {silo.errors.__file__}"
     assert said_by(ChildProcess(program, [7], stdout=PIPE)) == told
     assert subprocess.check_output([*own_program(program), "7"], text=True).strip() == told  # by every Python
+
+
+def test_a_program_of_its_own_is_found_where_this_silo_is(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = own_program("silo.cli")
+    isolated = [words[0], "-S", *words[1:]]  # no packages: as from a clone that is not installed
+    told = subprocess.run([*isolated, "--version"], capture_output=True, text=True, check=False)
+    assert told.stdout == f"silo, version {silo.version.VERSION}\n", told.stderr
 
 
 def test_it_gets_descriptors_by_their_numbers_and_the_environment_that_is_said(module) -> None:
