@@ -16,6 +16,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m silo.helper", description=__doc__)
     parser.add_argument("--fd", type=int, required=True, help="socket to the robot process")
     parser.add_argument("--runs-fd", type=int, required=True, help="socket on which the robot process hands over runs")
+    parser.add_argument("--changes-fd", type=int, required=True, help="memory with the number of the logger's changes")
     parser.add_argument("--name", required=True, help="name of the logger")
     parser.add_argument("--id", default="", help="what the logger drew to tell it from others of its name")
     parser.add_argument("--group", help="system group whose members may connect")
@@ -25,7 +26,7 @@ def main() -> int:
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.WARNING, format="silo: %(message)s", stream=sys.stderr)
     limit_heap()
-    robot = open_link(arguments.fd, arguments.runs_fd)
+    robot = open_link(arguments.fd, arguments.runs_fd, arguments.changes_fd)
     serving = ServingOptions(arguments.group, arguments.config, arguments.group_role, arguments.control)
     return Helper(robot, arguments.name, serving, arguments.id).run()
 

@@ -52,7 +52,7 @@ from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
 from silo.run_index.keeping import IndexKeeper
 from silo.state.events import EventLog, EventNotifier, plain
-from silo.state.handover import RobotState
+from silo.state.handover import ChangeCount, RobotState
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import LoggerSnapshot, Replica
 
@@ -107,6 +107,7 @@ class Helper:
         first = self._robot.receive()
         if not isinstance(first, RobotState):
             return 1
+        self._robot.took(first)
         try:
             session, path = self._open(first)
         except (SiloError, OSError) as error:
@@ -259,6 +260,7 @@ class Helper:
     ) -> None:
         if isinstance(message, RobotState):
             _take_state(message, runs, events)
+            self._robot.took(message)
         elif isinstance(message, Beat):
             self._robot.tell(message)
         elif isinstance(message, LinkRequest) and 0 < message.request.until_s < clock_s():
@@ -416,8 +418,8 @@ def derived_text(before: Sequence[Derived], now: Sequence[Derived]) -> str:
     return plain("; ".join(told[:3]) + more)
 
 
-def open_link(descriptor: int, runs: int) -> RobotLink:
+def open_link(descriptor: int, runs: int, changes: int) -> RobotLink:
     """Return the channels that the robot process handed over."""
     handed = socket.socket(fileno=runs)
     handed.setblocking(False)
-    return RobotLink(socket.socket(fileno=descriptor), handed)
+    return RobotLink(socket.socket(fileno=descriptor), handed, ChangeCount(changes))

@@ -37,7 +37,7 @@ from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Do, GoesOn, Lane, Request, SlowAsk, spoken
 from silo.rpc.published import EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, RequestRefusedError, answered
-from silo.rpc.serving import Answer, Dispatch, Turn
+from silo.rpc.serving import NOBODY, Answer, Dispatch, Turn
 from silo.scripts.server import ScriptServer
 from silo.state.events import EventNotifier, plain
 from silo.state.replica import Replica
@@ -82,6 +82,12 @@ class Servers(Dispatch):
             ParameterServer(program),
         )
         super().__init__(servers, program.reply)
+        self._catch_up = robot.catch_up
+
+    def reply(self, request: Request[Any], turn: Turn = NOBODY) -> Answer:
+        """Do a request as `Dispatch` does, of the logger as its program made it before the client asked."""
+        self._catch_up()
+        return super().reply(request, turn)
 
     def tell_end(self, job: int, request: Request[Any], reply: Answer, by: str) -> None:
         """Tell all how a request ended whose client was told that it goes on."""

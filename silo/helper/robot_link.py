@@ -10,6 +10,9 @@ from silo.link.channel import LinkChannel, LinkMessage, LinkReply, LinkRequest
 from silo.parameters.requests import ParameterRequests
 from silo.rpc.declaring import Do, Done, GoesOn, Reply, Request, request_of, spoken
 from silo.rpc.refusals import Refused, RefusedWhy
+from silo.state.handover import ChangeCount, RobotState
+
+TOLD_WITHIN_S = 0.5  # a change that was made: longer than its telling takes, shorter than any client waits
 
 DEAD = Refused(RefusedWhy.DEAD, "the robot program is gone; start it again")
 
@@ -17,14 +20,33 @@ DEAD = Refused(RefusedWhy.DEAD, "the robot program is gone; start it again")
 class RobotLink(LinkChannel):
     """The robot process, as the helper talks to it. Any thread may ask; the main thread receives."""
 
-    def __init__(self, sock: socket.socket, runs: socket.socket) -> None:
+    def __init__(self, sock: socket.socket, runs: socket.socket, changes: ChangeCount) -> None:
         super().__init__(sock)
         self.runs = runs
+        self._changes = changes
+        self._known = 0  # changes that were told, or that were waited for in vain
+        self._more_is_known = threading.Condition()
         self._sending = threading.Lock()
         self._numbers = itertools.count(1)
         self._pending: dict[int, concurrent.futures.Future[Reply]] = {}
         self._late: dict[int, Request[Any]] = {}  # whose clients were told that they go on
         self._gone = False
+
+    def took(self, state: RobotState) -> None:
+        """Have those go on who wait for a change that this state tells of, which everybody can see now."""
+        with self._more_is_known:
+            self._known = max(self._known, state.changes)
+            self._more_is_known.notify_all()
+
+    def catch_up(self) -> None:
+        """Wait until what the robot program changed before this call is known here; one that is frozen tells nothing.
+
+        In vain for `TOLD_WITHIN_S`, and for the same change but once. Never for the main thread, which takes states in.
+        """
+        changes = self._changes.now
+        with self._more_is_known:
+            if not self._more_is_known.wait_for(lambda: self._known >= changes or self._gone, TOLD_WITHIN_S):
+                self._known = max(self._known, changes)
 
     def tell(self, message: LinkMessage) -> bool:
         """Send a message; False if the robot process is gone."""
@@ -79,7 +101,9 @@ class RobotLink(LinkChannel):
 
     def lost(self) -> None:
         """The link ended: everybody who waits gets a refusal. For the main thread."""
-        self._gone = True
+        with self._more_is_known:
+            self._gone = True
+            self._more_is_known.notify_all()
         self._late.clear()
         for number in list(self._pending):
             future = self._pending.pop(number, None)

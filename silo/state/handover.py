@@ -7,6 +7,7 @@ kernel keeps a packet when the robot program dies right after it: the helper pro
 anything else, and so knows every run that ever had a tick. The open file stays readable when its name is deleted.
 """
 
+import mmap
 import os
 import socket
 
@@ -49,6 +50,35 @@ class RobotState(msgspec.Struct, frozen=True, tag=True, rename={"conditions": "e
     cut_off: int = 0  # ticks of stretches before the present one that are in no file
     begun_ns: int = 0  # when the first of these began, and all their ticks; 0 without a cut
     before_ticks: int = 0
+    changes: int = 0  # how many of `ChangeCount` it knows of
+
+
+class ChangeCount:
+    """How many changes the robot program made to its logger: a number in memory that its helper process has, too.
+
+    A change is counted when it is made, and told a moment later: whoever is asked in between can tell that it is to
+    come. For one writer at a time.
+    """
+
+    def __init__(self, descriptor: int | None = None) -> None:
+        """Share the memory of a descriptor that was handed over, which stays open; None for new memory."""
+        self.descriptor = os.memfd_create("silo-changes") if descriptor is None else descriptor
+        if descriptor is None:
+            os.ftruncate(self.descriptor, mmap.PAGESIZE)
+        self._number = memoryview(mmap.mmap(self.descriptor, mmap.PAGESIZE)).cast("Q")
+
+    @property
+    def now(self) -> int:
+        """Changes until now."""
+        return self._number[0]
+
+    def add(self) -> None:
+        """Count one. Never waits."""
+        self._number[0] += 1
+
+    def close(self) -> None:
+        """Close the descriptor."""
+        os.close(self.descriptor)
 
 
 _decoder = msgspec.msgpack.Decoder(RunOffer)

@@ -98,7 +98,7 @@ from silo.rpc.declaring import Request, leaves
 from silo.rpc.published import Event, EventKind
 from silo.rpc.refusals import Refused, RefusedWhy, answered
 from silo.state.events import EventLog, EventNotifier
-from silo.state.handover import RobotState, handover_pair
+from silo.state.handover import ChangeCount, RobotState, handover_pair
 from silo.state.held_runs import HeldRuns
 from silo.state.replica import Replica
 from silo.state.requests import ApplyEdits, GetSummary, Hello, HelloReply, StatusReply, TableReply, Unsaved
@@ -207,7 +207,7 @@ class Bench:
         mine, theirs = socket.socketpair()
         runs, self.runs = handover_pair()
         self.channel = LinkChannel(theirs)
-        self.robot = RobotLink(mine, runs)
+        self.robot = RobotLink(mine, runs, ChangeCount())
         self.session, self.path = open_server(Path(os.environ["SILO_RUNTIME_DIR"]), "fuzz", os.getpid())
         self.replica = Replica(robot_state(self.logger, "", -1))
         root = Root(self.replica.host, "fuzz")

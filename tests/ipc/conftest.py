@@ -12,6 +12,7 @@ import pytest
 
 import silo
 from silo.client.client import Client
+from silo.errors import ConnectionLostError
 from silo.rpc.published import Event, EventKind
 from tests.waiting import wait_until
 
@@ -143,6 +144,11 @@ def robots(runtime: Path, tmp_path: Path) -> Iterator[Callable[..., RobotProcess
     yield start
     for robot in started:
         robot.end()
+
+
+def no_process(_arguments: object, _changes: int) -> None:
+    """In place of `HelperProcess`: no computer starts one now."""
+    raise ConnectionLostError("no process can be started")
 
 
 def end_helper(pid: int) -> None:

@@ -22,11 +22,8 @@ from silo.logger.serving import process, serving
 from silo.logger.serving.process import DownMark
 from silo.rpc.refusals import Refused, answered
 from tests.fuzz.test_wire import Bench as Parts
+from tests.ipc.conftest import no_process
 from tests.waiting import freeze, wait_until
-
-
-def no_process(_: object) -> None:
-    raise ConnectionLostError("no process can be started")
 
 
 @pytest.fixture

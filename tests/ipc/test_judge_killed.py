@@ -17,12 +17,13 @@ from silo.client.client import Client
 from silo.conditions.state_file import read_state, state_path, store_state
 from silo.core.conditions import TriggerWord
 from silo.core.runtime import boot_id, list_held, pid_namespace, process_start
-from silo.errors import ConnectionLostError, LogWarning
+from silo.errors import LogWarning
 from silo.files.event_log import read_events
 from silo.logger.serving import serving
 from silo.logger.serving.process import HelperProcess
 from silo.rpc.published import EventKind
 from silo.segment.held_runs import Program
+from tests.ipc.conftest import no_process
 from tests.waiting import answered, freeze, wait_until
 
 
@@ -245,10 +246,6 @@ def down(bench, client):
         os.kill(bench.serving.helper_pid, signal.SIGKILL)
         wait_until(lambda: not bench.serving.is_up)
         yield bench
-
-
-def no_process(_: object) -> None:
-    raise ConnectionLostError("no process can be started")
 
 
 def test_runs_that_ended_while_there_was_no_helper_process_are_judged_by_the_next(down, runtime):

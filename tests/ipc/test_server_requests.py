@@ -1,9 +1,11 @@
 """Status, table, edits, start and stop; what garbage does."""
 
 import os
+import threading
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 import zenoh
 from hypothesis import HealthCheck, given, settings
@@ -69,6 +71,35 @@ def test_what_the_robot_program_does_itself_reaches_clients(bench, client, heard
     heard.wait(EventKind.STARTED)
     bench.logger.stop()
     assert heard.wait(EventKind.STOPPED).status.state is State.STOPPED
+
+
+@pytest.fixture
+def slow_to_tell(bench, client, monkeypatch):
+    """The same logger; its program gets no time to tell its helper process of changes for a while."""
+    serving = bench.logger._life.serving
+    tell, told = serving._push_state, threading.Event()
+
+    def late():
+        told.wait(0.2)
+        tell()
+
+    monkeypatch.setattr(serving, "_push_state", late)
+    yield bench.logger
+    told.set()
+
+
+def test_what_the_program_did_is_known_to_whoever_asks_after_it(slow_to_tell, client):
+    """The program tells it in a thread of its own, a moment later."""
+    logger = slow_to_tell
+    logger.add(np.zeros(()), "new")
+    logger.update()
+    assert client.table().elements[-1].name == "/log/new"
+    logger.start()
+    assert client.status().state is State.RUNNING
+    logger.collect()
+    assert client.wait_saved(client.save())
+    logger.stop()
+    assert client.status().state is State.STOPPED
 
 
 # --------------------------------------------------------------------------------------------------------- garbage

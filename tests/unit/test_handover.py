@@ -1,13 +1,16 @@
 """A run is handed over as an open file: it arrives whatever becomes of the robot program and of the file's name."""
 
 import os
+import socket
 import subprocess
 import sys
 
 import pytest
 
 from silo.errors import ConnectionLostError
-from silo.state.handover import RunOffer, handover_pair, offer_run, taken_runs
+from silo.helper import robot_link
+from silo.helper.robot_link import RobotLink
+from silo.state.handover import ChangeCount, RunOffer, handover_pair, offer_run, taken_runs
 
 
 @pytest.fixture
@@ -76,3 +79,19 @@ def test_bytes_that_are_no_offer_are_refused(ends):
     ours.send(b"nonsense")
     with pytest.raises(ConnectionLostError, match="a run can't be taken over"):
         taken_runs(theirs)
+
+
+def test_a_program_that_tells_nothing_of_a_change_is_waited_for_but_once(monkeypatch):
+    """What the clients of a frozen program ask is answered with what is known."""
+    changes = ChangeCount()
+    link = RobotLink(socket.socketpair()[0], handover_pair()[0], changes)
+    link.catch_up()
+    changes.add()
+    monkeypatch.setattr(robot_link, "TOLD_WITHIN_S", 0.01)
+    link.catch_up()
+    monkeypatch.setattr(robot_link, "TOLD_WITHIN_S", None)  # for ever
+    link.catch_up()
+    changes.add()
+    link.lost()
+    link.catch_up()
+    changes.close()

@@ -193,9 +193,15 @@ def test_new_values_carry_the_stamps_of_their_ticks(ticking):
         (1e7, "nanoseconds as float"),
     ],
 )
-def test_a_clock_of_another_unit_is_told_of_at_the_tenth_tick(new_logger, caplog, step, words):
-    times = iter(step * tick for tick in range(100))
-    logger = new_logger(clock=lambda: next(times))
+def test_a_clock_of_another_unit_is_told_of_at_the_tenth_tick(new_logger, caplog, monkeypatch, step, words):
+    ticks, now = itertools.count(), [0]
+    monkeypatch.setattr(time, "monotonic_ns", lambda: now[0] * 10_000_000)
+
+    def clock():
+        now[0] = next(ticks)
+        return step * now[0]
+
+    logger = new_logger(clock=clock)
     logger.start()
     collect(logger, 9)
     assert caplog.text == ""

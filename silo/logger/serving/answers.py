@@ -51,8 +51,11 @@ class Served(StateOfLogger, Protocol):
     def has_unsaved(self) -> bool: ...
 
 
-def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
-    """Return what the helper is to know now; with the table, unless that revision was sent before."""
+def robot_state(logger: Served, by: str, table_sent: int, changes: int = 0) -> RobotState:
+    """Return what the helper is to know now; with the table, unless that revision was sent before.
+
+    `changes` were counted before this call.
+    """
     with logger._scripted.lock:
         revision = logger._scripted.revision
         return RobotState(
@@ -72,6 +75,7 @@ def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
             cut_off=logger._present.unsaved_before,
             begun_ns=logger._present.begun_ns,
             before_ticks=logger._present.ticks_before,
+            changes=changes,
         )
 
 

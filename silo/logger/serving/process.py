@@ -44,13 +44,16 @@ log = logging.getLogger("silo")
 class HelperProcess(ChildProcess):
     """A helper process: `link` carries messages, `runs` hands runs over."""
 
-    def __init__(self, arguments: Sequence[str]) -> None:
-        """Start it; it waits for the first message on the link. Raises OSError."""
+    def __init__(self, arguments: Sequence[str], changes: int) -> None:
+        """Start it; it waits for the first message on the link. Raises OSError.
+
+        `changes` is the descriptor of the `ChangeCount` that it looks at.
+        """
         self.link, theirs = socket.socketpair()
         self.runs, their_runs = handover_pair()
         self.channel = LinkChannel(self.link)
-        descriptors = [theirs.fileno(), their_runs.fileno()]
-        channels: list[str | int] = ["--fd", descriptors[0], "--runs-fd", descriptors[1]]
+        descriptors = [theirs.fileno(), their_runs.fileno(), changes]
+        channels: list[str | int] = ["--fd", descriptors[0], "--runs-fd", descriptors[1], "--changes-fd", changes]
         try:
             super().__init__("silo.helper", [*channels, *arguments], descriptors, environment=HELPER_ENVIRONMENT)
         except BaseException:

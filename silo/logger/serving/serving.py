@@ -44,7 +44,7 @@ from silo.rpc.clocks import clock_s
 from silo.rpc.declaring import Done
 from silo.rpc.refusals import Refused, answered
 from silo.segment.held_runs import has_left
-from silo.state.handover import RobotState, RunOffer, offer_run
+from silo.state.handover import ChangeCount, RobotState, RunOffer, offer_run
 
 log = logging.getLogger("silo")
 
@@ -111,7 +111,8 @@ class Serving:
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._sending = threading.Lock()
         self._telling = threading.RLock()  # its state; taken before the lock of the logger, never with it
-        self._waking = threading.Lock()  # held for the write of 8 bytes only
+        self._waking = threading.Lock()  # held for two writes of 8 bytes only
+        self._changes = ChangeCount()
         self._numbers = itertools.count(1)
         self._answers: dict[int, concurrent.futures.Future[tuple[AnyReply, SaveFuture]]] = {}
         self._saves: dict[int, SaveFuture] = {}
@@ -129,6 +130,7 @@ class Serving:
             self._spawn()
         except (SiloError, OSError) as error:
             os.close(self._wake)
+            self._changes.close()
             if viewers is not None:
                 viewers.close()
             text = f"the helper process of logger '{self._name}' didn't start: {error}"
@@ -143,7 +145,7 @@ class Serving:
 
     def _spawn(self) -> None:
         self._started_s = time.monotonic()
-        self._helper = HelperProcess(self._arguments)
+        self._helper = HelperProcess(self._arguments, self._changes.descriptor)
         self._table_sent = -1
         try:
             self.hand_over()
@@ -275,7 +277,7 @@ class Serving:
         if logger is None:
             return  # it is being forgotten, and ends this
         with self._telling:
-            state = robot_state(logger, self._by, self._table_sent)
+            state = robot_state(logger, self._by, self._table_sent, self._changes.now)
             self._by = ""
             self._send(state)
             self._table_sent = state.revision
@@ -382,6 +384,7 @@ class Serving:
         """Have the thread push the new state. Never waits: called by the tick with which a logger stops by itself."""
         with self._waking:
             if self.alive:
+                self._changes.add()
                 os.eventfd_write(self._wake, 1)
 
     def hand_over(self) -> None:
@@ -515,6 +518,7 @@ class Serving:
         if say_goodbye:
             self._say_goodbye()
         self._helper.let_go()
+        self._changes.close()
         self._fail_pending("the logger was closed meanwhile")
         self.is_up = False
 
