@@ -129,7 +129,8 @@ class CellDriver(LinuxDriver):
         lags = self.pacer.paced and self.pacer.lag_s(now_s) > max(LAG_S, self.pacer.fastest_s)
         fat = self.pacer.paced and self.pacer.bytes_per_s > FAT_BYTES_PER_S
         self.busyness.note(waited_s(), now_s)
-        if not self.busyness.is_busy:  # else nobody knows what the link carries
+        starts = self.pacer.paced and not self.pacer.answers  # the first frame is on its way
+        if not (self.busyness.is_busy or starts):  # else nobody knows what the link carries
             self.thinness.note(late=(self.behind or lags) and not fat, now_s=now_s)
         # a timer that comes a little early is still in time
         paint = not self.behind and now_s >= self._painted_s + 0.9 / self.thinness.value_hz(wished_hz)

@@ -173,6 +173,7 @@ class StatusBar(FittingLine):
         session, status, variables = self.session, self.session.status, self.app.theme_variables
         if not (self.mode or status.recorders) or wide:  # what isn't normal needs the room
             add(3, f"  {status.enabled}/{status.elements}{' elements' * wide} on", "")
+            add(1, f" +{status.derived} derived" if status.derived else "", "")
         rate = session.measured_hz
         if session.running and is_stalled(session.idle_s, status.frequency_hz):
             add(0, f"  ‼ {idle_words(session.idle_s)}", bold(variables, "alarm"))

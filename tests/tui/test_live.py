@@ -1,5 +1,7 @@
 """How newest values read in a cell."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -36,7 +38,18 @@ def test_escape_sequences_in_a_logged_string_don_t_reach_the_terminal():
 def test_a_vector_reads_as_a_list_cut_where_it_must():
     element = ElementInfo("/v", "m", "vector", (3,), tuple(Entry(f"_{c}", "<f8") for c in "xyz"), ElementOptions())
     reading = Reading(np.array([1.0, -2.5, 0.001]), {}, 1, 0, 0)
-    assert (value_text(element, reading, 20), value_text(element, reading, 8)) == ("1.00 -2.50 0.00", "1.00 …")
+    assert (value_text(element, reading, 20), value_text(element, reading, 8)) == ("1.00 -2.50  0.00", "1.00 …")
+
+
+@pytest.mark.parametrize("width", range(5, 40))
+def test_no_entry_of_a_vector_moves_or_goes_when_another_gets_a_sign(width):
+    element = ElementInfo("/v", "m", "vector", (5,), tuple(Entry(f"_{n}", "<f8") for n in range(5)), ElementOptions())
+    values = np.array([1.0, -2.5, 20.5, 0.3, 123.0])
+    told = [value_text(element, Reading(signed, {}, 1, 0, 0), width) for signed in (values, -values, abs(values))]
+    assert len({len(words.split()) for words in told}) == 1
+    assert max(map(len, told)) <= width
+    ends = [[match.end() - len(words) for match in re.finditer(r"\S+", words)] for words in told]
+    assert ends[0] == ends[1] == ends[2]
 
 
 @pytest.mark.parametrize("width", [8, 11, 16])

@@ -164,7 +164,7 @@ async def test_worst_first_begins_with_what_is_beyond_a_red_limit(fake, opened):
 async def test_n_steps_through_norm_and_entries_of_a_vector(fake, opened):
     async with opened(fake.run()) as screen:
         await screen.enter(":goto imu/acceleration", "n")
-        await screen.shows("|3| ")
+        await screen.shows("norm ")
         await screen.press("n", "n")
         await screen.shows(" y ")
 
@@ -240,7 +240,7 @@ async def test_statistics_of_a_vector_are_marked_as_those_of_its_norm_where_that
         await screen.enter("/imu/acceleration", "C")
         await screen.shows("mean")
         await screen.press("n")
-        await screen.until(lambda: any("|3| " in line for line in screen.text.splitlines()[2:-3]), "the norm, marked")
+        await screen.until(lambda: any("norm " in line for line in screen.text.splitlines()[2:-3]), "the norm, marked")
 
 
 async def test_statistics_of_an_enumeration_are_its_labels(fake, opened):
@@ -277,7 +277,7 @@ async def test_beside_the_entries_of_a_vector_stand_the_least_and_the_most_of_an
         await screen.until(lambda: "8.25" in row_with(screen, "/imu/acceleration"))
         line = row_with(screen, "/imu/acceleration")
         assert "-7.50" in line
-        assert "|3|" not in line
+        assert "norm" not in line
         assert "99." not in line
         assert "55." not in line
 
@@ -294,7 +294,7 @@ async def test_of_a_pose_there_is_no_norm(new_fake, opened):
         await screen.press("o", "v")
         await screen.until(lambda: screen.session.table.facts.of("value", 1) is not None)
         assert "77." not in screen.text
-        assert "|3|" not in screen.text
+        assert "norm " not in screen.text
 
 
 async def test_value_and_statistics_of_a_row_are_of_one_moment(fake, opened):
@@ -369,7 +369,7 @@ async def test_entries_beside_statistics_are_of_their_moment(fake, opened):
     fake.run()
     fake.facts = {"value": {f"{name}_x": 7.25, f"{name}_y": 8.25, f"{name}_z": 9.25}, "most": {name: 9.25}}
     async with opened(fake, size=(160, 50)) as screen:
-        await screen.until(lambda: "7.25 8.25 9.25" in row_with(screen, "/imu/acceleration"))
+        await screen.until(lambda: "7.25  8.25  9.25" in row_with(screen, "/imu/acceleration"))
 
 
 @pytest.mark.parametrize(("size", "entries"), [((80, 24), 3), ((120, 24), 6)])
@@ -380,7 +380,7 @@ async def test_what_names_don_t_need_shows_entries_of_vectors(size, entries, new
         assert "…" not in row_with(screen, "/base/twist")
 
 
-@pytest.mark.parametrize(("kind", "words"), [("vector", "0.00 -0.93 3.50"), ("pose", "2e-8 -0.93 3.50")])
+@pytest.mark.parametrize(("kind", "words"), [("vector", "0.00 -0.93  3.50"), ("pose", "2e-8 -0.93  3.50")])
 def test_an_entry_that_is_nothing_beside_the_others_is_a_zero_where_their_unit_is_one(kind, words):
     entries = tuple(Entry(suffix, "<f8") for suffix in ("_x", "_y", "_z"))
     element = ElementInfo("/log/a", "m", kind, (3,), entries, ElementOptions())

@@ -301,11 +301,13 @@ def test_a_busy_computer_is_no_thin_link():
     assert head_words(thin, slow, ["64 kbit/s"], 60, busy=True) == "THIN 0 of 5 Hz 64 kbit/s"
 
 
-@pytest.mark.parametrize(("waits", "thin"), [(0.0, True), (0.5, False)])
-def test_late_answers_are_those_of_the_link_only_where_the_processors_are_not_busy(monkeypatch, waits, thin):
+@pytest.mark.parametrize(("waits", "answers", "thin"), [(0.0, 1, True), (0.5, 1, False), (0.0, 0, False)])
+def test_late_answers_are_those_of_the_link_unless_processors_are_busy_or_none_came_yet(
+    monkeypatch, waits, answers, thin
+):
     clock = SimpleNamespace(s=0.0, monotonic=lambda: clock.s)
     driver = SimpleNamespace(
-        pacer=SimpleNamespace(paced=True, lag_s=lambda now_s: 1.0, fastest_s=0.01, bytes_per_s=8_000),
+        pacer=SimpleNamespace(paced=True, answers=answers, lag_s=lambda now_s: 1.0, fastest_s=0.01, bytes_per_s=8_000),
         thinness=Thinness(), busyness=Busyness(), painted=Painted(), behind=False, _painted_s=0.0,
         _take_answers=lambda: None,
     )  # fmt: skip

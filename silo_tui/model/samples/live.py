@@ -138,7 +138,10 @@ def _moment(date: str) -> str:
 
 
 def value_text(element: ElementInfo, reading: Reading | None, width: int, decimals: int | None = None) -> str:
-    """Return the newest value of an element in one cell; several entries as a short list."""
+    """Return the newest value of an element in one cell; several entries as a short list.
+
+    Each of its numbers has the room of the widest, so that none moves, comes or goes when another gets a sign.
+    """
     if reading is None:
         return "…"
     entries = element.entries
@@ -152,14 +155,15 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int, decima
         value = float(reading.newest[position])
         is_number = entry.dtype[1:2] in "fiu" and not entry.labels
         word = reading.texts.get(position)
-        piece = text.brief(value, largest) if is_number and word is None else entry_text(entry, value, word, 8)
+        is_number &= word is None
+        piece = text.brief(value, largest).rjust(text.BRIEF) if is_number else entry_text(entry, value, word, 8)
         rest = len(entries) - position - 1
         if len(piece) + (2 if rest else 0) > room:
             pieces.append("…")
             break
         pieces.append(piece)
         room -= len(piece) + 1
-    return " ".join(pieces)
+    return " ".join(pieces).lstrip()
 
 
 def component_text(
@@ -172,7 +176,7 @@ def component_text(
     """
     if chosen == 1:
         norm = float(np.sqrt(np.square(reading.newest).sum())) if math.isnan(told) else told
-        return f"|{len(element.entries)}| " + text.number(norm, max(6, width - 4), decimals=decimals)
+        return "norm " + text.number(norm, max(6, width - 5), decimals=decimals)
     entry = element.entries[chosen - 2]
     called = component_name(entry.suffix)
     label = f"{called} " if named and len(called) + 7 <= width else ""
@@ -182,7 +186,7 @@ def component_text(
 
 def cells_of_value(element: ElementInfo) -> int:
     """Return in how many cells the entries of a vector stand side by side, a scalar as wide as ever."""
-    return 6 * len(element.entries) - 1
+    return (text.BRIEF + 1) * len(element.entries) - 1
 
 
 def has_norm(element: ElementInfo) -> bool:

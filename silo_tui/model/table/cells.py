@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 SPAN_WIDE = 16
 ENTRY = 5  # cells of an entry among others at least, with the blank before it
 WHY_NOT_LIVE: dict[NotLive | None, str] = {
-    NotLive.ABSENT: "not begun", NotLive.FULL: "full", NotLive.LIMIT: "mem limit", NotLive.OTHER: "not live",
+    NotLive.ABSENT: "not begun", NotLive.FULL: "buffer full", NotLive.LIMIT: "mem limit", NotLive.OTHER: "not live",
 }  # fmt: skip
 NOT_OF_DERIVED = (Field.ACTION, Field.BUFFER, Field.SIZE)
 _OF_LIMITS = sum(set(LIMIT_BITS.values()))

@@ -6,6 +6,7 @@ from datetime import datetime
 from pathlib import PurePosixPath
 
 SUFFIXES = "kMGT"
+BRIEF = 5  # cells of a number among others
 BARS = "▏▎▍▌▋▊▉█"
 
 
@@ -136,7 +137,7 @@ def told_apart(*values: float, digits: int = 3, write: Callable[[float, int], st
 def brief(value: float, beside: float = 0.0) -> str:
     """Return a number in four or five characters, for the entries of a vector side by side.
 
-    What is nothing `beside` the largest of them in size is a zero.
+    The largest and smallest that there are take more. What is nothing `beside` the largest of them in size is a zero.
     """
     size = abs(value)
     if size < 1e-3 * beside and size < 0.005:

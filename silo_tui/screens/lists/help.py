@@ -30,7 +30,7 @@ HEAD = (
     ("■ STOPPED 02:41", "it logs nothing now; what it logged for so long is held"),
     ("✖ DEAD 02:41", "the robot program is gone; what it logged is saved, or held"),
     ("~ NO LINK 14 s", "nobody answers for so long: values are old, edits are kept"),
-    ("488/500 elements on", "so many are logged, of all"),
+    ("488/500 elements on", "so many are logged, of all; +1 derived: computed from them"),
     ("400 Hz", "ticks a second as measured; … of 400 Hz: none was yet"),
     ("318 of 400 Hz slow", "the loop makes fewer ticks than it should; jitter: how far they are off"),
     ("‼ no tick for 4 s", "the loop stands still"), ("118 024 ticks", "of the run until now"),
@@ -45,7 +45,7 @@ HEAD = (
 )  # fmt: skip
 COLUMNS = (
     ("name in /legs", "all that are shown begin so"), ("▼ legs 412, ►", "a branch of so many, folded: ►"),
-    ("|3|", "norm of a vector of three"), ("unit", "of the value; - none"), ("on", "whether it is logged"),
+    ("norm", "of a vector, in place of its entries"), ("unit", "of the value; - none"), ("on", "whether it is logged"),
     ("div", "divider: it is logged every so many ticks"), ("act", "action: saved, published, or both"),
     ("buf", "buffer: keeps the newest (loop), the first (fix), or all (grow)"), ("size", "samples that its buffer has"),
     ("fill", "how much of it is full"), ("value", "the newest; a number in a file: at that time"),
