@@ -363,14 +363,17 @@ class PlotScreen(SiloScreen):
         """Move the cursor to a moment; the window follows when it leaves it."""
         self.moved(self.window.go_to(time_ns, self.held_ns, self.stack.columns))
 
+    def gone_words(self, what: str) -> str:
+        """Return that a moment is overwritten, and from when on there are any."""
+        return f"{what}: overwritten, held is from {self.moment_words(self.held_ns[0])} on"
+
     async def jump_to(self, time_ns: int) -> bool:
         """Move the cursor to a moment, and the window so that the moment is in its middle if it was not in it.
 
         Where it is held nowhere any more that is said, and nothing moves.
         """
         if not await self.pause.bring(time_ns, self.window.span_ns):
-            oldest = self.moment_words(self.held_ns[0])
-            self.say(f"{self.moment_words(time_ns)}: gone, oldest held {oldest}")
+            self.say(self.gone_words(self.moment_words(time_ns)))
             return False
         self.moved(self.window.jump_to(time_ns, self.held_ns, self.stack.columns))
         return True

@@ -166,9 +166,7 @@ class MomentSearch:
         await self.screen.pause.settled()
         if not await self.screen.pause.bring(event.at_ns, self.screen.window.span_ns):
             gone = gone_words(event, self.screen.session.happened)
-            self.screen.say(
-                f"{self._told(event)}: gone, oldest held {self.screen.moment_words(self.screen.held_ns[0])}; {gone}"
-            )
+            self.screen.say(f"{self.screen.gone_words(self._told(event))}; {gone}")
             return
         await self.screen.jump_to(event.at_ns)
         self.screen.say(f"{self._told(event)} at {self.screen.moment_words(event.at_ns)}")
