@@ -74,6 +74,12 @@ def test_components_are_named_or_numbered(log):
     assert log["R"][:, 1].values[0].tolist() == [2, 3]
 
 
+def test_a_signal_of_one_sample_is_a_number_and_true_or_false(log):
+    x = log["x"]
+    assert (float(x[[3]]), float(x[[19]])) == (3.0, 19.0)
+    assert (bool(x[[0]]), bool(x[[3]])) == (False, True)
+
+
 def test_a_mask_chooses_samples(log):
     x = log["x"]
     assert x[x > 16].values.tolist() == [17, 18, 19]

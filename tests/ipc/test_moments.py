@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 import silo
-from silo.core.elements import BufferType, Edit, ElementOptions
+from silo.core.elements import BufferType, Edit, ElementOptions, Sought
 from silo.errors import RefusedError
+from silo.history.search import MAX_MOMENTS, MAX_NAMES, MAX_PINS, check_moments
+from silo.history.search_requests import FindMoments
+from silo.rpc.refusals import RequestRefusedError
 from tests.waiting import wait_until
 
 
@@ -98,3 +101,32 @@ def test_a_span_of_what_nobody_has_is_refused_or_empty(bench, client):
     assert client._measure(["/log/q_x"], 0, 1)["/log/q_x"].samples == 0
     with pytest.raises(RefusedError, match="out of range"):
         client._measure(["/log/q_x"], 0, 2**63 - 1)
+
+
+FAR = 2**62
+TWO = ["/log/x", "/log/y"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right", "says"),
+    [
+        ({"names": []}, {"names": ["/log/x"]}, "ask for 1 to 64 names, got 0"),
+        ({"names": ["/log/x"] * (MAX_NAMES + 1)}, {"names": ["/log/x"] * MAX_NAMES}, "got 65"),
+        ({"most": 0}, {"most": 1}, "most must be 1 to 5000 moments of each name, got 0"),
+        ({"most": MAX_MOMENTS // 2 + 1}, {"most": MAX_MOMENTS // 2}, "got 5001"),
+        ({"start_ns": 2, "end_ns": 1}, {"start_ns": 1, "end_ns": 1}, "goes backwards"),
+        ({"start_ns": -FAR - 1}, {"start_ns": -FAR}, "out of range"),
+        ({"end_ns": FAR + 1}, {"end_ns": FAR}, "out of range"),
+        ({"around_ns": FAR + 1}, {"around_ns": FAR}, "around_ns"),
+        ({"around_ns": -FAR - 1}, {"around_ns": -FAR}, "around_ns"),
+        ({"bounds": [(0.0, 1.0)]}, {"bounds": [(0.0, 1.0)] * 2}, "bounds are of every name or of none, got 1 for 2"),
+        ({"pins": ["p"] * (MAX_PINS + 1)}, {"pins": ["p"] * MAX_PINS}, "at most 16 pins, got 17"),
+        ({"level": float("nan")}, {"level": float("inf")}, "the level must be a number"),
+        ({"direction": 2}, {"direction": -1}, "the direction -1, 0 or 1"),
+    ],
+)
+def test_what_can_not_be_looked_for_is_refused_before_anything_is_read(wrong, right, says):
+    usual = {"names": TWO, "most": 10}
+    check_moments(FindMoments(what=Sought.CROSSING, **usual | right))
+    with pytest.raises(RequestRefusedError, match=says):
+        check_moments(FindMoments(what=Sought.CROSSING, **usual | wrong))

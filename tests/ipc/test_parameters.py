@@ -107,6 +107,24 @@ def test_a_change_that_no_tick_comes_for_waits_and_is_told_so(bench):
         assert client.parameters["kp"] == 50.0
 
 
+def test_a_change_is_answered_with_its_tick_where_one_comes_soon(bench, client, monkeypatch):
+    """Its client waits for it: a second, while the program looks whether it landed."""
+    bench.logger.stop()
+    bench.logger.parameter("kp", 40.0)
+    bench.logger.start()
+    serving, looks = bench.logger._life.serving, []
+    look = serving._look_at_parameters
+    monkeypatch.setattr(serving, "_look_at_parameters", lambda: (look(), looks.append(len(serving._landing))))
+    told = []
+    asking = threading.Thread(target=lambda: told.append(client.parameters.set({"kp": 50.0})))
+    asking.start()
+    wait_until(lambda: sum(looks) >= 3 or told)
+    assert not told  # as it has not landed
+    bench.logger.collect()
+    asking.join()
+    assert (told[0].waits, told[0].tick) == (False, 1)
+
+
 def test_what_is_not_confirmed_is_taken_back_by_the_robot_program(tuned, client):
     client.parameters.set({"kp": 50.0}, revert_after=0.05)
     wait_until(lambda: client.parameters["kp"] == 40.0)

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from silo.core.conditions import TriggerWord
+from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions
 from silo.errors import ElementError
+from silo.judging.checks import fixed_text, held_by
 from silo.judging.triggers import BufferSpan, Slope, Trigger, TriggerMode, TriggerRule, check_pre
 from tests.examples import examples
 
@@ -220,3 +223,16 @@ def test_single_spikes_at_random_places_are_all_caught_and_nothing_else():
             assert (capture.first, capture.last) == (capture.fires[0].tick - pre, capture.fires[0].tick + post)
             assert capture.fires[0].tick == places[capture.number - 1]
     assert found == list(range(1, 201))
+
+
+KEPT = ElementInfo("/log/kept", "", "scalar", (), (), ElementOptions(buffer=BufferType.FIXED, size=10))
+SEEN = replace(KEPT, name="/log/seen", options=ElementOptions(divider=2, buffer=BufferType.GROWING, size=30))
+
+
+@pytest.mark.parametrize("why_not", [{"enabled": False}, {"action": Action.PUBLISH}])
+def test_captures_tell_what_keeps_first_samples_only_and_ask_the_past_of_all_else_that_is_saved(why_not):
+    assert fixed_text([KEPT, SEEN]).startswith("'/log/kept' keeps first samples only")
+    assert fixed_text([KEPT, SEEN, KEPT]).startswith("'/log/kept' and 1 more keep")
+    assert held_by([KEPT, SEEN]) == [BufferSpan("/log/seen", 2, 30, looping=False, grows=True)]
+    not_saved = [replace(one, options=replace(one.options, **why_not)) for one in (KEPT, SEEN)]
+    assert (fixed_text(not_saved), fixed_text([SEEN]), held_by(not_saved)) == ("", "", [])

@@ -1,6 +1,7 @@
 """What was denied is told at once, a flood of it in a few lines; and what Zenoh's log says of refused logins."""
 
 from silo.control.denials import MOST_KINDS, Denials
+from silo.fleet.routers import RouterTold
 from silo.net.access.logins import Logins
 
 CAME = (
@@ -86,3 +87,9 @@ def test_lines_that_are_not_of_zenoh_go_on(monkeypatch) -> None:
     monkeypatch.setenv("RUST_LOG", "debug")
     Logins(lambda _: None).follow([WRONG + "\n"], found.append)
     assert found[1:] == [WRONG + "\n"]
+
+
+def test_a_router_tells_how_many_logins_it_refused_and_the_last_of_them() -> None:
+    assert RouterTold("desk9", 1, "").words == "router desk9: 1 login refused within the last hour"
+    many = RouterTold("desk9", 14, "wrong password by ann").words
+    assert many == "router desk9: 14 logins refused within the last hour, the last: wrong password by ann"

@@ -3,7 +3,7 @@
 import pytest
 
 from silo.core.elements import Action, BufferType
-from silo.journal.holdings import Holdings, recording_holdings, segment_holdings
+from silo.journal.holdings import Holdings, _lengths, recording_holdings, segment_holdings
 from silo.segment.reader import SegmentReader
 
 
@@ -67,3 +67,15 @@ def test_a_stretch_is_told_by_what_it_has_since_its_cut(new_logger, ticks):
 
 def test_nothing_is_told_as_nothing():
     assert Holdings(1, 0, 0, 0.0).text == "no sample, of 1 tick since start"
+
+
+@pytest.mark.parametrize(
+    ("ends", "whole", "most"),
+    [
+        ([(5, 25, 2), (0, 10, 1), (8, 9, 1)], 25, 20),  # two of four are no more than half
+        ([(5, 25, 1), (0, 10, 2), (8, 9, 1)], 25, 10),
+        ([(7, 9, 1)], 2, 2),
+    ],
+)
+def test_lengths_are_those_of_all_and_at_most_of_more_than_half_of_the_elements(ends, whole, most):
+    assert _lengths(ends, lambda tick: tick * 10**9) == (whole, most)

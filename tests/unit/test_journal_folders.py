@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from silo.core.runtime import announce_segment, list_segments
 from silo.journal.folders import KEPT_S, remember_folder, remembered_folders
+from silo.segment.held_runs import remove
 
 
 @pytest.fixture
@@ -69,3 +71,12 @@ def test_what_is_no_link_is_left_alone(state, logs):
     (state / "notes").write_text("mine")
     assert remembered_folders() == [logs]
     assert (state / "notes").read_text() == "mine"
+
+
+def test_a_segment_in_a_log_folder_is_removed_with_what_tells_of_it(runtime_folder, logs):
+    segment = logs / ".arm.1.0.segment"
+    segment.touch()
+    announce_segment(segment)
+    assert list_segments() == [segment]
+    remove(segment)
+    assert (segment.exists(), list_segments(), list(runtime_folder.iterdir())) == (False, [], [])
