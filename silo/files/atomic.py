@@ -37,7 +37,7 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """
     final = Path(path)
     part = _temporary_name(final)
-    with _becoming(part, final), _open_part(part) as file:
+    with _becoming(part, final), open_part(part) as file:
         yield file
         os.fsync(file.fileno())
         part.replace(final)  # while it is locked still
@@ -257,14 +257,17 @@ def _nameless(swap: Path) -> bool:
     return any(not os.path.lexists(swap.parent / held.name) for held in _held(swap))
 
 
-@contextmanager
-def _open_part(part: Path) -> Iterator[BinaryIO]:
-    """A new file, locked while it is written. Raises OSError."""
+def open_part(part: Path) -> BinaryIO:
+    """Open a new file, locked until it is closed. Raises OSError."""
     while True:
-        with part.open("xb", buffering=0) as file:
+        file = part.open("xb", buffering=0)
+        try:
             if _locked(file.fileno(), part):
-                yield file
-                return
+                return file
+        except BaseException:
+            file.close()
+            raise
+        file.close()
 
 
 @contextmanager
@@ -301,7 +304,7 @@ def append_all(descriptor: int, data: bytes) -> None:
 
 
 def _locked(descriptor: int, part: Path) -> bool:
-    """Lock what was just made; False if a sweep came before that and takes it for a dead writer's: make it again."""
+    """Lock what was just made; False if who clears up behind dead writers came before that: make it again."""
     if not lock(descriptor):  # a sweep holds it for the moment in which it removes it
         return True  # then nothing is swept there either
     try:

@@ -5,7 +5,6 @@ room: first in the queue, then in the rings.
 """
 
 import contextlib
-import fcntl
 import itertools
 import logging
 import os
@@ -28,7 +27,7 @@ from silo.core.elements import LoggedEvent, RecorderState
 from silo.core.recording import RecordedElement
 from silo.core.runtime import disk_room, sync
 from silo.errors import SiloError
-from silo.files.atomic import reason
+from silo.files.atomic import open_part, reason
 from silo.files.bags.message_groups import group_samples
 from silo.files.bags.writer import MAX_STAMP_NS, metadata_yaml, write_windows
 from silo.files.manifest import ClosedPart, Ledger, RunEntry, part_path
@@ -77,8 +76,7 @@ class OpenPart:
         self.path = part_path(folder, self.final.name)
         self.layout = layout
         self.begun_s = time.monotonic()
-        self._file = self.path.open("xb", buffering=0)
-        fcntl.flock(self._file, fcntl.LOCK_EX)
+        self._file = open_part(self.path)
         self.inode = os.fstat(self._file.fileno()).st_ino
         self._mcap = McapWriter(self._file, *layout.definitions, write=write)
         self._mcap.attach(PART_ATTACHMENT, "application/zstd", pack_part(layout.facts(recorder, begin)))

@@ -1,5 +1,6 @@
 """Parts of recordings, without a process: where they begin and end, what is deleted, lost, or left by a kill."""
 
+import fcntl
 import itertools
 import os
 import struct
@@ -41,6 +42,28 @@ def order(folder: Path, **options: object) -> RecordOrder:
 
 def parts(folder: Path) -> list[Path]:
     return sorted((folder / "rec").glob("bot_*.mcap"), key=lambda path: path.name.rpartition("_")[2])
+
+
+def test_who_closes_what_killed_recorders_left_never_takes_a_part_that_begins_just_then(
+    robot, tmp_path, truth, monkeypatch
+) -> None:
+    """It is empty, and for a moment not locked: another recorder of the folder, or `silo recover`, may come there."""
+    lock, came = fcntl.flock, []
+
+    def late(file: int, operation: int) -> None:
+        if operation == fcntl.LOCK_EX and not came and list((tmp_path / "rec").glob("*.mcap.part")):
+            came.append(close_parts(tmp_path / "rec"))
+        lock(file, operation)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(500)
+    direct.step()
+    assert direct.finish().lost == 0
+    (path,) = parts(tmp_path)
+    assert truth.span(read_bag(path)) == (0, 500)
+    assert len(came) == 1
 
 
 def test_parts_follow_one_another_without_a_gap_and_the_budget_deletes_only_its_own(robot, tmp_path, truth) -> None:
