@@ -19,7 +19,7 @@ from typing import BinaryIO
 
 from silo.core.child import end_abandoned_holder
 from silo.core.quantities.writing import size_text
-from silo.core.runtime import disk_room, sync
+from silo.core.runtime import disk_room, is_at, sync
 from silo.errors import SaveError
 
 PART_ENDING = ".part"
@@ -101,12 +101,10 @@ def _claim(path: Path) -> int | None:
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        is_ours = os.path.samestat(os.fstat(descriptor), path.lstat())
+        is_ours = is_at(descriptor, path)
     except BlockingIOError:
         is_ours = False
         end_abandoned_holder(descriptor)
-    except FileNotFoundError:
-        is_ours = False
     except OSError:
         is_ours = True  # no locks in this file system
     if not is_ours:
@@ -226,7 +224,7 @@ def _dead(part: Path) -> Iterator[bool]:
     with suppress(OSError):
         descriptor = os.open(part, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        dead = os.path.samestat(os.fstat(descriptor), part.lstat())
+        dead = is_at(descriptor, part)
     try:
         yield dead
     finally:
@@ -307,10 +305,7 @@ def _locked(descriptor: int, part: Path) -> bool:
     """Lock what was just made; False if who clears up behind dead writers came before that: make it again."""
     if not lock(descriptor):  # a sweep holds it for the moment in which it removes it
         return True  # then nothing is swept there either
-    try:
-        return os.path.samestat(os.fstat(descriptor), part.lstat())
-    except FileNotFoundError:
-        return False
+    return is_at(descriptor, part)
 
 
 def write_all(file_descriptor: int, buffers: list[memoryview], offset: int) -> None:

@@ -17,7 +17,7 @@ import msgspec
 
 from silo.core.elements import DAMAGED, NOTED, LoggedEvent
 from silo.core.recording import Recording, with_events
-from silo.core.runtime import open_own
+from silo.core.runtime import is_at, open_own
 from silo.files.atomic import append_all, lock
 
 MOST_BYTES = 4_000_000
@@ -125,19 +125,11 @@ def _locked(path: Path) -> Iterator[int]:
         descriptor = open_own(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
         try:
             lock(descriptor)
-            if _is_still(path, descriptor):
+            if is_at(descriptor, path):  # else another process began a new one
                 yield descriptor
                 return
         finally:
             os.close(descriptor)
-
-
-def _is_still(path: Path, descriptor: int) -> bool:
-    """Whether the open file has that name: another process may have begun a new one."""
-    try:
-        return os.path.samestat(path.lstat(), os.fstat(descriptor))
-    except FileNotFoundError:
-        return False
 
 
 def read_events(folder: str | os.PathLike[str], logger: str, run: str = "") -> list[LoggedEvent]:
@@ -166,7 +158,7 @@ def _files(path: Path, older: Path) -> list[list[bytes]]:
         with contextlib.ExitStack() as opened:
             descriptors = [_opened(one, opened) for one in (older, path)]
             # one that was begun anew between the two takes the place of the older one
-            if not older.exists() if descriptors[0] is None else _is_still(older, descriptors[0]):
+            if not older.exists() if descriptors[0] is None else is_at(descriptors[0], older):
                 return [_settled_lines(descriptor) for descriptor in descriptors if descriptor is not None]
 
 
