@@ -355,6 +355,7 @@ COMMANDS: tuple[Command, ...] = (
             writes=True, asks=True),
     Command("new_of_row", "N", "New", "a trigger, or limits, of the element under the cursor", "Look", _TABLE,
             writes=True, asks=True),
+    Command("last_capture", "", "Last capture", "plot what was captured last, of whichever trigger", "Look", _TABLE),
     Command("limits_of_row", "", "Limits", "limits of the element under the cursor", "Edit", _TABLE, writes=True,
             asks=True),
     Command("acknowledge", "K", "Acknowledge", "say that you have seen the alarm", "Alarms", _ALARMS, 1, writes=True,

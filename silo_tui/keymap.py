@@ -60,6 +60,7 @@ _TABLE = (
     # ------------------------------------------------------------------------------------ into, beside
     ("enter", "detail go_to_event open_logger open_recording open_run alarm_worst"),
     ("enter,r c", "trigger_capture"),
+    ("r c", "last_capture"),
     ("enter", "into"),
     ("m", "monitor plot"),
     ("m", "plot_conditions"),

@@ -106,6 +106,11 @@ class Editing(ElementsScreen):
         if (here := self._entry_here()) is not None:
             self._ask_limits(here[2])
 
+    def command_last_capture(self) -> None:
+        from silo_tui.screens.files.opened import open_last_capture  # no first screen waits for it
+
+        open_last_capture(self, self.session)
+
     def command_new_of_row(self) -> None:
         if (here := self._entry_here()) is None:
             return

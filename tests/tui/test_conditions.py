@@ -391,6 +391,32 @@ class TestLists:
             await screen.press("*", "K")
             await screen.until(lambda: ("acknowledge", "/log/LF/HAA/torque", "/log/a/cold") in fake.calls)
 
+    async def test_what_was_captured_last_is_opened_from_the_table_whichever_trigger_it_was(
+        self, fake, opened, monkeypatch
+    ):
+        asked = []
+
+        async def opening(context, session, files, plotted):
+            asked.append([file.path for file in files])
+
+        monkeypatch.setattr("silo_tui.screens.files.opened.open_saved", opening)
+        fake.trigger_statuses = [
+            replace(FALL, files=("/r/fall_1.silo",)),
+            replace(BLIND, last_ns=FALL.last_ns + 1, files=("/r/low_2.silo", "/r/low_2.csv")),
+            replace(OFF, last_ns=FALL.last_ns + 2),
+        ]
+        async with opened(fake) as screen:
+            await screen.until(lambda: len(screen.session.triggers) == 3)
+            screen.app.screen.action_command("last_capture")
+            await screen.until(lambda: asked == [["/r/low_2.silo", "/r/low_2.csv"]])
+
+    async def test_without_a_capture_that_is_said_in_the_table(self, fake, opened):
+        fake.trigger_statuses = [FALL, BLIND]
+        async with opened(fake) as screen:
+            await screen.until(lambda: screen.session.triggers)
+            screen.app.screen.action_command("last_capture")
+            await screen.shows("no trigger has captured anything yet")
+
     async def test_an_alarm_that_slipped_under_the_cursor_is_not_acknowledged_at_once(self, fake, opened):
         fake.limit_statuses = [HOT, COLD]
         async with opened(fake) as screen:

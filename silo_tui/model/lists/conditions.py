@@ -13,6 +13,7 @@ from silo.errors import ExpressionError
 from silo_tui.model.words import text
 
 IN_SPACE = "signal in "
+MOST_PLOTS = 6  # of what a condition is about, at once
 NAME, WHEN = 10, 20  # cells of a trigger's name, and those that its condition keeps
 LOUD = (TriggerWord.FIRING,)
 CAUTION = (TriggerWord.HOLDOFF, TriggerWord.BLIND, TriggerWord.OTHER)

@@ -5,12 +5,16 @@ from collections.abc import Callable
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, TypeAlias
 
+from silo.conditions.standing import TriggerStatus
 from silo.core.elements import SavedFile
 from silo.core.quantities.writing import size_text
 from silo.errors import SiloError
+from silo.files.formats import kind_of
 from silo.recordings.requests import RecordingFile
 from silo_tui.actions import key_of
-from silo_tui.context import Context
+from silo_tui.context import Context, SiloScreen
+from silo_tui.modal import run_alone
+from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
 from silo_tui.model.lists.recordings import begun_ns, best_file
 from silo_tui.model.plots.overlay import overlay_of
 from silo_tui.model.words.paths import typed_path
@@ -136,6 +140,29 @@ async def open_saved(
         return
     newest = max(found, key=begun_ns)
     await open_recording(context, session, listed.folder, best_file(newest), plotted)
+
+
+async def open_capture(context: Context, session: Session, trigger: TriggerStatus) -> None:
+    """Plot what a trigger captured last: the signals of its condition, else the first ones."""
+    files = [SavedFile(path, kind, 0) for path in trigger.files if (kind := kind_of(path)) is not None]
+
+    def plotted(file: "FileSession") -> list[str]:
+        names = [name for name in file.rows_of if file.rows_of[name].samples]
+        known = named_in(trigger.options.when, file.table.elements, file.status.prefix)
+        named = [name for name in known if name in set(names)]
+        return (named or names)[:MOST_PLOTS]
+
+    await open_saved(context, session, files, plotted)
+
+
+def open_last_capture(screen: SiloScreen, session: Session) -> None:
+    """Plot what was captured last, of whichever trigger."""
+    captured = [one for one in session.triggers if one.files]
+    if captured:
+        last = max(captured, key=lambda one: one.last_ns)
+        run_alone(screen, "opening", open_capture, screen.context, session, last)
+    else:
+        screen.say(f"no trigger has captured anything yet; {key_of('triggers')} lists them")
 
 
 def _on_this_machine(files: list[SavedFile]) -> tuple[str, RecordingFile] | None:

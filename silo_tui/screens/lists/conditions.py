@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, TypeVar
 from textual.app import ComposeResult
 
 from silo_tui.modal import run_alone
+from silo_tui.model.lists.conditions import MOST_PLOTS
 from silo_tui.screens.lists.list_screen import ListScreen
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.live_source import LiveSource
 from silo_tui.widgets.bars import Banner, StatusBar
-
-MOST_PLOTS = 6
 
 Status = TypeVar("Status")
 

@@ -15,11 +15,10 @@ from silo.errors import SiloError
 from silo.files.atomic import atomic_file
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
-from silo_tui.model.lists.conditions import named_in
+from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
 from silo_tui.model.lists.happened import ORDERS, csv_text, letter, line, matches, words
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.questions import Prompt
-from silo_tui.screens.lists.conditions import MOST_PLOTS
 from silo_tui.screens.lists.list_screen import ListScreen
 from silo_tui.screens.plots.monitor import FileMonitorScreen, MonitorScreen
 from silo_tui.sessions.live import Session

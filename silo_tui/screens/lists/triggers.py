@@ -9,9 +9,7 @@ from rich.text import Text
 
 from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
-from silo.core.elements import SavedFile
 from silo.core.quantities.writing import many
-from silo.files.formats import kind_of
 from silo.judging.checks import long_capture_s
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone
@@ -22,13 +20,12 @@ from silo_tui.model.words.names import fitting_names
 from silo_tui.screens.dialogs.form import taken
 from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.screens.dialogs.trigger_editor import TriggerEditor
-from silo_tui.screens.files.opened import open_saved
-from silo_tui.screens.lists.conditions import MOST_PLOTS, ConditionsScreen
+from silo_tui.screens.files.opened import open_capture
+from silo_tui.screens.lists.conditions import ConditionsScreen
 from silo_tui.theme import bold
 
 if TYPE_CHECKING:
     from silo.client.client import Client
-    from silo_tui.sessions.recorded import FileSession
 
 # what is the matter first
 STATES = (
@@ -168,21 +165,11 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def command_trigger_capture(self) -> None:
         one = self.here()
-        if one is None:
-            return
-        if not one.files:
+        if one is not None and not one.files:
             self.say(f"{one.options.name} has no capture yet; {key_of('plot_conditions')} plots its signals")
-            return
-        files = [SavedFile(path, kind, 0) for path in one.files if (kind := kind_of(path)) is not None]
-        run_alone(self, "opening", open_saved, self.context, self.session, files, lambda file: self._plotted(file, one))
+        elif one is not None:
+            run_alone(self, "opening", open_capture, self.context, self.session, one)
 
     def enter(self) -> None:
         """Open what it captured last."""
         self.command_trigger_capture()
-
-    def _plotted(self, file: "FileSession", one: TriggerStatus) -> list[str]:
-        """Return what is plotted of a capture: the signals of its condition, else the first ones."""
-        names = [name for name in file.rows_of if file.rows_of[name].samples]
-        known = named_in(one.options.when, file.table.elements, file.status.prefix)
-        named = [name for name in known if name in set(names)]
-        return (named or names)[:MOST_PLOTS]
