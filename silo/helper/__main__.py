@@ -16,7 +16,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m silo.helper", description=__doc__)
     parser.add_argument("--fd", type=int, required=True, help="socket to the robot process")
     parser.add_argument("--runs-fd", type=int, required=True, help="socket on which the robot process hands over runs")
-    parser.add_argument("--changes-fd", type=int, required=True, help="memory with the number of the logger's changes")
+    # a program that was started before silo was upgraded gives none
+    parser.add_argument("--changes-fd", type=int, help="memory with the number of the logger's changes")
     parser.add_argument("--name", required=True, help="name of the logger")
     parser.add_argument("--id", default="", help="what the logger drew to tell it from others of its name")
     parser.add_argument("--group", help="system group whose members may connect")

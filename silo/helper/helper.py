@@ -418,7 +418,7 @@ def derived_text(before: Sequence[Derived], now: Sequence[Derived]) -> str:
     return plain("; ".join(told[:3]) + more)
 
 
-def open_link(descriptor: int, runs: int, changes: int) -> RobotLink:
+def open_link(descriptor: int, runs: int, changes: int | None) -> RobotLink:
     """Return the channels that the robot process handed over."""
     handed = socket.socket(fileno=runs)
     handed.setblocking(False)

@@ -10,6 +10,7 @@ import silo
 from silo.cli.codes import EXIT_NO_LOGGER
 from silo.cli.main import run
 from silo.client.client import Client
+from silo.core.elements import State
 from silo.core.runtime import down_mark, down_marks, sweep_unfinished
 from silo.errors import ConnectionLostError
 from silo.files.event_log import read_events
@@ -63,6 +64,23 @@ def test_the_row_is_gone_when_a_helper_is_there_again(bench, monkeypatch, runtim
 
 
 @pytest.mark.slow
+def test_a_helper_process_of_a_newer_silo_serves_a_program_that_was_started_before_the_upgrade(bench, monkeypatch):
+    """It knows nothing of the memory in which changes are counted."""
+    start = process.ChildProcess.__init__
+
+    def older(self, module, arguments, *more, **options):
+        at = arguments.index("--changes-fd")
+        start(self, module, arguments[:at] + arguments[at + 2 :], *more, **options)
+
+    monkeypatch.setattr(process.ChildProcess, "__init__", older)
+    before = bench.serving.helper_pid
+    os.kill(before, signal.SIGKILL)
+    wait_until(lambda: bench.serving.helper_pid != before and bench.serving.is_up)
+    with silo.connect("bot") as client:
+        bench.logger.start()
+        wait_until(lambda: client.status().state is State.RUNNING)
+
+
 def test_a_helper_process_that_is_slow_to_start_is_waited_for_while_it_works(new_logger, monkeypatch, tmp_path) -> None:
     (tmp_path / "sitecustomize.py").write_text("import time\nwhile time.process_time() < 1.5: pass\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
