@@ -81,6 +81,7 @@ def test_a_helper_process_of_a_newer_silo_serves_a_program_that_was_started_befo
         wait_until(lambda: client.status().state is State.RUNNING)
 
 
+@pytest.mark.slow
 def test_a_helper_process_that_is_slow_to_start_is_waited_for_while_it_works(new_logger, monkeypatch, tmp_path) -> None:
     (tmp_path / "sitecustomize.py").write_text("import time\nwhile time.process_time() < 1.5: pass\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
