@@ -46,9 +46,8 @@ PATIENCE = 5  # who looks again and again spends a sixth of the time on a remote
 LONGEST_PAUSE_S = 50.0
 ANSWER_S = 2.0
 SETTLED_S = 0.5  # in which a subscription tells of those that are there
-NOBODY_S = (
-    0.3  # in which it is looked again where nobody is: beside a subscription that begins Zenoh says so of everybody
-)
+# in which it is looked again where nobody is: beside a subscription that begins Zenoh says so of everybody
+NOBODY_S = 0.3
 AGAIN_S = 5.0  # until who gave no answer is asked once more
 MOST = 4096  # that may come within a look
 
@@ -73,9 +72,8 @@ class FleetQuestion:
     holding: ExitStack | None = None
 
 
-FOLLOWING = FleetQuestion(
-    GetSummary(), follow=True, reach_s=2.0
-)  # it looks for a way again and again, and is to end soon
+# it looks for a way again and again, and is to end soon
+FOLLOWING = FleetQuestion(GetSummary(), follow=True, reach_s=2.0)
 
 
 @dataclass(frozen=True)

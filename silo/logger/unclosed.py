@@ -17,7 +17,7 @@ from silo.journal.holdings import segment_holdings
 from silo.loop.run import Run
 
 
-class Ending(Protocol):
+class UnclosedLogger(Protocol):
     """A logger, seen from here."""
 
     options: LoggerOptions
@@ -32,10 +32,10 @@ class Ending(Protocol):
         """Let go of everything that belongs to the parent process."""
 
 
-_living: "weakref.WeakSet[Ending]" = weakref.WeakSet()
+_living: "weakref.WeakSet[UnclosedLogger]" = weakref.WeakSet()
 
 
-def watch(logger: Ending) -> None:
+def watch(logger: UnclosedLogger) -> None:
     """See to it that the logger's data outlives a process that ends without `close()`."""
     _living.add(logger)
 

@@ -3,7 +3,7 @@
 import pytest
 from msgspec.structs import replace
 
-from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
+from silo.conditions.standing import CapturedSpan, LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord
 from silo.errors import ElementError, RefusedError
 from silo_tui.model.lists.conditions import (
@@ -401,7 +401,13 @@ class TestLists:
 
         monkeypatch.setattr("silo_tui.screens.files.opened.open_saved", opening)
         fake.trigger_statuses = [
-            replace(FALL, files=("/r/fall_1.silo",)),
+            replace(
+                FALL,
+                last_ns=FALL.last_ns + 9,
+                files=("/r/fall_1.silo",),
+                whole=CapturedSpan(1, 0, 9, 5, FALL.last_ns),
+                state=TriggerWord.FIRING,
+            ),
             replace(BLIND, last_ns=FALL.last_ns + 1, files=("/r/low_2.silo", "/r/low_2.csv")),
             replace(OFF, last_ns=FALL.last_ns + 2),
         ]

@@ -153,9 +153,8 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int, decima
     largest = float(sizes.max(initial=0.0)) if has_norm(element) else 0.0
     for position, entry in enumerate(entries):
         value = float(reading.newest[position])
-        is_number = entry.dtype[1:2] in "fiu" and not entry.labels
         word = reading.texts.get(position)
-        is_number &= word is None
+        is_number = word is None and entry.dtype[1:2] in "fiu" and not entry.labels
         piece = text.brief(value, largest).rjust(text.BRIEF) if is_number else entry_text(entry, value, word, 8)
         rest = len(entries) - position - 1
         if len(piece) + (2 if rest else 0) > room:

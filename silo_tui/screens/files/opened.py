@@ -159,7 +159,8 @@ def open_last_capture(screen: SiloScreen, session: Session) -> None:
     """Plot what was captured last, of whichever trigger."""
     captured = [one for one in session.triggers if one.files]
     if captured:
-        last = max(captured, key=lambda one: one.last_ns)
+        # a trigger that fires now has an older file until that capture is written
+        last = max(captured, key=lambda one: one.whole.time_ns if one.whole is not None else one.last_ns)
         run_alone(screen, "opening", open_capture, screen.context, session, last)
     else:
         screen.say(f"no trigger has captured anything yet; {key_of('triggers')} lists them")
