@@ -14,6 +14,7 @@ from textual import events
 from textual.app import App
 from textual.command import CommandPalette
 
+from silo.core.episodes.words import said_by
 from silo.net.access.senders import is_by
 from silo.rpc.published import Event, EventKind
 from silo_tui import terminal, theme
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 
 FIRST_LOOK_S, MOST_LOOKS = 0.02, 25  # how often is looked for the first values of a logger
 START_S = 2.0  # after which garbage is looked for
+BEHIND_HZ = 1.0  # how often values are painted behind a dialog
 HOMES = ("table", "file", "loggers")  # where `go_home` ends
 # what is said elsewhere: by progress, by the head and the alarms
 QUIET_KINDS = {EventKind.SAVING, EventKind.LIMIT, EventKind.LIMIT_ENDED, EventKind.CRASHED}  # a crash has its banner
@@ -203,7 +205,8 @@ class SiloApp(Guarded, App[None]):
     def _poll(self) -> None:
         """Bring the newest values to the screen, as often as the terminal takes them."""
         session = self._live_session
-        paint = terminal.may_paint(self, self._rate_hz)
+        # behind a dialog Textual draws the whole screen anew each time: 38 % of a processor at 160x50, so 30 %
+        paint = terminal.may_paint(self, min(self._rate_hz, BEHIND_HZ) if self.screen.is_modal else self._rate_hz)
         if session is None:
             return
         frame = session.poll()
@@ -296,10 +299,12 @@ class SiloApp(Guarded, App[None]):
         own = is_by(event.by, self._finder.own_name)  # whoever asked tells how it went
         if event.kind is EventKind.CRASHED:
             context.forget_news()
+            context.note(session.table.shown(event.text), is_news=True)  # the banner tells it meanwhile
         if event.kind is EventKind.SAVE_FAILED and not own and not self.screen.is_modal:
             context.fail(event.text)
         elif event.kind not in QUIET_KINDS and not own:
-            told = f'marker "{event.text}"' if event.kind is EventKind.MARKER else session.table.shown(event.text)
+            is_mark = event.kind is EventKind.MARKER and said_by(event.text) is None
+            told = f'marker "{event.text}"' if is_mark else session.table.shown(event.text)
             context.hear(told + (f" ({event.by})" if event.by else ""))
         if event.kind is not EventKind.SAVING:
             context.table_changed()
@@ -372,10 +377,16 @@ class SiloApp(Guarded, App[None]):
         self.push_screen(kind(self.context.session))
 
     def command_go_home(self) -> None:
-        if self.context.upper_screen is not None and self.context.upper_screen.scope == "loggers":
+        upper = self.context.upper_screen
+        if upper is not None and upper.scope == "loggers":
             self.context.back_to_table()
+        elif upper is not None and upper.scope == "file" and self.context.file_over_logger:
+            self.context.leave_file()  # from the table of a file to that of the logger behind it
         while (screen := self.context.upper_screen) is not None and screen.scope not in HOMES:
             self.context.leave_screen()
+        behind = self.context.logger_session
+        if screen is not upper and self.context.file_over_logger and behind is not None:
+            self.context.say(f"the table of the file; {key_of('go_home')} again: {behind.name}")
 
     def command_settings(self) -> None:
         from silo_tui.screens.lists.settings import SettingsScreen

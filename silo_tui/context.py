@@ -14,6 +14,7 @@ from typing import Any, ClassVar, cast
 from textual import events
 from textual.app import App
 
+from silo.core.quantities.writing import wall_clock
 from silo.errors import RefusedError, SiloError
 from silo.net.access.senders import read_only_words
 from silo.rpc.frames import Frame
@@ -45,7 +46,7 @@ class Message:
     @property
     def clock(self) -> str:
         """When, as people write it."""
-        return time.strftime("%H:%M:%S", time.localtime(self.at_s))
+        return wall_clock(int(1e9 * self.at_s))
 
 
 class Held(Dialog[None]):
@@ -232,6 +233,10 @@ class Context:
         if (screen := self.upper_screen) is not None:
             screen.say(words)
 
+    def shown(self, words: str) -> str:
+        """Return words with the names of signals as the table has them."""
+        return self.session.table.shown(words) if self.has_session else words
+
     def note(self, words: str, *, is_news: bool = False) -> Message:
         """Keep what is said among all that was."""
         told = Message(time.time(), words, is_news)
@@ -275,7 +280,7 @@ class Context:
 
     def fail(self, words: str) -> None:
         """Show an error; behind a dialog, its first line stays on the screen below."""
-        words = self.session.table.shown(words) if self.has_session else words
+        words = self.shown(words)
         if self.has_session and self.session.dead and self.session.status.reason:  # which the banner says
             words = words.replace(self.session.status.reason, "the robot program is gone")
         if (screen := self.upper_screen) is not None:
@@ -484,6 +489,7 @@ class SiloScreen(Leaving[None]):
 
     def say(self, words: str, *, failed: bool = False) -> None:
         """Show the result of something that was done, or that it was refused; as soon as the screen was made."""
+        words = self.context.shown(words)
         self.context.note(words)
         if self.is_there:
             self.show_said(words, failed=failed)

@@ -4,7 +4,7 @@ One table says which keys a command has besides those of `actions` (classic). It
 command without a place, no key twice on a screen, no menu that is a command too, `D` in no menu.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from types import MappingProxyType
 
@@ -18,6 +18,7 @@ from silo_tui.actions import (
     Command,
     commands_for,
     footer_for,
+    key_of,
     key_text,
     typed_on,
     with_keys,
@@ -243,12 +244,28 @@ def in_bar(scope: str, *, read_only: bool) -> list[tuple[Command, int]]:
     return [(command, rank) for _, rank, command in sorted(found, key=lambda each: each[0])]
 
 
-def where(command: Command, scope: str) -> str:
-    """Return where a command has a use, for a screen where it has none."""
-    if scope in FILE_SCOPES and not set(command.scopes) & set(FILE_SCOPES):
-        return "of a logger"
-    places = dict.fromkeys(PLACES.get(each, each) for each in command.scopes if each not in FILE_SCOPES)
-    return next(iter(places), "")
+def where(commands: Sequence[Command], scope: str) -> tuple[str, str]:
+    """Return where what shares a letter of a menu has a use, for a screen where it has none: in a word, in a sentence.
+
+    The sentence has the keys that lead there.
+    """
+    scopes = dict.fromkeys(each for command in commands for each in command.scopes)
+    if scope in FILE_SCOPES and not scopes.keys() & set(FILE_SCOPES):
+        return "of a logger", "a saved file has no logger"
+    places = [each for each in scopes if each not in FILE_SCOPES]
+    told = [PLACES.get(each, each) + (f" ({way})" if (way := _way_to(each, scope)) else "") for each in places]
+    more = " and others" if len(told) > 3 else ""
+    short = PLACES.get(places[0], places[0]) if places else ""
+    return short, f"it is a key of {', '.join(told[:3])}{more}"
+
+
+def _way_to(place: str, scope: str) -> str:
+    """Return the keys that lead from one screen to another, empty where none does."""
+    if place == "detail":
+        return f"{'' if scope == 'monitor' else _way_to('monitor', scope) + ', then '}{key_of('detail')}"
+    if place == "monitor" and scope != "table":
+        return f"{key_of('go_home')}, then {key_of('monitor')}"
+    return key_of("go_home" if place == "table" else place) if place in ("table", *BY_ID) else ""
 
 
 def clashes(keymap: str, keys: Mapping[str, str]) -> Iterator[tuple[str, str, str, str]]:

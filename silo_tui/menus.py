@@ -4,7 +4,7 @@ A menu is a state of the reader and no screen: it is drawn over the rows above t
 followed by another at once, so that `g r` typed on sends no cell.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -42,6 +42,7 @@ class MenuReader:
         self._menu = ""  # the command that opened it
         self._on: SiloScreen | None = None
         self._timer: Timer | None = None
+        self._lines: MenuLines | None = None  # where it is drawn
 
     def takes(self, typed: events.Key | events.Paste) -> bool:
         """Carry out what was typed, where it is a key of a full screen; False: it is for what has the focus."""
@@ -75,9 +76,10 @@ class MenuReader:
         if self._timer is not None:
             self._timer.stop()
         if self._on is not None and self._on.is_there:
-            self._on.query(MenuLines).remove()
+            if self._lines is not None:
+                self._lines.remove()  # it takes a moment, in which another may be drawn
             self._on.update_keys()
-        self._menu, self._on, self._timer = "", None, None
+        self._menu, self._on, self._timer, self._lines = "", None, None, None
 
     def _take_letter(self, screen: SiloScreen, key: str) -> None:
         back = command_of(key, screen.scope)
@@ -90,12 +92,13 @@ class MenuReader:
             screen.context.say(f"{key_text(key)} is not in the menu; {key_of('back')} leaves it")
             return
         command = entries[0]
-        if why := self._why_not(screen, command):
-            self.draw()
-            screen.context.say(f"{self._path(key)} ({command.label}): {why[1]}")
+        letter, path = self._menu, self._path(key)
+        why = self._why_not(screen, entries)
+        if self._lines is None or not why:  # who reads the menu may pick another entry
+            self.close()
+        if why:
+            screen.context.say(f"{path} ({command.label}): {why[1]}")
             return
-        letter = self._menu
-        self.close()
         if letter in ("menu_edit", "menu_view", "menu_plots") and command.id not in NOT_AGAIN:
             screen.repeats = partial(screen.action_command, command.id)
             screen.repeated = command.id
@@ -104,14 +107,16 @@ class MenuReader:
     def _path(self, key: str) -> str:
         return key_text(f"{key_of(self._menu)} {key}")
 
-    def _why_not(self, screen: SiloScreen, command: Command) -> tuple[str, str] | None:
-        """Return why an entry can't be done now, in a few words and in a sentence; None where it can."""
-        context, scope = screen.context, screen.scope
+    def _why_not(self, screen: SiloScreen, entries: Sequence[Command]) -> tuple[str, str] | None:
+        """Return why an entry can't be done now, in a few words and in a sentence; None where it can.
+
+        Of the commands that share its letter the first is that of this screen, if there is one.
+        """
+        context, scope, command = screen.context, screen.scope, entries[0]
         if command.id in MENUS:
             return None
         if not counts(command, scope):
-            place = where(command, scope)
-            return place, "a saved file has no logger" if place == "of a logger" else f"it has a use in {place}"
+            return where(entries, scope)
         own = scope in command.scopes or "any" in command.scopes
         if not context.has_session and not own and command.asks | command.writes | bool(command.scopes):
             return "no logger", f"no logger is open; {key_of('open_logger')} opens one"
@@ -129,14 +134,16 @@ class MenuReader:
     def draw(self) -> None:
         """Draw the menu that is open."""
         screen = self._on
-        if not self._menu or screen is None or self._app.screen is not screen or screen.query(MenuLines):
+        if not self._menu or screen is None or self._app.screen is not screen or self._lines is not None:
             return
-        screen.mount(MenuLines(self.picture(screen, self._app.size.width - 2), markup=False))
+        self._lines = MenuLines(self.picture(screen, self._app.size.width - 2), markup=False)
+        screen.mount(self._lines)
 
     def picture(self, screen: SiloScreen, width: int) -> Text:
         """Return the entries in columns: a letter, what it does or is now; in brackets what can't be done, and why."""
-        entries = {key: commands[0] for key, commands in in_menu(self._menu, screen.scope).items()}
-        reasons = {key: self._why_not(screen, command) for key, command in entries.items()}
+        meant = in_menu(self._menu, screen.scope)
+        entries = {key: commands[0] for key, commands in meant.items()}
+        reasons = {key: self._why_not(screen, commands) for key, commands in meant.items()}
         of_all = {why[0] if why else "" for why in reasons.values()}  # one that all have is told once
         count = max(-(-len(entries) // MOST_ROWS), min(3, width // LEAST_COLUMN, len(entries)))
         rows, column = -(-len(entries) // count), width // count

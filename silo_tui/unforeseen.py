@@ -14,6 +14,7 @@ from textual.message import Message
 from textual.message_pump import MessagePump
 from textual.worker import WorkerFailed
 
+from silo.core.quantities.writing import wall_clock
 from silo.version import VERSION
 
 MOST_BYTES = 1_000_000  # of the log file; what is older stands in one beside it
@@ -77,7 +78,7 @@ def _written(error: BaseException) -> str:
     """Write an error with where it came from, and return where it stands, or why it doesn't."""
     path = log_file()
     told = "".join(traceback.format_exception(error))
-    stamp = time.strftime("%Y-%m-%d %H:%M:%S")
+    stamp = wall_clock(time.time_ns(), date=True)
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         if path.exists() and path.stat().st_size > MOST_BYTES:

@@ -6,9 +6,9 @@
 A fault is a comparison that is off by one, a sign, a constant, a condition turned round, a lock that isn't taken, a
 call left out. The places are drawn by a seed, that of the commit if no other is given, from all places of the modules
 that were named. The nearest tests are those of the files that import the module, or speak of its folder, and of those
-for other modules: first those of the fast tier that run its line, as many as take `BUDGET_S`; where these notice
-nothing, the slow ones of its own files. A fault after which they hang is counted apart. Exit status 1 where some
-survive.
+for other modules, as those that go through all screens and words: first those of the fast tier that run its line, as
+many as take `BUDGET_S`; where these notice nothing, the slow ones of its own files. A fault after which they hang is
+counted apart. Exit status 1 where some survive.
 
 Which tests run which lines is looked up once for each state of the code and the tests, and kept: of all some 15 minutes
 of processor time. Tests are loaded once: a fault within a function is put into a fork of that process, any other into
@@ -55,7 +55,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 MOST_FILES = 12  # of nearest tests
 MEMORY = Path("/dev/shm")
-BUDGET_S = 4.0  # of processor time, of the tests that a fault is tried on
+THROUGH_ALL = ["tests/files/test_sessions.py", "tests/tui/test_walks.py"]  # they go through most modules
+QUICK = "not slow or through_all"  # the tests that are loaded once
+BUDGET_S = 10.0  # of processor time, of the tests that a fault is tried on
 MOST_BYTES = 8 << 30  # of memory: some faults are lists without an end
 MOST_FILE_BYTES = 1 << 30  # or files that fill the memory which they stand in
 PASSED, NOTICED, NO_TESTS, BROKE = 0, 1, 5, 70  # exit statuses; pytest's others tell of modules that can't be loaded
@@ -418,7 +420,7 @@ class Trial:
         if shared.is_dir():
             (folder / "shared").symlink_to(shared)
         self._tests = folder / "tests"  # where they write
-        os.environ.update(PYTHONPATH=str(self.root), PYTEST_DEBUG_TEMPROOT=str(self._tests))
+        os.environ.update(PYTHONPATH=str(self.root), PYTEST_DEBUG_TEMPROOT=str(self._tests), SILO_DEADLINE_S="30")
         os.chdir(self.root)
         sys.path.insert(0, str(self.root))
         for name in PRELOADED:
@@ -433,7 +435,7 @@ class Trial:
         self._pid = os.fork()
         if not self._pid:
             os.dup2(2, 1)
-            tested(tests, "not slow", Warm(control, kept))
+            tested(tests, QUICK, Warm(control, kept))
             os._exit(0)
         self._number = itertools.count(1)
         control.close()
@@ -505,7 +507,7 @@ class Trial:
             return status
         tests = self.chosen(fault.module)  # it is run at import
         files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
-        return forked(lambda: tested(files, "not slow", Some(tests)), self._patience(tests))
+        return forked(lambda: tested(files, QUICK, Some(tests)), self._patience(tests))
 
     def _patience(self, tests: Iterable[str]) -> float:
         """How long tests may take, on a machine that others use, too."""
@@ -545,7 +547,8 @@ def main() -> int:
     print(f"{len(faults)} faults, seed {seed}, {len(results)} tried before", flush=True)
     end_s = time.monotonic() + 60 * wanted.minutes
     with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as folder:
-        tests = sorted({path for fault in faults for path in nearest(fault.module)})
+        through_all = {one for one in THROUGH_ALL if (ROOT / one).exists()}
+        tests = sorted(through_all | {path for fault in faults for path in nearest(fault.module)})
         trial = Trial(Path(folder), tests, slow=not wanted.fast)
         for fault in itertools.takewhile(lambda _: time.monotonic() < end_s, faults):
             result = results[fault] = trial.of(fault)

@@ -124,6 +124,11 @@ class Comparison:
         return bool(self.rows or self.only_a or self.only_b)
 
     @property
+    def blind(self) -> bool:
+        """Whether nothing could be compared, so that nothing is known to be alike."""
+        return not (self or self.alike) and bool(self.not_compared)
+
+    @property
     def weight(self) -> tuple[float, float]:
         """How different the most different signal is: in multiples of how far it moves, and in its unit; 0 for none."""
         return (self.rows[0]._weight, self.rows[0].rms) if self.rows else (0.0, 0.0)

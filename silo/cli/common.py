@@ -14,7 +14,7 @@ import click
 from click.types import StringParamType
 
 from silo.core.printing import printable
-from silo.core.quantities.writing import clock_text
+from silo.core.quantities.writing import duration_text
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 
 if TYPE_CHECKING:
@@ -234,8 +234,10 @@ def find_saved(which: str | Path) -> Path:
 
 def tell_unreachable(unreachable: Mapping[str, str]) -> None:
     """Say which remotes don't answer, and why."""
+    from silo.fleet.near import unreachable_text
+
     for remote, why in unreachable.items():
-        click.echo(f"remote '{remote}': {why} (`silo remote doctor {remote}`)", err=True)
+        click.echo(f"{unreachable_text(remote, why)} (`silo remote doctor {remote}`)", err=True)
 
 
 def connect(name: str | None) -> "Client":
@@ -477,4 +479,4 @@ def type_of(info: "ElementInfo") -> str:
 
 def logged_for(status: "Status") -> str:
     """How long a logger has been logging, fit to show; `-` before its first start."""
-    return clock_text((time.time_ns() - status.run_began_ns) / 1e9) if status.state.value == "running" else "-"
+    return duration_text((time.time_ns() - status.run_began_ns) / 1e9) if status.state.value == "running" else "-"

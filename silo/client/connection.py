@@ -20,6 +20,7 @@ import msgspec
 import zenoh
 
 from silo.core.elements import State
+from silo.core.runtime import process_start
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo.fleet.exchange import exchange, root_at
 from silo.fleet.many import Pending
@@ -42,6 +43,8 @@ POLL_S = 0.05
 RETRY_S = 0.2
 HELLO_TIMEOUT_S = 1.0
 DEAD_SCAN_S = 0.5
+TWIN_SCAN_S = 2.0  # so often is looked who is there beside a robot that lives
+HELPER_BACK_S = 3.0  # elsewhere nobody sees whether a program lives: its next helper process is there by then
 TOKEN_POLL_S = 0.001
 LOOK_S = 1.0
 LEFT_S = 10.0  # a helper process that is there may be kept from answering; a query ends at once where its link has gone
@@ -84,9 +87,9 @@ class Connection:
         self._problem = ""  # why the helper process that is there now can't be asked
         self.sessions = 0  # counts up with every session: views must be opened anew
         self._foreign = Foreign("an event")
-        self._known: set[str] = set()  # who was there when we came: other robots, whatever their names
+        self._known: set[str] = set()  # who was there while ours lived: other robots, whatever their names
         self._open(found, timeout_s)
-        self._known = {_mark(other) for other in self._namesakes()} | {_mark(self.found)}
+        self._known = self._twins()
 
     def watch(self, on_round: Callable[[], None]) -> None:
         """Begin to watch the link, in a thread that calls `on_round` 20 times a second: it may need the connection."""
@@ -135,6 +138,7 @@ class Connection:
             self.found = replace(found, host=root.host, id=root.id)
             self.root = root
             self._dead = dead
+            self._program_start = _program_start(found, reply.status.helper_pid)
             self._alive, self._events, self._declared = alive, events, declared
             self.mine = mine
             self._borrowed = borrowed
@@ -260,9 +264,13 @@ class Connection:
                 self._lose()
             if gone or last_look:
                 continue
-            if self._dead and time.monotonic() - scanned_s > DEAD_SCAN_S:
+            if time.monotonic() - scanned_s > (DEAD_SCAN_S if self._dead else TWIN_SCAN_S):
                 scanned_s = time.monotonic()
-                self._look_for_successor()
+                if self._dead:
+                    self._look_for_successor()
+                elif self._program_start:
+                    twins = self._twins()
+                    self._known |= twins if self._program_lives() else set()  # asked last: they were there beside it
             _call(lambda _: on_round(), True)
         self._lose(tell=False)
 
@@ -327,16 +335,19 @@ class Connection:
     def _candidates(self) -> list[LoggerAddress]:
         """Return the same helper process or its successor first, then other loggers of the name, the newest first."""
         if self.found.config:
-            return [self.found, *self._namesakes()]
+            is_late = time.monotonic() - self._lost_s > HELPER_BACK_S
+            return [self.found, *(self._namesakes() if is_late else [])]
         path = Path(self.found.socket)
         if path.exists() and not owner_is_gone(path):
             return [seen_now(self.found)]
         return self._namesakes()
 
     def _namesakes(self) -> list[LoggerAddress]:
-        """Return loggers of the same name on the same computer that were started after we connected.
+        """Return loggers of the same name on the same computer that may be ours, started again.
 
-        Those that were there are other robots, and so are those of another computer that calls itself the same.
+        Those that were there while ours lived are other robots, and so are those of another computer that calls itself
+        the same. While our program lives and its helper process alone is gone, it starts another one by itself: only a
+        logger of the same program may follow.
         """
         mine = self.found
         try:
@@ -345,7 +356,21 @@ class Connection:
             log.debug("can't look for loggers: %s", error)
             return []
         others = [found for found in loggers if found.follows(mine) and _mark(found) not in self._known]
+        if self._program_lives():
+            others = [found for found in others if found.pid == mine.pid]
         return sorted(others, key=_age, reverse=True)
+
+    def _twins(self) -> set[str]:
+        """Return who is there of the same name, ours among them."""
+        try:
+            return {_mark(self.found), *(_mark(one) for one in namesakes(self.found, HELLO_TIMEOUT_S))}
+        except SiloError as error:
+            log.debug("can't look for loggers: %s", error)
+            return {_mark(self.found)}
+
+    def _program_lives(self) -> bool:
+        """Whether the robot program is known to live, whatever its helper process does."""
+        return bool(self._program_start) and process_start(self.found.pid) == self._program_start
 
     def _look_for_successor(self) -> None:
         """The robot program is dead: when it is started again, go over to the new one."""
@@ -368,6 +393,15 @@ def _wait_for_token(alive: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]", time
         if sample is not None:
             return
         time.sleep(TOKEN_POLL_S)
+
+
+def _program_start(found: LoggerAddress, helper_pid: int) -> int:
+    """Return when the robot program began; 0 where it isn't seen from here: elsewhere, dead, in another container."""
+    try:
+        command = Path(f"/proc/{helper_pid}/cmdline").read_bytes()  # of another process, if they count theirs otherwise
+    except OSError:
+        return 0
+    return process_start(found.pid) if found.socket and b"silo.helper" in command else 0
 
 
 def _mark(found: LoggerAddress) -> str:

@@ -1,5 +1,6 @@
 """Limits and triggers as programs give them: the methods that a logger and its clients have in common."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from typing import Any, Generic, TypeVar
 
@@ -13,20 +14,20 @@ _TRIGGER = 'trigger("fall", "abs(base/roll) > 0.6")'
 DoneT = TypeVar("DoneT")  # what they return: a client what was done, in words, a logger nothing
 
 
-class TakesConditions(Generic[DoneT]):
+class TakesConditions(ABC, Generic[DoneT]):
     """Takes limits and triggers by what is written in a call; which ones there are is known to who sets them."""
 
-    def _set_limits(self, limits: SignalLimits) -> DoneT:
-        raise NotImplementedError
+    @abstractmethod
+    def _set_limits(self, limits: SignalLimits) -> DoneT: ...
 
-    def _remove_limits(self, name: str) -> DoneT:
-        raise NotImplementedError
+    @abstractmethod
+    def _remove_limits(self, name: str) -> DoneT: ...
 
-    def _set_trigger(self, trigger: TriggerOptions) -> DoneT:
-        raise NotImplementedError
+    @abstractmethod
+    def _set_trigger(self, trigger: TriggerOptions) -> DoneT: ...
 
-    def _remove_trigger(self, name: str) -> DoneT:
-        raise NotImplementedError
+    @abstractmethod
+    def _remove_trigger(self, name: str) -> DoneT: ...
 
     def limit(
         self,
@@ -105,7 +106,7 @@ class TakesConditions(Generic[DoneT]):
             rearm: what must be true before it fires again; without, the condition must have been false.
             persist: it must stay so for so long.
             holdoff: it ignores what follows for so long.
-            mode: `"normal"`, or `"single"`: the first only.
+            mode: `"normal"`, or `"single"`: the first of each run only.
             save: file types; without any it captures nothing: `client.triggers()` tells when it fired.
             keep: of its captures on the disk, of this run and earlier ones, the newest so many stay, 0 for all; removed
                 is only what the logger's own list says that it wrote.

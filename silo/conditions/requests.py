@@ -23,7 +23,8 @@ class TriggerTried(Reply, frozen=True, omit_defaults=True):
     """At which ticks a trigger would have fired: each with its time stamp, the last 1000 of `fires`.
 
     Judged were the ticks `first` to `last` with time stamps from `begin_ns` to `end_ns`; at `blind` of `judged` of them
-    the condition could not be told. `capture_bytes` is about how large a capture would be, all its files together.
+    the condition could not be told, at `held` of them it held: of one that holds all the time nothing ever fires.
+    `capture_bytes` is about how large a capture would be, all its files together.
     """
 
     fires: int
@@ -37,6 +38,7 @@ class TriggerTried(Reply, frozen=True, omit_defaults=True):
     blind: int = 0
     capture_bytes: int = 0
     why: str = ""
+    held: int = 0
 
 
 class Alarms(Reply, frozen=True):

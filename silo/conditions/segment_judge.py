@@ -20,7 +20,7 @@ from silo.core.conditions import Conditions, Derived, TriggerOptions, TriggerWor
 from silo.core.elements import ElementInfo
 from silo.errors import ElementError
 from silo.expressions.binding import BoundExpression, means_else
-from silo.expressions.evaluation import UNOBSERVABLE, Evaluator
+from silo.expressions.evaluation import TRUE, UNOBSERVABLE, Evaluator
 from silo.judging.checks import trigger_rule
 from silo.judging.switched_off import trigger_conditions
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Trigger, TriggerMode, longest_capture
@@ -440,12 +440,13 @@ def try_trigger(
     evaluator, trigger = Evaluator(*expressions), Trigger(rule)
     begin, end = rows.oldest_tick(), reader.ticks
     fires: list[Fire] = []
-    judged = blind = 0
+    judged = blind = held = 0
     for until in [*range(begin + TRIED_TICKS, end, TRIED_TICKS), end]:
         found = evaluator.feed({ring: each for ring, each in rows.read(until)[0].items() if ring in evaluator.sources})
         codes = found.codes(0)
         judged += len(codes)
         blind += int(np.count_nonzero(codes == UNOBSERVABLE))
+        held += int(np.count_nonzero(codes == TRUE))
         rearm = found.codes(1) if options.rearm else None
         captures = trigger.feed(found.ticks, found.time_ns, codes, rearm)
         new = [fire for capture in captures for fire in capture.fires if not fires or fire.tick > fires[-1].tick]
@@ -454,6 +455,7 @@ def try_trigger(
     return TriggerTried(
         trigger.fires, [fire.tick for fire in fires], [fire.time_ns for fire in fires], begin, end - 1,
         int(first.time_ns[0]) if len(first) else 0, int(last.time_ns[0]) if len(last) else 0, judged, blind, size,
+        held=held,
     )  # fmt: skip
 
 

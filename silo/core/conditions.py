@@ -31,6 +31,9 @@ class SignalLimits(msgspec.Struct, frozen=True, omit_defaults=True):
     when: str = ""
 
 
+AROUND_S = 1.0  # captured before and after each fire, where who makes a trigger at a terminal says nothing of it
+
+
 class TriggerOptions(msgspec.Struct, frozen=True, omit_defaults=True):
     """A condition, and what is captured around the ticks at which it fires; see `Logger.trigger`.
 

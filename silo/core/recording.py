@@ -426,8 +426,11 @@ def stamped(events: Iterable[LoggedEvent], time_ns: NDArray[np.int64], offset: i
 
 def with_events(recording: Recording, events: Iterable[LoggedEvent]) -> Recording:
     """The recording with what else happened in its run, in the order of time; what it has already stays once."""
-    known = {(event.kind, event.time_ns, event.tick, event.text): event for event in recording.events}
-    for event in stamped(events, recording.time_ns, recording.offset):
-        known[event.kind, event.time_ns, event.tick, event.text] = event
-    merged = sorted(known.values(), key=lambda event: (event.time_ns, event.number))
+    merged = once_each([*recording.events, *stamped(events, recording.time_ns, recording.offset)])
     return replace(recording, events=tuple(merged[-MOST_EVENTS:]))
+
+
+def once_each(events: Iterable[LoggedEvent]) -> list[LoggedEvent]:
+    """The events of a run in the order of time; of what is told twice, the later one."""
+    known = {(event.kind, event.time_ns, event.tick, event.text): event for event in events}
+    return sorted(known.values(), key=lambda event: (event.time_ns, event.number))

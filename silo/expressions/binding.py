@@ -296,7 +296,7 @@ class _Binder:
     def _unknown(self, node: Name, labels: Mapping[int, str]) -> str:
         text = node.text
         if "[" in text and (bare := re.sub(r"\[(\d+)\]", r"_\1", text)) != text:
-            return f"no signal matches '{text}'; one scalar of an array is named '{bare}'"
+            return f"no signal matches '{text}'; {self._scalar_words(text, bare)}"
         if close := nearest(text, labels.values()):
             return f"there is no label '{text}'{did_you_mean(close)}"
         if labels and "/" not in text:
@@ -306,6 +306,19 @@ class _Binder:
         hint = did_you_mean(self._catalogue.near(text), f"there are {len(self._catalogue.elements)} elements")
         matches = "matches" if is_glob(text) else "is named"
         return f"no signal {matches} '{text}'{hint}"
+
+    def _scalar_words(self, text: str, bare: str) -> str:
+        """Tell what the scalar of an array is named that somebody wrote with an index."""
+        head, _, rest = text.partition("[")
+        found = self._catalogue.find(head)
+        if self._catalogue.find(bare) or len(found) != 1 or found[0][1] is not None:
+            return f"one scalar of an array is named '{bare}'"
+        names = [f"{head}{entry.suffix}" for entry in self._catalogue.elements[found[0][0]].entries]
+        index = rest.removesuffix("]")
+        if index.isdecimal() and int(index) < len(names):
+            return f"that scalar of it is named '{names[int(index)]}'"
+        shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+        return f"'{head}' has {shown}"
 
     # ---------------------------------------------------------------------------------------------- operations
 

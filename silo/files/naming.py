@@ -9,6 +9,7 @@ import os
 import re
 from collections.abc import Callable, Iterable
 from datetime import datetime
+from itertools import islice
 from pathlib import Path
 
 from silo.core.runtime import FOLDER_GONE, is_folder_gone, open_own
@@ -214,6 +215,14 @@ def _logs(folder: Path) -> Iterable[Path]:
     ]
 
 
+def _folders(folder: Path) -> list[Path]:
+    """The folders in one that may hold logs, a few: whoever is wrong by one looks no further."""
+    if not folder.is_dir():
+        return []
+    inside = (path for path in folder.iterdir() if not path.name.startswith("."))
+    return sorted(path for path in islice(inside, 200) if path.is_dir() and os.access(path, os.R_OK | os.X_OK))
+
+
 def _run_of(path: Path) -> int:
     match = _STEM.match(path.stem)  # of a capture, too, whose trigger and number stand behind
     return int(match["run"]) if match else 0
@@ -257,6 +266,8 @@ def _newest_run(folder: Path, logger: str) -> int:
 def _what_is_there(folder: Path) -> str:
     newest = _by_age(_logs(folder))[::-1]
     if not newest:
-        return " (the folder holds no log)"
+        below = [place.name for place in _folders(folder) if any(_logs(place))]
+        there = f", but there are some in {' and '.join(map(repr, below[:3]))}: say where" if below else ""
+        return f" (the folder holds no log{there})"
     more = f" and {len(newest) - 3} more" if len(newest) > 3 else ""
     return f"; there are: {', '.join(path.name for path in newest[:3])}{more}"

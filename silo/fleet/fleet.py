@@ -16,13 +16,13 @@ from typing import Any
 import msgspec
 import zenoh
 
-from silo.errors import ConnectionLostError, SiloError, VersionError
+from silo.errors import ConnectionLostError, SegmentError, SiloError, VersionError
 from silo.fleet.exchange import client_name, decode_reply, root_at, those_there, those_told
 from silo.fleet.many import POLL_S as ANSWERED_S
 from silo.fleet.many import Asking
 from silo.fleet.member import HELPER_DOWN, NO_ANSWER, OTHER_SILO, Member
 from silo.fleet.memory import remember, remembered
-from silo.fleet.near import Near, down_text, near_loggers
+from silo.fleet.near import HERE, Near, down_text, near_loggers
 from silo.fleet.routers import AskedRouters, RouterTold, told_of
 from silo.net import keys
 from silo.net.access.probing import REACH_S, Layer, LayerError
@@ -257,7 +257,7 @@ class Fleet:
         wanted: dict[str, LoggerAddress | None] = {}  # by socket a logger of this computer, else a configuration
         near = Near()
         if self._config in ("", LOCAL):
-            near = near_loggers()
+            near = self._near_loggers()
             asked = self._plan.whom if self._plan.question is not None else lambda _: False
             wanted |= {found.socket: found for found in near.loggers if asked(found)}
         if self._config == "":
@@ -276,9 +276,21 @@ class Fleet:
             for key, one in list(self._members.items()):
                 if one.found.socket and one.here and key not in sockets:
                     self._members[key] = replace(one, here=False, since_s=now_s)
-            self._failed = {name: error for name, error in self._failed.items() if name in wanted}
+            self._failed = {name: error for name, error in self._failed.items() if name in wanted or name == HERE}
             self._tried |= {""}
             self._tell()
+
+    def _near_loggers(self) -> Near:
+        """Return those of this computer; who follows goes on where they can't be looked for, and tells why."""
+        try:
+            near = near_loggers()
+        except SegmentError as error:
+            if not self._plan.follow:
+                raise
+            self._failed[HERE] = error
+            return self._near
+        self._failed.pop(HERE, None)
+        return near
 
     def _have_ways(self, wanted: dict[str, LoggerAddress | None]) -> None:
         for name, way in list(self._ways.items()):

@@ -2,11 +2,11 @@
 
 import enum
 import functools
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from silo.core.elements import State, Status, is_stalled
+from silo.core.quantities.writing import wall_clock
 from silo.net.found import LoggerAddress
 from silo.rpc.published import Summary
 
@@ -193,7 +193,7 @@ class SilentHost:
 
 def gone_words(since_s: float, now_s: float, now_ns: int, *, unwatched: bool) -> str:
     """Return `unreachable since 14:26:36`, or that of one that went while nobody looked."""
-    since = time.strftime("%H:%M:%S", time.localtime(now_ns / 1e9 - (now_s - since_s)))
+    since = wall_clock(now_ns - int(1e9 * (now_s - since_s)))
     return f"closed or unreachable, last seen {since}" if unwatched else f"unreachable since {since}"
 
 

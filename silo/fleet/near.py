@@ -13,6 +13,7 @@ from silo.net.session import SOCKET_SUFFIX, Beside, owner_is_gone
 
 _SOCKET = re.compile(r"(?P<name>.+)\.(?P<pid>[0-9]+)(?:-(?P<copy>[0-9]+))?\.sock")
 _DOWN = re.compile(rf"(?P<name>.+)\.(?P<pid>[0-9]+){re.escape(DOWN_SUFFIX)}")
+HERE = ""  # in place of a remote: the loggers of this computer can't be looked for
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,11 @@ def _down() -> list[LoggerAddress]:
             owner = user_name(found.st_uid)
             loggers.append(LoggerAddress(match["name"], int(match["pid"]), "", owner, since=found.st_mtime))
     return loggers
+
+
+def unreachable_text(name: str, why: str) -> str:
+    """Return why there is no way to a remote; `HERE` is no remote."""
+    return f"remote '{name}': {why}" if name != HERE else why
 
 
 def down_text(found: LoggerAddress) -> str:

@@ -15,7 +15,9 @@ from silo.core.runtime import sync
 
 JOURNALS = "journals"
 RECORDINGS = "recordings"  # of recorders: what a kill left open is found as journals are
-_FILES = {JOURNALS: ".*.journal", RECORDINGS: "*.mcap.part"}
+UNNAMED_FILES = ".silo-*.part"  # that a kill kept from their names
+OPEN_PARTS = "*.mcap.part"  # of recordings that a kill left open
+_FILES = {JOURNALS: (".*.journal", UNNAMED_FILES), RECORDINGS: (OPEN_PARTS, UNNAMED_FILES)}
 KEPT_S = 30 * 86400.0  # of a link to a folder that isn't there: its disk may be mounted again
 
 
@@ -57,7 +59,9 @@ def remembered_folders(kind: str = JOURNALS) -> list[Path]:
             with contextlib.suppress(OSError):  # no link, or another process removes it just now
                 folder = link.readlink()
                 there = os.path.lexists(folder)
-                if any(folder.glob(_FILES[kind])) or not (there or time.time() - link.lstat().st_mtime > KEPT_S):
+                if any(any(folder.glob(files)) for files in _FILES[kind]) or not (
+                    there or time.time() - link.lstat().st_mtime > KEPT_S
+                ):
                     found.append(folder)
                 else:
                     link.unlink()

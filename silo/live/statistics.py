@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.columns import Floats
+from silo.core.arrays.running import RunningStatistics
 from silo.core.elements import BufferType, State
 from silo.errors import SegmentError
 from silo.live.newest import NewestValues
@@ -77,54 +78,6 @@ class _Columns:
                 squares = np.square(found[:, self.vectors])
                 found[:, len(self.entries) :] = np.sqrt(np.add.reduceat(squares, self.starts, axis=1))
         return found
-
-
-class Sums:
-    """Minimum, maximum, mean and standard deviation of many signals over all finite samples that were added."""
-
-    def __init__(self, count: int) -> None:
-        self.since_ns = 0
-        self.low, self.high = np.full(count, np.inf), np.full(count, -np.inf)
-        self.number, self.bad = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        self._base = np.full(count, np.nan)  # sums of what is left of it lose no digits
-        self._sum, self._squares = np.zeros(count), np.zeros(count)
-
-    def add(self, slots: slice, block: Floats, *, all_finite: bool) -> None:
-        """Add samples, shape `(n, number of slots)`."""
-        base = self._base[slots]
-        new = np.isnan(base)
-        if new.any():
-            finite = np.isfinite(block)
-            first = block[np.argmax(finite, axis=0), np.arange(block.shape[1])]
-            base[new & finite.any(axis=0)] = first[new & finite.any(axis=0)]
-        with np.errstate(invalid="ignore", over="ignore"):
-            if all_finite:
-                self.low[slots] = np.minimum(self.low[slots], block.min(axis=0))
-                self.high[slots] = np.maximum(self.high[slots], block.max(axis=0))
-                rest = block - base
-                self.number[slots] += len(block)
-            else:
-                finite = np.isfinite(block)
-                self.low[slots] = np.minimum(self.low[slots], np.where(finite, block, np.inf).min(axis=0))
-                self.high[slots] = np.maximum(self.high[slots], np.where(finite, block, -np.inf).max(axis=0))
-                rest = np.where(finite, block - base, 0.0)
-                self.number[slots] += finite.sum(axis=0)
-                self.bad[slots] += (~finite).sum(axis=0)
-            self._sum[slots] += rest.sum(axis=0)
-            self._squares[slots] += np.einsum("ij,ij->j", rest, rest)
-
-    def of(self, quantity: str) -> Floats:
-        """Return one of `min`, `max`, `mean`, `std`, `count`, `bad`, NaN where there is no sample."""
-        if quantity in {"count", "bad"}:
-            return (self.number if quantity == "count" else self.bad).astype(float)
-        if quantity in {"min", "max"}:
-            found = self.low if quantity == "min" else self.high
-            return np.where(self.number > 0, found, np.nan)
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            mean = self._sum / self.number
-            if quantity == "mean":
-                return self._base + mean
-            return np.sqrt(np.maximum(self._squares / self.number - mean * mean, 0.0))
 
 
 @dataclass
@@ -189,9 +142,9 @@ class Tally:
             np.bool_,
         )
 
-    def sums(self) -> Sums:
+    def sums(self) -> RunningStatistics:
         """Return statistics that begin now."""
-        sums = Sums(self.count)
+        sums = RunningStatistics(self.count)
         sums.since_ns = self.reader.last_time_ns
         return sums
 
@@ -214,7 +167,7 @@ class Tally:
         """Return how many rows are read together."""
         return max(1, BLOCK_BYTES // (8 * (len(ring.columns) + self.reader.schema.rings[ring.number].row_words)))
 
-    def advance(self, now_s: float, all_sums: Sequence[Sums]) -> None:
+    def advance(self, now_s: float, all_sums: Sequence[RunningStatistics]) -> None:
         """Take in every row that came since the last time."""
         for ring in self._rings:
             head = self.reader.head(ring.number)
@@ -237,7 +190,7 @@ class Tally:
         fastest = max(self._rings, key=lambda ring: ring.cursor, default=None)
         return 0.0 if fastest is None or np.isnan(fastest.jitter) else fastest.jitter
 
-    def _take(self, ring: _Ring, rows: Rows, all_sums: Sequence[Sums]) -> None:
+    def _take(self, ring: _Ring, rows: Rows, all_sums: Sequence[RunningStatistics]) -> None:
         stamps = rows.time_ns
         ring.stamps = np.concatenate([ring.stamps, stamps])[-STAMPS:]
         if not len(ring.columns):
@@ -262,7 +215,7 @@ class Tally:
             last = stamps[len(block) - 1 - np.argmax(bad[::-1], axis=0)]
             self.bad_ns[ring.slots] = np.where(bad.any(axis=0), last, self.bad_ns[ring.slots])
 
-    def quantity(self, name: str, sums: Sums, *, running: bool) -> tuple[Floats, bool]:
+    def quantity(self, name: str, sums: RunningStatistics, *, running: bool) -> tuple[Floats, bool]:
         """Return a quantity: per slot (True), or per element of the run (False)."""
         if name in {"min", "max", "mean", "std", "count", "bad"}:
             return sums.of(name), True
@@ -279,7 +232,7 @@ class Tally:
             return (held.astype(float) if name == "held" else np.minimum(1.0, held / self._limits)), False
         return self._signs(running=running), False
 
-    def _of_entries(self, sums: Sums, name: str) -> Floats:
+    def _of_entries(self, sums: RunningStatistics, name: str) -> Floats:
         """Return per slot the minimum, or maximum; of a norm's slot that of any of its entries."""
         found, together = (sums.of("min"), np.fmin) if name == "least" else (sums.of("max"), np.fmax)
         for ring in self._rings:
@@ -345,7 +298,13 @@ def _measure(ring: _Ring, now_s: float, frequency_hz: float) -> None:
 
 
 def _values(
-    tally: Tally, sums: Sums, quantities: Sequence[str], names: Sequence[str], *, entries: bool, running: bool
+    tally: Tally,
+    sums: RunningStatistics,
+    quantities: Sequence[str],
+    names: Sequence[str],
+    *,
+    entries: bool,
+    running: bool,
 ) -> bytes:
     """Return float64 of shape `(quantities, names)`; `entries`: names may be of entries too."""
     values = np.full((len(quantities), len(names)), np.nan)
@@ -360,7 +319,7 @@ def _values(
 
 @dataclass
 class _Asker:
-    sums: Sums
+    sums: RunningStatistics
     failed: str = ""  # why its statistics begin anew, until it was told
 
 
@@ -406,7 +365,7 @@ class Surveyor:
                     raise RequestRefusedError(RefusedWhy.FAILED, failed)
             return self._survey(request, asker.sums if asker is not None else None)
 
-    def _survey(self, request: GetSurvey, sums: Sums | None) -> Survey:
+    def _survey(self, request: GetSurvey, sums: RunningStatistics | None) -> Survey:
         now, tally = self._replica.now, self._tally
         rows = [*now.table.elements, *now.table.derived] if request.derived else now.table.elements
         names = request.names or [info.name for info in rows]

@@ -94,7 +94,7 @@ class LoggerConditions(TakesConditions[None]):
     def _remove_derived(self, name: str) -> None:
         from silo.judging.checks import without_derived
 
-        name = text("the signal's name", name, 'log.remove_derived("power")')
+        name = text("the signal's name", name, 'log.derive("power", None)')
         with self._life.lock:
             self._life.check_open()
             self._take_derived(without_derived(self.now, name, self._table.all_infos, self.options.prefix))

@@ -22,6 +22,7 @@ from msgspec.structs import asdict
 
 from silo.core.elements import BufferType, RecorderState
 from silo.core.names import matching
+from silo.core.quantities.writing import size_text
 from silo.core.runtime import RECORDERS_SUFFIX, runtime_dir
 from silo.errors import SegmentError
 from silo.files.manifest import RecordedTotals
@@ -242,7 +243,9 @@ class EndlessRecordings:
             report = recorder.report
             held = RecordedTotals(report.parts, report.samples, report.lost).text
             return f"recording '{name}' ends: {held} until now; it is still finishing its last part"
-        return f"recording '{name}' ended: {recorder.sums().text}, in {recorder.order.folder}"
+        room = recorder.order.keep_bytes
+        kept = f", of which the newest stay within {size_text(room)}" if room else ""
+        return f"recording '{name}' ended: {recorder.sums().text}{kept}, in {recorder.order.folder}"
 
     def infos(self) -> list[RecorderInfo]:
         """Return what there is."""

@@ -74,7 +74,9 @@ def undo(folder: Path, run: str) -> str:
         raise ElementError(f"nothing was said of '{run}' that could be taken back")
     _add(folder, [_label(run, undo=True)])
     last = lines[-1]
-    return f"note '{last.note}'" if last.note else f"tag {last.add or last.remove}"
+    return (
+        f"note '{last.note}'" if last.note else f"tag {last.add}" if last.add else f"that tag {last.remove} was removed"
+    )
 
 
 def _label(run: str, **more: object) -> Label:

@@ -204,8 +204,8 @@ class RunList(Sequence[ListedRun]):
         for index in self.indexes:
             for element, scalars in index.elements().items():
                 known[element] = list(dict.fromkeys([*known.get(element, ()), *scalars]))
-        words = {word for run in self for word in (*run.tags, *run.facts.parameters)}
-        condition = Query(text, known, words)
+        parameters = {word for run in self for word in run.facts.parameters}
+        condition = Query(text, known, parameters, {word for run in self for word in run.tags})
         judge, signals = how(condition), self.signals(condition.signals)
         return [judge(run.facts, run.tags, of_run) for run, of_run in zip(self, signals, strict=True)]
 

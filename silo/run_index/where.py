@@ -74,11 +74,16 @@ class Value:
 class Query:
     """An expression, and which of all known signals its names mean."""
 
-    def __init__(self, text: str, known: Mapping[str, Sequence[str]], words: Collection[str] = ()) -> None:
-        """Read it; `known` are elements with their scalars, `words` tags and parameters that any run has.
+    def __init__(
+        self, text: str, known: Mapping[str, Sequence[str]], words: Collection[str] = (), tags: Collection[str] = ()
+    ) -> None:
+        """Read it; `known` are elements with their scalars, `words` parameters and `tags` that any run has.
 
-        Raises ExpressionError with the place; a name that nothing has is one.
+        A name that is a tag of some runs and nothing else is 0 in all others. Raises ExpressionError with the place; a
+        name that nothing has is one.
         """
+        self._tags = set(tags) - set(words)
+        words = (*words, *tags)
         self.expression: Expression = parse(text, FUNCTIONS)
         names = Names(known, scalars=known.values)
         elements = list(known)
@@ -87,6 +92,7 @@ class Query:
             found = names.find(name.text, scalars=True)
             scalars = [known[elements[place]] if at is None else [known[elements[place]][at]] for place, at in found]
             self._meant[name.text] = [one for some in scalars for one in some]
+            self._tags -= {name.text} if found else set()
             if not found and not of_tag and name.text not in FACTS and name.text not in words:
                 near = names.near(name.text, 1, more=[*FACTS, *words])
                 hint = did_you_mean(near, f"facts of a run are {', '.join(FACTS)}")
@@ -165,7 +171,7 @@ class Query:
         parameter = run.parameters.get(name.text)
         if isinstance(parameter, bool | int | float):
             return Value(float(parameter))
-        return self._statistic("last", name, signals)
+        return Value(0.0) if name.text in self._tags else self._statistic("last", name, signals)
 
     def _statistic(self, function: str, name: Name, signals: Mapping[str, SignalFacts]) -> Value:
         field, together, _ = OF_SIGNALS[function]

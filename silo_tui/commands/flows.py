@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
+from silo.core.conditions import TriggerWord
 from silo.core.elements import FieldChange
 from silo.core.quantities.writing import duration, many
 from silo.errors import RefusedError
@@ -20,7 +21,7 @@ from silo_tui.model.table.fields import Field, phrase_for
 from silo_tui.model.table.state import PendingChange
 from silo_tui.model.words import text
 from silo_tui.screens.dialogs.questions import Choice, Prompt, Question, confirmed, cost_text, diff_text
-from silo_tui.sessions.live import why
+from silo_tui.sessions.live import Session, why
 
 GONE = "the robot program is gone: start it again, silo-tui follows"
 SPLIT = "Stopping ends this recording, and starting again begins another."
@@ -182,10 +183,20 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     discard = Choice("discard", f"Discard all edits; {key_of('undo')} brings them back", "x")
     body = _what_changes(context, changes)
     if context.session.running:
-        body.append(f"\nThe logger runs, and takes edits without losing a tick: Apply and go on. {SPLIT}", style="bold")
+        told = "\nThe logger runs, and takes edits without losing a tick: Apply and go on."
+        body.append(f"{told}{_watching_again(context.session)} {SPLIT}", style="bold")
         go_on = Choice("cut", "Apply and go on: no tick is lost, what it has is saved", "g")
         return await _ask_around(context, title, body, [go_on, keep], "stop, apply, start again", "a", [discard])
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
+
+
+def _watching_again(session: Session) -> str:
+    """Return which triggers of mode single have fired: with a new run they may once more."""
+    fired = [f"'{one.options.name}'" for one in session.triggers if one.state is TriggerWord.FIRED]
+    if not fired:
+        return ""
+    verb = "watches" if len(fired) == 1 else "watch"
+    return f" {' and '.join(fired[:3])}{' ...' * (len(fired) > 3)}, fired already, then {verb} again."
 
 
 def _what_changes(context: Context, changes: Sequence[PendingChange]) -> Text:
@@ -243,7 +254,7 @@ async def _settle_conflicts(context: Context) -> bool:
     conflicts = [change for change in table.changes() if change.theirs is not None]
     body = Text("Somebody else changed the same fields since you edited them:\n\n")
     for change in conflicts[:200]:
-        body.append(f"{change.name}\n", style="bold")
+        body.append(f"{context.session.short_name(change.name)}\n", style="bold")
         body.append(f"  {change.field}: was {change.old}, theirs {change.theirs}, yours {change.new}\n")
     if len(conflicts) > 200:
         body.append(f"and {len(conflicts) - 200} more\n")
@@ -299,7 +310,8 @@ async def load_script(context: Context, path: str = "") -> None:
             return
     around, cut, unsaved = False, False, Unsaved.REFUSE
     if session.running:
-        body_text = Text(f"The logger runs, and takes a script without losing a tick: Load and go on. {SPLIT}")
+        told = "The logger runs, and takes a script without losing a tick: Load and go on."
+        body_text = Text(f"{told}{_watching_again(session)} {SPLIT}")
         go_on = Choice("cut", "Load and go on: no tick is lost, what it has is saved", "g")
         first, steps = [go_on, Choice("", "Don't load")], "stop, load, start again"
         answer = await _ask_around(context, f"Load {name} while it runs?", body_text, first, steps, "y")

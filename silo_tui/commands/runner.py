@@ -3,8 +3,9 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 from silo.core.names import did_you_mean, nearest
 from silo.core.quantities.writing import many
@@ -17,7 +18,7 @@ from silo_tui.commands import flows
 from silo_tui.context import Context, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import KeptLayout, read, write
-from silo_tui.layouts.presets import BY_NAME, NEAR, PRESETS, near_limit
+from silo_tui.layouts.presets import BY_NAME, NEAR, PRESETS, near_limit, within
 from silo_tui.modal import run_alone
 from silo_tui.model.words import command_line
 from silo_tui.model.words.command_line import BY_KEY, Spelled
@@ -164,11 +165,19 @@ class CommandRunner:
             body = f"Until silo-tui ends; {key_of('settings')}, then {key_of('write_settings')} keeps them."
             self._context.app.push_screen(Question("Which colours?", body, choices, now), self._theme_chosen)
             return
-        name = theme_name(words[0]) if len(words) == 1 and words[0] in THEMES else " ".join(words)
+        keys = f"{key_of('settings')} {key_of('write_settings')}"
+        if len(words) == 1 and words[0] in THEMES:
+            app = self._context.app
+            cast(Any, app).take_settings(replace(self._context.settings, theme=words[0]))
+            app.theme = theme_name(words[0])  # where one of Textual's own was shown the settings know of no change
+            self._context.say(f"theme: {words[0]}; {keys} keeps it")
+            return
+        name = " ".join(words)
         if name not in known:
             others = ", ".join(sorted(each for each in known if not each.startswith("silo-")))
             raise ValueError(f"themes: {', '.join(THEMES)}; Textual's: {others}")
         self._context.app.theme = name
+        self._context.say(f"theme: {name}, until silo-tui ends; {keys} keeps none but {', '.join(THEMES)}")
 
     def _theme_chosen(self, name: str | None) -> None:
         if name is not None:
@@ -285,7 +294,7 @@ async def view_shown(context: Context, name: str) -> str:
             missing = await views.show(context, layout)
             return "; ".join(filter(None, [words, missing]))
         elif name in BY_NAME and name not in files.names():
-            layout, problems = BY_NAME[name].layout, []
+            layout, problems = within(BY_NAME[name], context.session.rows.filter.text), []
         elif name.startswith(ROBOT):
             plain = name.removeprefix(ROBOT)
             layout, problems = read((await context.link.read(lambda client: client._kept_view(plain))).text)
@@ -294,6 +303,9 @@ async def view_shown(context: Context, name: str) -> str:
     except ValueError as error:
         raise RefusedError(str(error)) from error
     missing = await views.show(context, layout)
+    rows = context.session.rows
+    if name in BY_NAME and not len(rows.shown) and not rows.filter.measured:  # the one before lets nothing of it pass
+        missing = await views.show(context, BY_NAME[name].layout)
     return "; ".join(filter(None, [f"view {name}", missing, *problems[:1]]))
 
 

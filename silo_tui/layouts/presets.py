@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from silo.conditions.standing import LimitStatus
 from silo_tui.layouts.layout import KeptLayout
@@ -23,11 +23,23 @@ class Preset:
 
 PRESETS = (
     Preset("hottest", "h", "Hottest: temperatures, the highest on top", KeptLayout(sort="value", filter="unit:degC")),
-    Preset("noisiest", "n", "Noisiest: the largest deviation on top", KeptLayout(sort="std", set="statistics")),
+    Preset(
+        "noisiest",
+        "n",
+        "Noisiest: the largest deviation on top, counters left out",
+        KeptLayout(sort="std", filter="type:f", set="statistics"),
+    ),
     Preset("stuck", "s", "Stuck: values that change no more", KeptLayout(filter="frozen")),
     Preset(NEAR, "l", "Near a limit: within a tenth of one, or beyond", KeptLayout()),  # as they are now: `near_limit`
 )
 BY_NAME = {preset.name: preset for preset in PRESETS}
+
+
+def within(preset: Preset, words: str) -> KeptLayout:
+    """Return its view of what passes a filter, that of another preset aside."""
+    own = {each.layout.filter for each in PRESETS}
+    kept = [word for word in words.split() if word not in own]
+    return replace(preset.layout, filter=" ".join([*kept, preset.layout.filter]).strip())
 
 
 def is_near(one: LimitStatus) -> bool:

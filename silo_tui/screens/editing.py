@@ -8,7 +8,7 @@ from functools import partial
 import msgspec
 from textual.geometry import Region
 
-from silo.core.conditions import TriggerOptions
+from silo.core.conditions import AROUND_S, TriggerOptions
 from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.settings.typed import ElementSettings, examples, read_settings
@@ -92,7 +92,7 @@ class Editing(ElementsScreen):
 
         one = derived.named(self.session.table, name)
         one = msgspec.structs.replace(one, expression=expression) if expression else one
-        self.context.run_flow(ask_derived(self.context, self.session, one))
+        self.context.run_flow(ask_derived(self.context, self.session, one, is_whole=bool(name and expression)))
 
     def _entry_here(self) -> tuple[int, int, str] | None:
         """Return element, entry and name of the signal under the cursor; says so where there is none."""
@@ -119,7 +119,7 @@ class Editing(ElementsScreen):
         reading = self.session.live.readings.get(self.session.table.names[row])
         value = reading.newest[entry] if reading is not None and entry < len(reading.newest) else 0.0
         level = text.short(value, 6) if math.isfinite(value) else "0"
-        made = TriggerOptions(short.rpartition("/")[2], f"{short} > {level}", 1.0, 1.0)
+        made = TriggerOptions(short.rpartition("/")[2], f"{short} > {level}", AROUND_S, AROUND_S)
         choices = [
             Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l"),
             Choice("derived", "A signal derived from it", "d"),
@@ -164,33 +164,6 @@ class Editing(ElementsScreen):
         if self._targets_known():
             self.sure_of_hidden(lambda: self._edit_field(field))
 
-    def sure_of_hidden(self, then: Callable[[], None]) -> None:
-        """Ask first where what is marked is hidden: nobody sees what would be changed."""
-        rows = self.session.rows
-        hidden, count = rows.hidden_targets, len(rows.targets())
-        if not hidden:
-            then()
-            return
-        names = [self.session.short_name(rows.table.names[row]) for row in rows.targets() if row not in set(rows.shown)]
-        body = "Hidden by the filter:\n" + "\n".join(names[:8]) + (f"\nand {hidden - 8} more" if hidden > 8 else "")
-        title = f"{hidden} of the {many(count, 'marked element')} are hidden. Change all {count}?"
-        choices = [Choice("", "No"), Choice("all", f"All {count}", "y")]
-        if count > hidden:
-            choices.append(
-                Choice("shown", f"Only the {count - hidden} that are shown; the others lose their marks", "s")
-            )
-
-        def answered(answer: str | None) -> None:
-            if answer == "shown":
-                hide = rows.marked.copy()
-                hide[rows.shown] = False
-                rows.marked &= ~hide
-                self._marks_changed()
-            if answer in {"all", "shown"}:
-                then()
-
-        self.app.push_screen(Question(title, body, choices), answered)
-
     def _edit_field(self, field: Field) -> None:
         self._choose_field(field)
         targets = self.session.rows.targets()
@@ -217,6 +190,8 @@ class Editing(ElementsScreen):
         self.app.push_screen(Question(title, f"now {phrase_for(field, value)}", choices, str(value)), answered)
 
     def _open_editor(self, value: str, *, select: bool) -> None:
+        if self.table.field not in self.table.field_spans():
+            self.show_set("settings")  # in which one sees what is edited
         field, count, region = self.table.field, len(self.session.rows.targets()), self.table.cell_region()
         words = ""
         if not select:  # what begins with = may be words of several fields

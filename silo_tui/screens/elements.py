@@ -2,7 +2,8 @@
 """What the tables of a logger and of a file share: layout, cursor, filter, marks, order."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from textual import events
 from textual.app import ComposeResult
@@ -11,17 +12,22 @@ from textual.timer import Timer
 from textual.widgets import Input, Static
 
 from silo.core.names import glob_of_regex
+from silo.core.quantities.writing import many
 from silo.rpc.frames import Frame
 from silo_tui.context import SiloScreen
 from silo_tui.model.table import filter as filters
-from silo_tui.model.table.columns import TREE
+from silo_tui.model.table.columns import NAME, TREE
 from silo_tui.model.words.command_line import BY_KEY, Spelled
+from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.element_table import ElementTable, TableHead
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
 from silo_tui.widgets.messages import InfoLine
+
+if TYPE_CHECKING:
+    from silo_tui.screens.plots.plot_screen import PlotScreen
 
 WIDE = 110
 INSPECTOR_FROM = 170  # cells from which the inspector opens by itself
@@ -275,7 +281,8 @@ class ElementsScreen(SiloScreen):
         if order is None:
             return
         self.session.rows.order_by(order)
-        self.session.rows.move_to(0)  # who orders wants to see what is on top
+        if order != NAME:  # who goes back to names stays where he is; else one wants to see what is on top
+            self.session.rows.move_to(0)
         self.order_changed()
         self.table_changed()
 
@@ -316,6 +323,48 @@ class ElementsScreen(SiloScreen):
         """Order by the column whose head was clicked; a second click turns the order round."""
         self._order_by(event.order)
         self.table_head.refresh()
+
+    def sure_of_hidden(self, then: Callable[[], None], verb: str = "Change") -> None:
+        """Ask first where what is marked is hidden: nobody sees what would be changed, or plotted."""
+        rows = self.session.rows
+        hidden, count = rows.hidden_targets, len(rows.targets())
+        if not hidden:
+            then()
+            return
+        names = [self.session.short_name(rows.table.names[row]) for row in rows.targets() if row not in set(rows.shown)]
+        body = "Hidden by the filter:\n" + "\n".join(names[:8]) + (f"\nand {hidden - 8} more" if hidden > 8 else "")
+        title = f"{hidden} of the {many(count, 'marked element')} are hidden. {verb} all {count}?"
+        choices = [Choice("", "No"), Choice("all", f"All {count}", "y")]
+        if count > hidden:
+            choices.append(
+                Choice("shown", f"Only the {count - hidden} that are shown; the others lose their marks", "s")
+            )
+        elif rows.row is not None:
+            here = self.session.short_name(rows.table.names[rows.row])
+            choices.append(Choice("here", f"Only {here}, where the cursor is; the marks go", "c"))
+
+        def answered(answer: str | None) -> None:
+            if answer == "shown":
+                hide = rows.marked.copy()
+                hide[rows.shown] = False
+                rows.marked &= ~hide
+            if answer == "here":
+                rows.clear_marks()
+            self._marks_changed()
+            if answer in {"all", "shown", "here"}:
+                then()
+
+        self.app.push_screen(Question(title, body, choices), answered)
+
+    def show_plots(self, screen: "PlotScreen") -> None:
+        """Show plots of what is marked or under the cursor; of a vector whose entry is looked at alone, that one."""
+        rows = self.session.rows
+        alone = {rows.table.names[row]: entry for row in rows.targets() if (entry := rows.entry_alone(row)) is not None}
+        plots = screen.stack.plots
+        kept = [each for each in plots if alone.get(each.element.name, each.position) == each.position]
+        if kept != plots:
+            screen.stack.keep(kept)
+        self.app.push_screen(screen)
 
     def command_inspector(self) -> None:
         self._inspector_wanted = not self.inspector.display
@@ -391,6 +440,8 @@ class ElementsScreen(SiloScreen):
             words = f"{' ' * begin}{'^' * (end - begin)} {found.problems[0]}; left out meanwhile"
             if len(words) >= room:  # the reason whole, where both have no room on one line
                 words = f"{found.problems[0]}\n{' ' * begin}{'^' * (end - begin)}"
+        elif found.measured and not rows.is_measured:
+            words = "… being measured: all are shown until then"
         elif not len(rows.shown) and len(self.session.table):
             words = self._why_none()
         *above, last = words.split("\n")

@@ -3,9 +3,11 @@
 
 import time
 
+import numpy as np
 from textual.app import ComposeResult
 from textual.timer import Timer
 
+from silo.core.quantities.writing import wall_clock
 from silo.errors import RefusedError, SiloError
 from silo.rpc.frames import Frame
 from silo_tui.actions import key_of
@@ -13,8 +15,8 @@ from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.table.cells import statistic_head
 from silo_tui.model.table.columns import LIVE_COLUMNS
+from silo_tui.model.table.facts import STATISTICS
 from silo_tui.model.table.fields import Field
-from silo_tui.model.words import text
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.editing import Editing
 from silo_tui.screens.elements import WIDE
@@ -31,6 +33,7 @@ COLUMN_NS = 200_000_000
 COLUMNS = 120
 SURVEY_S, JUDGE_S = 1.0, 0.5
 KEEP_S = 0.3  # after an edit, until it is kept
+KEEP_SURVEY_S = 20.0  # of the minute that a helper process keeps statistics which nobody asks for
 QUIET_S = 3.0  # so long after a key no row moves by itself
 WIDE_SET = 150  # cells from which settings and statistics stand side by side
 NAME_ROOM = 20  # a trend is shown only where names keep this
@@ -51,7 +54,8 @@ class TableScreen(Editing):
 
     def __init__(self, session: Session, *, read_only: bool) -> None:
         self._key_s = 0.0  # monotonic, of the last key
-        self._top_wanted = False
+        self._order_wanted = False  # by who chose it, until what it is by was measured
+        self._top_wanted = False  # then too, while no key says where the cursor is to be
         self._offered = False
         self._kept_version = -1
         self._keep_timer: Timer | None = None
@@ -96,13 +100,23 @@ class TableScreen(Editing):
     def _judge(self) -> None:
         """Survey once a second, twice where a filter asks for what is measured."""
         session, now_s = self.session, time.monotonic()
+        if self.context.upper_screen is not self:
+            self._keep_statistics(now_s)
+            return
         often = session.rows.filter.measured or "value" in self._quantities  # values stand still between surveys
         period_s = max(JUDGE_S if often else SURVEY_S, self._thin_s())
         due = now_s - self._survey_s >= period_s - JUDGE_S / 2
-        if self._surveying or not due or self.context.upper_screen is not self or not session.connected:
+        if self._surveying or not due or not session.connected:
             return
         self._survey_s, self._surveying = now_s, True
         run_aside(self, "survey", self._survey)
+
+    def _keep_statistics(self, now_s: float) -> None:
+        """Have the statistics that the table shows go on while another screen is looked at."""
+        is_shown = {*self._quantities, *self.session.rows.wanted()}.intersection(STATISTICS)
+        if is_shown and self.session.connected and len(self.session.table) and now_s - self._survey_s >= KEEP_SURVEY_S:
+            self._survey_s = now_s
+            run_aside(self, "survey", self.session.keep_survey)
 
     def why_empty(self) -> str:
         """Return what to write into a program that logs nothing yet, once it was reached."""
@@ -143,11 +157,13 @@ class TableScreen(Editing):
         if window != self._window:
             self._window = window
             self.table_head.refresh()
-        if self._top_wanted and rows.live and rows.wanted() <= set(self.session.table.facts.quantities):
+        is_known = self._order_wanted and rows.is_measured
+        if is_known:
             rows.refresh()
-            rows.move_to(0)
-            self._top_wanted = False
-        if rows.filter.measured or (rows.live and now_s - self._key_s >= QUIET_S):
+            if self._top_wanted:
+                rows.move_to(0)
+            self._order_wanted = self._top_wanted = False
+        if is_known or rows.filter.measured or (rows.live and now_s - self._key_s >= QUIET_S):
             before, rows.held = self.table.rows_on_screen(), False
             rows.refresh(now_s if rows.filter.measured else None)
             self.table.rows_changed()
@@ -172,7 +188,7 @@ class TableScreen(Editing):
         """Show the order at once, with what is known; and measure what it needs."""
         super().order_changed()
         self._survey_s = self._key_s = 0.0
-        self._top_wanted = self.session.rows.live  # until what it is by was measured
+        self._order_wanted = self._top_wanted = self.session.rows.live
         self._judge()
 
     def show_set(self, name: str) -> bool:
@@ -183,8 +199,9 @@ class TableScreen(Editing):
         return known
 
     def statistics_words(self) -> str:
-        since = text.clock(self.session.table.facts.since_ns)
-        return f" of every sample since {since}; {key_of('zero')} from now"
+        since_ns = self.session.table.facts.since_ns
+        since = f" since {wall_clock(since_ns)}" if since_ns else ""
+        return f" of every sample{since}; {key_of('zero')} from now"
 
     def command_zero(self) -> None:
         self._reset_wanted, self._survey_s = True, 0.0
@@ -238,6 +255,8 @@ class TableScreen(Editing):
         names = [table.names[each] for each in rows]
         if row is not None and table.names[row] not in names and table.server[Field.ENABLED, row]:
             names.append(table.names[row])
+        if not names:  # where no row is shown the head goes on all the same: a frame is of something
+            names = [table.names[each] for each in np.flatnonzero(table.server[Field.ENABLED])[:1]]
         self.session.watch(ViewRequest(tuple(names), tuple(plots), COLUMN_NS))
         self._survey_s = 0.0
         self._plan_columns(plots)
@@ -270,6 +289,9 @@ class TableScreen(Editing):
         run_alone(self, "opening", open_saved, self.context, self.session, self.session.left_files)
 
     def command_monitor(self) -> None:
+        self.sure_of_hidden(self._plot, "Plot")
+
+    def _plot(self) -> None:
         from silo_tui.screens.plots.monitor import MonitorScreen
 
         rows = self.session.rows
@@ -278,7 +300,7 @@ class TableScreen(Editing):
             names = self.session.table.names
             under_cursor = names[rows.row] if rows.row is not None else ""
             plotted = [names[int(row)] for row in chosen]
-            self.app.push_screen(MonitorScreen(self.session, self.source, plotted, under_cursor))
+            self.show_plots(MonitorScreen(self.session, self.source, plotted, under_cursor))
         else:
             self.say("nothing to plot here")
 

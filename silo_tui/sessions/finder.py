@@ -104,7 +104,7 @@ class ClientFinder:
         """
         from silo.fleet.exchange import client_name
         from silo.fleet.fleet import Fleet
-        from silo.fleet.near import down_text
+        from silo.fleet.near import down_text, unreachable_text
 
         self._own_name = client_name()
         with self._looking:
@@ -127,7 +127,7 @@ class ClientFinder:
             f"{folder.owner} runs {', '.join(folder.loggers) or 'a logger'}, closed to you: {folder.advice}"
             for folder in there.near.forbidden
         ] + [down_text(each) for each in there.near.down]
-        advice += [f"remote '{remote}': {why}" for remote, why in there.unreachable.items()]
+        advice += [unreachable_text(remote, why) for remote, why in there.unreachable.items()]
         advice += [router.words for router in there.routers]
         return Found(tuple(loggers), tuple(advice))
 

@@ -3,8 +3,10 @@
 Screens read its parts and call its coroutines; it draws nothing and asks nothing. Errors of the logger are raised.
 """
 
+import asyncio
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -14,7 +16,7 @@ from silo.conditions.standing import LimitStatus, TriggerStatus
 from silo.core.conditions import TriggerOptions
 from silo.core.elements import LoggedEvent, SavedFile, State, Status
 from silo.core.episodes.words import next_marks
-from silo.errors import RefusedError
+from silo.errors import RefusedError, SiloError
 from silo.live.quantities import SLOW, SLOW_SHARE
 from silo.recorder.requests import RecorderInfo
 from silo.recordings.requests import Recordings
@@ -260,6 +262,9 @@ class Session:
             self.triggers, self.limits, self.bounds = [], [], {}  # of a helper process of an older silo
             self._take_beyond({})
             raise
+        except (SiloError, asyncio.CancelledError):
+            self.conditions_due = True  # nobody knows: asked again
+            raise
 
     def _take_beyond(self, words: dict[str, str]) -> None:
         self.beyond = words
@@ -337,6 +342,11 @@ class Session:
             quantities_of_all["signs"] = (bits & ~SLOW).astype(float)
         self.table.facts = Facts(quantities_of_all, found.since_ns, found.time_ns, told)
         self.jitter_s = found.jitter_s
+
+    async def keep_survey(self) -> None:
+        """Have the statistics of `survey` go on, of which nothing is to be told now."""
+        with suppress(SiloError):  # a lost link is told by the banner, a refusal by the next survey
+            await self._link.read(lambda client: client._survey(["signs"], self.table.names[:1]))
 
     def change(self, settings: ElementSettings) -> int:
         """Edit the targets of the table as typed, all or none, in one undo step; return how many cells changed.
@@ -470,7 +480,7 @@ class Session:
 
         Returns what to say: the client goes over to a new robot program of the same name by itself.
         """
-        before = self.status
+        before, had = self.status, self._conditions()
         self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
         hello = await self._link.call(lambda client: client._hello())
@@ -483,7 +493,21 @@ class Session:
         self._link.watch_again()
         if before.pid == self.status.pid:
             return "the link is back"
-        return f"started again; before, {before.reason or 'nothing is known of how it ended'}"
+        with suppress(RefusedError):  # an older silo has none
+            await self.refresh_conditions()
+        lost = [one for one in had if one not in self._conditions()]
+        more = f" and {len(lost) - 3} more" if len(lost) > 3 else ""
+        gone = f"; gone with it, as no script of it has them: {', '.join(lost[:3])}{more}" if lost else ""
+        return f"started again; before, {before.reason or 'nothing is known of how it ended'}{gone}"
+
+    def _conditions(self) -> list[str]:
+        """What is judged and derived, in words: a new program begins with what its script says."""
+        limits = dict.fromkeys(self.short_name(one.limits) for one in self.limits)
+        return [
+            *(f"trigger {one.options.name}" for one in self.triggers),
+            *(f"limits of {name}" for name in limits),
+            *(f"derived {self.short_name(name)}" for name in self.table.names[self.table.own :]),
+        ]
 
     def close(self) -> None:
         """Let the connection go."""

@@ -9,7 +9,6 @@ import os
 import threading
 import warnings
 from collections.abc import Callable, Sequence
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from silo.analysis.opening import open_log
 from silo.conditions.requests import TriggerTried
 from silo.core.arrays.columns import coarser
 from silo.core.elements import ElementInfo, State, Status, Table
-from silo.core.quantities.writing import many, size_text
+from silo.core.quantities.writing import EPOCH_FROM_NS, many, size_text, wall_clock
 from silo.core.recording import Recording, has_own_stamps
 from silo.errors import ElementError, FileFormatError, LogWarning
 from silo.expressions.binding import bind
@@ -39,7 +38,6 @@ from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
 from silo_tui.sessions.live import Session
 
-EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
 SLICE_S = 0.05  # of reading, after which another wish is followed
 
 
@@ -124,7 +122,7 @@ class FileSession(Session):
         """That moment by the clock on the wall; empty where the logger had a clock of its own."""
         if self.time_ns < EPOCH_FROM_NS:
             return ""
-        return f"{datetime.fromtimestamp(self.time_ns // 1_000_000 / 1000):%Y-%m-%d %H:%M:%S.%f}"[:-3]
+        return wall_clock(self.time_ns, 3, date=True)
 
     def window_of(self, names: Sequence[str]) -> PlotWindow:
         """Return the window that shows all there is of these elements, up to their end."""
@@ -195,13 +193,6 @@ class FileSession(Session):
             if not set(quantities) <= told.setdefault(name, {}).keys():
                 told[name].update(await asyncio.to_thread(self._facts.of, name, quantities, at_ns))
         self.table.facts = Facts({**known, **found}, 0, at_ns, told)
-
-
-def clock(time_ns: int) -> str:
-    """Return the time of the day of a moment, two blanks before it; empty where it is none of the system's clock."""
-    if time_ns < EPOCH_FROM_NS:
-        return ""
-    return f"  {datetime.fromtimestamp(time_ns // 1000 / 1e6):%H:%M:%S.%f}"[:-3]
 
 
 def _bounds_of(recording: Recording, elements: Sequence[ElementInfo]) -> dict[str, Bounds4]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from silo_tui.keymap import DEFAULT
+from silo_tui.model.drawing.plot_styles import STYLES
 from silo_tui.model.table.columns import SETTINGS
 from silo_tui.settings.themes import THEMES
 
@@ -31,9 +32,9 @@ class Option:
 OPTIONS = (
     Option("theme", "colours", THEMES, ("", "", "high contrast", "16 colours")),
     Option(
-        "dots", "what curves are drawn with", ("auto", "braille", "octants", "blocks"),
-        ("blocks on the Linux console, else braille", "", "where the font has them", ""),
-        ("", "⡠⠊⠉⠢⡀⢀⠔", "\U0001cd51\U0001cd01\U0001fb82\U0001cd1c\U0001cea3\U0001cea0\U0001cd10", "▄▀▀█▄▄█"),
+        "dots", "what curves are drawn with", ("auto", *STYLES),
+        ("blocks on the Linux console, else braille", *(style.hint for style in STYLES.values())),
+        ("", *(style.sample for style in STYLES.values())),
     ),
     Option("mouse", "take the mouse", ("auto", "on", "off"), ("not over SSH: it prevents selecting text", "", "")),
     Option("rate", "refreshes a second", low=0.5, high=10.0),

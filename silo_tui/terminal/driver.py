@@ -130,7 +130,7 @@ class CellDriver(LinuxDriver):
         fat = self.pacer.paced and self.pacer.bytes_per_s > FAT_BYTES_PER_S
         self.busyness.note(waited_s(), now_s)
         starts = self.pacer.paced and not self.pacer.answers  # the first frame is on its way
-        if not (self.busyness.is_busy or starts):  # else nobody knows what the link carries
+        if fat or not (self.busyness.is_busy or starts):  # else nobody knows what the link carries
             self.thinness.note(late=(self.behind or lags) and not fat, now_s=now_s)
         # a timer that comes a little early is still in time
         paint = not self.behind and now_s >= self._painted_s + 0.9 / self.thinness.value_hz(wished_hz)

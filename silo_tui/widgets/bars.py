@@ -11,7 +11,7 @@ from textual.app import RenderResult
 from textual.widget import Widget
 
 from silo.core.elements import State, is_stalled
-from silo.core.quantities.writing import clock_text, idle_words
+from silo.core.quantities.writing import duration_text, idle_words
 from silo_tui.actions import BY_ID, Command, commands_for, key_of, key_text, key_that_retries, with_keys
 from silo_tui.keymap import in_bar
 from silo_tui.model.lists.conditions import head_words
@@ -22,7 +22,6 @@ from silo_tui.terminal import thin_head
 from silo_tui.theme import ROLES, bold, color
 from silo_tui.unforeseen import Guarded
 
-STATISTICS = ("max", "min", "mean", "std")
 OF_MODE = 99  # rank in the key bar of what a mode asks for: all else gives way first
 LONG = 10  # digits from which on a column may not have room for a whole number
 # how what a dead program left is opened: Enter has a meaning of its own on most screens
@@ -132,7 +131,7 @@ class StatusBar(FittingLine):
         else:
             name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "dead"}[status.state]
             add(0, STATE_SIGNS[status.state], bold(variables, name))
-            add(6, f" {clock_text(session.run_seconds)}" if status.started_ns else "")
+            add(6, f" {duration_text(session.run_seconds)}" if status.started_ns else "")
         if self.mode:
             initials = " ".join(some.split()[0] for some in self.mode.split("  ") if some.strip())
             shorter = tuple(f" {words} " for words in (self.mode.partition(",")[0], initials) if words)

@@ -21,6 +21,10 @@ class BetweenTable(Guarded, Static):
 
     DEFAULT_CSS = "BetweenTable { height: auto; display: none; }"
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.partly = ""  # where not all of it is here yet
+
     def show(self, times: str, facts: Sequence[tuple[str, str, Between]], partly: str = "") -> None:
         """Show the times of both cursors, and of each signal its letter, name and facts; `partly`: of what they are."""
         column = 8 if self.app.size.width < 100 else 10
@@ -39,11 +43,11 @@ class BetweenTable(Guarded, Static):
         if partly:
             lines.append(f"\n {partly}")
         self.update(lines)
-        self.display = True
+        self.display, self.partly = True, partly
 
     def hide(self) -> None:
         """Take it off the screen."""
-        self.display = False
+        self.display, self.partly = False, ""
 
 
 def words_of(found: Between, column: int) -> list[str]:

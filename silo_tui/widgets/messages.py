@@ -8,16 +8,16 @@ from rich.console import Console
 from rich.text import Text
 from textual.app import RenderResult
 
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import many, wall_clock
 from silo_tui.actions import key_of
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.columns import NAME, STEADY
-from silo_tui.model.table.facts import MEANINGS
+from silo_tui.model.table.facts import MEANINGS, STATISTICS
 from silo_tui.model.words import text
 from silo_tui.sessions.live import Session
 from silo_tui.theme import bold
-from silo_tui.widgets.bars import LONG, STATISTICS, FittingLine, LinePart
+from silo_tui.widgets.bars import LONG, FittingLine, LinePart
 
 READ_S = 4.0  # so long answers and news of the robot stand at least; then the next key takes them away
 HELD = "stands still 3 s after a key"
@@ -96,7 +96,8 @@ class MessageLine(FittingLine):
         """Return facts and the answer, or the answer alone where the line has no room for more."""
         if self._failed:
             return Text(self.said, style=bold(self.app.theme_variables, "alarm"))
-        return Text(self.answer) if cell_len(self.said) > room else self.line(room)
+        line = self.line(room)
+        return Text(self.answer) if self.said and line.cell_len > room else line
 
     def parts(self) -> list[LinePart]:
         """Return facts, and the answer whole."""
@@ -132,7 +133,7 @@ class InfoLine(MessageLine):
             parts.append(LinePart(3, f"range of {len(rows.range_rows())} ({key_of('range')} marks it)"))
         if rows.marked_count:
             hidden = f", {rows.hidden_marked} not shown" if rows.hidden_marked else ""
-            parts.append(LinePart(4, f"{rows.marked_count} marked{hidden}"))
+            parts.append(LinePart(9 if hidden else 4, f"{rows.marked_count} marked{hidden}"))
         fields, elements = session.table.pending_count
         if fields:
             way = f" ({key_of('apply')} to apply)"
@@ -140,11 +141,13 @@ class InfoLine(MessageLine):
         if conflicts := int(session.table.conflicts.sum()):
             parts.append(LinePart(0, f"! {many(conflicts, 'conflict')}"))
         if rows.filter.text:
-            parts.append(LinePart(6, f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}"))
+            unknown = rows.filter.measured and not rows.is_measured
+            passing = "being measured" if unknown else f"{len(rows.shown)} of {len(session.table)}"
+            parts.append(LinePart(6, f"/{rows.filter.text}: {passing}"))
             parts += [LinePart(5, f"? {problem}") for problem in rows.filter.problems[:1]]
         if rows.sort not in STEADY or rows.turned:
             since_ns = session.table.facts.since_ns  # 0 of a file: its statistics are of all
-            since = f" since {text.clock(since_ns)}" if rows.sort in STATISTICS and since_ns else ""
+            since = f" since {wall_clock(since_ns)}" if rows.sort in STATISTICS and since_ns else ""
             order = f"by {rows.sort} {rows.arrow}{since}"
             held = f" ({HELD})" * rows.held
             back = f"; {key_of('sort')} {rows.orders[NAME].letter}: by name"

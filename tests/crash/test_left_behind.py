@@ -23,6 +23,7 @@ from silo.core.runtime import open_unfinished, sweep_unfinished, unopened
 from silo.errors import SegmentError
 from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
 from silo.helper.left_logs import recover
+from silo.journal.folders import RECORDINGS, remember_folder
 from silo.net.session import owner_is_gone, sweep
 from silo.recovery.left import damage
 from silo.recovery.segments import find_stale, sweep_segments
@@ -264,6 +265,19 @@ def test_recover_sweeps_the_folder_of_the_logs(tmp_path, capsys):
     assert run(["recover", "--look-in", str(tmp_path)]) == 0
     assert list(tmp_path.iterdir()) == []
     assert "was never finished, its process died; removed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("named", [True, False], ids=["named", "remembered"])
+def test_recover_and_ls_sweep_the_folder_of_recordings(tmp_path, named, monkeypatch):
+    recordings = tmp_path / "logs" / "recordings"
+    recordings.mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    remember_folder(recordings, RECORDINGS)
+    for line in (["recover", "--look-in", "logs"] if named else ["recover"], ["ls"]):
+        with program(SAVING.format(what="atomic_file", fill="pass"), recordings):
+            assert list(recordings.glob(".silo-*.part"))
+        run(line)  # `ls` finds no logger, which is another story
+        assert list(recordings.iterdir()) == []
 
 
 def test_a_start_sweeps_what_a_killed_save_left(tmp_path, new_logger):

@@ -30,6 +30,7 @@ from silo.recovery.runs import left_of
 from silo.rpc.published import EventKind
 from silo.segment.reader import SegmentReader
 from tests.crash.durable_robot import OPTIONS
+from tests.ipc.conftest import end_helper
 from tests.power_cuts import check
 from tests.waiting import freeze
 
@@ -92,6 +93,7 @@ def robot(runtime, tmp_path, until):
     made = Durable(tmp_path)
     yield made
     made.kill()
+    end_helper(made.helper_pid)  # else it stays for whoever asks what became of the robot, and holds our pipes
     made.process.communicate()
 
 

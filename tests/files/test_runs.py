@@ -343,7 +343,9 @@ def test_what_was_said_can_be_taken_back(root):
     run.note("first")
     run.untag("slip")
     assert (run.tags, run.notes) == (("wet",), ("first",))
-    assert [run.undo() for _ in range(4)] == ["tag slip", "note 'first'", "tag wet", "tag slip"]
+    assert [run.undo() for _ in range(4)] == [
+        "that tag slip was removed", "note 'first'", "tag wet", "tag slip"
+    ]  # fmt: skip
     assert (run.tags, run.notes) == ((), ())
     with pytest.raises(silo.ElementError, match="nothing was said of 'run0'"):
         run.undo()

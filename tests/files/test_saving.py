@@ -311,6 +311,16 @@ def test_what_is_there_is_told_when_nothing_is_found(folder, tmp_path):
         find_log("x", tmp_path / "empty")
 
 
+def test_a_folder_that_holds_no_log_names_those_in_it_that_do(tmp_path):
+    for name in ("silo-logs", "other", ".hidden"):
+        (tmp_path / name).mkdir()
+    for name in ("silo-logs", ".hidden"):
+        (tmp_path / name / "robot_20260301_10-00-00_00001.silo").write_text("x")
+    for which in ("robot", 2):
+        with pytest.raises(LogNotFoundError, match=r"holds no log, but there are some in 'silo-logs': say where\)"):
+            find_log(which, tmp_path)
+
+
 def test_what_was_written_is_found_and_read(recording, tmp_path):
     write(recording, tmp_path, "robot", ["silo"])
     assert read_silo(find_log(1, tmp_path)).elements[0].name == "/log/a"

@@ -1,5 +1,6 @@
 """One robot, one address: two robots of one cloned image behind a router, and words that mean one of them or none."""
 
+import contextlib
 import json
 import os
 import signal
@@ -300,6 +301,22 @@ def test_a_client_waits_for_its_robot_and_never_goes_over_to_another_of_its_name
         fleet.servings[0] = mine.serve(config=fleet.robot)
         wait_until(lambda: client.connected)
         assert client.status().folder == str(fleet.folder / "0")
+
+
+@pytest.mark.slow
+def test_a_client_elsewhere_waits_for_the_next_helper_process_though_a_namesake_came(fleet, monkeypatch) -> None:
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(Path(fleet.servings[0].socket_path).parent))
+    (found,) = [one for one in fleet.found() if fleet.logger_of(one) is fleet.loggers[0]]
+    came = silo.Logger("same", folder=fleet.folder / "2", script=fleet.folder / "2.yaml")
+    with Client.connect(found) as client, contextlib.closing(came):
+        came.serve(config=fleet.robot)
+        wait_until(lambda: len(fleet.found()) == 3)
+        links: list[bool] = []
+        client.on_link(links.append)
+        os.kill(fleet.servings[0].helper_pid, signal.SIGKILL)
+        wait_until(lambda: links[-1:] == [True])
+        assert client.status().folder == str(fleet.folder / "0")
+    wait_until(lambda: len(fleet.found()) == 2)
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ from silo.cli.group import COMMANDS, cli
 from silo.cli.main import run
 from silo.cli.other_words import OTHER_WORDS
 from silo.core.elements import Action, BufferType, ElementOptions
-from silo.core.quantities.writing import clock_text
+from silo.core.quantities.writing import duration_text, wall_clock
 from silo.errors import ElementError
 from silo.settings.typed import ElementSettings, RelativeValue, apply_settings, read_settings
 from silo.version import VERSION
@@ -133,7 +134,21 @@ def test_completion_stops_at_the_next_slash_where_there_are_too_many_names() -> 
 
 @pytest.mark.parametrize(("seconds", "text"), [(12, "00:12"), (3723, "1:02:03"), (277_445, "3 d 05:04")])
 def test_durations_are_short(seconds: float, text: str) -> None:
-    assert clock_text(seconds) == text
+    assert duration_text(seconds) == text
+
+
+def test_a_time_of_the_clock_is_cut_never_rounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", "Etc/GMT-2")
+    time.tzset()
+    try:
+        moment = 1_700_000_039_999_600_000  # 22:13:59.9996 UTC
+        assert wall_clock(moment) == "00:13:59"
+        assert wall_clock(moment, 3) == "00:13:59.999"
+        assert wall_clock(moment, 1, date=True) == "2023-11-15 00:13:59.9"
+        assert wall_clock(moment, 9)[-10:] == ".999600000"
+    finally:
+        monkeypatch.undo()
+        time.tzset()
 
 
 @pytest.mark.parametrize("command", [name for name in COMMANDS if name not in ("completion", "script")])

@@ -20,6 +20,7 @@ from silo.client.client import Client
 from silo.core.elements import State
 from silo.fleet.fleet import Fleet
 from silo.fleet.member import Member
+from silo.fleet.near import HERE, unreachable_text
 from silo.fleet.resolving import discover
 from silo.live.publisher import differs, room_of
 from silo.net.session import close, open_router
@@ -69,6 +70,29 @@ def test_a_summary_of_a_newer_silo_with_more_fields_is_read() -> None:
 def test_a_disk_has_room_also_where_the_folder_will_be_made_at_the_first_save(tmp_path) -> None:
     free, size = room_of(tmp_path / "not" / "yet")
     assert 0 < free <= size
+
+
+# ---------------------------------------------------------------------------------------------------- on this computer
+
+
+@pytest.mark.slow
+def test_who_follows_goes_on_while_the_folder_of_sockets_cant_be_used_and_tells_why(tmp_path, monkeypatch) -> None:
+    with tempfile.TemporaryDirectory(dir="/dev/shm") as runtime:
+        monkeypatch.setenv("SILO_RUNTIME_DIR", runtime)
+        monkeypatch.setattr("silo.fleet.fleet.SCAN_S", 0.01)
+        with Fleet("local") as fleet:
+            fleet.wait_ready(60)
+            assert not fleet.now().unreachable
+            Path(runtime).chmod(0o755)
+            wait_until(lambda: "others could look in; run: chmod 700" in fleet.now().unreachable.get(HERE, ""))
+            Path(runtime).chmod(0o700)
+            wait_until(lambda: not fleet.now().unreachable)
+            with silo.Logger("walker", folder=tmp_path) as logger:
+                logger.add(np.zeros(3), "x")
+                logger.serve()
+                waited(fleet, "walker", lambda one: one.here)
+    assert unreachable_text(HERE, "why") == "why"
+    assert unreachable_text("desk", "why") == "remote 'desk': why"
 
 
 # ------------------------------------------------------------------------------------------------------ behind a router

@@ -3,15 +3,17 @@
 import os
 import signal
 import weakref
+from dataclasses import replace
 
 import pytest
 
 import silo
 from silo.cli.codes import EXIT_NO_LOGGER
 from silo.cli.main import run
+from silo.client import connection
 from silo.client.client import Client
 from silo.core.elements import State
-from silo.core.runtime import down_mark, down_marks, sweep_unfinished
+from silo.core.runtime import down_mark, down_marks, process_start, sweep_unfinished
 from silo.errors import ConnectionLostError
 from silo.files.event_log import read_events
 from silo.fleet.resolving import Discovery, LoggerAddress, discover
@@ -152,6 +154,58 @@ def test_a_program_that_was_killed_and_started_again_is_opened_whatever_its_old_
         with Client.connect(f"bot.{first.pid}") as lingering, Client.connect("bot") as client:
             assert client.status().pid == again.pid
             assert lingering.status().pid == first.pid
+
+
+@pytest.mark.slow
+def test_who_watches_a_robot_whose_helper_was_killed_waits_for_the_next_one_though_a_namesake_came(
+    robots, monkeypatch
+) -> None:
+    looked: list[object] = []
+    candidates = connection.Connection._candidates
+
+    def seen(one):
+        looked.append(candidates(one))
+        return looked[-1]
+
+    monkeypatch.setattr(connection.Connection, "_candidates", seen)
+    mine = robots("bot")
+    with Client.connect("bot") as client:
+        robots("bot")
+        links: list[bool] = []
+        client.on_link(links.append)
+        freeze(mine.pid)  # too busy to start another helper process
+        os.kill(mine.helper_pid, signal.SIGKILL)
+        wait_until(lambda: len(looked) >= 3 or links[-1:] == [True])
+        os.kill(mine.pid, signal.SIGCONT)
+        wait_until(lambda: links[-1:] == [True])
+        assert links == [False, True]
+        assert client.status().pid == mine.pid
+
+
+def test_whether_a_program_lives_is_not_asked_where_its_number_means_another_process_here(client) -> None:
+    status, found = client.status(), client._connection.found
+    assert connection._program_start(found, status.helper_pid) == process_start(status.pid) > 0
+    assert connection._program_start(found, status.pid) == 0  # that is no helper process: counted in a container
+    assert connection._program_start(found, 0) == 0
+    assert connection._program_start(replace(found, socket=""), status.helper_pid) == 0
+
+
+@pytest.mark.slow
+def test_who_watches_a_robot_that_was_killed_follows_its_next_program_and_no_namesake_that_was_there(
+    robots, monkeypatch
+) -> None:
+    monkeypatch.setattr(connection, "TWIN_SCAN_S", 0.05)
+    mine = robots("bot")
+    with Client.connect("bot") as client:
+        twin = robots("bot")
+        wait_until(lambda: len(client._connection._known) == 2)
+        mine.kill()
+        wait_until(lambda: client.status().state is State.DEAD)
+        links: list[bool] = []
+        client.on_link(links.append)
+        again = robots("bot")
+        wait_until(lambda: links[-1:] == [True])
+        assert client.status().pid == again.pid != twin.pid
 
 
 # ------------------------------------------------------------------------------------------ views that can't be fed

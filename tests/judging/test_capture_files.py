@@ -6,6 +6,7 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import msgspec
+import numpy as np
 import pytest
 
 import silo
@@ -24,14 +25,19 @@ LONG_S = 1.0  # what the first one waits for may never come: then it goes on
 
 
 @pytest.fixture
-def robot(tmp_path, runtime_folder):
+def signal():
+    return np.zeros(())
+
+
+@pytest.fixture
+def robot(tmp_path, runtime_folder, signal):
     """A logger of which one spike was captured, by a judge without a helper process."""
     logger = silo.Logger("bot", frequency=1000, max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
-    x = logger.array("x", (), size=3000)
+    logger.add(signal, "x", size=3000)
     logger.trigger("spike", "x > 50", pre="20ms", post="10ms", save=["silo", "csv"])
     logger.start()
     for tick in range(500):
-        x[...] = 100.0 if tick == 300 else 0.0
+        signal[...] = 100.0 if tick == 300 else 0.0
         logger.collect()
     yield logger
     logger.close()
@@ -102,6 +108,19 @@ def test_a_claim_is_kept_up_by_who_inherits_it_and_swept_after_them(tmp_path):
         pass
     os.close(kept)
     assert sweep_parts(tmp_path) == [path]
+
+
+def test_an_episode_whose_end_was_not_told_yet_is_not_taken_for_one_that_a_capture_lies_in(robot, signal, tmp_path):
+    judge = judge_of(robot)
+    with robot.episode("walk"):
+        robot.collect()
+        told = judge.reader.stamped_marks()
+    with robot.episode("pick"):
+        for tick in range(200):
+            signal[...] = 100.0 if tick == 100 else 0.0
+            robot.collect()
+    *_, buffer = judge.step().whole
+    assert [one.name for one in silo.Log(buffer.recording(told)).episodes] == ["pick"]
 
 
 @pytest.mark.slow

@@ -141,6 +141,21 @@ def test_an_unknown_name_is_told_with_the_nearest():
     assert "joints/tau_1" in refusal("joints/tau[1]").reason
 
 
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [("acc[1]", "that scalar of it is named 'acc_y'"), ("imu/acc[0]", "named 'imu/acc_x'"),
+     ("acc[3]", "'acc' has acc_x, acc_y, acc_z"), ("wide[6]", "'wide' has wide_0, wide_1, wide_2, wide_3 and 2 more"),
+     ("nobody[1]", "is named 'nobody_1'")],
+)  # fmt: skip
+def test_an_index_is_answered_with_the_name_that_is_there(text, says):
+    named = Catalogue([known("/log/imu/acc", "_x", "_y", "_z"), known("/log/wide", "_0", "_1", "_2", "_3", "_a", "_b")])
+    with pytest.raises(ExpressionError) as caught:
+        bind(text, named)
+    assert says in caught.value.reason
+    for name in re.findall(r"is named '(acc_.|imu/acc_.)'", caught.value.reason):
+        assert bind(name, named)
+
+
 def test_a_name_of_other_letters_stands_in_backticks():
     assert bind("`odd-name` > 3", CATALOGUE).columns[0].element == 9
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import silo
-import silo.core.conditions
 from silo.conditions.segment_judge import MOST_SPOOL_BYTES, SegmentJudge, try_trigger
 from silo.conditions.standing import TriggerWord
+from silo.core.conditions import Conditions, TriggerOptions
 from silo.judging.checks import trigger_rule
 from silo.judging.triggers import NO_END
 from silo.segment.reader import SegmentReader
@@ -327,7 +327,7 @@ def test_a_trigger_that_is_removed_and_set_again_within_post_has_two_captures(ro
     robot.ticks(50, [(40, 0)])
     whole = robot.judge.step().whole
     conditions = robot.judge.conditions
-    robot.judge.adopt(silo.core.conditions.Conditions())
+    robot.judge.adopt(Conditions())
     robot.judge.adopt(conditions)
     robot.ticks(200, [(10, 0)])
     whole += robot.judge.step().whole
@@ -429,9 +429,17 @@ def test_a_try_of_a_trigger_judges_as_the_trigger_does(robot):
     robot.logger.set("off", enabled=False)
     robot.start()
     robot.ticks(200, [(40, 0), (60, 0)])
-    tried = silo.core.conditions.TriggerOptions("try", "any(fast/x_0 > 50, off > 1)")
+    tried = TriggerOptions("try", "any(fast/x_0 > 50, off > 1)")
     found = try_trigger(tried, SegmentReader(robot.logger._present.path), robot.logger.elements)
-    assert found.ticks == [40, 60]
+    assert (found.ticks, found.held) == ([40, 60], 2)
+
+
+def test_a_try_of_what_holds_all_the_time_tells_so_though_it_never_fires(robot):
+    robot.start()
+    robot.ticks(200)
+    found = try_trigger(TriggerOptions("try", "fast/x_0 < 1e6"), SegmentReader(robot.logger._present.path),
+                        robot.logger.elements)  # fmt: skip
+    assert (found.fires, found.held, found.judged, found.blind) == (0, 200, 200, 0)
 
 
 def test_what_there_was_no_time_to_judge_before_the_end_is_told(robot):

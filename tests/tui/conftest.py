@@ -141,7 +141,7 @@ CLASSIC = """
 bursts conditions derived dialogs_and_loggers edits_stay events file_screens filters_of_lists find_screens
 first_contact fitting_lines keys_of_screens large_plot leaving limits_and_log_axis lists measured
 monitor_screen mouse nonsense nonsense_everywhere painted_lines parameters pause real_logger recorders
-recordings_screen scope settings_doors settings_screen snapshots table_screen terminal typed_early views
+recordings_screen scope settings_doors settings_screen table_screen terminal typed_early views
 """
 
 

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo_tui.model.drawing import braille, dots
+from silo_tui.model.drawing import braille
 from silo_tui.model.drawing.columns import ColumnStore, hold
+from silo_tui.model.drawing.plot_styles import BLANK
 from silo_tui.model.drawing.window import PlotWindow
 
 values = st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=60).map(np.array)
@@ -68,18 +69,18 @@ def test_a_spike_of_one_sample_always_reaches_the_top(at, height):
     low, high = np.zeros(80), np.zeros(80)
     high[at] = 10.0
     top = braille.rasterise(low, high, (0.0, 10.0), 40, height)[0]
-    assert top[at // 2] != dots.BLANK
+    assert top[at // 2] != BLANK
 
 
 def test_gaps_stay_empty():
     some = np.full(10, np.nan)
-    assert braille.rasterise(some, some, (0.0, 1.0), 5, 2) == [dots.BLANK * 5] * 2
+    assert braille.rasterise(some, some, (0.0, 1.0), 5, 2) == [BLANK * 5] * 2
 
 
 def test_a_steep_line_has_no_holes():
     some = np.array([0.0, 0.0, 10.0, 10.0])
     picture = braille.rasterise(some, some, (0.0, 10.0), 2, 4)
-    assert all(any(char != dots.BLANK for char in line) for line in picture)
+    assert all(any(char != BLANK for char in line) for line in picture)
 
 
 @given(st.floats(-1e9, 1e9), st.floats(0, 1e9))
@@ -105,10 +106,13 @@ def test_nice_ranges_have_round_ends(extent, expected):
 def test_the_cursor_stays_in_the_window_at_both_ends():
     window = PlotWindow()
     window.move_cursor(1, 40)
-    assert window.cursor == 20, "it appears in the middle"
+    assert window.cursor == 38, "to the right it comes in at the left"
     for _ in range(60):
         window.move_cursor(-1, 40)
     assert window.cursor == 38, "the first cell of 20: two columns each"
     for _ in range(60):
         window.move_cursor(1, 40)
     assert window.cursor == 0
+    window.cursor = None
+    window.move_cursor(-1, 40)
+    assert window.cursor == 2, "to the left it comes in at the right"

@@ -5,7 +5,7 @@ from msgspec.structs import replace
 
 from silo.conditions.standing import CapturedSpan, LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import SignalLimits, TriggerOptions, TriggerWord
-from silo.errors import ElementError, RefusedError
+from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo_tui.model.lists.conditions import (
     alarms_words,
     fields_of,
@@ -58,6 +58,9 @@ class TestWords:
         assert head_words([FALL, BLIND], [HOT]) == (
             ("1 alarm HH", "HH 1"), True, ("1 trigger armed", "1 armed"),
         )  # fmt: skip
+        seen = replace(HOT, alarm=False, seen_by="ann")
+        assert head_words([], [seen])[0] == ("1 alarm HH seen", "HH 1")
+        assert head_words([], [HOT, seen, seen])[0] == ("3 alarms HH", "HH 3")
         assert head_words([], []) == (("", ""), False, ("", ""))
         assert head_words([BLIND], []) == (("", ""), False, ("", ""))  # none is armed: nothing to tell
         assert head_words([replace(FALL, state=TriggerWord.FIRING)], [])[2][0] == "trigger fall fires"
@@ -112,6 +115,18 @@ class TestWords:
         assert first == "would have fired 3 × in the last 60 s (all that is held)"
         assert places.count("│") == 3
         assert size.startswith("each capture about")
+
+    @pytest.mark.parametrize(
+        ("held", "blind", "says"),
+        [(6000, 0, "beyond all the time"), (5000, 1000, "beyond all the time; blind at 17 % of it"),
+         (5999, 0, "beyond for 99.9 %"), (60, 0, "beyond for 1 %"), (1, 0, "beyond for 0.0167 %")],
+    )  # fmt: skip
+    def test_a_test_tells_of_what_holds_without_ever_turning_true(self, fake, held, blind, says):
+        tried = replace(fake.try_trigger(FALL.options), fires=0, held=held, blind=blind)
+        first = tried_lines(tried, 60, 20, "would have been violated", "beyond")[0]
+        said, _, blind_words = says.partition("; ")
+        told = f"{said} in the last 60 s (all that is held); would have been violated 0 ×"
+        assert first == told + (f"; {blind_words}" if blind_words else "")
 
 
 async def done(screen):
@@ -175,6 +190,21 @@ class TestScreens:
             await screen.shows("ARMED")
             assert fake.trigger_statuses[0].options.when == "x > 3"
 
+    async def test_they_are_asked_for_again_where_no_answer_came(self, fake, opened, monkeypatch):
+        fake.limit_statuses = [HOT]
+        asked, alarms = [], fake.alarms
+
+        def lost_once():
+            asked.append(1)
+            if len(asked) == 1:
+                raise ConnectionLostError("no answer from robot")
+            return alarms()
+
+        monkeypatch.setattr(fake, "alarms", lost_once)
+        async with opened(fake.run()) as screen:
+            await screen.shows("1 alarm HH")
+            assert len(asked) == 2
+
     async def test_alarms_are_listed_and_acknowledged(self, fake, opened):
         fake.limit_statuses = [HOT, LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0)]
         async with opened(fake) as screen:
@@ -204,6 +234,10 @@ class TestScreens:
             await screen.press("A", "N")
             await screen.shows("signal: a name as the table shows it")
             await screen.press("tab")
+            await screen.shows("LL: red below this")
+            await screen.press("up")
+            await screen.shows("signal: a name as the table shows it")
+            await screen.press("down")
             await screen.shows("LL: red below this")
 
     async def test_more_marked_alarms_than_plots_are_told(self, fake, opened):
@@ -523,7 +557,7 @@ async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, opened):
         await screen.shows("no signal is named 'nobody'")
         assert screen.app.screen.query_one("#form-told").has_class("quiet")  # one types still
         await screen.press("backspace", "enter")
-        await screen.shows("name it")
+        await screen.shows("'name' is empty: it stands in names of files")
         assert screen.app.screen.query_one("#form-told").has_class("failed")
         assert fake.trigger_statuses == []
 

@@ -100,8 +100,11 @@ async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_tab
     async with opened(fake.run()) as screen:
         await screen.press("colon", *"derive", "enter")
         await screen.shows("Derive a signal on robot")
+        await screen.press("enter")
+        await screen.shows("'name' is empty: it stands in tables")
         await screen.type("power")
-        await screen.press("tab", "tab")
+        await screen.press("enter")
+        await screen.shows("'is' is empty: signals, numbers")
         await screen.type("2 * imu/acelaration")
         await screen.shows("^" * len("imu/acelaration"))  # of all that was typed
         await screen.shows("did you mean 'imu/acceleration")
@@ -132,10 +135,17 @@ async def test_what_the_robot_refuses_is_said_and_nothing_typed_is_lost(fake, op
     async with opened(fake.run()) as screen:
         fake.refuse_derived = "at most 100 signals are derived; nothing was changed"
         await screen.press("colon", *"derive hot imu/temperature > 3", "enter")
-        await screen.shows("one number")
-        await screen.press("enter")
         await screen.shows("at most 100 signals")
         assert "imu/temperature > 3" in screen.text
         fake.refuse_derived = ""
         await screen.press("enter")
         await screen.until(lambda: len(fake.derived) == 1)
+
+
+async def test_what_is_typed_as_a_whole_is_done_and_what_is_not_is_asked_for(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.press("colon", *"derive hot imu/temperature > 3", "enter")
+        await screen.shows("'/hot' is derived: imu/temperature > 3")
+        assert not screen.app.screen.is_modal
+        await screen.press("colon", *"derive cold", "enter")
+        await screen.shows("Derive a signal on robot")

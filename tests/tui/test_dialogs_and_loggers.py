@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from textual.geometry import Size
 
+from silo.conditions.standing import TriggerStatus
+from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import BufferType, Entry, FileType
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo.files import write
@@ -68,6 +70,43 @@ async def test_edits_are_kept_when_the_robot_program_was_started_again(fake, ope
         fake.mend()
         await screen.shows("started again")
         assert screen.value(FIRST, Field.DIVIDER) == "5"
+        assert "gone with it" not in screen.text
+
+
+async def test_conditions_that_a_new_program_knows_nothing_of_are_named(fake, opened):
+    fake.trigger_statuses = [
+        TriggerStatus(TriggerOptions(name, "legs/LF/HAA/torque > 3", 5.0, 1.0), TriggerWord.ARMED)
+        for name in ("fall", "slip")
+    ]
+    async with opened(fake) as screen:
+        await screen.until(lambda: len(screen.session.triggers) == 2, "what is judged")
+        fake.cut()
+        await screen.shows("No link")
+        fake.pid, fake.trigger_statuses = 5000, fake.trigger_statuses[:1]
+        fake.mend()
+        await screen.shows("as no script of it has them: trigger slip")
+        assert "fall" not in screen.text
+
+
+async def test_applying_tells_that_a_single_trigger_that_fired_watches_again(fake, opened):
+    options = TriggerOptions("fall", "legs/LF/HAA/torque > 3", 5.0, 1.0, mode="single")
+    fake.trigger_statuses = [TriggerStatus(options, TriggerWord.FIRED)]
+    async with opened(fake.run()) as screen:
+        await screen.until(lambda: screen.session.triggers, "what is judged")
+        await screen.press("d", "5", "enter", "a")
+        await screen.shows("Apply and go on")
+        await screen.shows("'fall', fired already, then watches")
+        await screen.press("escape")
+
+
+async def test_what_is_edited_is_seen_whatever_columns_were_there(fake, opened):
+    async with opened(fake) as screen:
+        await screen.do("columns")
+        await screen.until(lambda: Field.DIVIDER not in screen.app.screen.table.field_spans())
+        await screen.press("d")
+        await screen.until(lambda: Field.DIVIDER in screen.app.screen.table.field_spans())
+        await screen.press("5", "enter")
+        await screen.until(lambda: screen.value(FIRST, Field.DIVIDER) == "5")
 
 
 async def test_data_is_saved_in_the_types_that_are_chosen(fake, opened):

@@ -103,6 +103,24 @@ async def test_a_typed_edit_of_hidden_marks_asks_with_their_count_too(fake, open
         await screen.until(lambda: screen.session.table.pending_count == (12, 12))
 
 
+async def test_marks_that_the_filter_hides_are_plotted_only_after_a_question(fake, opened):
+    async with opened(fake) as screen:
+        await screen.enter("/torque", "asterisk", "escape")
+        await screen.enter("/temperature")
+        await screen.enter(":sort value")
+        await screen.shows("12 marked, 12 not shown")
+        await screen.press("m")
+        await screen.shows("12 of the 12 marked elements are hidden. Plot all 12?")
+        here = screen.session.short_name(screen.session.table.names[screen.session.rows.row])
+        await screen.shows(f"Only {here}, where the cursor is; the marks go")
+        await screen.press("c")
+        await screen.until(lambda: screen.app.screen.scope == "monitor", "plots")
+        assert [screen.session.short_name(each.element.name) for each in screen.app.screen.stack.plots] == [here]
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+        assert screen.session.rows.marked_count == 0
+
+
 async def test_a_typed_edit_that_makes_no_sense_is_refused_before_the_question(fake, opened):
     async with opened(fake) as screen:
         await screen.enter("/torque", "asterisk", "escape")

@@ -14,6 +14,7 @@ from silo_tui.model.lists.happened import (
     columns_of,
     gone_words,
     in_plots,
+    in_time,
     line,
     matches,
     newest,
@@ -65,6 +66,18 @@ def test_limits_stand_in_plots_of_their_signal_alone():
     over = event("limit", "/log/a H 35.2 Nm at tick 4, limit 35")
     assert in_plots([over, event()], 0, SECOND, {"/log/b", "/log/a_more"}) == [event()]
     assert in_plots([over, event()], 0, SECOND, {"/log/a"}) == [over, event()]
+
+
+def test_marks_stand_where_they_were_set_not_where_they_were_written():
+    early, alarm, mark = (
+        event("started", at_ns=1, number=1),
+        event("limit", at_ns=30, number=2),
+        event(at_ns=20, number=3),
+    )
+    assert in_time([early, alarm, mark]) == [early, mark, alarm]
+    other = event("started", at_ns=5, number=4, run="s")  # a run by another clock
+    loose = event("crashed", at_ns=2, number=5, run="")
+    assert in_time([early, alarm, other, mark, loose]) == [early, mark, other, alarm, loose]
 
 
 def test_a_flickering_limit_pushes_out_no_marks():

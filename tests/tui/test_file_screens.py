@@ -1,5 +1,6 @@
 """A saved log on the screen, driven by keys."""
 
+import asyncio
 from dataclasses import replace
 
 import numpy as np
@@ -240,8 +241,8 @@ async def test_a_window_walks_over_the_whole_file_both_ways(path, on_file):
         await screen.shows("beginning of the file")
         source = screen.session.source
         await screen.until(lambda: abs(monitor(screen).window.paused_end_ns - source.begin_ns - span_ns) < span_ns / 10)
-        store = monitor(screen).stack.store
-        assert store.first <= source.begin_ns // store.column_ns
+        stack = monitor(screen).stack
+        await screen.until(lambda: stack.store.first <= source.begin_ns // stack.store.column_ns)
         await as_far_as_it_goes(screen, "pagedown")
         await screen.until(lambda: monitor(screen).window.paused_end_ns == source.end_ns)
 
@@ -425,3 +426,36 @@ async def test_a_part_of_a_run_that_was_cut_is_opened_beside_the_others_and_says
     async with on_file(next(tmp_path.glob("*part1.silo"))) as screen:
         await screen.shows("part 1 of run")
         assert screen.session.report.ticks == 10
+
+
+async def test_what_lies_between_cursors_is_told_over_time_alone_however_late_it_is_known(path, on_file, monkeypatch):
+    async with on_file(path, (120, 40)) as screen:
+        await plot(screen, "torque")
+        await screen.do("detail", "cursor_left", "cursor_b")
+        shown = monitor(screen)
+        await screen.until(lambda: shown.between.display)
+        measure, known = shown.pause.held.measure, asyncio.Event()
+
+        async def late(*given):
+            await known.wait()
+            return await measure(*given)
+
+        monkeypatch.setattr(shown.pause.held, "measure", late)
+        await screen.do("cursor_left")
+        shown.action_command("mode_spectrum")
+        known.set()
+        await screen.shows("peak 1")
+        assert not shown.between.display
+        shown.action_command("mode_time")
+        await screen.until(lambda: shown.between.display)
+
+
+async def test_the_chosen_plot_stays_on_the_screen_when_the_table_between_cursors_takes_its_room(path, on_file):
+    async with on_file(path) as screen:
+        await screen.do("mark_shown", "plot")
+        await screen.curves()
+        await screen.do("plot_down", "plot_down", "cursor_left", "cursor_b")
+        shown = monitor(screen)
+        await screen.until(lambda: shown.between.display)
+        stack = shown.stack  # it comes a moment after the table
+        await screen.until(lambda: 0 < stack.first <= stack.chosen_panel < stack.first + stack.fitting)

@@ -98,9 +98,14 @@ def test_names_sort_as_people_count():
     assert sorted(["/j10", "/j2", "/J1"], key=natural_key) == ["/J1", "/j2", "/j10"]
 
 
-def test_the_cursor_stays_on_its_element_when_the_filter_changes(rows):
+def test_the_cursor_goes_to_the_first_that_passes_another_filter_and_stays_there_without_one(rows):
     rows.move_to_row(rows.table.row("/log/legs/RF/KFE/torque"))
     rows.set_filter("RF torque")
+    assert rows.position == 0
+    rows.move_to_row(rows.table.row("/log/legs/RF/KFE/torque"))
+    rows.set_filter("RF torque")
+    assert rows.table.names[rows.row] == "/log/legs/RF/KFE/torque", "the same once more"
+    rows.set_filter("")
     assert rows.table.names[rows.row] == "/log/legs/RF/KFE/torque"
 
 

@@ -78,7 +78,8 @@ def test_a_number_may_have_a_suffix(table):
     ("text", "expected"),
     [
         ("value<-60", 11), ("|value|>60", 11), ("|value|>60|torque", 21), ("std>1", 61), ("rate<95%", 66),
-        ("rate>=399", 2), ("rate>=399Hz", 2), ("changed<1s", 1), ("changed>1min", 11), ("fill>=50%", 22),
+        ("rate>=399", 2), ("rate>=399Hz", 2), ("changed<1s", 1), ("changed>1min", 11), ("changed>1m", 11),
+        ("fill>=50%", 22),
     ],
 )  # fmt: skip
 def test_rows_are_chosen_by_what_is_measured(table, text, expected):

@@ -188,6 +188,19 @@ async def test_all_plotted_signals_can_be_looked_through(monitor):
         await screen.shows("of 11")  # ten times one, once forty
 
 
+async def test_moments_of_several_signals_at_one_time_are_each_gone_to(monitor):
+    async with monitor("LF/torque", "position") as (screen, _):
+        await screen.do("home", "find", "asterisk")
+        await screen.press("g")
+        await screen.shows("hole in /LF/torque, 1 of 2")
+        await screen.do("next_found")
+        await screen.shows("hole in /position, 2 of 2")
+        await screen.do("next_found")
+        await screen.shows("that is the last of 2")
+        await screen.do("previous_found")
+        await screen.shows("hole in /LF/torque, 1 of 2")
+
+
 async def test_nothing_found_says_how_much_was_looked_through(monitor):
     async with monitor("LF/torque") as (screen, _):
         await screen.do("find", "n")

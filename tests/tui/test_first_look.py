@@ -3,7 +3,7 @@
 import pytest
 
 from silo.conditions.standing import LimitStatus, LimitWord
-from silo_tui.layouts.presets import BY_NAME, is_near, near_limit
+from silo_tui.layouts.presets import BY_NAME, is_near, near_limit, within
 
 
 @pytest.mark.parametrize(
@@ -40,6 +40,43 @@ async def test_a_view_that_is_there_without_being_kept(fake, opened, letter):
         await screen.until(lambda: screen.session.rows.sort == preset.layout.sort)
         await screen.until(lambda: screen.session.rows.filter.text == preset.layout.filter)
         await screen.shows(f"view {preset.name}")
+
+
+async def test_what_only_counts_is_no_noise(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.do("view")
+        await screen.shows("Look at what?")
+        await screen.press("n")
+        await screen.shows("view noisiest")
+        shown = {screen.session.table.elements[row].entries[0].dtype[1] for row in screen.session.rows.shown}
+        assert shown == {"f"}
+        assert {element.entries[0].dtype[1] for element in screen.session.table.elements} > shown
+
+
+@pytest.mark.parametrize(
+    ("words", "view", "shown"),
+    [
+        ("torque", "noisiest", "torque type:f"),
+        ("torque unit:degC", "noisiest", "torque type:f"),
+        ("type:f", "noisiest", "type:f"),
+        ("", "hottest", "unit:degC"),
+        ("LF RF", "near-limit", "LF RF"),
+    ],
+)
+def test_a_view_is_one_of_what_passes_the_filter(words, view, shown):
+    assert within(BY_NAME[view], words).filter == shown
+
+
+async def test_a_view_of_what_is_filtered_or_of_all_where_that_has_nothing_of_it(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.enter("/torque")
+        await screen.do("view")
+        await screen.press("n")
+        await screen.until(lambda: screen.session.rows.filter.text == "torque type:f")
+        assert screen.session.rows.position == 0
+        await screen.do("view")
+        await screen.press("h")
+        await screen.until(lambda: screen.session.rows.filter.text == "unit:degC")
 
 
 async def test_the_tour_goes_on_as_its_steps_are_done(fake, opened):

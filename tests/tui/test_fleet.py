@@ -249,3 +249,11 @@ async def test_summaries_rest_while_a_logger_is_open_and_come_again_with_the_lis
         await screen.press("enter")
         await screen.until(lambda: screen.app.context.has_session and len(screen.session.table), "the table")
         await screen.until(lambda: not screen.app._finder.attentive)
+
+
+@pytest.mark.parametrize(("told", "words"), [({"recorders": 2}, "REC 2"), ({"denied": 3}, "DENIED"), ({}, "")])
+def test_a_filter_looks_in_what_is_recorded_and_denied_too(told, words) -> None:
+    found = fleet.told(line(member(**told)))
+    assert ("REC" in found, "DENIED" in found) == ("REC" in words, "DENIED" in words)
+    assert words in found
+    fleet.told(line(Member(LoggerAddress("x", 0, "", ""), problem="no answer")))  # of which nothing is known

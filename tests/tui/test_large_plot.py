@@ -1,5 +1,7 @@
 """The large plot is the monitor with one plot: the same keys, the same pause, the same window."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -158,3 +160,53 @@ async def test_find_in_a_spectrum_finds_peaks_by_their_height(fake, opened):
         await screen.shows("peak 1: ")
         assert not large(screen).window.paused or large(screen).mode == "spectrum"
         assert "highest" not in screen.text.splitlines()[-2]
+
+
+async def test_the_cursor_reads_the_peak_that_one_goes_to_and_the_lines_beside_it(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await open_large(screen)
+        await screen.press("tab", "tab")
+        await screen.until(lambda: large(screen)._peaks)
+        await screen.press("f", "h")
+        await screen.shows("peak 1: ")
+        told = re.search(r"peak 1: (\S+ Hz, \S+)", screen.text)[1]
+        await screen.press("right")
+        await screen.until(lambda: f"A {told}" not in screen.text.splitlines()[-2])
+        await screen.press("left")
+        await screen.shows(f"A {told}")
+        await screen.press("escape", "right", "escape", "left")
+        await screen.shows(f"A {told}")  # the first step leads to the highest peak
+
+
+@pytest.mark.parametrize("is_held", [False, True])
+@pytest.mark.parametrize(
+    ("command", "shown"),
+    [("mode_xy", "it needs two plots"), ("mode_spectrum", "Hz a line"), ("mode_histogram", "median")],
+)
+async def test_each_way_of_drawing_is_there_at_once_from_the_plots(fake, opened, command, shown, is_held):
+    async with opened(fake.run(20)) as screen:
+        await screen.enter("/LF/HAA/torque", "m")
+        await screen.curves()
+        if is_held:
+            await screen.press("space")
+            await screen.shows("all here")
+        screen.app.screen.action_command(command)
+        await screen.shows(shown)
+
+
+async def test_the_key_that_led_here_says_that_this_is_it(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await open_large(screen)
+        await screen.press("enter")
+        await screen.shows("this is the large plot already: Esc leaves it")
+
+
+async def test_a_cursor_is_offered_only_where_one_is(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await open_large(screen)
+        await screen.shows("←→ Cursor")
+        for keys in (["tab"], ["tab", "tab"]):  # one over the other, a histogram
+            await screen.press(*keys)
+            await screen.until(lambda: "←→ Cursor" not in screen.text)
+            await screen.press("left")
+            await screen.shows("the cursor is over time and in spectra: Tab leads there")

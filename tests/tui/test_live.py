@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from silo.core.elements import ElementInfo, ElementOptions, Entry
-from silo.core.quantities.writing import clock_text
+from silo.core.quantities.writing import duration_text
 from silo_tui.model.samples.live import Reading, entry_text, value_text
 from silo_tui.model.words import text
 
@@ -62,7 +62,7 @@ def test_no_number_is_wider_than_its_cell(value, width):
     ("seconds", "shown"), [(0, "00:00"), (75, "01:15"), (3723, "1:02:03"), (90000, "1 d 01:00"), (-3, "00:00")]
 )
 def test_durations(seconds, shown):
-    assert clock_text(seconds) == shown
+    assert duration_text(seconds) == shown
 
 
 @pytest.mark.parametrize(("seconds", "shown"), [(2e-5, "20 us"), (0.002, "2 ms"), (10, "10 s"), (300, "5 min")])

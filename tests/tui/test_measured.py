@@ -26,7 +26,7 @@ async def test_signs_stand_in_their_column_with_statistics_beside(fake, opened):
         await screen.shows("86.25")
         line = next(line for line in screen.text.splitlines() if "/base/position" in line)
         assert " NN " in line
-        assert "columns: statistics of every sample since" in screen.text
+        assert "columns: statistics of every sample" in screen.text
 
 
 async def test_a_slow_loop_is_one_word_in_the_head_not_a_sign_of_each_row(fake, opened):
@@ -220,6 +220,29 @@ async def test_a_table_that_grows_wide_has_the_inspector_beside_it_again(fake, o
         await screen.until(lambda: inspector.region.x > table.region.x and inspector.region.y < 3, "beside")
 
 
+async def test_statistics_that_the_table_shows_are_kept_while_plots_are_looked_at(fake, opened, monkeypatch):
+    monkeypatch.setattr("silo_tui.screens.table.KEEP_SURVEY_S", 0.0)
+    asked = []
+    survey = fake._survey
+    fake._survey = lambda quantities, names=(), **more: asked.append((names, more)) or survey(quantities, names, **more)
+    async with opened(fake.run()) as screen:
+        await screen.plot("m")
+        asked.clear()
+        await screen.pilot.pause(1.2)
+        assert not asked, "nothing is to be kept of a table without statistics"
+        await screen.press("escape")
+        await screen.do("columns")
+        await screen.until(lambda: "mean" in screen.app.screen._quantities, "statistics in the table")
+        since_ns = fake.since_ns
+        await screen.plot("m")
+        asked.clear()
+        await screen.until(lambda: asked, "a survey that keeps them")
+        names, more = asked[0]
+        assert list(names) == screen.session.table.names[:1]
+        assert not more.get("reset")
+        assert fake.since_ns == since_ns
+
+
 async def test_a_logger_that_knows_no_surveys_is_shown_all_the_same(fake, opened):
     fake.run()
     from silo.rpc.refusals import RefusedWhy
@@ -406,3 +429,16 @@ async def test_a_link_is_spared_by_surveys_where_it_is_thin_alone(fake, opened, 
     async with opened(fake) as screen:
         monkeypatch.setattr("silo_tui.screens.table.pace_of", lambda app: pace)
         assert screen.app.screen._thin_s() == spared_s
+
+
+async def test_an_order_by_name_leaves_the_cursor_on_its_element_and_one_by_value_goes_to_the_top(fake, opened):
+    fake.run()
+    fake.facts = {"value": {TORQUE: 99.0}}
+    async with opened(fake) as screen:
+        await screen.enter("/torque", "escape", "j", "o", "v")
+        await screen.until(lambda: screen.session.rows.row == screen.session.table.row(TORQUE), "the largest")
+        assert screen.session.rows.position == 0
+        for _ in range(2):  # again turns it round
+            await screen.press("o", "l")
+            assert screen.session.rows.row == screen.session.table.row(TORQUE)
+        assert screen.session.rows.position > 0

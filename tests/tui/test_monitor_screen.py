@@ -11,7 +11,7 @@ import pytest
 from silo.core.arrays.columns import Gap, hole_mark
 from silo.core.elements import State
 from silo.rpc.published import EventKind
-from silo_tui.model.drawing.dots import BLANK
+from silo_tui.model.drawing.plot_styles import BLANK
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -182,6 +182,22 @@ async def test_the_cursor_reads_values(fake, opened):
         await screen.shows("cursor at -")
 
 
+async def test_of_a_vector_whose_entry_is_looked_at_alone_that_one_is_plotted(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await screen.enter("/base/position")
+        await screen.do("component", "component")
+        await screen.shows("entry x alone, 1 of 3")
+        await screen.plot("m")
+        assert [each.name for each in screen.app.screen.stack.plots] == ["/log/base/position_x"]
+        await screen.press("escape")
+        await screen.do("component")
+        await screen.shows("entry y alone, 2 of 3")
+        await screen.do("component", "component")
+        await screen.shows("its entries side by side")
+        await screen.plot("m")
+        assert len(screen.app.screen.stack.plots) == 3
+
+
 async def test_the_cursor_is_drawn_a_cell_further_for_each_press(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
@@ -191,7 +207,7 @@ async def test_the_cursor_is_drawn_a_cell_further_for_each_press(fake, opened):
             return next(line for line in screen.text.splitlines() if "┤" in line).rfind("│")
 
         await screen.press("left")
-        await screen.shows("cursor at -5 s")
+        await screen.shows("cursor at -")
         begin = cell()
         for step in range(1, 4):
             await screen.press("left")

@@ -357,10 +357,29 @@ async def test_in_a_pause_words_and_values_are_those_of_the_cursor_not_of_now(fa
         await screen.pilot.pause()
         assert f"at end {pinned}" in screen.text
         assert "now " not in screen.text.replace("nowhere", "")
-        await screen.press("left")
-        other = words[int(56 / 3) % 3]
+        await screen.press("right")  # the cursor comes in at the left
+        other = words[int(51 / 3) % 3]
         await screen.shows(f"at cursor {other}")
         await screen.until(lambda: f"│{other}" in screen.text, "the word beside the band")
+        await screen.press("escape")
+        await screen.shows(f"at end {pinned}")
+
+
+async def test_who_goes_on_while_a_moment_is_brought_is_led_nowhere(fake, opened, monkeypatch):
+    async with opened(fake.run(61)) as screen:
+        await open_torque(screen)
+        await hold(screen)
+        plots, bring = screen.app.screen, screen.app.screen.pause.bring
+
+        async def brought(*asked):
+            plots.go_on()
+            return True
+
+        monkeypatch.setattr(plots.pause, "bring", brought)
+        assert not await plots.jump_to(fake.now_ns)
+        assert not plots.window.paused
+        monkeypatch.setattr(plots.pause, "bring", bring)
+        await screen.shows("live")
 
 
 async def test_a_crossing_is_offered_at_the_value_under_the_cursor(fake, opened):

@@ -12,7 +12,7 @@ async def test_the_head_says_who_else_has_control_and_how_many_are_there(fake, o
     async with opened(fake, size=(160, 50)) as screen:
         fake.somebody_takes_control("anna")
         await screen.shows("anna has control")
-        await screen.shows("1 other here")
+        await screen.shows("1 other client")
         await screen.shows("control taken (anna (proven) from desk2, silo-tui 2)")
 
 
@@ -57,7 +57,7 @@ async def test_events_say_whether_a_name_is_proven(fake, opened):
 def test_words_of_who_is_there(fake):
     fake.clients = [Present("anna (proven) from desk2, silo-tui 2", 1, "anna"), Present("bob@desk3 silo 3", 2)]
     assert people_words(fake.status(), "anna") == "nobody has control; connected: anna (proven), bob@desk3 looks"
-    assert head_words(fake.status(), "anna") == ("", "1 other here")
+    assert head_words(fake.status(), "anna") == ("", "1 other client")
 
 
 async def test_a_word_of_control_that_is_mistyped_is_told_with_the_one_that_is_near(fake, opened):

@@ -78,8 +78,12 @@ class TestScreens:
             await screen.type("all")
             assert screen.app.screen.made().keep == ""
             await screen.press(*["backspace"] * 3)
+            await screen.type("200MB")
+            await screen.shows("a part ends at 100 MB, half of it")
+            await screen.press(*["backspace"] * 5)
             await screen.type("2GB")
             await screen.shows("keeps the newest 2.41 days or more")
+            assert "a part ends" not in screen.text
             await screen.press("enter")
             await screen.shows("recording 'robot' to /home/ann/logs/walks")
             names = tuple(f"/log/legs/LF/{joint}/torque" for joint in ("HAA", "HFE", "KFE"))
@@ -134,11 +138,18 @@ class TestScreens:
             await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen)
             assert fake.recorder_infos == [WALK, FULL]
             await screen.do("stop_recording")
-            await screen.shows("Stop walk: 21 parts, 21 GB, lost 0")
+            await screen.shows("Stop walk: 21 parts written, the newest 21 GB kept, lost 0")
+            await screen.shows("those that are kept stay")
             await screen.press("1")
             await screen.shows("recording 'walk' ended")
             assert fake.recorder_infos == [FULL]
             await screen.until(lambda: "REC " not in screen.text.splitlines()[0])
+            await screen.do("stop_recording")
+            await screen.shows("Stop which recording of robot?")
+            await screen.press("d")
+            await screen.shows("d is no answer here  Enter Leave them")
+            await screen.press("y")  # of one that is asked for, as anywhere
+            await screen.until(lambda: fake.recorder_infos == [])
 
     async def test_nothing_to_stop_names_the_key_that_begins(self, fake, opened):
         async with opened(fake) as screen:

@@ -268,6 +268,20 @@ async def test_a_capture_is_opened_from_the_triggers_as_any_file_is(opened, fake
         await screen.shows("legs/LF/HAA/torque > 3")
 
 
+async def test_home_leads_from_a_file_to_its_table_and_from_there_to_that_of_the_logger(opened, fake, captured):
+    fake.run()
+    async with opened(fake) as screen:
+        live = screen.session
+        await at_the_capture(screen)
+        screen.app.screen.action_command("go_home")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "its table")
+        await screen.shows("again: robot")
+        screen.app.screen.action_command("go_home")
+        await screen.until(lambda: screen.app.screen.scope == "table", "the table of the logger")
+        assert screen.session is live
+        assert not screen.app.context.file_over_logger
+
+
 async def test_a_capture_that_is_nowhere_any_more_is_told(opened, fake, captured):
     captured.unlink()
     async with opened(fake) as screen:

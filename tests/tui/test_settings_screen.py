@@ -27,11 +27,13 @@ def line_with(screen, words):
     return next(line for line in screen.text.split("\n") if words in line)
 
 
-async def test_a_theme_shows_at_once_and_w_keeps_it(fake, opened):
+@pytest.mark.parametrize(
+    "steps", [("f2", "l"), (":", *"theme light", "enter", "f2"), (":", *"theme", "enter", "l", "f2")]
+)
+async def test_a_theme_shows_at_once_and_w_keeps_it(fake, opened, steps):
     async with opened(fake) as screen:
-        await screen.press("f2")
+        await screen.press(*("colon" if key == ":" else "space" if key == " " else key for key in steps))
         await screen.shows("silo settings")
-        await screen.press("l")
         assert screen.app.theme == "silo-light"
         assert line_with(screen, "theme").startswith("*")
         assert read_file() == (Settings(), [])

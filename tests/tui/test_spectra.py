@@ -200,6 +200,37 @@ def test_every_value_is_in_the_histogram_once(values, most):
     big_plot.of_histogram(found, SIZE)
 
 
+def test_the_middle_of_a_histogram_about_zero_is_called_zero_and_a_small_value_itself():
+    spread = np.linspace(-5.2, 5.201, 4000)
+    assert big_plot.of_histogram(histogram_of(spread, 40), SIZE).below == ["-5.2", "-2.6", "0", "2.6", "5.2"]
+    assert big_plot.of_histogram(histogram_of(spread + 5.201, 40), SIZE).below[0] == "0.001"
+    assert big_plot.of_histogram(histogram_of(1e-3 + spread / 1e4, 40), SIZE).below[2] == "0.001"
+
+
 def test_whole_numbers_have_a_step_each():
     found = histogram_of(np.array([3.0, 5.0, 5.0]), 40)
     assert (found.counts.tolist(), found.first, found.step) == ([1, 0, 2], 2.5, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("width", "cell", "hz", "amplitude"),
+    [
+        (4, 0, 0.5, 0.0), (4, 1, 1.0, 5.0), (4, 2, 2.5, 9.0), (4, 3, 3.5, 4.0),  # the strongest line of the cell
+        (32, 21, 2.5, 9.0), (32, 31, 4.0, 0.5), (32, 30, 4.0, 0.5), (32, 0, 0.5, 0.0),  # else the nearest
+    ],
+)  # fmt: skip
+def test_a_cursor_reads_the_strongest_line_of_its_cell_or_the_nearest(width, cell, hz, amplitude):
+    spectrum = Spectrum(np.array([0.0, 5.0, 1.0, 2.0, 9.0, 3.0, 4.0, 0.5]), 0.5)  # lines at 0.5 ... 4 Hz
+    assert big_plot.line_in(spectrum, [], cell, 4.0, width) == Peak(hz, amplitude)
+
+
+def test_a_cursor_reads_the_highest_peak_that_is_drawn_in_its_cell():
+    spectrum = Spectrum(np.ones(8), 0.5)
+    peaks = [Peak(2.3, 1.2), Peak(2.4, 1.4), Peak(3.1, 9.0)]
+    assert big_plot.line_in(spectrum, peaks, big_plot.cell_of(2.3, 4.0, 8), 4.0, 8) == peaks[1]
+    assert big_plot.cell_of(4.0, 4.0, 8) == 7
+
+
+def test_no_amplitude_is_written_in_db():
+    assert big_plot.level_words(0.0, "dB", "m") == "-inf dB"
+    assert big_plot.level_words(10.0, "dB", "m") == "20.0 dB"

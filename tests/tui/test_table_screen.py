@@ -135,7 +135,7 @@ async def test_buffers_of_gigabytes_are_told_of_when_they_are_applied_as_in_the_
         await screen.shows("1 → 5")
         await screen.press("enter")
         await screen.shows("applied to 1 element")
-        assert [one.message for one in screen.app._notifications] == [large]
+        await screen.until(lambda: [one.message for one in screen.app._notifications] == [large])
 
 
 async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen(fake, opened):
@@ -177,6 +177,9 @@ async def test_somebody_elses_edit_of_the_same_field_is_a_conflict(fake, opened)
         await screen.shows("! 1 conflict")
         await screen.press("a")
         await screen.shows("was 1, theirs 3, yours 5")
+        line = next(line for line in screen.text.splitlines() if "was 1, theirs 3" in line)
+        above = screen.text.splitlines()[screen.text.splitlines().index(line) - 1]
+        assert " /base/orientation " in above, "which signal"
         await screen.press("t")
         await screen.until(lambda: screen.session.table.pending_count == (0, 0))
         assert screen.value(FIRST, Field.DIVIDER) == "3"
@@ -211,8 +214,19 @@ async def test_a_dead_robot_is_told_with_where_the_data_is(fake, opened):
     async with opened(fake.run()) as screen:
         fake.state, fake.reason = State.DEAD, "Its data was saved to /home/ann/logs/x.silo."
         fake.publish(EventKind.CRASHED, "the robot program died")
+        await screen.until(lambda: "the robot program died" in [one.words for one in screen.app.context.told])
         await screen.shows("robot died:")
         await screen.shows("/home/ann/logs/x.silo")
+
+
+async def test_the_head_goes_on_where_no_row_passes_the_filter(fake, opened):
+    async with opened(fake.run()) as screen:
+        await screen.shows("● RUNNING")
+        await screen.enter("/zzz")
+        await screen.shows("0 of 72")
+        for _ in range(2):
+            fake.advance(2.0)
+            await screen.until(lambda: screen.session.frame_time_ns == fake.now_ns, "what came since")
 
 
 async def test_start_needs_no_question_and_stop_does(fake, opened):

@@ -305,18 +305,32 @@ def test_a_busy_computer_is_no_thin_link():
 def test_late_answers_are_those_of_the_link_unless_processors_are_busy_or_none_came_yet(
     monkeypatch, waits, answers, thin
 ):
+    assert bool(driven(monkeypatch, waits, answers).thinness.step) is thin
+
+
+@pytest.mark.parametrize("waits", [0.0, 0.5])
+def test_a_link_that_is_seen_to_carry_much_is_thin_no_more(monkeypatch, waits):
+    driver = driven(monkeypatch, 0.0, 1)
+    assert driver.thinness.step
+    step, driver.pacer.bytes_per_s = driver.thinness.step, 400_000
+    assert driven(monkeypatch, waits, 1, driver, 10.0).thinness.step < step
+    assert driven(monkeypatch, waits, 1, driver, 20.0, 120.0).thinness.step == 0
+
+
+def driven(monkeypatch, waits, answers, driver=None, begin_s=0.0, lasts_s=10.0):
+    """The parts of a driver whose terminal lags by a second, after 10 s."""
     clock = SimpleNamespace(s=0.0, monotonic=lambda: clock.s)
-    driver = SimpleNamespace(
+    driver = driver or SimpleNamespace(
         pacer=SimpleNamespace(paced=True, answers=answers, lag_s=lambda now_s: 1.0, fastest_s=0.01, bytes_per_s=8_000),
         thinness=Thinness(), busyness=Busyness(), painted=Painted(), behind=False, _painted_s=0.0,
         _take_answers=lambda: None,
     )  # fmt: skip
     monkeypatch.setattr("silo_tui.terminal.driver.time", clock)
     monkeypatch.setattr("silo_tui.terminal.driver.waited_s", lambda: waits * clock.s)
-    for tick in range(1, 50):
-        clock.s = tick / 5
+    for tick in range(1, round(5 * lasts_s)):
+        clock.s = begin_s + tick / 5
         CellDriver.may_paint(driver, 5.0)
-    assert bool(driver.thinness.step) is thin
+    return driver
 
 
 def test_the_kernel_counts_how_long_a_thread_waits_for_a_processor():

@@ -149,6 +149,22 @@ def test_an_order_by_value_begins_with_nan_then_the_largest_and_ends_with_what_i
     assert (rows.arrow, rows.shown[0], rows.shown[1], rows.shown[-1]) == ("↑", 5, 0, 6)
 
 
+def test_what_filter_and_order_are_by_is_known_when_all_of_it_was_measured(rows):
+    assert not rows.is_measured
+    measure(rows, signs=np.zeros(len(rows.table)))
+    assert rows.is_measured  # by name and unfiltered the signs are all there is
+    rows.set_filter("std=0")
+    assert not rows.is_measured
+    assert len(rows.shown) == len(rows.table)  # which is why nobody says so many passed
+    rows.order_by("value")
+    measure(rows, signs=np.zeros(len(rows.table)), std=np.ones(len(rows.table)))
+    assert not rows.is_measured
+    measure(rows, signs=np.zeros(len(rows.table)), std=np.ones(len(rows.table)), value=np.ones(len(rows.table)))
+    assert rows.is_measured
+    rows.refresh()
+    assert len(rows.shown) == 0
+
+
 def test_the_cursor_stays_on_its_element_while_the_order_moves(rows):
     measure(rows, value=np.arange(len(rows.table)))
     rows.order_by("value")

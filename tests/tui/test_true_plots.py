@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from silo.core.arrays.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Gap, NonFinite, bins_of, hole_mark
 from silo.core.elements import ElementInfo, ElementOptions, Entry
-from silo_tui.model.drawing import braille, dots
+from silo_tui.model.drawing import braille
+from silo_tui.model.drawing.plot_styles import BLANK
 from silo_tui.model.drawing.plots import Plotted, draw, trend
 from silo_tui.model.drawing.window import PlotWindow
 from silo_tui.model.samples.live import entry_text, offset_text
@@ -128,8 +129,8 @@ def test_a_wave_is_a_wave_at_every_size(scale):
 def test_a_counter_far_from_zero_rises(start):
     counts = np.array([start + number for number in range(COLUMNS)], "i8")
     drawn = picture_of(range(0, COLUMNS * 10, 10), counts, "<i8")
-    assert drawn.lines[0][-1] != dots.BLANK != drawn.lines[-1][0]
-    assert drawn.lines[-1][-1] == dots.BLANK == drawn.lines[0][0]
+    assert drawn.lines[0][-1] != BLANK != drawn.lines[-1][0]
+    assert drawn.lines[-1][-1] == BLANK == drawn.lines[0][0]
     entry = Entry("", "<i8")
     assert offset_text(entry, drawn.smallest, drawn.base, 8) == str(start)
     assert offset_text(entry, drawn.largest, drawn.base, 8) == str(start + COLUMNS - 1)
@@ -139,7 +140,7 @@ def test_an_unsigned_counter_at_its_end_rises():
     counts = np.array([2**64 - COLUMNS + number for number in range(COLUMNS)], "u8")
     drawn = picture_of(range(0, COLUMNS * 10, 10), counts, "<u8")
     assert offset_text(Entry("", "<u8"), drawn.largest, drawn.base, 8) == str(2**64 - 1)
-    assert drawn.lines[0][0] == dots.BLANK
+    assert drawn.lines[0][0] == BLANK
 
 
 @given(st.lists(st.integers(-(2**63), 2**63 - 1), min_size=1, max_size=20), st.integers(0, 20))

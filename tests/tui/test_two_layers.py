@@ -5,7 +5,7 @@ from textual import events
 
 from silo_tui import keymap
 from silo_tui.actions import BY_ID, COMMANDS, commands_for, key_of, why_no_use
-from silo_tui.keymap import BASES, OPENERS, TWO_LAYERS, clashes, in_menu, use_keys
+from silo_tui.keymap import BASES, OPENERS, TWO_LAYERS, clashes, in_menu, use_keys, where
 from silo_tui.menus import MenuLines
 from silo_tui.model.table.fields import Field
 from silo_tui.settings.options import Settings
@@ -50,7 +50,8 @@ def test_a_table_with_a_conflict_is_refused(monkeypatch, row, why):
 
 
 def test_a_command_without_a_place_is_refused(monkeypatch):
-    monkeypatch.delitem(TWO_LAYERS, "toggle")
+    without = {command: keys for command, keys in TWO_LAYERS.items() if command != "toggle"}
+    monkeypatch.setattr(keymap, "TWO_LAYERS", without)  # not taken out of it: menus have its order
     with pytest.raises(ValueError, match="toggle has no place"):
         keymap._check()
 
@@ -115,6 +116,17 @@ async def test_what_is_typed_on_goes_there_and_no_menu_is_drawn(fake, opened):
 
 
 @pytest.mark.slow
+async def test_a_menu_is_drawn_while_the_one_before_goes(fake, opened):
+    async with opened(fake) as screen:
+        reader = screen.app.reader
+        for menu in ("menu_go", "menu_edit"):  # which takes longer on a busy computer than until the next is drawn
+            reader.open(menu)
+            reader._timer.stop()
+            reader.draw()
+        await screen.until(lambda: "Divider: 1" in drawn(screen))
+
+
+@pytest.mark.slow
 async def test_a_menu_that_waits_is_drawn_and_stays_at_an_unknown_letter(fake, opened):
     async with opened(fake) as screen:
         await screen.press("e")
@@ -164,7 +176,30 @@ async def test_an_entry_that_can_t_act_says_why(fake, opened):
         await screen.until(lambda: "Acknowledge" in drawn(screen))
         assert "(k) Acknowledge: alarms" in drawn(screen)
         await screen.press("k")
-        await screen.shows("r k (Acknowledge): it has a use in alarms")
+        await screen.shows("r k (Acknowledge): it is a key of alarms (g a)")
+        assert drawn(screen)  # who reads may pick another one
+
+
+@pytest.mark.slow
+async def test_after_an_entry_that_was_typed_at_once_and_can_t_act_keys_are_those_of_the_screen(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("r", "c", "j")
+        assert screen.session.rows.position == 1
+        await screen.press("r", "k", "j")
+        assert screen.session.rows.position == 2
+        await screen.shows("r k (Acknowledge): it is a key of alarms (g a)")
+
+
+@pytest.mark.parametrize(
+    ("letters", "scope", "says"),
+    [("p z", "table", "it is a key of large plot (m, then Enter)"), ("r c", "monitor", "triggers (g t), table (g h)"),
+     ("p z", "monitor", "large plot (Enter)"), ("e d", "triggers", "table (g h)"),
+     ("e d", "file", "a saved file has no logger")],
+)  # fmt: skip
+def test_a_letter_that_has_no_use_here_says_where_it_has_one_and_how_one_gets_there(letters, scope, says):
+    menu, letter = letters.split()
+    opener = OPENERS[menu]
+    assert says in where(in_menu(opener, scope)[letter], scope)[1]
 
 
 @pytest.mark.slow

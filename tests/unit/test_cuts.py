@@ -1,5 +1,6 @@
 """A run that is cut: changed while it goes on, tick by tick, in another stretch."""
 
+import errno
 import itertools
 import threading
 from dataclasses import replace
@@ -37,6 +38,10 @@ class Loop:
         log = silo.open_log(folder)
         assert log["n"].values.tolist() == list(range(self.ticks))
         assert log["x"].values.tolist() == np.sort(log["x"].values).tolist()
+        stamps = dict(zip(log["n"].values.tolist(), log["n"].time_ns.tolist(), strict=True))
+        assert log["x"].time_ns.tolist() == [stamps[int(tick)] for tick in log["x"].values], (
+            "each at the time of its tick"
+        )
         assert not log.recording.warnings
         return log
 
@@ -138,12 +143,17 @@ def test_a_run_that_stops_by_itself_just_before_the_cut_stays_stopped_and_whole(
     assert len(silo.open_log(file)["y"].values) == 4
 
 
+def full(*_):
+    """A disk that has no room."""
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
 @pytest.mark.parametrize(
     ("name", "options", "error", "words"),
     [
         ("x", {"divider": 0}, ElementError, "divider"),
         ("nobody", {"divider": 2}, ElementError, "nobody"),
-        ("x", {"size": 10**9, "buffer": "fixed"}, SegmentError, ""),
+        ("x", {"size": 2000, "buffer": "fixed"}, SegmentError, "no room for"),
         ("x", {"divider": 2}, StateError, "excited"),
     ],
 )
@@ -153,6 +163,8 @@ def test_a_cut_that_is_refused_changes_nothing(new_logger, monkeypatch, name, op
     loop.turn(3)
     if words == "excited":
         monkeypatch.setattr(type(logger.parameters.excitations), "running", True)
+    if error is SegmentError:
+        monkeypatch.setattr("os.posix_fallocate", full)
     before = held(logger)
     with pytest.raises(error, match=words):
         logger.set(name, **options, cut=True)
@@ -237,7 +249,7 @@ def test_counts_are_of_all_stretches_and_a_start_begins_anew(new_logger, tmp_pat
     present = logger._present
     assert (logger.ticks, present.unsaved_ticks, logger.has_unsaved) == (13, 13, True)
     assert (present.ticks_before, present.begun_ns) == (12, present.cut_off[0].segment.schema.started_ns)
-    assert segment_holdings(present.run.reader).text.endswith("of 1 tick since the last cut")
+    assert segment_holdings(present.run.reader).text.endswith("of 1 tick since the last change")
     logger.stop()
     logger.start(unsaved=unsaved)
     assert (logger.ticks, logger.has_unsaved, present.cut_off) == (0, False, [])

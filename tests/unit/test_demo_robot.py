@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 
 from silo.programs.demo.gait import FEET_M, MISSION_S, Gait, foot_paths, leg_angles, leg_positions, phase_at
 from silo.programs.demo.program import LOOP_ELEMENTS, DemoOptions, make_robot
-from silo.programs.demo.robot import AMBIENT_C, GRAVITY_M_S2, MASS_KG, SimulatedRobot, Tuning
+from silo.programs.demo.robot import (
+    AMBIENT_C,
+    GRAVITY_M_S2,
+    MASS_KG,
+    SimulatedRobot,
+    Tuning,
+    quaternion,
+    rotation,
+)
 from silo.programs.demo.signals import DriveState, signals
 
 Recorded = dict[str, NDArray[np.float64]]
@@ -185,3 +193,16 @@ def test_its_parameters_change_how_it_walks(
             total += float(np.mean(watched(robot)))
         sums.append(total)
     assert sums[1] > 1.03 * sums[0]
+
+
+@pytest.mark.parametrize(
+    "angles", [(0.3, 0.0, 0.0), (0.0, -0.4, 0.0), (0.0, 0.0, 1.2), (0.3, -0.4, 1.2), (-2.0, 0.7, 3.0)]
+)
+def test_a_quaternion_turns_as_its_matrix_does(angles) -> None:
+    x, y, z, w = quaternion(*angles)
+    turned = np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+    np.testing.assert_allclose(turned, rotation(*angles), atol=1e-12)

@@ -100,7 +100,10 @@ CALLS = {
     "units": (lambda log: log.add(Z, "z", units="m"), "did you mean 'unit'?"),
     "a type": (lambda log: log.add(Z, "z", type="pose"), "did you mean 'kind'?"),
     "a thing unheard of": (lambda log: log.add(Z, "z", colour=2), "no argument 'colour', it takes source, name, group"),
-    "nothing": (lambda log: log.add(), "log.add() needs source: write log.add(source, name=..."),
+    "nothing": (
+        lambda log: log.add(),
+        "log.add() needs source: write log.add(source, name=..., group=..., unit=..., ...)",
+    ),
     "a name alone": (lambda log: log.add("tau"), 'write log.add(tau, "tau")'),
     "a name twice": (lambda log: log.add(Z, "z", name="z"), "got 'name' twice"),
     "too much by place": (lambda log: log.add(Z, "z", "", "-", 1, 1, 9, 1, 5), "takes 8 arguments by place"),

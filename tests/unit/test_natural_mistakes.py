@@ -4,9 +4,12 @@ A row is the call as it is typed, and a piece of the message that names the way 
 and holds ten ticks of `joints/q`, `run` the same as an opened log, `q` its signal, `null` a logger that does nothing.
 """
 
+import ast
 import copy
 import inspect
 import pickle
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -291,3 +294,18 @@ def test_what_is_only_told_of_is_listed_nowhere(names):
         assert f" {word}(" not in shown
         assert f" {word} =" not in shown
     assert {"collect", "add", "is_running"} <= set(dir(names["log"])) & set(dir(silo.Logger))
+
+
+def _advised() -> list[tuple[str, str]]:
+    """What messages and documentation advise of a logger, a log or a client: the object's name and the method."""
+    found = set()
+    for path in Path(silo.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                found |= set(re.findall(r"\b(log|client)\.([a-z_]+)\(", node.value))
+    return sorted(found)
+
+
+@pytest.mark.parametrize(("whose", "method"), _advised())
+def test_what_is_advised_is_there(whose, method):
+    assert any(hasattr(kind, method) for kind in ((silo.Logger, silo.Log) if whose == "log" else (silo.Client,)))

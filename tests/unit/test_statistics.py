@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import silo
+from silo.core.arrays.running import RunningStatistics
 from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.live.requests import GetSurvey, Survey
-from silo.live.statistics import Sums, Surveyor, Tally
+from silo.live.statistics import Surveyor, Tally
 from silo.logger.serving.answers import robot_state
 from silo.rpc.refusals import Refused, answered
 from silo.segment.reader import SegmentReader
@@ -153,7 +154,7 @@ def test_statistics_begin_where_they_were_asked_for(robot):
 
 
 def test_sums_keep_their_digits_far_from_zero():
-    sums = Sums(1)
+    sums = RunningStatistics(1)
     values = 1e15 + np.arange(1000.0)
     for part in np.split(values, 10):
         sums.add(slice(0, 1), part[:, None], all_finite=True)

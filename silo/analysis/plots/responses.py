@@ -30,11 +30,12 @@ def step_chart(found: StepResponse, unit: str = "", title: str = "") -> Chart:
 def step_words(found: StepResponse, given_unit: str = "", unit: str = "") -> tuple[str, str]:
     """From where to where it went, and how; the units are those of the input and of the output."""
     by, unit = ("" if one in ("", "-") else f" {one}" for one in (given_unit, unit))
+    rise = "no rise to 90 %" if math.isnan(found.rise_s) else f"rise time {found.rise_s:.4g} s (10 to 90 %)"
+    settled = "not settled" if math.isnan(found.settled_s) else f"within 2 % after {found.settled_s:.4g} s"
     return (
         f"step of {found.step:g}{by} at {found.at_s:.6g} s: from {found.start:.6g} to {found.final:.6g}{unit}, gain "
         f"{found.gain:.4g}",
-        f"rise time {found.rise_s:.4g} s (10 to 90 %), overshoot {found.overshoot:.1%}, within 2 % after "
-        f"{found.settled_s:.4g} s",
+        f"{rise}, overshoot {found.overshoot:.1%}, {settled}",
     )
 
 

@@ -8,7 +8,7 @@ import click
 
 from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
 from silo.cli.common import connect, json_option, logger_argument, show_json, show_rows
-from silo.core.quantities.writing import clock_text
+from silo.core.quantities.writing import duration_text
 
 if TYPE_CHECKING:
     from silo.conditions.requests import Alarms
@@ -85,7 +85,7 @@ def _row(one: "LimitStatus") -> tuple[str, ...]:
     return (
         one.word.value, one.name, _number(one.value), _number(one.limit),
         f"{one.worst_word.value} {_number(one.worst)}" if one.worst is not None else "",
-        clock_text(time.time() - one.since_ns / 1e9) if one.since_ns else "", str(count) if count else "",
+        duration_text(time.time() - one.since_ns / 1e9) if one.since_ns else "", str(count) if count else "",
         one.seen,
     )  # fmt: skip
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from silo.cli.verbs import Listing, LoggerFirst, verb
-from silo.core.quantities.writing import clock_text, many
+from silo.core.conditions import AROUND_S
+from silo.core.quantities.writing import duration_text, many, share_words
 from silo.files.formats import SAVED_NAMES, file_types
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from silo.core.conditions import TriggerOptions
 
 MOST_TIMES = 10
+AROUND = f"{AROUND_S:g}s"
 
 
 @click.group(cls=LoggerFirst)
@@ -38,8 +40,8 @@ def _rule_options(command: "click.decorators.FC") -> "click.decorators.FC":
         click.option("--persist", default="0", metavar="TIME", help="It must stay true for so long."),
         click.option("--rearm", default="", metavar="EXPRESSION", help="What must be true before it fires again."),
         click.option("--edge", default="rising", metavar="EDGE", help="rising, falling, level, enter or leave."),
-        click.option("--post", default="1s", show_default=True, metavar="TIME", help="Capture so long after it."),
-        click.option("--pre", default="1s", show_default=True, metavar="TIME", help="Capture so long before it."),
+        click.option("--post", default=AROUND, show_default=True, metavar="TIME", help="Capture so long after it."),
+        click.option("--pre", default=AROUND, show_default=True, metavar="TIME", help="Capture so long before it."),
     ):
         command = option(command)
     return command
@@ -85,7 +87,7 @@ def add(client: "Client", name: str, when: str, **given: Any) -> str:
 
 def _row(one: "TriggerStatus") -> tuple[str, ...]:
     state = one.state.value.upper() + (f" {one.holdoff_s:.0f} s" if one.holdoff_s else "")
-    last = f"{clock_text(time.time() - one.last_ns / 1e9)} ago" if one.last_ns else "never"
+    last = f"{duration_text(time.time() - one.last_ns / 1e9)} ago" if one.last_ns else "never"
     options = one.options
     return state, options.name, options.when, f"{options.pre_s:g} s", f"{options.post_s:g} s", str(one.fires), last
 
@@ -167,4 +169,5 @@ def tried_text(tried: "TriggerTried") -> str:
     times = f"{many(tried.fires, 'time')}"
     held_s = (tried.end_ns - tried.begin_ns) / 1e9
     blind = f"; blind at {tried.blind} of {tried.judged} ticks" if tried.blind else ""
-    return f"would have fired {times} in the last {held_s:.3g} s (all that is held){blind}"
+    held = f"; true {share_words(tried.held, tried.judged - tried.blind)}" if tried.held else ""
+    return f"would have fired {times} in the last {held_s:.3g} s (all that is held){held}{blind}"

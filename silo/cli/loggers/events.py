@@ -14,6 +14,7 @@ from silo.cli.common import LogWord, complete_logger, connect, find_saved, json_
 from silo.cli.verbs import Target, Words, by_count, verb
 from silo.core.elements import LoggedEvent
 from silo.core.episodes.words import BEGIN, END, VERDICTS
+from silo.core.quantities.writing import wall_clock
 from silo.errors import LogNotFoundError
 
 if TYPE_CHECKING:
@@ -181,8 +182,7 @@ def _print(found: Sequence[LoggedEvent], as_json: bool) -> None:
 
 
 def _line(event: LoggedEvent) -> str:
-    seconds, rest = divmod(event.time_ns, 1_000_000_000)
-    clock = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds)) + f".{rest // 1_000_000:03}"
+    clock = wall_clock(event.time_ns, 3, date=True)
     tick = str(event.tick) if event.tick >= 0 else "-"
     what = event.text if event.text.startswith(event.kind) else f"{event.kind}: {event.text}"
     shown = "".join(letter if letter.isprintable() else "?" for letter in what)

@@ -10,7 +10,7 @@ import click
 
 from silo.cli.common import aligned, configuration, show_json
 from silo.core.printing import printable
-from silo.core.quantities.writing import clock_text, many, size_text
+from silo.core.quantities.writing import duration_text, many, size_text, wall_clock
 
 if TYPE_CHECKING:
     from silo.fleet.fleet import Fleet, FleetNow
@@ -84,8 +84,9 @@ def screen_lines(found: "FleetNow", chosen: "Sequence[Member]", room: int, now_s
     """Return at most `room` lines: the loggers, the worst first, then what can't be reached and how many there are."""
     names = addresses(found)
     from silo.fleet.member import segments
+    from silo.fleet.near import unreachable_text
 
-    notes = [f"remote '{name}': {why}".replace("\n", " ") for name, why in found.unreachable.items()]
+    notes = [unreachable_text(name, why).replace("\n", " ") for name, why in found.unreachable.items()]
     down = segments(chosen)
     notes = [*(one.words(now_s, now_ns) for one in down), *(one.words for one in found.routers), *notes]
     counts = [f"{sum(one.word == word for one in chosen)} {word}" for word in dict.fromkeys(o.word for o in chosen)]
@@ -104,15 +105,15 @@ def _cells(one: "Member", name: str, now_s: float, now_ns: int) -> tuple[str, ..
 
     told, run_s, unseen_s = one.summary, one.run_s(now_ns), one.unseen_s(now_s)
     if told is None:
-        seen = clock_text(unseen_s) if not one.here else "now"
+        seen = duration_text(unseen_s) if not one.here else "now"
         return (name, one.word, *["-"] * 4, one.sign, seen, one.problem.split("\n")[0])
-    seen = "now" if one.here else f"{clock_text(unseen_s)} ago"
+    seen = "now" if one.here else f"{duration_text(unseen_s)} ago"
     alarms = f" {told.alarms}" if one.sign and one.sign == told.alarm else ""
     idle = [idle_words(one.idle_s(now_s))] if one.stalled else []
     idle += [f"DENIED {told.denied}"] if told.denied else []
     what = " ".join([*idle, *one.people]) if one.here and not one.dead else _after(one)
     return (
-        name, one.word, clock_text(run_s) if run_s is not None else "-",
+        name, one.word, duration_text(run_s) if run_s is not None else "-",
         one.rate, str(told.lost),
         size_text(told.disk_free_bytes) if told.disk_bytes else "-", f"{one.sign}{alarms}", seen, what,
     )  # fmt: skip
@@ -129,6 +130,8 @@ def _after(one: "Member") -> str:
 
 def _tell_changes(fleet: "Fleet", pattern: str, *, as_json: bool) -> None:
     """Print what changes, one line for each logger that does."""
+    from silo.fleet.near import unreachable_text
+
     known: dict[str, Known] = {}
     told: dict[str, str] = {}
     refused: dict[str, int] = {}
@@ -138,11 +141,11 @@ def _tell_changes(fleet: "Fleet", pattern: str, *, as_json: bool) -> None:
         number, now_s = found.number, time.monotonic()
         for name, why in found.unreachable.items():
             if told.get(name) != why and not as_json:
-                click.echo(f"{time.strftime('%H:%M:%S')}  remote '{name}': {why}")
+                click.echo(f"{wall_clock(time.time_ns())}  {unreachable_text(name, why)}")
         told = dict(found.unreachable)
         for router in found.routers:
             if router.denied > refused.get(router.host, 0) and not as_json:
-                click.echo(printable(f"{time.strftime('%H:%M:%S')}  {router.words}"))
+                click.echo(printable(f"{wall_clock(time.time_ns())}  {router.words}"))
         refused = {router.host: router.denied for router in found.routers}
         chosen = meant(found, pattern)
         news = list(changed(found, chosen, known))
@@ -151,7 +154,7 @@ def _tell_changes(fleet: "Fleet", pattern: str, *, as_json: bool) -> None:
                 show_json(_object(name, one, now_s))
         else:
             for line in told_lines(news, chosen, now_s, time.time_ns()):
-                click.echo(printable(f"{time.strftime('%H:%M:%S')}  {line}"))
+                click.echo(printable(f"{wall_clock(time.time_ns())}  {line}"))
         sys.stdout.flush()
 
 

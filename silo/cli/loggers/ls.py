@@ -17,7 +17,7 @@ from silo.cli.common import (
     tell_unreachable,
 )
 from silo.core.printing import printable
-from silo.core.quantities.writing import clock_text, many, size_text
+from silo.core.quantities.writing import duration_text, many, size_text
 from silo.errors import ConnectionLostError
 from silo.net.configuration import LOCAL
 
@@ -182,17 +182,20 @@ def _sweep() -> None:
 
 
 def _log_folders(answers: "list[Member]") -> list[str]:
-    """Where loggers save, or kept journals, as far as it is known; and this folder."""
-    from silo.journal.folders import remembered_folders
+    """Where loggers save, kept journals or recorded, as far as it is known; and this folder."""
+    from silo.journal.folders import RECORDINGS, remembered_folders
 
     served = [answer.status.folder for answer in answers if answer.status]
-    return list(dict.fromkeys([str(Path.cwd()), *served, *map(str, remembered_folders())]))
+    remembered = [*remembered_folders(), *remembered_folders(RECORDINGS)]
+    return list(dict.fromkeys([str(Path.cwd()), *served, *map(str, remembered)]))
 
 
 def _sweep_parts(folders: Iterable[str]) -> None:
     """What killed saves left."""
+    from silo.journal.folders import UNNAMED_FILES
+
     for folder in dict.fromkeys(folders):
-        if any(Path(folder).glob(".silo-*.part")):
+        if any(Path(folder).glob(UNNAMED_FILES)):
             from silo.files.atomic import sweep_parts  # needs NumPy, which `ls` does without as a rule
 
             sweep_parts(folder)
@@ -230,7 +233,7 @@ def _ls_row(one: "Member") -> tuple[str, ...]:
 
     found, status = one.found, one.status
     if status is None:
-        down = clock_text(time.time() - found.since) if one.down else "-"
+        down = duration_text(time.time() - found.since) if one.down else "-"
         who = found.label if found.pid else found.name
         return (who, found.host or "-", one.word, down, *["-"] * 4, str(found.pid or "-"), found.user or "-")
     return (

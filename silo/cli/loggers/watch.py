@@ -20,7 +20,7 @@ from silo.cli.common import (
 from silo.cli.edits import of_entries, select
 from silo.core.elements import State
 from silo.core.printing import printable
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import many, wall_clock
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.rpc.published import NOT_LIVE_TEXTS
 
@@ -72,8 +72,7 @@ def show_clock(time_ns: int) -> str:
     """Return the local time of a tick, `12:00:01.250`; dashes before the first tick."""
     if time_ns == 0:
         return "--:--:--.---"
-    seconds, rest = divmod(time_ns, 1_000_000_000)
-    return f"{time.strftime('%H:%M:%S', time.localtime(seconds))}.{rest // 1_000_000:03}"
+    return wall_clock(time_ns, 3)
 
 
 def lay_out(elements: "Sequence[ElementInfo]") -> list[WatchedElement]:

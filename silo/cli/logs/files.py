@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.codes import EXIT_FOUND
+from silo.cli.codes import EXIT_BLIND, EXIT_FOUND
 from silo.cli.common import LogWord, TypedPath, find_saved, progress, show, show_json, show_rows
-from silo.errors import SiloError
+from silo.errors import ElementError, SiloError
 from silo.files.formats import readable, writable
 
 if TYPE_CHECKING:
@@ -262,7 +262,8 @@ def compare_command(
     """Show in numbers how the signals of two runs differ, the most different first, as silo.compare does.
 
     A..B are the runs of a folder from A to B: each is compared with A, the most different run first. PATTERN are the
-    elements, all by default. Exit code 0 if no signal differs, 4 if one does, 1 if a log can't be read.
+    elements, all by default. Exit code 0 if no signal differs, 4 if one does, 5 if none can be compared, 1 if a log
+    can't be read.
 
     \b
     Examples:
@@ -290,6 +291,8 @@ def compare_command(
         click.echo(found.plot(path=png), err=as_json)
     if found:
         raise SystemExit(EXIT_FOUND)
+    if found.blind:
+        raise SystemExit(EXIT_BLIND)
 
 
 def _compare_many(
@@ -317,6 +320,8 @@ def _compare_many(
         click.echo(worst.a.plot(*others, path=png, title=worst.name), err=as_json)
     if any(one for _, one in found):
         raise SystemExit(EXIT_FOUND)
+    if any(one.blind for _, one in found):
+        raise SystemExit(EXIT_BLIND)
 
 
 @click.command("plot")
@@ -405,6 +410,8 @@ def _windowed(
     if start is None and stop is None:
         yield from signals
         return
+    if start is not None and stop is not None and start >= stop:
+        raise ElementError(f"--from {start:g} must be before --to {stop:g}")
     zero = int(recording.time_ns[0]) if len(recording.time_ns) else 0
     low = -math.inf if start is None else zero + start * 1e9
     high = math.inf if stop is None else zero + stop * 1e9

@@ -13,7 +13,7 @@ from silo.cli.common import (
     show_rows,
     split_logger,
 )
-from silo.core.quantities.writing import clock_text, many, size_text
+from silo.core.quantities.writing import duration_text, many, size_text
 
 if TYPE_CHECKING:
     from silo.recorder.requests import RecorderInfo
@@ -96,7 +96,7 @@ def _row(info: "RecorderInfo") -> tuple[str, ...]:
     return (
         info.name,
         info.state.value,
-        clock_text((time.time_ns() - info.since_ns) / 1e9),
+        duration_text((time.time_ns() - info.since_ns) / 1e9),
         str(info.parts + bool(info.part)),
         size_text(info.size_bytes),
         str(info.samples),

@@ -1,6 +1,5 @@
 """`silo files`: the recordings in a logger's folder on the robot: listed, fetched to this machine, deleted."""
 
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,7 +8,7 @@ from click.shell_completion import CompletionItem
 
 from silo.cli.common import TypedPath, complete_logger, connect, progress, show_rows
 from silo.cli.verbs import verb
-from silo.core.quantities.writing import many, size_text
+from silo.core.quantities.writing import many, size_text, wall_clock
 from silo.errors import RefusedError, SiloError
 
 if TYPE_CHECKING:
@@ -144,7 +143,7 @@ def _meant(client: "Client", names: tuple[str, ...]) -> list[str]:
 def _row(one: "SavedRecording") -> tuple[str, ...]:
     types = ", ".join(file.type.name.lower() for file in one.files)
     begun = one.begun_ns or min(file.changed_ns for file in one.files)
-    when = f"{datetime.fromtimestamp(begun / 1e9):%Y-%m-%d %H:%M:%S}"
+    when = wall_clock(begun, date=True)
     if one.unfinished:
         return one.stem, "part", when, "-", size_text(one.size_bytes), "being written, or its writer died"
     why = "not looked into yet" if one.unread else one.why or "-"

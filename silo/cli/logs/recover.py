@@ -10,6 +10,7 @@ from silo.cli.common import TypedPath, json_option, show_json, types_option
 from silo.core.elements import FileType
 from silo.core.quantities.writing import many, size_text
 from silo.errors import SaveError, SegmentError, SiloError
+from silo.journal.folders import OPEN_PARTS, RECORDINGS, remembered_folders
 
 if TYPE_CHECKING:
     from silo.recorder.process import RecorderHandover
@@ -70,9 +71,9 @@ def recover(
         settled = _settle(left, paths, single, as_json)
         closed = _close_parts(folders, as_json) or settled
         if not paths:
-            closed |= _sweep([*looked_in, *(Path(one.schema.folder) for one in stale if one.schema)])
+            closed |= _sweep([*looked_in, *folders, *(Path(one.schema.folder) for one in stale if one.schema)])
         elif looked_in:
-            closed |= _sweep(looked_in)
+            closed |= _sweep([*looked_in, *folders])
         found = [*single, *(one.path for one in stale if one.holdings)]
         _recover(found, folder, chosen, as_json, single, looked_in, quiet=closed)
         list_segments()  # removes the links to those that are gone now
@@ -143,7 +144,6 @@ def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[Left
 
 def _recording_folders(paths: Sequence[Path], single: Sequence[Path], look_in: Path) -> list[Path]:
     """Where open parts of recordings may be."""
-    from silo.journal.folders import RECORDINGS, remembered_folders
     from silo.recorder.requests import DEFAULT_FOLDER
 
     named = [path for path in paths if path not in single and path.is_dir()] if paths else [look_in]
@@ -156,7 +156,7 @@ def _recording_folders(paths: Sequence[Path], single: Sequence[Path], look_in: P
 
 def _show_parts(folders: Sequence[Path], as_json: bool) -> None:
     for folder in folders:
-        if any(folder.glob("*.mcap.part")):
+        if any(folder.glob(OPEN_PARTS)):
             from silo.recovery.parts import left_parts
 
             for path in left_parts(folder):
@@ -178,7 +178,7 @@ def _close_parts(folders: Sequence[Path], as_json: bool) -> bool:
     """Close what killed recorders left open; returns whether there was anything."""
     done = False
     for folder in folders:
-        if any(folder.glob("*.mcap.part")):
+        if any(folder.glob(OPEN_PARTS)):
             from silo.recovery.parts import close_parts
 
             closed, problems = close_parts(folder)
@@ -192,8 +192,6 @@ def _close_parts(folders: Sequence[Path], as_json: bool) -> bool:
 
 def _known_folders() -> list[Path]:
     """Log folders in which loggers of this user kept journals."""
-    from silo.journal.folders import remembered_folders
-
     return [folder for folder in remembered_folders() if folder.is_dir()]
 
 
@@ -234,7 +232,6 @@ def _show(stale: "Sequence[LeftRun]", as_json: bool, looked_in: Sequence[Path], 
 def _say_nothing(looked_in: Sequence[Path]) -> None:
     """Say so, and where stands what programs logged that died, and whose memory was saved before."""
     from silo.helper.left_logs import saved_before
-    from silo.journal.folders import remembered_folders
 
     click.echo("nothing to recover")
     for folder in dict.fromkeys(path.resolve() for path in looked_in):

@@ -1,6 +1,7 @@
 """The rows of one capture while it is under way: copied from the rings at once, before anything overwrites them."""
 
 import dataclasses
+from collections.abc import Iterable
 
 import msgspec
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from silo.core.conditions import CaptureFacts, Conditions, TriggerOptions
 from silo.core.elements import BufferType, LoggedEvent
 from silo.core.episodes.words import within_ticks
-from silo.core.recording import Recording
+from silo.core.recording import Recording, once_each, with_events
 from silo.judging.triggers import Capture, longest_capture
 from silo.segment.layout import TIME_RING, SegmentSchema
 from silo.segment.reader import SegmentReader
@@ -157,10 +158,12 @@ class CaptureBuffer:
         """The changes of parameters until the capture's end."""
         return [change for change in self._reader.changes(since) if change.tick <= self.capture.last]
 
-    def recording(self) -> Recording:
-        """What was captured, with what there is to say of it."""
+    def recording(self, happened: Iterable[LoggedEvent] = ()) -> Recording:
+        """What was captured, with what there is to say of it: of what `happened` in the run, what is of the capture."""
         capture = self.capture
-        found = snapshot(self)
+        # who tells what happened may not have read the newest marks yet, by which an episode ended
+        told = once_each([*happened, *self._reader.marks()])
+        found = with_events(snapshot(self), within_ticks(told, capture.first, capture.last))
         ended = [self.why] if self.why else []
         if self._missing:
             ended.append(f"the first {self._missing} ticks were overwritten before they could be copied")

@@ -9,7 +9,6 @@ import msgspec
 
 from silo.conditions.captures.buffer import CaptureBuffer
 from silo.core.elements import FileType, LoggedEvent, SavedFile
-from silo.core.episodes.words import within_ticks
 from silo.errors import SaveError
 from silo.files.atomic import claimed
 from silo.files.formats import kind_of
@@ -83,11 +82,11 @@ def _written(
         return [file for file in files if file.type in buffer.options.save]
     options, logger = buffer.options, buffer.schema.logger
     if FileType.SILO not in there:
-        recording, own = buffer.recording(), within_ticks(happened, buffer.capture.first, buffer.capture.last)
+        recording = buffer.recording(happened)
         # derived signals and limits by which it fired, whatever they are by now
         conditions = msgspec.structs.replace(buffer.conditions, capture=recording.conditions.capture)
         why = f"trigger {options.name}"
-        files += write_run(recording, folder, logger, name=name, why=why, events=own, conditions=conditions)
+        files += write_run(recording, folder, logger, name=name, why=why, events=(), conditions=conditions)
     others: list[FileType] = [kind for kind in wanted if kind is not FileType.SILO and kind not in there]
     if others:
         # what CSV and bags need would leave this process with twice its memory

@@ -1,5 +1,9 @@
 """Sizes, times and counts as they are told, one way everywhere."""
 
+import time
+
+EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
+
 
 def duration(seconds: float) -> str:
     """Return a time to three digits as people say it: `0.19 s`, `9.99 s`, `17.7 min`, `3.5 h`, `2.1 days`."""
@@ -10,13 +14,20 @@ def duration(seconds: float) -> str:
     return f"{days:.3g} days" if days < 1000 else f"{days:.0f} days"
 
 
-def clock_text(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
     """Return how long something takes or took, for columns and heads: `00:12`, `1:02:03`, `2 d 03:04`."""
     whole = max(0, int(seconds))
     days, hours, minutes, rest = whole // 86400, whole // 3600 % 24, whole // 60 % 60, whole % 60
     if days:
         return f"{days} d {hours:02}:{minutes:02}"
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes:02}:{rest:02}"
+
+
+def wall_clock(time_ns: int, decimals: int = 0, *, date: bool = False) -> str:
+    """Return a time stamp in this machine's zone, cut to so many decimals: `13:07:32`, `2026-11-25 13:07:32.250`."""
+    seconds, rest = divmod(time_ns, 1_000_000_000)
+    words = time.strftime("%Y-%m-%d %H:%M:%S" if date else "%H:%M:%S", time.localtime(seconds))
+    return f"{words}.{rest:09}"[: len(words) + 1 + decimals] if decimals else words
 
 
 def size_text(size_bytes: float) -> str:
@@ -26,6 +37,14 @@ def size_text(size_bytes: float) -> str:
             return f"{size_bytes:.3g} {unit}"
         size_bytes /= 1000
     return f"{size_bytes:.3g} TB"
+
+
+def share_words(some: int, total: int) -> str:
+    """Return how much of something that is: `all the time`, `for 12 %`, `for less than 0.01 %`."""
+    if some >= total:
+        return "all the time"
+    share = 100 * some / total
+    return f"for {min(share, 99.9):.3g} %" if share >= 0.01 else "for less than 0.01 %"
 
 
 def many(count: int, noun: str) -> str:

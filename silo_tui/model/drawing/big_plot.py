@@ -11,6 +11,7 @@ from silo.core.arrays.columns import bins_at, reduce
 from silo.core.arrays.values import Floats
 from silo_tui.model.drawing import axes, braille, dots
 from silo_tui.model.drawing.pairs import Histogram, Pair
+from silo_tui.model.drawing.plot_styles import BLANK
 from silo_tui.model.drawing.plots import NOBODY, Owners
 from silo_tui.model.words import text
 
@@ -47,7 +48,7 @@ def levels(amplitudes: Floats, way: str) -> Floats:
 def level_words(amplitude: float, way: str, unit: str) -> str:
     """Return an amplitude as it is read beside a peak."""
     if way == "dB":
-        return f"{20 * math.log10(amplitude):.1f} dB"
+        return f"{20 * math.log10(amplitude):.1f} dB" if amplitude > 0 else "-inf dB"
     return f"{text.compact(amplitude)}{'' if unit == '-' else ' ' + unit}"
 
 
@@ -74,7 +75,7 @@ def of_spectra(
         words = axes.decade_words(scale, height)
     spots: list[tuple[int, int, str]] = []
     for at, peak in sorted(enumerate(peaks), key=lambda each: each[0] != chosen):
-        cell = min(width - 1, int(peak.frequency_hz / top_hz * width))
+        cell = cell_of(peak.frequency_hz, top_hz, width)
         lines = np.flatnonzero((owners[:, max(0, cell - 1) : cell + 2] == 0).any(axis=1))
         line = max(0, int(lines[0]) - 1) if len(lines) else 0
         sign = f"{at + 1}" if at != chosen else f"[{at + 1}]"
@@ -83,6 +84,24 @@ def of_spectra(
     below = [f"{text.compact(share * top_hz)} Hz" for share in (0, 0.25, 0.5, 0.75, 1)]
     notes = (f"counted from {origin}",) if origin else ()
     return BigPlot(dots.lines_of(cells), owners, words, below, notes=notes, spots=tuple(spots))
+
+
+def cell_of(frequency_hz: float, top_hz: float, width: int) -> int:
+    """Return in which cell a frequency is drawn."""
+    return min(width - 1, int(frequency_hz / top_hz * width))
+
+
+def line_in(spectrum: Spectrum, peaks: Sequence[Peak], cell: int, top_hz: float, width: int) -> Peak:
+    """Return what a cursor reads in a cell: the peak that is drawn there, else the strongest line, else the nearest."""
+    here = [peak for peak in peaks if cell_of(peak.frequency_hz, top_hz, width) == cell]
+    if here:
+        return max(here, key=lambda peak: peak.amplitude)
+    frequencies = (np.arange(len(spectrum.amplitudes)) + 1) * spectrum.step_hz
+    inside = np.flatnonzero((frequencies / top_hz * width).astype(np.intp) == cell)
+    if not len(inside):
+        inside = np.array([np.abs(frequencies - (cell + 0.5) / width * top_hz).argmin()])
+    at = int(inside[spectrum.amplitudes[inside].argmax()])
+    return Peak(float(frequencies[at]), float(spectrum.amplitudes[at]))
 
 
 def _curve(spectrum: Spectrum, way: str, top_hz: float, columns: int) -> tuple[Floats, Floats]:
@@ -129,9 +148,9 @@ def of_pair(pair: Pair, size: tuple[int, int]) -> BigPlot:
     owners = np.full((height, width), NOBODY, np.int8)
     owners[up, across] = ages  # later ones over earlier ones
     owners[up[-1], across[-1]] = 3
-    lines = ["".join(TRAIL[age] if age >= 0 else dots.BLANK for age in line) for line in owners.tolist()]
+    lines = ["".join(TRAIL[age] if age >= 0 else BLANK for age in line) for line in owners.tolist()]
     left, origin = axes.tick_words(axes.ticks_of(y_scale, height), 0, 9)
-    below = [text.compact(x_scale[0] + share * (x_scale[1] - x_scale[0])) for share in (0, 0.25, 0.5, 0.75, 1)]
+    below = _quarters(*x_scale)
     notes = (f"y counted from {origin}",) if origin else ()
     return BigPlot(lines, owners, left, below, notes=notes, aged=True)
 
@@ -147,5 +166,12 @@ def of_histogram(histogram: Histogram, size: tuple[int, int]) -> BigPlot:
     cells, owners = _over_one_another([braille.curve(np.where(heights > 0, 0.0, np.nan), high, scale, width, height)])
     left, _ = axes.tick_words(axes.ticks_of(scale, height), 0, 9)
     end = histogram.first + histogram.step * len(histogram.counts)
-    below = [text.compact(histogram.first + share * (end - histogram.first)) for share in (0, 0.25, 0.5, 0.75, 1)]
+    below = _quarters(histogram.first, end)
     return BigPlot(dots.lines_of(cells), owners, left, below)
+
+
+def _quarters(first: float, last: float) -> list[str]:
+    """Return what stands below an axis at its quarters; between its ends what is 0 but for a part of a cell is 0."""
+    places = [first + share * (last - first) for share in (0.25, 0.5, 0.75)]
+    between = [0.0 if abs(place) < 5e-4 * (last - first) else place for place in places]
+    return [text.compact(place) for place in (first, *between, last)]

@@ -1,7 +1,6 @@
-"""Which characters a grid of dots is written with: two columns and four rows of dots per cell.
+"""Grids of dots as characters, two columns and four rows of dots per cell, in one style for all plots.
 
-Braille is the usual way. Octants fill the cell without gaps, where the font has them (Unicode 16); blocks are for fonts
-without either, as on the Linux console: two dots high, one wide. One choice for all plots, made by the settings.
+The settings choose it; which there are stands in `plot_styles`.
 """
 
 import os
@@ -9,47 +8,12 @@ import os
 import numpy as np
 from numpy.typing import NDArray
 
-STYLES = ("braille", "octants", "blocks")
-# not U+2800: some fonts draw its dots, and a space is one byte instead of three
-BLANK = " "
+from silo_tui.model.drawing.plot_styles import STYLES
 
 Dots = NDArray[np.bool_]
 Cells = NDArray[np.uint32]
 
-# of the 256 patterns, by octants from left to right and top to bottom, those that had a character before Unicode 16
-_OLDER = {
-    (): BLANK, (1, 2, 3, 4, 5, 6, 7, 8): "█", (1, 2, 3, 4): "▀", (5, 6, 7, 8): "▄", (1, 3, 5, 7): "▌",
-    (2, 4, 6, 8): "▐", (1, 3): "▘", (2, 4): "▝", (5, 7): "▖", (6, 8): "▗", (1, 3, 6, 8): "▚", (2, 4, 5, 7): "▞",
-    (1, 2, 3, 4, 5, 7): "▛", (1, 2, 3, 4, 6, 8): "▜", (1, 3, 5, 6, 7, 8): "▙", (2, 4, 5, 6, 7, 8): "▟",
-    (7, 8): "▂", (3, 4, 5, 6, 7, 8): "▆", (1, 2): "\U0001fb82", (1, 2, 3, 4, 5, 6): "\U0001fb85",
-    (3, 5): "\U0001fbe6", (4, 6): "\U0001fbe7", (8,): "\U0001cea0", (7,): "\U0001cea3", (1,): "\U0001cea8",
-    (2,): "\U0001ceab",
-}  # fmt: skip
-_FIRST_OCTANT = 0x1CD00
-
-
-def _braille(pattern: int) -> int:
-    # its dots are numbered down the columns, the lowest row last
-    bits = (0x01, 0x08, 0x02, 0x10, 0x04, 0x20, 0x40, 0x80)
-    return 0x2800 + sum(bit for place, bit in enumerate(bits) if pattern >> place & 1) if pattern else ord(BLANK)
-
-
-def _blocks(pattern: int) -> int:
-    return ord(" ▀▄█"[(pattern & 0x0F > 0) + 2 * (pattern & 0xF0 > 0)])
-
-
-def _octants() -> list[int]:
-    """Return them all: the new ones stand in the order of their patterns, without those that were there before."""
-    older = {sum(1 << place - 1 for place in places): ord(char) for places, char in _OLDER.items()}
-    new = iter(range(_FIRST_OCTANT, _FIRST_OCTANT + 256))
-    return [older[pattern] if pattern in older else next(new) for pattern in range(256)]
-
-
-_TABLES = {
-    "braille": np.array([_braille(pattern) for pattern in range(256)], np.uint32),
-    "octants": np.array(_octants(), np.uint32),
-    "blocks": np.array([_blocks(pattern) for pattern in range(256)], np.uint32),
-}
+_TABLES = {name: np.array(style.code_points, np.uint32) for name, style in STYLES.items()}
 _WEIGHTS = np.array([[1, 2], [4, 8], [16, 32], [64, 128]], np.uint32)
 _OF_TERMINAL = "blocks" if os.environ.get("TERM") == "linux" else "braille"
 _style = _OF_TERMINAL

@@ -61,8 +61,9 @@ class PlotWindow:
         self.span_s = next((span for span in self.spans if span >= wanted), self.spans[-1])
 
     def move_cursor(self, cells: int, columns: int) -> None:
-        """Move the cursor to the right (positive) or left by cells; it appears in the middle."""
-        wanted = columns // 4 * 2 if self.cursor is None else self.cursor - 2 * cells
+        """Move the cursor to the right (positive) or left by cells; it comes in from the side it moves away from."""
+        begin = self.cursor if self.cursor is not None else 0 if cells < 0 else columns // 2 * 2
+        wanted = begin - 2 * cells
         self.cursor = max(0, min(columns - 2, wanted))
 
     # ------------------------------------------------------------------------------- while the picture stands still

@@ -8,11 +8,12 @@ from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import ElementInfo, FileType
 from silo.core.names import Names
-from silo.core.quantities.writing import clock_text, many, size_text
+from silo.core.quantities.writing import duration_text, many, share_words, size_text
 from silo.errors import ExpressionError
 from silo_tui.model.words import text
 
 IN_SPACE = "signal in "
+UNNAMED = "it stands in names of files"  # what a trigger has a name for
 MOST_PLOTS = 6  # of what a condition is about, at once
 NAME, WHEN = 10, 20  # cells of a trigger's name, and those that its condition keeps
 LOUD = (TriggerWord.FIRING,)
@@ -92,7 +93,7 @@ def limit_row(one: LimitStatus, short: str, width: int, now_ns: int | None = Non
     now = time.time_ns() if now_ns is None else now_ns
     room = signal_width(width)
     if one.is_over and one.since_ns:
-        since = clock_text((now - one.since_ns) / 1e9)
+        since = duration_text((now - one.since_ns) / 1e9)
     elif one.count and one.last_ns >= one.since_ns > 0:
         since = f"was {text.span(max((one.last_ns - one.since_ns) / 1e9, 1e-3), 2)}"
     else:
@@ -137,7 +138,8 @@ def head_words(
         watching = (
             (f"trigger {firing[0]} fires", "FIRES") if firing else (f"{many(armed, 'trigger')} armed", f"{armed} armed")
         )
-    alarm = (f"{many(len(over), 'alarm')} {worst.value}", f"{worst.value} {len(over)}") if worst else ("", "")
+    seen = "" if any(one.alarm for one in over) else " seen"
+    alarm = (f"{many(len(over), 'alarm')} {worst.value}{seen}", f"{worst.value} {len(over)}") if worst else ("", "")
     return alarm, worst in (LimitWord.RED_HIGH, LimitWord.RED_LOW), watching
 
 
@@ -180,7 +182,7 @@ def options_of_fields(fields: dict[str, str], before: TriggerOptions) -> Trigger
     if not fields["keep"].strip().isdecimal():
         raise ValueError(f"keep is how many captures stay, 0 for all, got {fields['keep']!r}")
     if not fields["name"].strip():
-        raise ValueError("name it: the name stands in names of files")
+        raise ValueError(f"name it: {UNNAMED}")
     save = tuple(kind for kind in kinds if kind is not None) or (FileType.SILO,)
     return TriggerOptions(
         fields["name"].strip(), fields["when"].strip(), given("pre"), given("post"), slopes[0], fields["rearm"].strip(),
@@ -188,13 +190,20 @@ def options_of_fields(fields: dict[str, str], before: TriggerOptions) -> Trigger
     )  # fmt: skip
 
 
-def tried_lines(tried: TriggerTried, width: int, keep: int, verb: str = "would have fired") -> list[str]:
-    """Return what a test found: how often, where in what is held, and how large a capture is."""
+def tried_lines(
+    tried: TriggerTried, width: int, keep: int, verb: str = "would have fired", holds: str = "true"
+) -> list[str]:
+    """Return what a test found: how often, for how much of what is held, where in it, and how large a capture is."""
     if tried.why:
         return [f"blind: {tried.why}"]
     held_s = (tried.end_ns - tried.begin_ns) / 1e9
     blind = f"; blind at {100 * tried.blind / tried.judged:.0f} % of it" if tried.blind else ""
-    first = f"{verb} {tried.fires} × in the last {text.short(held_s, 3)} s (all that is held){blind}"
+    share = share_words(tried.held, tried.judged - tried.blind) if tried.held else ""
+    last = f"in the last {text.short(held_s, 3)} s (all that is held)"
+    if share and not tried.fires:  # it holds already, so that it begins to hold nowhere
+        first = f"{holds} {share} {last}; {verb} 0 ×{blind}"
+    else:
+        first = f"{verb} {tried.fires} × {last}{f'; {holds} {share}' if share else ''}{blind}"
     left, right = f"-{text.short(held_s, 3)} s ", " now"
     room = max(8, width - len(left) - len(right))
     cells = ["·"] * room

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from silo.core.elements import State
-from silo.core.quantities.writing import clock_text, idle_words, many, size_text
+from silo.core.quantities.writing import duration_text, idle_words, many, size_text, wall_clock
 from silo.fleet.member import NO_TICK, Member, Stands, segments
 from silo_tui.model.lists.conditions import ago
 from silo_tui.model.lists.ordering import Order
@@ -91,7 +91,7 @@ def row(one: LoggerLine, names: int, width: int, now_s: float, now_ns: int, addr
     ran = told.state is State.RUNNING and not member.stalled and told.measured_hz
     rate = f"{told.measured_hz:.1f}" if ran else member.rate if member.running else ""
     tail = _tail(
-        clock_text(run_s) if run_s is not None else was,
+        duration_text(run_s) if run_s is not None else was,
         rate,
         text.count(told.lost), disk, sign, "now" if member.here else ago(member.unseen_s(now_s)), width,
     )  # fmt: skip
@@ -130,7 +130,7 @@ def details(one: LoggerLine) -> str:
         parts.append(member.problem.replace("\n", " "))
     if told is not None:
         if member.lost:
-            parts.append(f"silent since {text.clock(time.time_ns() - int(1e9 * member.unseen_s(time.monotonic())))}")
+            parts.append(f"silent since {wall_clock(time.time_ns() - int(1e9 * member.unseen_s(time.monotonic())))}")
         if told.disk_bytes:
             parts.append(f"{size_text(told.disk_free_bytes)} of {size_text(told.disk_bytes)} free")
         if told.denied:
@@ -145,7 +145,7 @@ def details(one: LoggerLine) -> str:
 def asked_line(one: LoggerLine, now_ns: int) -> str:
     """Return a logger as a question about many names it."""
     told, run_s = one.member.summary, one.member.run_s(now_ns)
-    state = f"{one.member.word}{f' {clock_text(run_s)}' if run_s is not None else ''}"
+    state = f"{one.member.word}{f' {duration_text(run_s)}' if run_s is not None else ''}"
     ticks = f", {text.plural_count(told.ticks, 'tick')} not saved" if told and told.ticks and not told.saved else ""
     alone = "" if one.can_be_asked else ": left alone"
     return f"{one.address}   {state}{ticks}{alone}"

@@ -9,6 +9,8 @@ from collections.abc import Callable, Collection, Sequence
 from datetime import datetime, timezone
 
 from silo.core.elements import LoggedEvent
+from silo.core.episodes.words import said_by
+from silo.core.quantities.writing import wall_clock
 from silo.net.access.senders import short_words
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
@@ -30,15 +32,31 @@ def letter(event: LoggedEvent) -> str:
 
 
 def words(event: LoggedEvent, shown: Callable[[str], str] = str) -> str:
-    """Return what happened: a mark in quotes, as somebody wrote it; all else with names as they are `shown`."""
+    """Return what happened: a mark in quotes, as somebody wrote it; all else with names as they are `shown`.
+
+    What is said of an episode is a mark, and has quotes of its own.
+    """
     told = text.clean(event.text)
-    return f'"{told}"' if event.kind == "marker" else shown(told)
+    return f'"{told}"' if event.kind == "marker" and said_by(told) is None else shown(told)
 
 
 def of_last_run(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
     """Return what happened in the newest run: only its ticks are on the clock of the plots."""
     run = next((event.run for event in reversed(events) if event.run), "")
     return [event for event in events if event.run == run]
+
+
+def in_time(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
+    """Return what happened in the order of time within each run: a mark is of a moment before it was written."""
+    found = list(events)
+    places: dict[str, list[int]] = {}
+    for place, event in enumerate(found):
+        places.setdefault(event.run, []).append(place)
+    for run, mine in places.items():
+        if run:
+            for place, event in zip(mine, sorted((found[at] for at in mine), key=lambda one: one.time_ns), strict=True):
+                found[place] = event
+    return found
 
 
 def in_plots(
@@ -99,7 +117,7 @@ def matches(event: LoggedEvent, asked: str, told: str) -> bool:
 
 KINDS = "MTXHES "
 ORDERS: tuple[Order[LoggedEvent], ...] = (
-    Order("time", "t", "time, the newest first", lambda event: 0, True),  # as they were written
+    Order("time", "t", "time, the newest first", lambda event: 0, True),  # as they stand in the list
     Order("kind", "k", "kind: marks, triggers, losses ...", lambda event: (KINDS.find(letter(event)), -event.time_ns)),
     Order("who", "w", "who did it", lambda event: (event.who.casefold(), -event.time_ns)),
 )
@@ -120,7 +138,7 @@ def csv_text(events: Sequence[LoggedEvent]) -> str:
 
 def line(event: LoggedEvent, told: str, width: int, logger: str) -> str:
     """Return a line of the screen: time, tick, letter, what was told, who; `who` goes first where there is no room."""
-    clock = f"{datetime.fromtimestamp(event.time_ns // 1_000_000 / 1000):%H:%M:%S.%f}"[:-3]
+    clock = wall_clock(event.time_ns, 3)
     tick = f"{event.tick:,}".replace(",", " ") if event.tick >= 0 else "-"
     head = f"  {clock}  {tick:>10} {letter(event)} "
     who = text.clean(short_words(event.who) or logger)[: max(0, min(20, width // 4))]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from silo.core.elements import RecorderState
 from silo.core.names import matching
-from silo.core.quantities.writing import clock_text, size_text
+from silo.core.quantities.writing import duration_text, size_text
 from silo.recorder.requests import RecorderInfo
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitted_among
@@ -98,7 +98,7 @@ def _of(part: int, whole: int) -> str:
 def _since(seconds: float) -> str:
     """Return for how long it records, in eight cells: `2:31:07`, `61 d 9 h`."""
     if seconds < 86_400:
-        return clock_text(max(0.0, seconds))
+        return duration_text(max(0.0, seconds))
     return f"{seconds // 86_400:.0f} d {seconds % 86_400 // 3600:.0f} h"
 
 

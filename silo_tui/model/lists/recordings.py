@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from datetime import datetime
 
 from silo.core.elements import FileType
-from silo.core.quantities.writing import size_text
+from silo.core.quantities.writing import EPOCH_FROM_NS, size_text
 from silo.recordings.requests import RecordingFile, Recordings, SavedRecording
 from silo_tui.model.lists.ordering import Order
 from silo_tui.model.words import text
 from silo_tui.model.words.names import fitting_names
 
-EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
 PREFERENCE = (FileType.SILO, FileType.BAG, FileType.CSV)  # of one save, the first is the one that is opened
 TYPES_FROM, WHY = 110, 20  # cells from which the types have a column; cells of `why` below that
 _DATED = re.compile(r"(?P<logger>.+?)_\d{8}_\d\d-\d\d-\d\d(?P<rest>_\d{5,}.*)")

@@ -1,6 +1,7 @@
 """Limits of a signal as lines to type. Pure functions."""
 
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import TypeVar
 
 from silo.core.conditions import SignalLimits
@@ -39,6 +40,10 @@ def limits_of_fields(fields: Mapping[str, str], before: SignalLimits) -> SignalL
 
     low, warn_low, warn_high, high = (given(label, what, float) for label, what in BOUNDS.items())
     bounds: Bounds4 = (low, warn_low, warn_high, high)
+    typed = [(label, bound) for label, bound in zip(BOUNDS, bounds, strict=True) if bound is not None]
+    if any(one > other for (_, one), (_, other) in pairwise(typed)):
+        told = ", ".join(f"{label} {text.short(bound, 12)}" for label, bound in typed)
+        raise ValueError(f"bounds must rise from LL over L and H to HH, got {told}")
     persistence = given("persist", "how many samples in a row", int)
     hysteresis = given("hyst", "how far inside it ends", float)
     stale = fields.get("stale", "").strip()

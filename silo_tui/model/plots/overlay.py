@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from silo.core.arrays.columns import ColumnPiece
-from silo.core.quantities.writing import clock_text
+from silo.core.quantities.writing import duration_text
 from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.samples.recorded import RecordingSource
 
@@ -41,7 +41,7 @@ class Overlay:
     def extent(self) -> str:
         """From when to when it has data, since its start."""
         begin, end = ((at - self.began_ns) / SECOND_NS for at in (self.source.begin_ns, self.source.end_ns))
-        return f"{clock_text(begin)} to {clock_text(end)} after its start"
+        return f"{duration_text(begin)} to {duration_text(end)} after its start"
 
 
 def overlay_of(name: str, source: RecordingSource) -> Overlay:

@@ -1,12 +1,22 @@
-"""The line under plots: times at its quarters, and the letters of cursors and of what happened between them. Pure."""
+"""The line under plots: times at its quarters, and the letters of cursors and of what happened between them. Pure.
+
+And the way back: which moment is meant by what somebody types.
+"""
 
 import math
+import re
+import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
+from silo.core.quantities.reading import seconds_of
+from silo.core.quantities.writing import EPOCH_FROM_NS
 from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.happened import RANK
 from silo_tui.model.words import text
 
+MOMENTS = "-3s, 12.5, +2s from the cursor, 13:07:32.5"
+_CLOCK = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)(?::([0-5]\d)(?:\.(\d*))?)?")
+_NUMBER = re.compile(r"\d+\.?\d*|\.\d+")
 NO_BREAK = "\u00a0"
 FAR = 10  # cells that a letter may stand beside its place
 
@@ -41,6 +51,47 @@ def axis_word(share: float, window: PlotWindow, newest_ns: int, columns: int) ->
         return "0" if share == 1.0 else f"-{text.span(before_s)}"
     decimals = max(0, min(9, 1 - math.floor(math.log10(window.span_s / 4))))
     return f"-{back_s + before_s:.{decimals}f} s"
+
+
+def moment_of(words: str, zero_ns: int, newest_ns: int, here_ns: int) -> int:
+    """Return the moment that is typed: so long after `zero_ns`, or a time of the clock that was last at `newest_ns`.
+
+    Args:
+        words: `-3s`, `250ms`, `12.5` (seconds); `+2s` counts from `here_ns`; `13:07`, `13:07:32.25` in this machine's
+            time zone.
+        zero_ns: what the times on the screen are counted from: the newest moment of a robot, the first of a file.
+        newest_ns: the newest moment that is held.
+        here_ns: where the cursor is.
+
+    Raises:
+        ValueError: that is no time, or one that is still to come, or the logger's clock is none of the day.
+    """
+    word = words.replace(" ", "")
+    if (found := _CLOCK.fullmatch(word)) is None:
+        sign, length = (-1 if word[:1] == "-" else 1), word.removeprefix(word[:1] if word[:1] in "+-" else "")
+        known = float(length) if _NUMBER.fullmatch(length) else seconds_of(length)
+        if known is None:
+            raise ValueError(f"{words.strip()!r} is no time: {MOMENTS}")
+        moment = (here_ns if word[:1] == "+" else zero_ns) + sign * round(known * SECOND_NS)
+        if moment > newest_ns:
+            raise ValueError(
+                f"{words.strip()} is later than all that is held, which ends at {_after(newest_ns - zero_ns)}"
+            )
+        return moment
+    if newest_ns < EPOCH_FROM_NS:
+        raise ValueError(f"this logger has a clock of its own, in which no time of the day is {word}: -3s, 12.5")
+    hour, minute, second, part = int(found[1]), int(found[2]), int(found[3] or 0), f"{found[4] or '':0<9}"[:9]
+    year, month, day, *_ = time.localtime(newest_ns // SECOND_NS)
+    for back in (0, 1):  # of the day before, where it is still to come
+        begun_s = time.mktime((year, month, day - back, hour, minute, second, 0, 0, -1))
+        moment = int(begun_s) * SECOND_NS + int(part)
+        if moment <= newest_ns:
+            break
+    return moment
+
+
+def _after(moment_ns: int) -> str:
+    return f"{moment_ns / SECOND_NS:.6g} s" if moment_ns else "0 s: -3s is before it"
 
 
 def _free_cell(line: Sequence[str], cell: int, reach: int) -> int | None:

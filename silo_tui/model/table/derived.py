@@ -10,6 +10,8 @@ from silo.expressions.derived_signals import derived_infos
 from silo.judging.checks import with_derived
 from silo_tui.model.table.state import TableState
 
+UNNAMED = "it stands in tables, plots and files"  # what it has a name for
+
 
 def present(table: TableState) -> tuple[Derived, ...]:
     """Return the derived signals of a table; those whose unit follows from their signals have none of their own."""
@@ -34,7 +36,7 @@ def words_of(one: Derived, table: TableState) -> list[str]:
     Raises ElementError for what can't be derived, with the place in the expression.
     """
     if not one.name.strip("/ "):
-        raise ElementError("name it before Enter: it stands in tables, plots and files")
+        raise ElementError(f"name it before Enter: {UNNAMED}")
     whole = Derived(join_name(table.prefix, "", one.name), one.expression, one.unit)
     own = table.elements[: table.own]
     conditions = with_derived(Conditions(present(table)), whole, own, table.prefix)

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.columns import Floats
+from silo.core.arrays.running import RunningStatistics
 from silo.core.recording import RecordedElement, Recording
 from silo.live.quantities import FROZEN_PERIODS, FROZEN_S, signs_of
+from silo_tui.model.table.facts import STATISTICS
 
 BLOCK = 1 << 16  # samples that are looked at together
-STATISTICS = ("min", "max", "mean", "std")
 UNKNOWN = ("fill", "held")  # how large a buffer was is not in a file
 
 Stamps = NDArray[np.int64]
@@ -180,23 +181,10 @@ def _statistics(signal: _Signal) -> dict[str, float]:
 
 def _statistics_of(blocks: Iterator[Floats]) -> dict[str, float]:
     """Return statistics of the finite samples."""
-    low, high, number, base, total, squares, bad = math.inf, -math.inf, 0, math.nan, 0.0, 0.0, 0
+    running = RunningStatistics(1)
     for block in blocks:
-        good = block[np.isfinite(block)]
-        bad += len(block) - len(good)
-        if not len(good):
-            continue
-        base = float(good[0]) if math.isnan(base) else base  # sums of what is left of it lose no digits
-        with np.errstate(over="ignore", invalid="ignore"):
-            rest = good - base
-            total, squares = total + float(rest.sum()), squares + float(rest @ rest)
-        low, high, number = min(low, float(good.min())), max(high, float(good.max())), number + len(good)
-    if not number:
-        return {**dict.fromkeys(STATISTICS, math.nan), "count": 0.0, "bad": float(bad)}
-    mean = total / number
-    spread = squares / number - mean * mean
-    std = math.sqrt(max(0.0, spread)) if math.isfinite(spread) else math.nan
-    return {"min": low, "max": high, "mean": base + mean, "std": std, "count": float(number), "bad": float(bad)}
+        running.add(slice(0, 1), block[:, None], all_finite=False)
+    return {name: float(running.of(name)[0]) for name in (*STATISTICS, "count", "bad")}
 
 
 def _samples_a_change(values: NDArray[Any], at: int) -> float:

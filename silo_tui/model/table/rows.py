@@ -107,11 +107,11 @@ class RowList:
         return [name[begin:] if prefix and name.startswith(prefix + "/") else name for name in self.table.names]
 
     def set_filter(self, text: str) -> None:
-        """Show what passes this filter. The cursor stays on its element, or goes to the first one that is shown."""
-        row = self.row
+        """Show what passes this filter, with the cursor on the first; without one it stays on its element."""
+        row, before = self.row, self.filter.text
         self.filter = filters.parse(text)
         self.refresh()
-        if row is None or self.row != row:
+        if row is None or self.row != row or (text and text != before):
             self.move_to(0)
 
     def order_by(self, sort: str) -> None:
@@ -145,6 +145,11 @@ class RowList:
         for condition in self.filter.conditions:
             quantities |= condition.quantities
         return quantities | ({self.orders[self.sort].quantity} - {""})
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether what filter and order are by is known."""
+        return self.wanted() <= set(self.table.facts.quantities)
 
     # ------------------------------------------------------------------------------------------------- folding
 
@@ -197,7 +202,10 @@ class RowList:
         if chosen == 0:
             del self.components[element.name]
             return "its entries side by side"
-        return f"norm |{len(element.entries)}|" if chosen == 1 else component_name(element.entries[chosen - 2].suffix)
+        count = len(element.entries)
+        if chosen == 1:
+            return f"the norm of its {count} entries alone"
+        return f"entry {component_name(element.entries[chosen - 2].suffix)} alone, {chosen - 1} of {count}"
 
     def component(self, row: int) -> int:
         """Return what is shown of a vector: 0 its entries side by side, 1 the norm, 2 its first entry, 3 the next ...
@@ -209,6 +217,13 @@ class RowList:
             return 0
         asked = self.components.get(element.name, 0) or int(self.orders[self.sort].of_norm)
         return asked if asked > 1 or has_norm(element) else 0
+
+    def entry_alone(self, row: int) -> int | None:
+        """Return which entry of a vector is looked at alone: the one that is chosen, or that the cursor is on."""
+        if row == self.row and self.entry is not None:
+            return self.entry
+        chosen = self.components.get(self.table.names[row], 0)
+        return chosen - 2 if chosen >= 2 else None
 
     def _move_to_branch(self, path: str) -> bool:
         for number, branch in enumerate(self.tree.branches):

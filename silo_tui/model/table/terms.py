@@ -57,11 +57,14 @@ def read_number(text: str) -> float | None:
 
 
 def read_seconds(text: str) -> float | None:
-    """Return a time in seconds, written with its unit or without; None for what is none."""
+    """Return a time in seconds, written with its unit or without; None for what is none.
+
+    `3m` are minutes, as the table writes them: nothing here is counted in millions or in megabytes.
+    """
     try:
         return float(text)
     except ValueError:
-        return seconds_of(text)
+        return seconds_of(f"{text}in" if text[-1:] == "m" else text)
 
 
 def read_share(text: str) -> float | None:

@@ -3,7 +3,7 @@
 import time
 
 from silo.core.elements import Status
-from silo.core.quantities.writing import clock_text, many
+from silo.core.quantities.writing import duration_text, many
 from silo.net.access.senders import name_of, short_words
 
 
@@ -14,7 +14,7 @@ def head_words(status: Status, identity: str) -> tuple[str, str]:
         "" if control is None else "you have" if control.identity == identity else f"{name_of(control.identity)} has"
     )
     others = len(status.clients) - 1
-    return f"{holder} control" if holder else "", f"{many(others, 'other')} here" if others > 0 else ""
+    return f"{holder} control" if holder else "", many(others, "other client") if others > 0 else ""
 
 
 def people_words(status: Status, identity: str) -> str:
@@ -23,7 +23,7 @@ def people_words(status: Status, identity: str) -> str:
     if control is not None:
         mine = control.identity == identity
         since_s = max(0.0, time.time() - control.since_ns / 1e9)
-        begin = f"{'you have' if mine else f'{control.who} has'} control since {clock_text(since_s)}"
+        begin = f"{'you have' if mine else f'{control.who} has'} control since {duration_text(since_s)}"
     else:
         begin = "nobody has control" + (", and changes need it (:control take)" if status.one_operator else "")
     names = [f"{short_words(one.who)}{'' if one.identity else ' looks'}" for one in status.clients]

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import PurePosixPath
 
 SUFFIXES = "kMGT"
@@ -162,11 +161,6 @@ def short_span(seconds: float) -> str:
     scales = ((100, 1, "s"), (6000, 60, "m"), (360_000, 3600, "h"))
     scale, unit = next(((scale, unit) for limit, scale, unit in scales if seconds < limit), (86_400, "d"))
     return f"{int(seconds // scale)}{unit}"
-
-
-def clock(time_ns: int) -> str:
-    """Return `13:07:32` of a time stamp in this terminal's time zone; a dash for none."""
-    return f"{datetime.fromtimestamp(time_ns / 1e9):%H:%M:%S}" if time_ns > 0 else "-"
 
 
 def count(value: int) -> str:

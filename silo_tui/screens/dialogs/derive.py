@@ -14,8 +14,8 @@ from silo_tui.sessions.live import Session
 if TYPE_CHECKING:
     from silo.client.client import Client
 
-LINES = (("name", "unit"), ("is",))
-HINTS = {"name": "power", "unit": "else as it follows", "is": "joints/torque * joints/velocity"}
+LINES = (("name",), ("is",), ("unit",))
+HINTS = {"name": "e.g. power", "unit": "else as it follows", "is": "e.g. joints/torque * joints/velocity"}
 
 
 class DeriveDialog(Form[Derived]):
@@ -23,6 +23,7 @@ class DeriveDialog(Form[Derived]):
 
     KEYS_HERE = "Enter Derives it  Tab Next field  Esc Back"
     EXPRESSION = "is"
+    NEEDED: ClassVar = {"name": derived.UNNAMED, "is": NUMBER}
     ABOUT: ClassVar = {
         "name": "a row of the table, a topic and a column of files is called so",
         "unit": "shown beside its values: 'kW' or '1'; empty: as it follows from those of its signals",
@@ -48,17 +49,16 @@ class DeriveDialog(Form[Derived]):
     @property
     def _typed(self) -> Derived:
         fields = {name: typed.strip() for name, typed in self.fields.items()}
-        if not fields["is"]:
-            raise ValueError(NUMBER)
         return Derived(fields["name"], fields["is"], fields["unit"])
 
     async def look(self) -> str:
         """Return what it would be."""
-        return "\n".join(derived.words_of(self._typed, self._session.table))
+        typed = self._typed
+        return "\n".join(derived.words_of(typed, self._session.table)) if typed.expression else NUMBER
 
 
-async def ask_derived(context: Context, session: Session, one: Derived) -> None:
-    """Ask what is to be derived, have it derived, and go to its row."""
+async def ask_derived(context: Context, session: Session, one: Derived, *, is_whole: bool) -> None:
+    """Ask what is to be derived, where that isn't said as a whole, have it derived, and go to its row."""
     is_new = not any(known.name == one.name for known in derived.present(session.table))
 
     def form(made: Derived | None, problem: str) -> DeriveDialog:
@@ -70,9 +70,9 @@ async def ask_derived(context: Context, session: Session, one: Derived) -> None:
         row = session.table.row(derived.named(session.table, made.name).name)
         if row is not None and not session.rows.move_to_row(row):
             said += "; the filter hides it"
-        context.say(session.table.shown(said))
+        context.say(said)
 
-    await taken(context, form, send)
+    await taken(context, form, send, one if is_whole else None)
 
 
 def _deriving(made: Derived) -> "Callable[[Client], str]":
@@ -92,4 +92,4 @@ async def forget(context: Context, session: Session, rows: Sequence[int]) -> Non
         return
     said = await context.link.call(lambda client: "; ".join([client._remove_derived(name) for name in names[::-1]]))
     await session.reload()
-    context.say(session.table.shown(said))
+    context.say(said)

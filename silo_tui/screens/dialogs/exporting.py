@@ -38,16 +38,25 @@ def ask_export(
             # after the prompt is gone: it is no part of the picture
             screen.call_after_refresh(lambda: run_aside(screen, "writing", _export_to, given))
 
+    def path_of(given: str) -> Path:
+        return _new(typed_path("the file of the plots", given))
+
     async def _export_to(given: str) -> None:
         try:
-            path = typed_path("the file of the plots", given)
+            path = path_of(given)
             screen.say(await export(screen.app, source, panels, shown_ns, zero_ns, path))
         except (SiloError, OSError) as error:
             screen.context.fail(str(error))
 
     body = "What is shown: .csv has all samples, .png is drawn by matplotlib, .svg is the screen."
     screen.app.push_screen(
-        Prompt("Write the plots to a file on this machine", body, str(free_name(Path("plots.csv"))), label="file"),
+        Prompt(
+            "Write the plots to a file on this machine",
+            body,
+            str(free_name(Path("plots.csv"))),
+            check=path_of,
+            label="file",
+        ),
         write,
     )
 
@@ -129,6 +138,15 @@ def _write(path: Path, data: bytes) -> None:
             view = view[os.write(raw.fileno(), view) :]
 
 
+def _new(path: Path) -> Path:
+    """Return the path of a file that can be written and isn't there yet; SiloError of any other."""
+    if path.suffix not in FORMATS:
+        raise SiloError(f"'{path}' ends in none of {', '.join(FORMATS)}; nothing was written")
+    if path.exists():
+        raise SiloError(f"'{path}' exists: choose another name; nothing was written")
+    return path
+
+
 async def export(
     app: App[Any],
     source: PlotSource,
@@ -138,10 +156,7 @@ async def export(
     path: Path,
 ) -> str:
     """Write what is shown, in the format that the path ends in; return what to say. Raises SiloError, OSError."""
-    if path.suffix not in FORMATS:
-        raise SiloError(f"'{path}' ends in none of {', '.join(FORMATS)}; nothing was written")
-    if path.exists():
-        raise SiloError(f"'{path}' exists: choose another name; nothing was written")
+    path = _new(path)
     plots = [plotted for panel in panels for plotted in panel]
     if path.suffix == ".svg":
         _write(path, picture(app).encode())

@@ -1,5 +1,7 @@
 """What to look for in the plots: a letter picks it, `*` looks in all signals that are plotted; a condition is typed."""
 
+from typing import ClassVar
+
 from textual.widgets import Static
 
 from silo.expressions.binding import bind
@@ -11,7 +13,7 @@ from silo_tui.screens.dialogs.form import CONDITION, Form
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.sessions.live import Session
 
-EVERYWHERE = "*"
+EVERYWHERE, MOMENT = "*", "a"
 
 
 class FindDialog(Question):
@@ -19,6 +21,7 @@ class FindDialog(Question):
 
     def __init__(self, name: str, signals: int) -> None:
         choices = [Choice(what.value, WORDS[what], what.value) for what in What]
+        choices.append(Choice(MOMENT, "a moment by its time", MOMENT))
         if signals > 1:
             words = f"in all {signals} that are plotted, or in the chosen one alone"
             choices.append(Choice(EVERYWHERE, words, EVERYWHERE))
@@ -41,6 +44,7 @@ class ConditionDialog(Form[Search]):
     KEYS_HERE = "Enter Finds it  Esc Back"
     EXPRESSION = "when"
     AFTER_S = 0.5
+    NEEDED: ClassVar = {"when": CONDITION}
 
     def __init__(self, session: Session, begun: str) -> None:
         hints = {"when": "abs(joints/torque) > 20 and base/velocity < 0.1"}
@@ -53,14 +57,14 @@ class ConditionDialog(Form[Search]):
         self.field("when").select_all()
 
     def made(self) -> Search:
-        """Return the search; its signals are there. Raises ExpressionError with the place, ValueError for nothing."""
+        """Return the search; its signals are there. Raises ExpressionError with the place."""
         typed, table = self.fields["when"].strip(), self._session.table
-        if not typed:
-            raise ValueError(CONDITION)
         bind(typed, table_catalogue(table.elements[: table.own], table.prefix, derived.present(table))).condition()
         return Search(What.CONDITION, condition=typed)
 
     async def look(self) -> str:
         """Return how often it turned true, and when."""
+        if not self.fields["when"].strip():
+            return CONDITION
         tried = await self._session.turns_true(self.made().condition)
         return "\n".join(tried_lines(tried, self.told_width, 0, "turned true")[:2])

@@ -36,8 +36,11 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
     AFTER_S: ClassVar[float] = 0.2  # since the last key, until what is typed is looked at
     EXPRESSION: ClassVar[str] = ""  # the label of a field that is one: mistakes of it have a place
     ABOUT: ClassVar[Mapping[str, str]] = {}  # what a field means, by its label: told of the one that has the keys
+    NEEDED: ClassVar[Mapping[str, str]] = {}  # fields that must not stay empty, and what belongs there
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
-        Binding("escape", "leave", "Back", show=False)
+        Binding("escape", "leave", "Back", show=False),
+        Binding("down", "app.focus_next", "Next field", show=False),
+        Binding("up", "app.focus_previous", "Field before", show=False),
     ]
 
     def __init__(
@@ -134,7 +137,15 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
         self.answer()
 
     def answer(self) -> None:
-        """Answer with what was made."""
+        """Answer with what was made; why not stands until something is typed."""
+        if self._timer is not None:
+            self._timer.stop()
+        self.workers.cancel_group(self, "look")
+        for name, belongs in self.NEEDED.items():
+            if not self.fields[name].strip():
+                self.field(name).focus()
+                self.tell(f"'{name}' is empty: {belongs}", "failed")
+                return
         try:
             made = self.made()
         except (SiloError, ValueError) as error:
@@ -148,7 +159,7 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
     @abstractmethod
     def made(self) -> ResultT:
-        """Return what the lines make. SiloError or ValueError where that is nothing."""
+        """Return what the lines make: none that is needed is empty. SiloError or ValueError where that is nothing."""
 
     def wrong(self, error: Exception) -> str:
         """Return what is said of a mistake, of an expression under its line, which begins at the same cell."""
@@ -165,14 +176,19 @@ class Form(Dialog[ResultT | None], Generic[ResultT]):
 
 
 async def taken(
-    context: "Context", form: Callable[[ResultT | None, str], Form[ResultT]], send: Callable[[ResultT], Awaitable[None]]
+    context: "Context",
+    form: Callable[[ResultT | None, str], Form[ResultT]],
+    send: Callable[[ResultT], Awaitable[None]],
+    whole: ResultT | None = None,
 ) -> None:
     """Send what a form makes; where it is refused, show the form again, with what was typed and why.
 
-    `form` makes it of what was typed last, None at first, and of why that was refused.
+    `form` makes it of what was typed last, None at first, and of why that was refused. What is `whole` is sent at once.
     """
-    answer: ResultT | None = None
-    problem = ""
+    answer = whole
+    problem = await _refused(send(whole)) if whole is not None else ""
+    if whole is not None and not problem:
+        return
     while (answer := await context.app.push_screen_wait(form(answer, problem))) is not None:
         problem = await _refused(send(answer))
         if not problem:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 LINES = (("signal",), ("LL", "L"), ("H", "HH"), ("persist", "hyst"), ("stale", "when"))
 HINTS = {
-    "signal": "joints/torque", **BOUNDS,
+    "signal": "e.g. joints/torque", **BOUNDS,
     "persist": "samples in a row: 1", "hyst": "ends so far inside: 0", "stale": "the same for: 0.5s",
     "when": "a condition that must hold",
 }  # fmt: skip
@@ -68,6 +68,7 @@ class LimitsDialog(Form[LimitsWish]):
 
     KEYS_HERE = "Enter Sets them  Tab Next field  Esc Back"
     AFTER_S = 0.5
+    NEEDED: ClassVar = {"signal": "the name of a signal, as the table shows it"}
     ABOUT: ClassVar = {
         "signal": "a name as the table shows it",
         "LL": "red below this", "L": "yellow below this", "H": "yellow above this", "HH": "red above this",
@@ -92,8 +93,6 @@ class LimitsDialog(Form[LimitsWish]):
         """Return what is typed; of another signal than it began with, what is not typed stays as that one has it."""
         fields = {name: typed.strip() for name, typed in self.fields.items()}
         shown = fields["signal"]
-        if not shown:
-            raise ValueError("the name of a signal, as the table shows it")
         is_same = shown == self._shown
         name = self._name if is_same and self._name else shown
         before = None if is_same else self._present(shown)
@@ -126,7 +125,7 @@ class LimitsDialog(Form[LimitsWish]):
         when = " or ".join(tests)
         wanted = TriggerOptions("new", f"({when}) and ({limits.when})" if limits.when else when)
         tried = await self._session.tried(wanted)
-        told = tried_lines(tried, self.told_width, 0, "would have been violated")[:2]
+        told = tried_lines(tried, self.told_width, 0, "would have been violated", "beyond")[:2]
         return "\n".join([*told, *await self._trend(limits, shown)])
 
     async def _trend(self, limits: SignalLimits, shown: str) -> list[str]:

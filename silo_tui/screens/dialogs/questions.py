@@ -25,6 +25,7 @@ from silo_tui.modal import Choices, Dialog, run_alone
 from silo_tui.model.table.changes import Change, Cost, groups_of
 from silo_tui.model.table.state import PendingChange
 
+MOVED_BY = "jkq"  # letters that are bound
 MOVES = "j k Move  PgDn PgUp Scroll  Esc Back"
 MAX_LINES = 400
 MAX_GROUPS = 60
@@ -135,6 +136,9 @@ class Question(Dialog[str | None]):
                 event.stop()
                 event.prevent_default()
                 self.pick(choice.value)
+                return
+        if event.is_printable and event.character not in (*MOVED_BY, " "):
+            self._show_keys(f"{event.character} is no answer here  ")
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Take the choice under the cursor."""
@@ -153,12 +157,17 @@ class Question(Dialog[str | None]):
 
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
         """Say what Enter does now, and tell more of the choice under the cursor."""
-        label = re.split(r"[:;,(]", self._choices[event.option_index].label)[0].strip()
-        self.KEYS_HERE = f"Enter {label}  {MOVES}"
-        if (screen := cast(Any, self.app).context.upper_screen) is not None:
-            screen.show_keys_above()
+        self._show_keys()
         if self._about is not None:
             run_alone(self, "about", self._tell, str(event.option.id), self._about)
+
+    def _show_keys(self, before: str = "") -> None:
+        """Show what the keys do here; `before` is what the one did that was pressed."""
+        at = self.query_one(OptionList).highlighted or 0
+        label = re.split(r"[:;,(]", self._choices[at].label)[0].strip()
+        self.KEYS_HERE = f"{before}Enter {label}  {MOVES}"
+        if (screen := cast(Any, self.app).context.upper_screen) is not None:
+            screen.show_keys_above()
 
     async def _tell(self, value: str, about: Callable[[str], Awaitable[Text]]) -> None:
         self.told = ""
@@ -266,7 +275,8 @@ def groups_text(changes: Sequence[Change], prefix: str = "", begin: int = 0, end
     groups = groups_of(changes, prefix)
     counted = len(str(groups[0].count)) if groups else 1
     for group in groups[begin:end]:
-        lines.append(f"{group.count:>{counted}} × {group.pattern}", style="bold")
+        named = group.pattern.removeprefix(prefix) if group.pattern.startswith(f"{prefix}/") else group.pattern
+        lines.append(f"{group.count:>{counted}} × {named}", style="bold")
         lines.append(f"  {group.words}\n")
     rest = sum(group.count for group in groups[MAX_GROUPS:]) if end == MAX_GROUPS else 0
     if rest:

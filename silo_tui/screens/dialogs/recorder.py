@@ -99,7 +99,9 @@ class RecordDialog(Form[Wish]):
         if not bytes_s:
             return first
         if room:
-            return f"{first}\nkeeps the newest {duration(room / bytes_s)} or more, then deletes its own oldest parts"
+            kept = f"{first}\nkeeps the newest {duration(room / bytes_s)} or more, then deletes its own oldest parts"
+            half = room // 2  # a part ends there, so that one can go while the next is written
+            return f"{kept}\na part ends at {size_text(half)}, half of it" if read_split(wish.split)[0] > half else kept
         if self._free_bytes:
             return (
                 f"{first}\nthe disk takes {duration(self._free_bytes / bytes_s)} or more of it, then it stops by itself"
@@ -132,11 +134,12 @@ async def end(context: Context, session: Session) -> None:
         context.say(f"nothing is being recorded; {key_of('record')} begins it")
         return
     harmless = Choice("", "Record on" if any(not one.state.over for one in session.recorders) else "Leave them")
+    keys = "y" if len(session.recorders) == 1 else "123456789"  # yes is y wherever one thing is asked
     choices = [harmless] + [
-        Choice(one.name, _words(one), str(place) if place < 10 else "")
-        for place, one in enumerate(session.recorders, 1)
+        Choice(one.name, _words(one), keys[place : place + 1]) for place, one in enumerate(session.recorders)
     ]
-    body = "Its last part is finished, and all its parts stay where they are."
+    all_stay = not any(one.written_bytes > one.size_bytes for one in session.recorders)
+    body = f"Its last part is finished, {'all its parts' if all_stay else 'those that are kept'} stay where they are."
     name = await context.app.push_screen_wait(Question(f"Stop which recording of {session.name}?", body, choices))
     if name:
         context.say(await context.link.call(lambda client: client.stop_recorder(name)))
@@ -145,9 +148,11 @@ async def end(context: Context, session: Session) -> None:
 
 def _words(one: RecorderInfo) -> str:
     """Return how a recording stands, in the line that ends it."""
-    parts = many(one.parts + bool(one.part), "part")
+    parts, size = many(one.parts + bool(one.part), "part"), size_text(one.size_bytes)
+    if one.written_bytes > one.size_bytes:  # the oldest were deleted, as it was told to
+        parts, size = f"{parts} written", f"the newest {size} kept"
     verb = "Take off the list" if one.state.over else "Stop"
-    return f"{verb} {one.name}: {parts}, {size_text(one.size_bytes)}, lost {text.count(one.lost)}"
+    return f"{verb} {one.name}: {parts}, {size}, lost {text.count(one.lost)}"
 
 
 async def _look(session: Session) -> None:

@@ -4,15 +4,14 @@ from typing import ClassVar
 
 from silo.core.conditions import TriggerOptions
 from silo_tui.context import Context
-from silo_tui.model.lists.conditions import fields_of, options_of_fields, tried_lines
+from silo_tui.model.lists.conditions import UNNAMED, fields_of, options_of_fields, tried_lines
 from silo_tui.screens.dialogs.form import CONDITION, Form, taken, told
 from silo_tui.sessions.live import Session
 
-UNNAMED = "name it before Enter: the name stands in names of files"
 LINES = (("name",), ("when",), ("rearm", "mode"), ("pre", "post"), ("persist", "holdoff"), ("save", "keep"))
 HINTS = {
-    "name": "a word for names of files", "when": "abs(base/roll) > 0.6 and controller/mode == STANCE",
-    "rearm": "else: the condition was false", "pre": "5s", "post": "1s", "persist": "20ms", "holdoff": "10s",
+    "name": "a word for names of files", "when": "e.g. abs(base/roll) > 0.6 and controller/mode == STANCE",
+    "rearm": "once 'when' was false", "pre": "5s", "post": "1s", "persist": "20ms", "holdoff": "10s",
     "mode": "normal or single, rising", "save": "silo csv bag", "keep": "newest so many, 0 all",
 }  # fmt: skip
 
@@ -28,6 +27,7 @@ class TriggerEditor(Form[TriggerOptions]):
 
     KEYS_HERE = "Enter Sets it  Tab Next field  Esc Back"
     AFTER_S = 0.5
+    NEEDED: ClassVar = {"name": UNNAMED, "when": f"{CONDITION}; abs(base/roll) > 0.6"}
     ABOUT: ClassVar = {
         "name": "stands in names of its files: letters and digits",
         "when": "it fires as this turns true (see mode): signals, numbers with units, and or not",
@@ -61,11 +61,13 @@ class TriggerEditor(Form[TriggerOptions]):
         unnamed = not fields["name"].strip()  # the condition counts while there is no name yet
         made = options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
         tried = await self._session.tried(made)
-        return "\n".join([*tried_lines(tried, self.told_width, made.keep), *([UNNAMED] if unnamed else [])])
+        return "\n".join(
+            [
+                *tried_lines(tried, self.told_width, made.keep),
+                *([f"name it before Enter: {UNNAMED}"] if unnamed else []),
+            ]
+        )
 
     def made(self) -> TriggerOptions:
         """Return the trigger."""
-        made = options_of_fields(self.fields, self._options)
-        if not made.when:
-            raise ValueError("a trigger needs a condition, such as abs(base/roll) > 0.6")
-        return made
+        return options_of_fields(self.fields, self._options)

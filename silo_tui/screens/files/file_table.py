@@ -154,13 +154,16 @@ class FileTableScreen(ElementsScreen):
         return super().mode_keys() or ((("back", "Back"),) if self._leave is not None else ())
 
     def command_plot(self) -> None:
+        self.sure_of_hidden(self._plot, "Plot")
+
+    def _plot(self) -> None:
         from silo_tui.screens.plots.monitor import FileMonitorScreen
 
         chosen = self.session.rows.targets()
         names = [self.session.table.names[int(row)] for row in chosen]
         names = [name for name in names if self.file.rows_of[name].samples]
         if names:
-            self.app.push_screen(FileMonitorScreen(self.file, names))
+            self.show_plots(FileMonitorScreen(self.file, names))
         else:
             self.say("no samples of it in this file" if len(chosen) else "nothing to plot")
 

@@ -16,7 +16,7 @@ from silo.files.atomic import atomic_file
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
-from silo_tui.model.lists.happened import ORDERS, csv_text, letter, line, matches, words
+from silo_tui.model.lists.happened import ORDERS, csv_text, in_time, letter, line, matches, words
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.questions import Prompt
 from silo_tui.screens.lists.list_screen import ListScreen
@@ -40,6 +40,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
         super().__init__()
         self.session = session
         self._following = True
+        self._known: Sequence[LoggedEvent] = ()
         self._all: Sequence[LoggedEvent] = ()  # as they are shown
 
     def above(self) -> ComposeResult:
@@ -53,7 +54,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
     def status_changed(self) -> None:
         """Follow state and link, and take in what happened since."""
         self.second_passed()
-        if self.session.happened is not self._all:
+        if self.session.happened is not self._known:
             self.show()
 
     def second_passed(self) -> None:
@@ -66,7 +67,8 @@ class EventsScreen(ListScreen[LoggedEvent]):
         return self._all
 
     def show(self) -> None:
-        self._all = self.session.happened
+        self._known = self.session.happened
+        self._all = in_time(self._known)
         super().show()
 
     def key_of(self, one: LoggedEvent) -> str:

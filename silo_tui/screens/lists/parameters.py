@@ -154,17 +154,12 @@ class ParametersScreen(ConditionsScreen[ParameterInfo]):
         unit = "" if one.unit in ("", "-") else f", {one.unit}"
         body = "\n".join(filter(None, [one.description, f"{range_text(one)}{unit}; default {value_text(one.default)}"]))
         shown = value_text(one.value).strip("[]")
-        self.app.push_screen(Prompt(self._short(one.name), body, shown), lambda typed: self._typed(one, typed))
+        prompt = Prompt(self._short(one.name), body, shown, check=partial(typed_value, one))
+        self.app.push_screen(prompt, lambda typed: self._typed(one, typed))
 
     def _typed(self, one: ParameterInfo, typed: str | None) -> None:
-        if typed is None:
-            return
-        try:
-            value = typed_value(one, typed.strip())
-        except SiloError as error:
-            self.say(str(error))
-            return
-        self._set({one.name: value})
+        if typed is not None:
+            self._set({one.name: typed_value(one, typed)})
 
     def _set(self, values: dict[str, ParameterValue]) -> None:
         job = partial(self.knobs.set, self.context.link, values)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from silo.conditions.standing import TriggerStatus
-from silo.core.conditions import TriggerOptions, TriggerWord
+from silo.core.conditions import AROUND_S, TriggerOptions, TriggerWord
 from silo.core.quantities.writing import many
 from silo.judging.checks import long_capture_s
 from silo_tui.actions import key_of
@@ -150,7 +150,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
             self.edit(one.options, is_new=False)
 
     def command_trigger_new(self) -> None:
-        self.edit(TriggerOptions("", "", 1.0, 1.0), is_new=True)
+        self.edit(TriggerOptions("", "", AROUND_S, AROUND_S), is_new=True)
 
     def edit(self, options: TriggerOptions, *, is_new: bool) -> None:
         """Open the editor on a trigger."""

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from textual import events
 from textual.app import ComposeResult
 from textual.widgets import Static
 
@@ -26,7 +27,7 @@ from silo.analysis.compute.spectra import (
 from silo.core.arrays.values import as_floats
 from silo.core.quantities.writing import duration, many
 from silo.errors import SiloError
-from silo_tui.actions import key_of
+from silo_tui.actions import Command, key_of, key_text
 from silo_tui.modal import run_alone
 from silo_tui.model.drawing import big_plot
 from silo_tui.model.drawing.big_plot import BigPlot
@@ -44,6 +45,7 @@ from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.detail_plot import DetailPlot
 
 MODES = ("time", "x-y", "spectrum", "histogram")
+CURSOR_MODES = ("time", "spectrum")
 LEVELS = ("linear", "log", "dB")
 MAX_SERIES = 8
 DEBOUNCE_S = 0.15
@@ -59,6 +61,7 @@ class Analysed:
     kind: str = ""  # what stands in the title
     peaks: Sequence[Peak] = ()
     top_hz: float = 0.0
+    spectrum: Spectrum | None = None  # of the first signal: a cursor reads it
 
 
 class DetailScreen(MonitorScreen, inherit_bindings=False):
@@ -81,6 +84,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         self._peaks: Sequence[Peak] = ()
         self._peak: int | None = None
         self._top_hz = 0.0
+        self._first: Spectrum | None = None
         self.window, self.pause = monitor.window, monitor.pause
         self.stack = stack = self.new_stack(plots[:1])
         stack.show_panels([tuple(self.plots[: self.count])])
@@ -102,6 +106,11 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         yield self.between
         yield self.line
         yield KeyBar(self.scope)
+
+    def on_mount(self) -> None:
+        """Compute what is asked for at once: nothing else may come that would ask for it."""
+        if self.mode != MODES[0]:
+            self.call_after_refresh(self.request_view)
 
     def let_go(self) -> None:
         """Leave what is held to the monitor."""
@@ -172,7 +181,10 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         except ValueError as short:
             self.plot.say(f"{self.mode} of {self._label(self.plots[0])}: {short}")
             return
-        self._kind, self._peaks, self._top_hz = found.kind, found.peaks, found.top_hz
+        told = self._peak_words()
+        self._kind, self._peaks, self._top_hz, self._first = found.kind, found.peaks, found.top_hz, found.spectrum
+        if told and self.line.said == told:  # it is told of the spectrum that stands there
+            self._say_peak()
         self.plot.show(found.plot, [*found.notes, *self._at_cursor()])
         self._title()
 
@@ -214,7 +226,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             notes.append(first.left_out)
         notes.append(f"0 dB = 1 {unit}" if self.level == "dB" else f"unit {unit}")
         top_hz = max(len(each.amplitudes) * each.step_hz for each in spectra)
-        return Analysed(drawn, notes, f"Hann {len(first.values)} of {first.held}", peaks, top_hz)
+        return Analysed(drawn, notes, f"Hann {len(first.values)} of {first.held}", peaks, top_hz, spectra[0])
 
     async def _pair(self) -> Analysed:
         if len(self.plots) < 2:
@@ -266,9 +278,25 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
     def command_mode_histogram(self) -> None:
         self._show_as("histogram")
 
+    def on_key(self, event: events.Key) -> None:
+        """Say of the key that led here that it leads no further."""
+        if key_text(event.key) == key_of("detail"):
+            self.say(f"this is the large plot already: {key_of('back')} leaves it")
+            event.prevent_default()  # nor that it has no use here
+
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return what a pause or a cursor asks for, and the way back where other keys leave it room."""
+        found = super().mode_keys()
+        known = any(each == "back" for each, _ in found) or self.size.width < 100
+        return found if known else (*found, ("back", "Back"))
+
     def why_not_now(self, command_id: str) -> str:
         """Return why axes can't be swapped: only two signals over each other have two."""
         return "" if command_id != "detail_swap" or self.mode == "x-y" else "x-y only"
+
+    def label_now(self, command: Command) -> str:
+        """Leave the cursor out where none is."""
+        return "" if command.id == "cursor_left" and self.mode not in CURSOR_MODES else super().label_now(command)
 
     def value_now(self, command_id: str) -> str:
         """Return how the plot is drawn."""
@@ -279,11 +307,10 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         self.line.say("")
         self._kind = ""
         self._peak = self.plot.cursor = None
-        self._peaks = ()
+        self._peaks, self._first = (), None
         over_time = self.mode == MODES[0]
         self.stack.display, self.plot.display = over_time, not over_time
-        if not over_time:
-            self.between.hide()
+        self.show_between()
         self.call_after_refresh(self.request_view)
 
     def command_level(self) -> None:
@@ -336,19 +363,34 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         self._tell_peak()
 
     def _tell_peak(self) -> None:
-        if self._peak is None:
-            return
+        self._say_peak()
+        self.draw_soon()
+
+    def _say_peak(self) -> None:
+        if words := self._peak_words():
+            frequency_hz = self._peaks[self._peak or 0].frequency_hz
+            self.plot.cursor = big_plot.cell_of(frequency_hz, self._top_hz, self.plot.plot_size[0])
+        self.say(words)
+
+    def _peak_words(self) -> str:
+        """Return what is said of the peak that one went to; empty without one, or where it is none any more."""
+        if self._peak is None or self._peak >= len(self._peaks):
+            return ""
         peak = self._peaks[self._peak]
         level = big_plot.level_words(peak.amplitude, self.level, self.plots[0].element.unit)
-        self.say(f"{self._letter(0)}peak {self._peak + 1}: {text.short(peak.frequency_hz, 6)} Hz, {level}")
-        self.draw_soon()
+        return f"{self._letter(0)}peak {self._peak + 1}: {text.short(peak.frequency_hz, 6)} Hz, {level}"
 
     def _move_cursor(self, cells: int) -> None:
         if self.mode == MODES[0]:
             super()._move_cursor(cells)
         elif self.mode == "spectrum":
             width, before = self.plot.plot_size[0], self.plot.cursor
-            self._put_cursor(width // 2 if before is None else max(0, min(width - 1, before + cells)))
+            if before is None and self._peaks:
+                self._put_cursor(big_plot.cell_of(self._peaks[0].frequency_hz, self._top_hz, width))
+            else:
+                self._put_cursor(width // 2 if before is None else max(0, min(width - 1, before + cells)))
+        else:
+            self.say(f"the cursor is over time and in spectra: {key_of('mode')} leads there")
 
     def on_detail_plot_cell_pointed(self, event: DetailPlot.CellPointed) -> None:
         """Put the cursor where the spectrum was clicked."""
@@ -362,9 +404,12 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
 
     def _at_cursor(self) -> list[str]:
         """Where the cursor is in the spectrum."""
-        if self.plot.cursor is None or self.mode != "spectrum":
+        if self.plot.cursor is None or self._first is None:  # it is no spectrum, or still being read
             return []
-        return [f"A {text.short((self.plot.cursor + 0.5) / self.plot.plot_size[0] * self._top_hz, 5)} Hz"]
+        width = self.plot.plot_size[0]
+        read = big_plot.line_in(self._first, self._peaks, min(self.plot.cursor, width - 1), self._top_hz, width)
+        level = big_plot.level_words(read.amplitude, self.level, self.plots[0].element.unit)
+        return [f"A {text.short(read.frequency_hz, 6)} Hz, {level}"]
 
     def command_detail_swap(self) -> None:
         if len(self.plots) > 1:

@@ -56,9 +56,14 @@ class SearchResult:
         words = f"{self.search.words}: none in {text.span(self.held_s, 3)} held"
         return f"{words}; not looked through further: {self.partly}" if self.partly else words
 
-    def place(self, now_ns: int, step: int) -> int | None:
-        """Return which moment to go to; of the first of a search the next one, or else the last before."""
+    def place(self, now_ns: int, step: int, last: int | None = None) -> int | None:
+        """Return which moment to go to; of the first of a search the next one, or else the last before.
+
+        Who stands where `last` led goes on from it: several signals may have theirs at one time.
+        """
         times = [moment.time_ns for moment in self.moments]
+        if step and last is not None and times[last] == now_ns:
+            return last + step if 0 <= last + step < len(times) else None
         if step:
             return neighbour(times, now_ns, step)
         at = neighbour(times, now_ns - 1, 1)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 from textual.message import Message
 
-from silo.core.conditions import TriggerOptions
+from silo.core.conditions import AROUND_S, TriggerOptions
 from silo.errors import SiloError
 from silo_tui.modal import run_aside
 from silo_tui.model.plots.scope import Scope, fitting_span, halfway
@@ -87,10 +87,11 @@ class MonitorScreen(PlotScreen):
             return
         self.line.say("")
         at_ns = self.window.at_ns
-        if self.window.cursor is None or at_ns is None:  # it is elsewhere: take it here
-            self._go_to(self.end_ns - self.window.span_ns // 2)
+        step_ns = 2 * cells * self.window.column_ns(self.stack.columns)
+        if self.window.cursor is None or at_ns is None:  # it is elsewhere: it comes in from the side it moves away from
+            self._go_to(self.shown_ns[1 if cells < 0 else 0] + step_ns)
         else:
-            self._go_to(at_ns + 2 * cells * self.window.column_ns(self.stack.columns))
+            self._go_to(at_ns + step_ns)
 
     def command_turn_plotted_down(self) -> None:
         run_aside(self, "turning", self._turn, -1)
@@ -174,7 +175,6 @@ class MonitorScreen(PlotScreen):
             self.window.other_ns = self.window.at_ns
             self.say("B set, ←→ moves A")
         self.moved(elsewhere=False)
-        self.call_after_refresh(self._sized)
 
     def command_pause(self) -> None:
         """Hold what is on the screen, with as much before it; or go on."""
@@ -248,7 +248,7 @@ class MonitorScreen(PlotScreen):
 
         name = self.session.short_name(self.stack.chosen_plot.name).lstrip("/")
         level = value_here(self.stack.chosen_plot, await self.readings_here()) or "0"
-        made = TriggerOptions(name.rpartition("/")[2], f"{name} > {level}", 1.0, 1.0)
+        made = TriggerOptions(name.rpartition("/")[2], f"{name} > {level}", AROUND_S, AROUND_S)
         await ask_trigger(self.context, made)
 
     def command_zero(self) -> None:
@@ -287,8 +287,7 @@ class MonitorScreen(PlotScreen):
 
     def _lift_cursor(self) -> None:
         self.window.cursor = self.window.at_ns = None
-        self.stack.redraw()
-        self.line.refresh()
+        self.moved(elsewhere=False)  # the values are those of the right end again
 
     def command_back(self) -> None:
         self.way_back()[1]()

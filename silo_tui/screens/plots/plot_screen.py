@@ -8,20 +8,21 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 
-from textual import events as textual_events
 from textual.app import ComposeResult
 from textual.timer import Timer
 
-from silo.core.quantities.writing import many
+from silo.core.quantities.writing import EPOCH_FROM_NS, many, wall_clock
 from silo.errors import SiloError
 from silo.expressions.span import Between
 from silo.rpc.frames import Frame
+from silo_tui.actions import key_of
 from silo_tui.context import SiloScreen
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.drawing.plots import Plotted, plots_of
 from silo_tui.model.drawing.window import SECOND_NS, SPANS_S, PlotWindow
 from silo_tui.model.plots.overlay import SIGN
+from silo_tui.model.plots.time_axis import moment_of
 from silo_tui.model.samples.find import Search, What, places_of
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.samples.recorded import SHORT_SPANS_S
@@ -32,7 +33,7 @@ from silo_tui.screens.plots.finding import SearchResult, value_words
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
-from silo_tui.sessions.recorded import FileSession, clock
+from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.between import BetweenTable
 from silo_tui.widgets.messages import MonitorLine
@@ -114,11 +115,8 @@ class PlotScreen(SiloScreen):
         """Let go of what is held."""
         self.pause.release()
 
-    def on_resize(self, event: textual_events.Resize) -> None:
-        """Show other columns for another width."""
-        self.call_after_refresh(self._sized)
-
-    def _sized(self) -> None:
+    def on_plot_stack_resized(self) -> None:
+        """Show other columns for another width; keep the chosen plot on the screen, whatever takes room below."""
         self.stack.choose(self.stack.chosen)
         self.fill_soon()
 
@@ -134,10 +132,7 @@ class PlotScreen(SiloScreen):
         """Say what is on the screen and fetches its past."""
         if self.context.upper_screen is not self:
             return
-        plots = [plotted for plotted in self.stack.on_screen() if self.source.is_live(plotted.element.name)]
-        names = [plotted.name for plotted in plots if plotted.numeric]
-        columns = self.stack.columns
-        store = ColumnStore(names, columns, self.window.column_ns(columns))
+        store = self._empty()
         if self.window.paused:
             self.session.columns = ColumnStore((), 1, 1)
             if self.pause.source is not None:
@@ -146,22 +141,26 @@ class PlotScreen(SiloScreen):
             store.adopt(self.stack.store)
             elements = dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())
             self.session.columns = self._asked = store
-            self.session.watch(ViewRequest(tuple(elements), tuple(names), store.column_ns))
-        run_alone(self, "history", self._fill, store, names)
+            self.session.watch(ViewRequest(tuple(elements), store.names, store.column_ns))
+        run_alone(self, "history", self._fill, store)
 
-    async def _fill(self, store: ColumnStore, names: list[str]) -> None:
+    def _empty(self) -> ColumnStore:
+        """Return columns to be filled, of what is on the screen."""
+        plots = [plotted for plotted in self.stack.on_screen() if self.source.is_live(plotted.element.name)]
+        columns = self.stack.columns
+        names = [plotted.name for plotted in plots if plotted.numeric]
+        return ColumnStore(names, columns, self.window.column_ns(columns))
+
+    async def _fill(self, store: ColumnStore) -> None:
         start, end = self.shown_ns
-        if self.pause.source is not None:  # at once what is here
-            store.advance_to(end // store.column_ns + 1)
-            store.take(self.pause.source.columns(names, start, end, store.column_ns))
-            self.stack.store = store
-            self.stack.redraw()
+        self._show_held(store)
         try:
-            past = await self.source.history(names, start, end, store.column_ns)
+            past = await self.source.history(store.names, start, end, store.column_ns)
             store.advance_to(end // store.column_ns + 1)
             store.take(past)
         except SiloError as error:
             self.say(f"no history: {error}")
+        self._show_held(store)  # more may be here than when that was asked for
         self._mending = False
         if store is not self._asked and not self.window.paused:
             return  # another one was asked for meanwhile
@@ -169,6 +168,15 @@ class PlotScreen(SiloScreen):
         self.stack.store = store
         await self._fill_texts(end)
         self.moved(elsewhere=False)
+
+    def _show_held(self, store: ColumnStore) -> None:
+        """Show what is here of the picture that is held."""
+        if self.pause.source is not None:
+            start, end = self.shown_ns
+            store.advance_to(end // store.column_ns + 1)
+            store.take(self.pause.source.columns(store.names, start, end, store.column_ns))
+            self.stack.store = store
+            self.stack.redraw()
 
     async def _fill_ghost(self, store: ColumnStore) -> None:
         """Read what a saved run had in this window, and in the next one: the live one goes on."""
@@ -212,7 +220,7 @@ class PlotScreen(SiloScreen):
                 run_alone(self, "ghost", self._fill_ghost, self.stack.store)
             if self.session.columns is self._asked and self._asked.gapped and not self._mending:
                 self._mending = True  # frames got lost on their way: the logger still has what was in them
-                run_aside(self, "history", self._fill, self._asked, list(self._asked.names))
+                run_aside(self, "history", self._fill, self._asked)
 
     def _take_texts(self, frame: Frame) -> None:
         """Note texts that changed."""
@@ -270,7 +278,9 @@ class PlotScreen(SiloScreen):
             words.append(f"cursor at -{text.span(back)}" if back else "cursor at 0 s")
         total, fitting = len(self.stack.panels), self.stack.fitting
         if total > fitting:
-            words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
+            last = min(total, self.stack.first + fitting)
+            way = f"{key_of('plot_down')} next" if last < total else f"{key_of('plot_up')} before"
+            words.append(f"plots {self.stack.first + 1}-{last} of {total} ({way})")
         if self.session.overlay is not None:
             words.append(f"{SIGN} {self.session.overlay.name}{self._ghost_words()}")
         ended = self.session.dead and not self.window.paused  # the line says DEAD: nothing comes any more
@@ -318,7 +328,12 @@ class PlotScreen(SiloScreen):
     def moment_words(self, time_ns: int) -> str:
         """Return a moment: how long before the newest one, or after the start of a file, and by the clock."""
         from_zero = (time_ns - self._zero_ns) / SECOND_NS
-        return f"{from_zero + 0.0:.{self._decimals}f} s{clock(time_ns)}"
+        clock = f"  {wall_clock(time_ns, 3)}" if time_ns >= EPOCH_FROM_NS else ""
+        return f"{from_zero + 0.0:.{self._decimals}f} s{clock}"
+
+    def moment_typed(self, words: str) -> int:
+        """Return the moment that is typed, as the times on the screen are. Raises ValueError."""
+        return moment_of(words, self._zero_ns, self.held_ns[1], self.now_ns)
 
     @property
     def _zero_ns(self) -> int:
@@ -347,6 +362,7 @@ class PlotScreen(SiloScreen):
         self.stack.redraw()
         self.line.refresh()
         self.show_between()
+        self.update_keys()
         if elsewhere:
             self.request_view()
 
@@ -375,6 +391,8 @@ class PlotScreen(SiloScreen):
         if not await self.pause.bring(time_ns, self.window.span_ns):
             self.say(self.gone_words(self.moment_words(time_ns)))
             return False
+        if not self.window.paused:  # somebody let it go on meanwhile
+            return False
         self.moved(self.window.jump_to(time_ns, self.held_ns, self.stack.columns))
         return True
 
@@ -384,9 +402,10 @@ class PlotScreen(SiloScreen):
         run_alone(self, "find", self.jump_to, time_ns)
 
     def show_between(self) -> None:
-        """Show what lies between the cursors; hide it without B."""
+        """Show what lies between the cursors; hide it without B, and where no time is drawn."""
         a_ns, b_ns = self.window.at_ns, self.window.other_ns
-        if not self.window.paused or a_ns is None or b_ns is None:
+        if not (self.window.paused and self.stack.display) or a_ns is None or b_ns is None:
+            self.workers.cancel_group(self, "between")  # what is measured still would come to stand there
             self.between.hide()
         else:
             run_alone(self, "between", self._compute_between, a_ns, b_ns)
@@ -423,6 +442,8 @@ class PlotScreen(SiloScreen):
         self.status_bar.mode = self.pause.head
         self.status_bar.update()
         self.line.refresh()
+        if self.between.partly:
+            self.show_between()
 
     @property
     def pinned_plots(self) -> Sequence[Plotted]:
@@ -489,6 +510,9 @@ class PlotScreen(SiloScreen):
             window.show(end_ns, self.held_ns, columns)
             if window.paused_end_ns != end_ns:
                 self.moved()
+                return
+        self._show_held(self._empty())
+        self._read_moment()
 
     async def _read_paused(self) -> None:
         readings = await self.readings_here()

@@ -14,6 +14,7 @@ from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.drawing.plots import Plotted
 from silo_tui.model.lists.happened import gone_words, words
 from silo_tui.model.plots.panels import CurveKind, kind_of
+from silo_tui.model.plots.time_axis import MOMENTS
 from silo_tui.model.samples.find import Search, What, parse_crossing
 from silo_tui.model.samples.live import Reading
 from silo_tui.model.words import text
@@ -44,11 +45,12 @@ class MomentSearch:
         self.screen = screen
         self._stepping = asyncio.Lock()  # two keys at once are two samples
         self._condition = ""  # that was looked for last
+        self._last: tuple[SearchResult | None, int] = (None, 0)  # moment that one was led to
 
     # -------------------------------------------------------------------------------------------- find the moment
 
     def command_find(self) -> None:
-        from silo_tui.screens.dialogs.find import ConditionDialog, FindDialog
+        from silo_tui.screens.dialogs.find import MOMENT, ConditionDialog, FindDialog
         from silo_tui.screens.dialogs.questions import Prompt
 
         if not self.screen.stack.plots:
@@ -68,8 +70,17 @@ class MomentSearch:
                 self._condition = search.condition
                 self._find(search)
 
+        def moment_typed(words: str | None) -> None:
+            if words is not None:
+                run_alone(self.screen, "find", self._go_to_typed, words)
+
         def chosen(answer: str | None) -> None:
-            if answer == What.CROSSING.value:
+            if answer == MOMENT:
+                title, check = "Go to a moment", self.screen.moment_typed
+                self.screen.app.push_screen(
+                    Prompt(title, f"Enter goes there: {MOMENTS}", "", "-3s", check), moment_typed
+                )
+            elif answer == What.CROSSING.value:
                 line = Prompt("Find a crossing", HOW, "", "20", parse_crossing)
                 self.screen.app.push_screen(line, level_typed)
                 run_alone(self.screen, "offer", self._offer_level, line)
@@ -79,6 +90,11 @@ class MomentSearch:
                 self._find(Search(What(answer), everywhere=dialog.everywhere))
 
         self.screen.app.push_screen(dialog, chosen)
+
+    async def _go_to_typed(self, words: str) -> None:
+        await self.screen.pause.settled()  # what the times are counted from
+        if await self.screen.jump_to(self.screen.moment_typed(words)):
+            self.screen.say("")  # what was found before lies elsewhere
 
     async def _offer_level(self, line: "Prompt") -> None:
         """Offer the value at the cursor as the level: the line doesn't wait for it."""
@@ -128,7 +144,8 @@ class MomentSearch:
         if not found.moments:
             self.screen.say(found.none())
             return
-        place = found.place(self.screen.now_ns, step)
+        before, last = self._last
+        place = found.place(self.screen.now_ns, step, last if before == found else None)
         if place is None and step < 0 and found.before:
             self.screen.say(f"{words}: {found.before} older ones are not told")
             return
@@ -139,10 +156,10 @@ class MomentSearch:
         moment = found.moments[place]
         if not await self.screen.jump_to(moment.time_ns):
             return
+        self._last = found, place
         at = f"{found.before + place + 1} of {found.total}"
         partly = f" ({found.partly})" if found.partly else ""
-        said = self.screen.session.table.shown(moment.said)
-        told = f", {at}: {said} at {self.screen.moment_words(moment.time_ns)}{partly}"
+        told = f", {at}: {self.screen.context.shown(moment.said)} at {self.screen.moment_words(moment.time_ns)}{partly}"
         room = self.screen.line.content_size.width - len(f"{words} in {told}")  # value and time are what was asked for
         plotted = (*(each.name for each in self.screen.stack.plots), moment.name)
         name, *_ = names = tuple(map(self.screen.session.short_name, reversed(plotted)))
@@ -168,8 +185,8 @@ class MomentSearch:
             gone = gone_words(event, self.screen.session.happened)
             self.screen.say(f"{self.screen.gone_words(self._told(event))}; {gone}")
             return
-        await self.screen.jump_to(event.at_ns)
-        self.screen.say(f"{self._told(event)} at {self.screen.moment_words(event.at_ns)}")
+        if await self.screen.jump_to(event.at_ns):
+            self.screen.say(f"{self._told(event)} at {self.screen.moment_words(event.at_ns)}")
 
     def _told(self, event: LoggedEvent) -> str:
         return words(event, self.screen.session.table.shown)

@@ -1,0 +1,53 @@
+"""Statistics of many signals, added up block by block: whatever is added when, the digits are those of all at once."""
+
+import numpy as np
+
+from silo.core.arrays.columns import Floats
+
+
+class RunningStatistics:
+    """Minimum, maximum, mean and standard deviation of many signals over all finite samples that were added."""
+
+    def __init__(self, count: int) -> None:
+        self.since_ns = 0  # when they begin, as far as somebody says so
+        self.low, self.high = np.full(count, np.inf), np.full(count, -np.inf)
+        self.number, self.bad = np.zeros(count, np.int64), np.zeros(count, np.int64)
+        self._base = np.full(count, np.nan)  # sums of what is left of it lose no digits
+        self._sum, self._squares = np.zeros(count), np.zeros(count)
+
+    def add(self, slots: slice, block: Floats, *, all_finite: bool) -> None:
+        """Add samples, shape `(n, number of slots)`."""
+        base = self._base[slots]
+        new = np.isnan(base)
+        if new.any():
+            finite = np.isfinite(block)
+            first = block[np.argmax(finite, axis=0), np.arange(block.shape[1])]
+            base[new & finite.any(axis=0)] = first[new & finite.any(axis=0)]
+        with np.errstate(invalid="ignore", over="ignore"):
+            if all_finite:
+                self.low[slots] = np.minimum(self.low[slots], block.min(axis=0))
+                self.high[slots] = np.maximum(self.high[slots], block.max(axis=0))
+                rest = block - base
+                self.number[slots] += len(block)
+            else:
+                finite = np.isfinite(block)
+                self.low[slots] = np.minimum(self.low[slots], np.where(finite, block, np.inf).min(axis=0))
+                self.high[slots] = np.maximum(self.high[slots], np.where(finite, block, -np.inf).max(axis=0))
+                rest = np.where(finite, block - base, 0.0)
+                self.number[slots] += finite.sum(axis=0)
+                self.bad[slots] += (~finite).sum(axis=0)
+            self._sum[slots] += rest.sum(axis=0)
+            self._squares[slots] += np.einsum("ij,ij->j", rest, rest)
+
+    def of(self, quantity: str) -> Floats:
+        """Return one of `min`, `max`, `mean`, `std`, `count`, `bad`, NaN where there is no sample."""
+        if quantity in {"count", "bad"}:
+            return (self.number if quantity == "count" else self.bad).astype(float)
+        if quantity in {"min", "max"}:
+            found = self.low if quantity == "min" else self.high
+            return np.where(self.number > 0, found, np.nan)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            mean = self._sum / self.number
+            if quantity == "mean":
+                return self._base + mean
+            return np.sqrt(np.maximum(self._squares / self.number - mean * mean, 0.0))

@@ -1,0 +1,48 @@
+"""A log with something of everything, the same each time."""
+
+import numpy as np
+
+from silo.core.elements import BufferType, Entry, LoggedEvent
+from silo.core.recording import RecordedElement, RecordedEntry, Recording
+from tests.stand_ins.fake_signals import START_NS
+
+SECOND = 10**9
+
+
+def element(name, values, unit="-", divider=1, suffixes=("",), labels=None, **more):
+    columns = values if len(suffixes) > 1 else [values]
+    entries = tuple(
+        RecordedEntry(f"/log/{name}{suffix}", Entry(suffix, column.dtype.str, labels), column)
+        for suffix, column in zip(suffixes, columns, strict=True)
+    )
+    kind, shape = ("vector", (len(suffixes),)) if len(suffixes) > 1 else ("scalar", ())
+    return RecordedElement(f"/log/{name}", unit, kind, shape, divider, BufferType.LOOPING, 0, entries, **more)
+
+
+def twenty_seconds(seconds=0, number=1):
+    """What a log of 20 s holds, that many seconds later: with a hole, marks, episodes, nan and words.
+
+    Rounded, as the last digits of a sine are those of the processor.
+    """
+    at = np.arange(8000) / 400
+    torque = np.round(np.sin(2 * np.pi * at), 6) * number
+    torque[4000] = 40.0
+    nan = np.where(at % 7 < 0.1, np.nan, at)
+    elements = (
+        element("legs/LF/torque", torque, "Nm"),
+        element("legs/RF/torque", np.round(np.cos(3 * at), 6) * 100, "Nm"),
+        element("legs/LF/contact", np.sin(2 * np.pi * at) > 0),
+        element("base/position", np.stack([at, at**2, -at]), "m", suffixes=("_x", "_y", "_z")),
+        element("state/gait", (at[::4] // 5).astype("i4") % 3, divider=4, labels={0: "stand", 1: "walk", 2: "trot"}),
+        element("state/operator", np.array([b"ann"] * 100 + [b"bob"] * 100, "S8"), divider=40),
+        element("imu/temperature", nan[::40], "degC", divider=40, lost=3),
+        element("imu/power", np.round(10.0 ** (at / 4), 6), "W"),
+    )
+    begin_ns = START_NS + seconds * SECOND
+    times = begin_ns + 2_500_000 * np.arange(8000, dtype=np.int64)
+    times[6000:] += 2 * SECOND
+    told = [("marker", "push 3", 1200), ("triggered", "fall fired", 4000), ("marker", 'episode "walk" begin', 4400),
+            ("marker", 'episode "walk" end good', 6400)]  # fmt: skip
+    events = tuple(LoggedEvent(kind, text, int(times[tick]), tick, int(times[tick])) for kind, text, tick in told)
+    facts = {"frequency_hz": 400.0, "started_ns": begin_ns, "about": {"task": f"gait{number}", "operator": "ann"}}
+    return Recording("robot", times, 8000, elements, events=events, **facts)
