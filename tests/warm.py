@@ -6,6 +6,7 @@ starts is warm, too. Its parent is the nursery, and its command line that one's.
 """
 
 import contextlib
+import faulthandler
 import fcntl
 import functools
 import gc
@@ -199,6 +200,8 @@ def _start(asked: dict[str, Any], given: list[int]) -> Callable[[], None]:
         stream = io.TextIOWrapper(file, "utf-8", words, line_buffering=lines, write_through=unbuffered)
         setattr(sys, name, stream)
         setattr(sys, f"__{name}__", stream)
+    if os.environ.get("PYTHONFAULTHANDLER"):
+        faulthandler.enable()
     sys.modules["numpy"].random.seed()
     subprocess.Popen = WarmPopen  # type: ignore[misc]
     paths = os.environ.get("PYTHONPATH", "").split(os.pathsep)

@@ -22,7 +22,7 @@ import zenoh
 from silo.core.elements import State
 from silo.core.runtime import process_start
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
-from silo.fleet.exchange import exchange, root_at
+from silo.fleet.exchange import NoAnswerError, exchange, root_at
 from silo.fleet.many import Pending
 from silo.fleet.near import seen_now
 from silo.fleet.resolving import namesakes
@@ -88,7 +88,7 @@ class Connection:
         self.sessions = 0  # counts up with every session: views must be opened anew
         self._foreign = Foreign("an event")
         self._known: set[str] = set()  # who was there while ours lived: other robots, whatever their names
-        self._open(found, timeout_s)
+        self._open_first(found, timeout_s)
         self._known = self._twins()
 
     def watch(self, on_round: Callable[[], None]) -> None:
@@ -97,6 +97,25 @@ class Connection:
         self._thread.start()
 
     # -------------------------------------------------------------------------------------------- one session
+
+    def _open_first(self, found: LoggerAddress, timeout_s: float) -> None:
+        """Open a session; where the helper process dies meanwhile, to the next one, which its program starts."""
+        until_s = time.monotonic() + timeout_s
+        while not self._opened(found, timeout_s, until_s):
+            time.sleep(POLL_S)
+
+    def _opened(self, found: LoggerAddress, timeout_s: float, until_s: float) -> bool:
+        path = Path(found.socket)
+        try:
+            self._open(found, timeout_s)
+        except ConnectionLostError as error:
+            has_left = isinstance(error, NoAnswerError) or not path.exists() or owner_is_gone(path)
+            comes_back = bool(found.socket) and has_left and process_start(found.pid) != 0
+            if not comes_back or time.monotonic() >= until_s:
+                raise
+            log.debug("not yet: %s", error)
+            return False
+        return True
 
     def _open(self, found: LoggerAddress, timeout_s: float) -> None:
         borrowed = borrow(found.socket, found.config, max(REACH_S, timeout_s), timeout_s)

@@ -57,7 +57,11 @@ class ChildProcess:
 
         Raises OSError.
         """
-        own = {"PYTHONPATH": _search(), "PYTHONSAFEPATH": "1"}  # heeded from Python 3.11 on
+        own = {
+            "PYTHONPATH": _search(),
+            "PYTHONSAFEPATH": "1",  # heeded from Python 3.11 on
+            "PYTHONFAULTHANDLER": "1",  # one that dies of a fault in compiled code says where it stood
+        }
         program = [sys.executable, "-m", module] if sys.version_info >= (3, 11) else own_program(module)
         self._process: subprocess.Popen[bytes] = subprocess.Popen(
             [*program, *map(str, arguments)],

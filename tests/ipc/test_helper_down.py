@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import weakref
 from dataclasses import replace
 
@@ -16,6 +17,7 @@ from silo.core.elements import State
 from silo.core.runtime import down_mark, down_marks, process_start, sweep_unfinished
 from silo.errors import ConnectionLostError
 from silo.files.event_log import read_events
+from silo.fleet.exchange import NoAnswerError
 from silo.fleet.resolving import Discovery, LoggerAddress, discover
 from silo.history.requests import OpenStream, StreamOpened
 from silo.live.requests import OpenView, ViewOpened
@@ -26,7 +28,7 @@ from silo.logger.serving.process import DownMark
 from silo.rpc.refusals import Refused, answered
 from tests.fuzz.test_wire import Bench as Parts
 from tests.ipc.conftest import no_process
-from tests.waiting import freeze, wait_until
+from tests.waiting import DEADLINE_S, freeze, wait_until
 
 
 @pytest.fixture
@@ -63,6 +65,52 @@ def test_the_row_is_gone_when_a_helper_is_there_again(bench, monkeypatch, runtim
     assert discover().down == []
     assert [found.name for found in discover().loggers] == ["bot"]
     assert list(runtime.glob("*.down")) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("moment", ["borrow", "root_at", "exchange"])
+def test_a_client_comes_to_the_next_helper_process_where_one_dies_while_it_connects(bench, monkeypatch, moment) -> None:
+    do = getattr(connection, moment)
+    killed: list[int] = []
+
+    def after_a_death(*arguments, **options):
+        if not killed:
+            killed.append(bench.serving.helper_pid)
+            os.kill(killed[0], signal.SIGKILL)
+            wait_until(lambda: not process_start(killed[0]))
+        return do(*arguments, **options)
+
+    monkeypatch.setattr(connection, moment, after_a_death)
+    with Client.connect("bot", timeout_s=min(DEADLINE_S, 60)) as client:
+        assert client.table().elements
+        assert client.status().helper_pid not in {killed[0], 0}
+
+
+@pytest.mark.slow
+def test_a_helper_process_that_dies_of_a_fault_says_where_it_stood(bench, capfd) -> None:
+    for number in (signal.SIGKILL, signal.SIGSEGV):  # the second is started while what is said is captured
+        before = bench.serving.helper_pid
+        os.kill(before, number)
+        wait_until(lambda: bench.serving.helper_pid != before and bench.serving.is_up)  # noqa: B023
+    said = capfd.readouterr().err
+    assert "Segmentation fault" in said
+    assert "silo/helper/helper.py" in said
+
+
+def test_a_client_that_connects_does_not_wait_for_the_helper_process_of_a_program_that_has_ended(bench, monkeypatch):
+    tries: list[LoggerAddress] = []
+
+    def gone(_, found: LoggerAddress, __: float) -> None:
+        tries.append(found)
+        raise NoAnswerError("nobody is there")
+
+    monkeypatch.setattr(connection.Connection, "_open", gone)
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    found = replace(discover().one("bot"), pid=ended.pid)
+    with pytest.raises(ConnectionLostError, match="nobody is there"):
+        Client.connect(found, timeout_s=min(DEADLINE_S, 60))
+    assert tries == [found]
 
 
 @pytest.mark.slow
