@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from silo.core.conditions import Conditions
 from silo.core.elements import LoggedEvent, RecorderState
+from silo.core.quantities.writing import duration, size_text
 from silo.core.recording import RecordedElement
 from silo.core.runtime import disk_room, sync
 from silo.errors import SiloError
@@ -297,7 +298,7 @@ class Writing:
 
     def change_conditions(self, conditions: Conditions) -> None:
         """Write from here on with these limits and triggers: a part has one set of them."""
-        self._finish_part()
+        self._finish_part("limits or triggers changed")
         self._layout = self._present_layout.with_conditions(conditions)
         self._ledger.begin_run(_entry(self._layout, self._next_rows))
 
@@ -322,8 +323,8 @@ class Writing:
         if self._part is not None:
             self._part.sync_if_due()
             self._count()
-            if is_long(self._order, self._part, time.monotonic(), up_to_date=drained.complete):
-                self._finish_part()
+            if why := why_full(self._order, self._part, time.monotonic(), up_to_date=drained.complete):
+                self._finish_part(why)
 
     def _write_rows(self, rows: Rows) -> None:
         self._note_bad(rows.ring.ring)
@@ -331,7 +332,7 @@ class Writing:
         elements = layout.samples(rows)
         misfits = layout.misfits(rows, elements)
         if misfits:
-            self._finish_part()
+            self._finish_part("longer bytes than before came")
             layout = self._layout = layout.with_bytes(misfits)
             elements = layout.samples(rows)
         self._open_part().add(rows, elements)
@@ -428,7 +429,7 @@ class Writing:
     def _note_lost(self, loss: Loss) -> None:
         layout = self._present_layout
         if loss.end - loss.begin > MOST_HOLE_ROWS:
-            self._finish_part()
+            self._finish_part("many rows are missing after it")
             self._next_rows[loss.ring] = loss.end
         part = self._open_part()  # one that begins here has the hole before its first row
         self._next_rows[loss.ring] = loss.end
@@ -449,7 +450,8 @@ class Writing:
         number = self._next_rows.get(EVENTS_RING, 1)
         return LoggedEvent("lost", text, time.time_ns(), 0, schema.started_ns, schema.logger, schema.run, number)
 
-    def _finish_part(self) -> None:
+    def _finish_part(self, why: str = "") -> None:
+        """Finish the part that is open; `why`, where the next one goes on with the run."""
         part, self._part = self._part, None
         if part is None:
             return
@@ -464,7 +466,7 @@ class Writing:
         self._ledger.end(part.final.name, size, run, {**self._next_rows}, part.rows, part.samples)
         self.totals.part = ""
         if size:
-            self.news.append(News(Report, finished=str(part.final)))
+            self.news.append(News(Report, finished=f"{part.final}{why and f', and goes on in the next part: {why}'}"))
         self._count()
 
     @property
@@ -525,11 +527,16 @@ class _NoRoomLeftError(SiloError):
     """The disk is as full as it may become."""
 
 
-def is_long(order: RecordOrder, part: OpenPart, now_s: float, *, up_to_date: bool) -> bool:
-    """Whether a part ends here. What is not up to date goes on, to half as much again: another one costs time."""
+def why_full(order: RecordOrder, part: OpenPart, now_s: float, *, up_to_date: bool) -> str:
+    """Return why a part ends here; empty: it doesn't.
+
+    What is not up to date goes on, to half as much again: another one costs time.
+    """
     most_bytes = min((limit for limit in (order.split_bytes, order.keep_bytes // 2) if limit), default=0)
     if most_bytes and part.size_bytes >= most_bytes * (1 if up_to_date else 1.5):
-        return True
+        return f"it has {size_text(most_bytes)}"
     if part.index_bytes >= MOST_INDEX_BYTES:
-        return True
-    return bool(order.split_s) and now_s - part.begun_s >= order.split_s and up_to_date
+        return f"its index has {size_text(MOST_INDEX_BYTES)}"
+    if order.split_s and now_s - part.begun_s >= order.split_s and up_to_date:
+        return f"it lasts {duration(order.split_s)}"
+    return ""

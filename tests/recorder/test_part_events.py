@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from silo import open_log, runs
 from silo.cli.main import run
-from silo.core.elements import LoggedEvent
+from silo.core.elements import LoggedEvent, RecorderState
 from silo.errors import FileFormatError
 from silo.files.bag_reader import read_bag
 from silo.files.bags.writer import write_bag
@@ -237,6 +237,9 @@ def test_other_limits_begin_another_part(robot, tmp_path, truth) -> None:
     robot.ticks(50)
     direct.step()
     direct.finish()
+    told = [each for news in direct.writing.news if (each := news(RecorderState.RECORDING).finished)]
+    names = [str(path) for path in parts(tmp_path)]
+    assert told == [f"{names[0]}, and goes on in the next part: limits or triggers changed", names[1]]
     one, two = (read_bag(path) for path in parts(tmp_path))
     assert [len(found.conditions.limits) for found in (one, two)] == [0, 1]
     assert [truth.span(one), truth.span(two)] == [(0, 50), (50, 100)]

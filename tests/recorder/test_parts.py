@@ -31,7 +31,7 @@ from silo.recorder.orders import RecordOrder
 from silo.recorder.requests import StartRecorder
 from silo.recorder.ring_cursor import RingCursor
 from silo.recorder.server import _wrong_numbers
-from silo.recorder.writing import MOST_INDEX_BYTES, QUEUE_BYTES, RecorderDisk, is_long, left_free
+from silo.recorder.writing import MOST_INDEX_BYTES, QUEUE_BYTES, RecorderDisk, left_free, why_full
 from silo.recovery.parts import close_part, close_parts, finished_part, left_parts, left_rows
 from silo.segment.reader import SegmentReader
 
@@ -567,7 +567,7 @@ def one_element(recording, name: str) -> list[int]:
 def test_a_part_ends_at_its_size_and_half_as_much_again_where_the_disk_is_behind(limits, up_to_date, longest) -> None:
     def ends(size_bytes: int) -> bool:
         part = SimpleNamespace(size_bytes=size_bytes, index_bytes=0, begun_s=0.0)
-        return is_long(RecordOrder("bot", "/logs", **limits), part, 1e9, up_to_date=up_to_date)
+        return why_full(RecordOrder("bot", "/logs", **limits), part, 1e9, up_to_date=up_to_date) != ""
 
     if longest is None:
         assert not ends(2**60)
@@ -575,14 +575,15 @@ def test_a_part_ends_at_its_size_and_half_as_much_again_where_the_disk_is_behind
         assert [ends(size_bytes) for size_bytes in (0, longest - 1, longest, 2**60)] == [False, False, True, True]
 
 
-@pytest.mark.parametrize(("up_to_date", "ends"), [(True, [False, True]), (False, [False, False])])
+@pytest.mark.parametrize(("up_to_date", "ends"), [(True, ["", "it lasts 60 s"]), (False, ["", ""])])
 def test_a_part_of_a_time_ends_once_all_of_it_is_written(up_to_date, ends) -> None:
     part = SimpleNamespace(size_bytes=1, index_bytes=0, begun_s=100.0)
     order = RecordOrder("bot", "/logs", split_s=60.0)
-    assert [is_long(order, part, now_s, up_to_date=up_to_date) for now_s in (159.9, 160.0)] == ends
+    assert [why_full(order, part, now_s, up_to_date=up_to_date) for now_s in (159.9, 160.0)] == ends
 
 
 def test_a_part_whose_index_is_large_ends_whatever_is_behind() -> None:
     sizes = (MOST_INDEX_BYTES - 1, MOST_INDEX_BYTES)
     parts = [SimpleNamespace(size_bytes=1, index_bytes=size, begun_s=0.0) for size in sizes]
-    assert [is_long(RecordOrder("bot", "/logs"), part, 0.0, up_to_date=False) for part in parts] == [False, True]
+    why = [why_full(RecordOrder("bot", "/logs"), part, 0.0, up_to_date=False) for part in parts]
+    assert why == ["", "its index has 16.8 MB"]

@@ -171,6 +171,20 @@ async def test_enter_goes_there_in_the_plots(running, opened):
         assert screen.app.screen.window.at_ns == running.happened[1].at_ns
 
 
+@pytest.mark.parametrize(("read_s", "there"), [(1e6, "push 3"), (0.0, "push 4")])
+async def test_enter_as_another_event_comes_goes_to_the_one_that_was_read(running, opened, monkeypatch, read_s, there):
+    monkeypatch.setattr("silo_tui.screens.lists.events.READ_S", read_s)
+    running.happen("marker", "push 3", running.now_ns - SECOND)
+    async with opened(running) as screen:
+        await screen.plot("m")
+        await screen.do("events")
+        await screen.shows('M "push 3"')
+        running.happen("marker", "push 4", running.now_ns)
+        await screen.shows('M "push 4"')
+        await screen.press("enter")
+        await screen.shows(f'"{there}" at')
+
+
 @pytest.mark.parametrize(
     ("kind", "words", "plotted"),
     [("limit", "/log/imu/temperature HH: 71 > 70", "/log/imu/temperature"),

@@ -3,6 +3,7 @@
 
 import asyncio
 import re
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -27,6 +28,8 @@ from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, StatusBar
 from silo_tui.widgets.lines import Lines
 
+READ_S = 0.7  # a row that has stood under the cursor for less has been read by nobody who types a key
+
 
 class EventsScreen(ListScreen[LoggedEvent]):
     """A list of lines that follows the newest one until one moves in it."""
@@ -42,6 +45,8 @@ class EventsScreen(ListScreen[LoggedEvent]):
         self._following = True
         self._known: Sequence[LoggedEvent] = ()
         self._all: Sequence[LoggedEvent] = ()  # as they are shown
+        self._before: LoggedEvent | None = None  # what was under the cursor until another one came
+        self._came_s = 0.0
 
     def above(self) -> ComposeResult:
         self._bar, self._banner = StatusBar(self.session, read_only=self.context.read_only), Banner(self.session)
@@ -67,9 +72,12 @@ class EventsScreen(ListScreen[LoggedEvent]):
         return self._all
 
     def show(self) -> None:
+        before, has_news = self.chosen, self.session.happened is not self._known
         self._known = self.session.happened
         self._all = in_time(self._known)
         super().show()
+        if has_news and before is not None and self.chosen_key != self.key_of(before):
+            self._before, self._came_s = before, time.monotonic()
 
     def key_of(self, one: LoggedEvent) -> str:
         return f"{one.run} {one.number} {one.time_ns} {one.kind} {one.text}"
@@ -102,7 +110,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
     # --------------------------------------------------------------------------------------------------- commands
 
     def move(self, place: int) -> None:
-        self._following = False
+        self._following, self._before = False, None
         super().move(place)
 
     def on_lines_cursor_moved(self, event: Lines.CursorMoved) -> None:
@@ -159,6 +167,8 @@ class EventsScreen(ListScreen[LoggedEvent]):
         event = self.here()
         if event is None:
             return
+        if self._before is not None and time.monotonic() - self._came_s < READ_S:
+            event = self._before
         if not event.at_ns or event.tick < 0:
             self.say("this happened before the first tick: no place in the plots")
             return
