@@ -71,7 +71,7 @@ class TestScreens:
             await screen.do("enter", "asterisk", "escape", "recordings")
             await screen.shows("Nothing is saved")
             await screen.do("record")
-            await screen.shows("3 signals: 9.6 kB/s before compression")
+            await screen.shows("3 signals: about 31.2 kB/s")
             await screen.press("tab")
             await screen.type("walks")
             await screen.press("tab", "tab", "tab")

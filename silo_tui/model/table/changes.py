@@ -86,7 +86,8 @@ def _pattern(names: list[list[str]]) -> str:
 class Cost:
     """What a table takes: memory of its buffers, bytes per second to a file and to topics, seconds that are held.
 
-    `shortest` is the element that holds the least, empty where nothing is saved.
+    `shortest` is the element that holds the least, empty where nothing is saved; `samples_s` are those that go to a
+    file per second, one of a vector being one.
     """
 
     memory_bytes: float
@@ -95,6 +96,7 @@ class Cost:
     shortest_s: float
     longest_s: float
     shortest: str
+    samples_s: float
 
 
 def cost_of(
@@ -118,5 +120,5 @@ def cost_of(
     return Cost(
         memory, float((sizes * rate)[saved].sum()), float((sizes * rate)[published].sum()),
         float(held_s[at]) if at >= 0 else 0.0, float(held_s[meant].max()) if at >= 0 else 0.0,
-        elements[at].name if at >= 0 else "",
+        elements[at].name if at >= 0 else "", float(rate[saved].sum()),
     )  # fmt: skip

@@ -6,7 +6,7 @@ from typing import ClassVar
 from silo.core.names import matching
 from silo.core.quantities.reading import read_keep, read_split
 from silo.core.quantities.writing import duration, many, size_text
-from silo.recorder.requests import RecorderInfo
+from silo.recorder.requests import SAMPLE_BYTES, RecorderInfo
 from silo_tui.actions import key_of
 from silo_tui.context import Context
 from silo_tui.model.table.changes import cost_of
@@ -91,21 +91,18 @@ class RecordDialog(Form[Wish]):
         on = int((values[Field.ENABLED] != 0).sum())
         off = f", {len(rows) - on} of them off" if on < len(rows) else ""
         values[Field.ACTION] = 0  # it records what is published alone, too
-        bytes_s = cost_of(
-            [session.table.elements[row] for row in rows], values, session.status.frequency_hz
-        ).disk_bytes_s
-        first = f"{many(len(rows), 'signal')}{off}: {size_text(bytes_s)}/s before compression"
+        cost = cost_of([session.table.elements[row] for row in rows], values, session.status.frequency_hz)
+        bytes_s = cost.disk_bytes_s + SAMPLE_BYTES * cost.samples_s
+        first = f"{many(len(rows), 'signal')}{off}: about {size_text(bytes_s)}/s"
         room = read_keep(wish.keep)
         if not bytes_s:
             return first
         if room:
-            kept = f"{first}\nkeeps the newest {duration(room / bytes_s)} or more, then deletes its own oldest parts"
+            kept = f"{first}\nkeeps about the newest {duration(room / bytes_s)}, then deletes its own oldest parts"
             half = room // 2  # a part ends there, so that one can go while the next is written
             return f"{kept}\na part ends at {size_text(half)}, half of it" if read_split(wish.split)[0] > half else kept
         if self._free_bytes:
-            return (
-                f"{first}\nthe disk takes {duration(self._free_bytes / bytes_s)} or more of it, then it stops by itself"
-            )
+            return f"{first}\nthe disk takes {duration(self._free_bytes / bytes_s)} of it, then it stops by itself"
         return first
 
 
