@@ -82,7 +82,7 @@ class TestScreens:
             await screen.shows("a part ends at 100 MB, half of it")
             await screen.press(*["backspace"] * 5)
             await screen.type("2GB")
-            await screen.shows("keeps the newest 2.41 days or more")
+            await screen.shows("keeps about the newest 17.8 h")
             assert "a part ends" not in screen.text
             await screen.press("enter")
             await screen.shows("recording 'robot' to /home/ann/logs/walks")
