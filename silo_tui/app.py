@@ -191,7 +191,8 @@ class SiloApp(Guarded, App[None]):
         return session if session is not None and session.link is not None else None
 
     def poll_soon(self) -> None:
-        """Bring the first values of a logger as they come."""
+        """Bring the first values of a logger as they come, and how its conditions stand."""
+        self._ask_for_conditions()
         session, tries = self._live_session, itertools.count()
 
         def look() -> None:
@@ -232,9 +233,8 @@ class SiloApp(Guarded, App[None]):
             return
         self.context.tell_upper(lambda screen: screen.second_passed())
         self._opener.keep_view()
+        self._ask_for_conditions()
         session = self._live_session
-        if session is not None and session.conditions_due and session.fresh:
-            run_alone(self, "conditions", self._refresh_conditions, session)
         if session is not None and session.lost_since is not None and session.link and session.link.connected:
             # it came back, but didn't answer at once: asked again when it has given up on that, else calls queue up
             if all(one.is_finished for one in self.workers if one.group == "regain"):
@@ -242,6 +242,11 @@ class SiloApp(Guarded, App[None]):
         elif session is not None and session.running and session.connected and session.status.durable_ticks >= 0:
             # no frame tells what is durable
             run_alone(self, "status", self._refresh_status)
+
+    def _ask_for_conditions(self) -> None:
+        session = self._live_session
+        if session is not None and session.conditions_due and session.fresh:
+            run_alone(self, "conditions", self._refresh_conditions, session)
 
     async def _refresh_conditions(self, session: Session) -> None:
         await self.context.quietly(session.refresh_conditions())

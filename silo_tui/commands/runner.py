@@ -201,7 +201,7 @@ class CommandRunner:
         choices = [Choice(each.name, each.words, each.letter) for each in PRESETS] + numbered(files.names())
         if self._context.session.link is not None:  # it is asked for them only then: what is here waits for nobody
             choices.append(Choice(ROBOT, "Views that the robot keeps", "r"))
-        choices.append(Choice(KEEP, "Keep what is on the screen, by a name", "k"))
+        choices.append(Choice(KEEP, "Keep what is on the screen, by a name", "w"))
         name = await self._context.app.push_screen_wait(Question("Look at what?", "", choices))
         if name == ROBOT:
             if not (kept := numbered(await robots_names(self._context))):

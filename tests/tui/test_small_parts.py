@@ -9,7 +9,7 @@ from textual import events
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.sessions.demo import Demo
 
-KEEP, STOP, DROP = Choice("", "Keep", "k"), Choice("stop", "Stop", "s"), Choice("drop", "Drop", "D", loses=True)
+KEEP, STOP, DROP = Choice("", "Keep", "e"), Choice("stop", "Stop", "s"), Choice("drop", "Drop", "D", loses=True)
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ KEEP, STOP, DROP = Choice("", "Keep", "k"), Choice("stop", "Stop", "s"), Choice(
     [
         ([KEEP, DROP], "", "D", True),
         ([KEEP, DROP], "", "x", True),
-        ([KEEP, DROP], "", "k", False),
+        ([KEEP, DROP], "", "e", False),
         ([KEEP, DROP], "", "escape", False),
         ([KEEP, DROP], "", "enter", False),
         ([KEEP, DROP], "drop", "enter", True),

@@ -69,6 +69,7 @@ class Question(Dialog[str | None]):
     ) -> None:
         """`begin` has the focus at first, else the first choice. `about` tells more of one, below."""
         super().__init__()
+        assert not {choice.key for choice in choices} & {*MOVED_BY}, "these move here, or leave"
         self._begin = next((at for at, choice in enumerate(choices) if choice.value == begin), 0)
         self._title = title
         self._body = body
