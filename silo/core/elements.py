@@ -230,6 +230,11 @@ class Stretch(msgspec.Struct, frozen=True, omit_defaults=True):
         """It, fit to show."""
         return f"part {self.part} of run {self.run}" if self.part else f"{self.parts} parts of run {self.run}"
 
+    @property
+    def alone(self) -> str:
+        """What to tell who reads the file of one part; empty for all of a run."""
+        return f"{self.text}, alone: in Python silo.open_log reads all parts as one" if self.part else ""
+
 
 STARTED = "started"
 MARKER = "marker"  # the kind of an event that somebody set

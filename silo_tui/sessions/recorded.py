@@ -224,6 +224,6 @@ def open_file(which: str | os.PathLike[str] | int) -> FileSession:
             f"all: `silo convert --rate 100 {log.path} run.silo`, then `silo-tui run.silo`; or `silo plot`, as it is"
         )
     session = FileSession(log)
-    if log.recording.stretch is not None and log.recording.stretch.part:
-        session.warnings += (f"{log.recording.stretch.text}, shown alone: silo.open_log reads all parts as one",)
+    if log.recording.stretch is not None and log.recording.stretch.alone:
+        session.warnings += (log.recording.stretch.alone,)
     return session

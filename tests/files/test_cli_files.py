@@ -11,6 +11,7 @@ import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
+import silo
 from silo.cli.group import cli
 from silo.cli.logs.files import convert_command, diff_command, plot_command, print_file_info, stats_command
 from silo.core.elements import BufferType, Entry, LoggedEvent
@@ -283,3 +284,23 @@ def test_a_data_set_is_made_of_several_logs(tmp_path, new_logger):
     ):
         refused = run(convert_command, *given)
         assert (refused.exit_code, words in refused.stderr) == (2, True), refused.stderr
+
+
+@pytest.mark.parametrize(
+    "words", [(stats_command, "logs"), (convert_command, "logs", "out.csv"), (plot_command, "logs", "q")]
+)
+def test_who_reads_one_part_of_a_run_that_was_cut_is_told(tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    with silo.Logger("arm", folder=tmp_path / "logs", script=tmp_path / "none.yaml") as log:
+        q = log.array("q", 2)
+        log.start()
+        for tick in range(20):
+            q[:] = tick
+            log.collect()
+            if tick == 9:
+                log.set("q", divider=2, cut=True)
+        log.save()
+    done = run(*words)
+    assert done.exit_code == 0
+    assert "warning: part 2 of run" in done.stderr
+    assert "silo.open_log reads all parts" in done.stderr

@@ -425,6 +425,7 @@ async def test_a_part_of_a_run_that_was_cut_is_opened_beside_the_others_and_says
         log.save()
     async with on_file(next(tmp_path.glob("*part1.silo"))) as screen:
         await screen.shows("part 1 of run")
+        await screen.shows("in Python silo.open_log reads all")
         assert screen.session.report.ticks == 10
 
 
