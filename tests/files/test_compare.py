@@ -218,3 +218,12 @@ def test_many_runs_are_compared_with_the_first_the_most_different_first(several,
 def test_an_episode_that_is_not_there_is_told_with_those_that_are(several):
     with pytest.raises(ElementError, match=r"run0.silo has no episode 'place'; it has pick"):
         silo.compare(several / "run0.silo", several / "run1.silo", episode="place")
+
+
+def test_gaps_are_measured_over_their_finite_numbers():
+    rows = np.array([[3.0, -4.0, 0.0], [1.0, np.nan, -5.0], [np.nan, np.inf, -np.inf]])
+    rms, mean, most = comparing._of_finite(rows)
+    np.testing.assert_allclose(rms, [np.sqrt(25 / 3), np.sqrt(13), np.nan])
+    np.testing.assert_allclose(mean, [-1 / 3, -2, np.nan])
+    np.testing.assert_allclose(most, [4, 5, np.nan])
+    np.testing.assert_allclose(comparing._of_finite(rows[:1]), [[np.sqrt(25 / 3)], [-1 / 3], [4]])

@@ -293,3 +293,13 @@ def test_a_pipe_is_read(tmp_path):
     recording = read_csv(path)
     writer.join()
     assert recording.elements[0].entries[0].values.tolist() == [1, 2]
+
+
+def test_a_row_that_is_too_long_is_told_by_its_number(plan, recorded, tmp_path):
+    write_rows(recorded([plan("/log/a", "<i4"), plan("/log/b", "<i4"), plan("/log/c", "<i4")], 4), tmp_path / "x.csv")
+    lines = (tmp_path / "x.csv").read_text().splitlines()
+    lines[3] += "7,"
+    (tmp_path / "x.csv").write_text("\n".join([*lines, ""]))
+    found = read_csv(tmp_path / "x.csv")
+    assert [text for text in found.warnings if "left out" in text] == ["row 4 has 5 cells for 4 ticks; it is left out"]
+    assert [element.name for element in found.elements] == ["/log/a", "/log/c"]

@@ -126,3 +126,14 @@ def test_a_logger_saves_what_was_derived_while_it_ran(tmp_path, runtime_folder, 
         assert found["twice"].values.tolist() == [2.0 * at for at in range(20)]
         assert found["twice"].unit == "V"
         assert [one.name for one in found.recording.conditions.derived] == ["/log/twice"]
+
+
+@pytest.mark.parametrize(
+    ("expression", "unit"),
+    [("x ** 2", "m^2"), ("2 ** k", "-"), ("x * y", "m*s"), ("x / y", "m/s"), ("x + 1m", "m"), ("x ** k", "-")],
+)
+def test_a_product_has_the_unit_of_its_factors(expression, unit):
+    units = {"x": "m", "y": "s", "k": "-"}
+    elements = [dataclasses.replace(element(name, np.arange(12.0)), unit=of) for name, of in units.items()]
+    made = with_derived(recording(*elements, derived=(("made", expression),))).elements[-1]
+    assert (made.name, made.unit) == ("/log/made", unit)

@@ -300,3 +300,13 @@ class TestNumpysStatistics:
         with pytest.warns(silo.LogWarning, match=rf"write np\.{name}\(signal\.values\) for the former"):
             made = getattr(np, name)(q)
         assert np.array_equal(made, getattr(q, name)())
+
+
+def test_a_mask_or_a_rule_of_numpy_gives_plain_numbers(log):
+    x = log["x"]
+    mask = np.arange(len(x)) < 2
+    assert np.add(x, 1, where=mask, out=None)[:2].tolist() == [1.0, 2.0]
+    made = np.add(x, 1, casting="same_kind")
+    assert type(made) is np.ndarray
+    assert made.tolist() == (x.values + 1).tolist()
+    assert np.add(x, x, dtype=np.float32).values.dtype == np.float32

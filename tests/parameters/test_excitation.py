@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 import silo
-from silo.core.tuning.excitation import ends_of, number_at, steepest
-from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterKind, Wave, Writable, fitting
+from silo.core.tuning.excitation import LONGEST_S, MOST_BITS, _check_numbers, ends_of, number_at, steepest
+from silo.core.tuning.parameters import Excitation, ParameterInfo, ParameterKind, Wave, Writable, fitting, range_text
 from silo.errors import ElementError
-from silo.parameters.excited import GONE
+from silo.parameters.excited import GONE, TAPS, _prbs
 from silo.parameters.landing import CLOSED, SET, STANDS_STILL
 from silo.parameters.parameters import STALLED, Parameters
 from silo.parameters.requests import ParametersSet
@@ -383,3 +384,44 @@ def test_no_value_ever_stands_that_would_be_refused(kind, default, amplitude, do
         assert tick < 5000
     assert change.landed
     assert made.value == default
+
+
+# ------------------------------------------------------------------------------------------------------ small parts
+
+
+@pytest.mark.parametrize("stages", TAPS)
+def test_the_bits_of_a_prbs_come_again_only_after_all_of_its_states(stages):
+    period = 2**stages - 1
+    course = _prbs(Excitation("tau", Wave.PRBS, 1.0, period - 2.0, 0.0, 1.0))  # a bit a second
+    bits = np.array([course(float(second)) for second in range(2 * period)]) > 0
+    np.testing.assert_array_equal(bits[:period], bits[period:])
+    assert bits[:period].sum() == 2 ** (stages - 1)
+    states = sum(bits[place : place + period].astype(int) << place for place in range(stages))
+    assert len(np.unique(states)) == period
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        replace(CHIRP, ramp_s=0.0),
+        replace(CHIRP, ramp_s=4.0),
+        replace(CHIRP, duration_s=LONGEST_S),
+        Excitation("tau", Wave.PRBS, 1.0, 1.0, 0.0, float(MOST_BITS)),
+    ],
+)
+def test_what_is_just_within_the_bounds_is_taken(what):
+    _check_numbers(what)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "words"),
+    [
+        ({}, "any number"),
+        ({"kind": ParameterKind.INT}, "a whole number"),
+        ({"minimum": 2.0}, "from 2"),
+        ({"maximum": 5.0, "step": 0.5}, "up to 5 in steps of 0.5"),
+        ({"minimum": 2.0, "maximum": 5.0}, "2 to 5"),
+    ],
+)
+def test_a_range_is_told_by_the_bounds_it_has(bounds, words):
+    assert range_text(ParameterInfo("kp", **{"kind": ParameterKind.FLOAT, "default": 3.0, **bounds})) == words

@@ -234,3 +234,10 @@ def test_a_cursor_reads_the_highest_peak_that_is_drawn_in_its_cell():
 def test_no_amplitude_is_written_in_db():
     assert big_plot.level_words(0.0, "dB", "m") == "-inf dB"
     assert big_plot.level_words(10.0, "dB", "m") == "20.0 dB"
+
+
+@pytest.mark.parametrize(("way", "lowest"), [("linear", 0.0), ("dB", 50.0)])
+def test_amplitudes_stand_on_zero_and_decibels_on_the_least(way, lowest):
+    plot = big_plot.of_spectra([Spectrum(np.linspace(1e3, 2e3, 90), 1.0)], [], way, SIZE, None)
+    words = [float(word) for word in plot.left.values()]
+    assert min(words) == 0.0 if way == "linear" else min(words) >= lowest

@@ -3,7 +3,7 @@
 import pytest
 
 from silo.core.quantities.reading import read_keep, read_seconds, read_split
-from silo.core.quantities.writing import duration
+from silo.core.quantities.writing import duration, whole_duration
 from silo.errors import ElementError
 from silo.journal.holdings import Holdings
 from silo.judging.checks import seconds
@@ -86,3 +86,11 @@ def test_a_time_is_told_in_its_natural_unit(seconds, told):
 
 def test_the_span_of_a_long_recording_is_told_in_minutes():
     assert "over 17.7 min, of" in Holdings(5, 1, 5, 1063.0).text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "told"),
+    [(0.9, "0 s"), (14.7, "14 s"), (119.9, "119 s"), (120.0, "2 min"), (7199.0, "119 min"), (7200.0, "2 h")],
+)
+def test_a_time_that_goes_on_is_told_in_whole_units(seconds, told):
+    assert whole_duration(seconds) == told

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import silo
-from silo.core.elements import Edit
+from silo.analysis.stretches import joined
+from silo.core.elements import Edit, LoggedEvent, Stretch
+from silo.core.recording import Recording
 from silo.errors import ElementError, SaveError, SegmentError, StateError
 from silo.journal.holdings import segment_holdings
 from silo.logger.current_run import MOST_CUT_OFF, MOST_ELEMENTS, CurrentRun
@@ -357,3 +359,16 @@ def test_what_a_program_says_of_a_cut_stays_beside_that_its_run_was_cut(new_logg
     loop.turn()
     logger.save()
     assert loop.whole(tmp_path).recording.told_about["cut"] == "diamond"
+
+
+@pytest.mark.parametrize(("tick", "there"), [(20, 10), (25, 15), (29, 19), (3, 10), (-1, -1)])
+def test_an_event_of_a_part_that_lost_its_oldest_ticks_stands_at_its_own(tick, there):
+    def part(number, offset, *events):
+        stamps = np.arange(offset - 10, offset, dtype=np.int64) * 1000
+        return Recording("arm", stamps, offset, (), events=events, stretch=Stretch("run", number))
+
+    marked = LoggedEvent("marker", "there", 7, tick, 1000 * tick, "arm", "run", 1)
+    whole = joined([part(2, 30, marked), part(1, 10)])
+    assert [event.tick for event in whole.events] == [there]
+    assert whole.warnings == ("part 2: its oldest 20 ticks were overwritten",)
+    assert (len(whole.time_ns), whole.offset) == (20, 20)
