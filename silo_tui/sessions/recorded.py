@@ -82,8 +82,8 @@ class FileSession(Session):
 
     def facts_words(self, width: int, *, wide: bool) -> list[tuple[int, str, str]]:
         """Return name, duration, ticks, what was lost."""
-        report = self.report
-        facts = f"  {text.span(report.duration_s)}  {text.count(report.ticks)} ticks"
+        report, source = self.report, self.source
+        facts = f"  {text.span((source.end_ns - source.begin_ns) / 1e9)}  {text.count(source.ticks)} ticks"
         facts += f"  {many(len(report.elements), 'element')}" if wide else ""
         facts += f"  {text.short(report.rate_hz)} Hz" if report.rate_hz else ""
         facts += f"  {size_text(report.size_bytes)}" if wide and report.size_bytes else ""

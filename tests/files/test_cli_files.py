@@ -14,6 +14,7 @@ from click.testing import CliRunner
 import silo
 from silo.cli.group import cli
 from silo.cli.logs.files import convert_command, diff_command, plot_command, print_file_info, stats_command
+from silo.cli.verbs import Listing
 from silo.core.elements import BufferType, Entry, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, with_events
 from silo.errors import LogNotFoundError
@@ -304,3 +305,11 @@ def test_who_reads_one_part_of_a_run_that_was_cut_is_told(tmp_path, monkeypatch,
     assert done.exit_code == 0
     assert "warning: part 2 of run" in done.stderr
     assert "silo.open_log reads all parts" in done.stderr
+
+
+def test_a_list_has_heads_rows_and_what_is_odd_or_says_that_it_is_empty(capsys):
+    show = Listing(("NAME", "N"), lambda one: one, "none here", right=(1,), below=lambda one: one[0] * (one[1] == "7"))
+    show([("a", "10"), ("bc", "7")])
+    assert capsys.readouterr().out.splitlines() == ["NAME   N", "a     10", "bc     7", "bc"]
+    show([])
+    assert capsys.readouterr().out.splitlines() == ["none here"]

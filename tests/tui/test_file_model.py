@@ -7,12 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silo.analysis.log import Log
 from silo.core.arrays.columns import Gap, NonFinite, holes_of
 from silo.core.arrays.values import newest_values
 from silo.core.conditions import CaptureFacts, Conditions
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.model.samples.recorded import RecordingSource
+from silo_tui.sessions.recorded import FileSession
 from tests.examples import examples
 
 START_NS = 1_790_000_000_123_456_789
@@ -236,6 +238,8 @@ def test_a_sample_from_before_a_capture_makes_its_time_axis_no_longer_and_no_hol
     of = RecordingSource(recording, [each.name for each in elements])
     assert (of.begin_ns, of.end_ns) == (times[260], times[1060])
     assert of.extent_ns(["/log/a", "/log/slow"]) == (times[260], times[1060])
+    head = FileSession(Log(recording, "fall.silo")).facts_words(100, wide=True)
+    assert "  2 s  801 ticks  " in "".join(words for _, words, _ in head)
     for name in ("/log/a", "/log/slow"):
         past = columns(of, name)
         assert not holes_of(past.marks[0]).any()

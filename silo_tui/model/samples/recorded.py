@@ -117,6 +117,11 @@ class RecordingSource:
         return int(self._times[-1])
 
     @property
+    def ticks(self) -> int:
+        """How many ticks there are from the first time stamp on."""
+        return len(self._times) - self._begin
+
+    @property
     def time_ns(self) -> Stamps:
         """Shape `(n,)`: the time stamps of all ticks, which never fall; not to be written to."""
         return self._times
