@@ -240,6 +240,8 @@ STARTED = "started"
 MARKER = "marker"  # the kind of an event that somebody set
 PARAMETER = "parameter"  # of one that tells what parameters were, or became
 NOTED = (MARKER, PARAMETER)  # what the program notes in its segment
+SEEN = ("triggered", "limit", "limit ended")  # kinds of what is seen in samples, and told once it is judged
+SEEN_LATE_NS = 60_000_000_000  # told so much after its tick by the logger's clock: that clock isn't the wall's
 DAMAGED = "damaged"  # that of one in place of lines of the event log that can't be read
 CUT = "cut"  # that of one with which a run goes on in another stretch
 UNHELD = "unheld"  # and of one that tells of an array that nobody but silo holds any more
@@ -268,6 +270,12 @@ class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):
     def at_ns(self) -> int:
         """Where it stands in plots: the time stamp of its tick, else the wall clock."""
         return self.stamp_ns or self.time_ns
+
+    @property
+    def clock_ns(self) -> int:
+        """When it was, by the wall clock: of what was seen in samples that of its tick, else when it was told."""
+        is_of_tick = self.kind in SEEN and 0 <= self.time_ns - self.stamp_ns < SEEN_LATE_NS
+        return self.stamp_ns if is_of_tick else self.time_ns
 
 
 DEFAULT_MAX_TIME_S = 10.0

@@ -6,6 +6,7 @@ import pytest
 from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
 from silo.core.elements import BufferType, Entry, LoggedEvent
+from silo.core.quantities.writing import wall_clock
 from silo.core.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo.files.silo.writer import write_silo
 from silo_tui.app import SiloApp
@@ -78,6 +79,20 @@ def test_marks_stand_where_they_were_set_not_where_they_were_written():
     other = event("started", at_ns=5, number=4, run="s")  # a run by another clock
     loose = event("crashed", at_ns=2, number=5, run="")
     assert in_time([early, alarm, other, mark, loose]) == [early, mark, other, alarm, loose]
+
+
+@pytest.mark.parametrize(
+    ("kind", "late_ns", "of_tick"),
+    [("limit ended", 800_000_000, True), ("triggered", 10**6, True), ("limit", 0, True), ("saved", 10**9, False),
+     ("limit", 60 * SECOND, False), ("limit", -1, False)],
+)  # fmt: skip
+def test_what_was_seen_in_samples_was_at_its_tick_not_when_it_was_told(kind, late_ns, of_tick):
+    stamp_ns = 1_790_000_000_000_000_000
+    seen = LoggedEvent(kind, "seen", stamp_ns + late_ns, 3, stamp_ns, "robot", "run1", 2)
+    assert seen.clock_ns == (stamp_ns if of_tick else seen.time_ns)
+    assert wall_clock(seen.clock_ns, 3) in line(seen, "seen", 80, "robot")
+    told = LoggedEvent("edited", "1 edit", stamp_ns + 1, 4, stamp_ns, "robot", "run1", 1)
+    assert in_time([told, seen]) == ([seen, told] if seen.clock_ns <= stamp_ns else [told, seen])
 
 
 def test_a_flickering_limit_pushes_out_no_marks():

@@ -138,7 +138,7 @@ def _of_folder(folder: Path, *, follow: bool, as_json: bool) -> None:
     seen: set[LoggedEvent] = set()
     while True:
         found = [event for logger in loggers for event in read_events(folder, logger)]
-        _print(sorted((one for one in found if one not in seen), key=lambda one: (one.time_ns, one.number)), as_json)
+        _print(sorted((one for one in found if one not in seen), key=lambda one: (one.clock_ns, one.number)), as_json)
         seen.update(found)
         if not follow:
             return
@@ -182,7 +182,7 @@ def _print(found: Sequence[LoggedEvent], as_json: bool) -> None:
 
 
 def _line(event: LoggedEvent) -> str:
-    clock = wall_clock(event.time_ns, 3, date=True)
+    clock = wall_clock(event.clock_ns, 3, date=True)
     tick = str(event.tick) if event.tick >= 0 else "-"
     what = event.text if event.text.startswith(event.kind) else f"{event.kind}: {event.text}"
     shown = "".join(letter if letter.isprintable() else "?" for letter in what)

@@ -54,7 +54,8 @@ def in_time(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
         places.setdefault(event.run, []).append(place)
     for run, mine in places.items():
         if run:
-            for place, event in zip(mine, sorted((found[at] for at in mine), key=lambda one: one.time_ns), strict=True):
+            ordered = sorted((found[at] for at in mine), key=lambda one: one.clock_ns)
+            for place, event in zip(mine, ordered, strict=True):
                 found[place] = event
     return found
 
@@ -118,8 +119,8 @@ def matches(event: LoggedEvent, asked: str, told: str) -> bool:
 KINDS = "MTXHES "
 ORDERS: tuple[Order[LoggedEvent], ...] = (
     Order("time", "t", "time, the newest first", lambda event: 0, True),  # as they stand in the list
-    Order("kind", "k", "kind: marks, triggers, losses ...", lambda event: (KINDS.find(letter(event)), -event.time_ns)),
-    Order("who", "w", "who did it", lambda event: (event.who.casefold(), -event.time_ns)),
+    Order("kind", "k", "kind: marks, triggers, losses ...", lambda event: (KINDS.find(letter(event)), -event.clock_ns)),
+    Order("who", "w", "who did it", lambda event: (event.who.casefold(), -event.clock_ns)),
 )
 
 
@@ -129,16 +130,16 @@ def csv_text(events: Sequence[LoggedEvent]) -> str:
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["time", "time_ns", "tick", "kind", "what", "who", "run"])
     for event in events:
-        seconds, rest = divmod(event.time_ns, 10**9)
+        seconds, rest = divmod(event.clock_ns, 10**9)
         clock = f"{datetime.fromtimestamp(seconds, timezone.utc):%Y-%m-%dT%H:%M:%S}.{rest:09}Z"
         tick = event.tick if event.tick >= 0 else ""
-        writer.writerow([clock, event.time_ns, tick, event.kind, event.text, event.who, event.run])
+        writer.writerow([clock, event.clock_ns, tick, event.kind, event.text, event.who, event.run])
     return out.getvalue()
 
 
 def line(event: LoggedEvent, told: str, width: int, logger: str) -> str:
     """Return a line of the screen: time, tick, letter, what was told, who; `who` goes first where there is no room."""
-    clock = wall_clock(event.time_ns, 3)
+    clock = wall_clock(event.clock_ns, 3)
     tick = f"{event.tick:,}".replace(",", " ") if event.tick >= 0 else "-"
     head = f"  {clock}  {tick:>10} {letter(event)} "
     who = text.clean(short_words(event.who) or logger)[: max(0, min(20, width // 4))]
