@@ -10,7 +10,7 @@ from silo.cli.loggers.ls import _ls_row
 from silo.client.client import Client
 from silo.core.elements import State, is_stalled
 from silo.core.quantities.writing import idle_words
-from silo.fleet.member import Member, Stands
+from silo.fleet.member import HELPER_DOWN, NO_ANSWER, Member, Stands
 from silo.live.publisher import differs
 from silo.net.found import LoggerAddress
 from silo.rpc.published import Summary
@@ -85,3 +85,10 @@ def test_a_frozen_program_is_told_so_and_its_rate_is_no_nominal_one(robots) -> N
             assert _ls_row(answer)[4] == "0"
         finally:
             os.kill(robot.pid, signal.SIGCONT)
+
+
+@pytest.mark.parametrize(("mute", "since"), [(HELPER_DOWN, "02:05"), (NO_ANSWER, "-")])
+def test_of_a_logger_that_is_down_is_told_since_when(monkeypatch, mute, since) -> None:
+    monkeypatch.setattr("time.time", lambda: 1125.0)
+    found = LoggerAddress("arm", 7, "/run/arm.7.sock", "ann", since=1000.0)
+    assert _ls_row(Member(found, problem="gone", mute=mute))[:4] == ("arm.7", "-", mute, since)

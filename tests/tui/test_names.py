@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from silo.core.quantities.writing import size_text
 from silo_tui.model.words import text
 from silo_tui.model.words.names import (
+    _around,
     cells,
     first_levels,
     fitted_among,
@@ -137,3 +138,11 @@ def test_seconds_go_on_to_two_minutes():
 )
 def test_a_text_takes_as_many_cells_as_a_terminal_gives_it(words, width):
     assert cells(words) == width
+
+
+@pytest.mark.parametrize(
+    ("name", "begin", "words"),
+    [("xyLFabcdefghi", 2, "xyLF…defghi"), ("wxyLFabcdefghi", 3, "…xyLF…defghi"), ("LFabcdefghijk", 0, "LF…fghijk")],
+)
+def test_letters_are_left_out_where_a_sign_stands_for_them_alone(name, begin, words):
+    assert _around(name, begin, begin + 2, 12) == words

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from silo.core.arrays.columns import ColumnStore
+from silo.core.arrays.columns import ColumnStore, HistoryColumns, NonFinite
 from silo.rpc.published import Event, EventKind
 from silo.state.requests import Unsaved
 from silo_tui.model.samples.held import HeldSource
-from silo_tui.model.samples.pinned import SLICES, PinnedSource
+from silo_tui.model.samples.pinned import SLICES, PinnedSource, _ends_of
 
 SECOND = 10**9
 PLOTS = [SimpleNamespace(name="/log/x", element=SimpleNamespace(name="/log/x"))]
@@ -87,3 +87,13 @@ async def test_news_of_before_a_start_that_arrive_after_its_answer_stop_nothing(
         await session.stop()
         await session.take_event(Event(2, fake.now_ns, EventKind.STARTED, "started", "", started))
         assert not session.running
+
+
+def test_ends_of_columns_stand_within_their_column_in_the_order_of_the_curve():
+    low, high = np.array([[1.0, 2.0, np.nan, 0.0]]), np.array([[3.0, 2.0, np.nan, 1.0]])
+    marks = np.array([[0, NonFinite.NAN, NonFinite.POS_INF, 0]], np.uint8)
+    time_ns, values = _ends_of(HistoryColumns(("/log/x",), 10, 100, low, high, marks), 0)
+    assert time_ns.tolist() == [1000, 1050, 1100, 1151, 1251, 1300, 1350]
+    np.testing.assert_array_equal(values, [1.0, 3.0, 2.0, np.nan, np.inf, 1.0, 0.0])
+    moved = HistoryColumns(("/log/x",), 10, 100, low[:, :2], high[:, :2], None, {0: 2**60})
+    assert _ends_of(moved, 0)[1].tolist() == [2**60 + 1, 2**60 + 3, 2**60 + 2]

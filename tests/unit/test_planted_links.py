@@ -64,6 +64,14 @@ def test_a_planted_list_of_parts_is_not_read_through_and_a_pipe_holds_up_no_reco
         Ledger(folder, "y", 0.0, os.getpid())
 
 
+def test_what_is_no_file_is_closed_again(folder) -> None:
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    for _ in range(20):
+        with pytest.raises(OSError, match="it is no file"):
+            open_own(folder, os.O_RDONLY)
+    assert len(list(Path("/proc/self/fd").iterdir())) < before + 10  # another thread may open some
+
+
 def test_a_planted_pipe_holds_up_nobody(folder) -> None:
     os.mkfifo(folder / ".x_fileNumber")
     with pytest.raises(SaveError, match="it is no file"):

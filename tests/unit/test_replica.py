@@ -36,3 +36,28 @@ def test_a_status_is_told_while_its_run_is_replaced(new_logger) -> None:
     os.close(spare)
     assert found.segment_bytes == size > 0
     assert found.ticks == 1
+
+
+def test_a_generation_is_of_one_table_one_set_of_derived_signals_and_one_run(new_logger) -> None:
+    log = new_logger("bot", frequency=100)
+    log.array("x")
+    log.update(read_script=False)
+    replica = Replica(robot_state(log, "", -1))
+
+    def generation(sent: int) -> int:
+        replica.take(robot_state(log, "", sent))
+        return replica.now.generation
+
+    revision = log._scripted.revision
+    first = generation(revision)
+    assert generation(revision) == first  # as each status is: nothing that was made for it is out of date
+    log.set("x", divider=2)
+    edited = generation(revision)
+    assert edited > first
+    log.start()
+    started = generation(log._scripted.revision)
+    assert started > edited
+    log.collect()
+    assert generation(log._scripted.revision) == started
+    log.derive("twice", "2 * x")
+    assert generation(log._scripted.revision) > started
