@@ -11,7 +11,6 @@ import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
-import silo
 from silo.cli.group import cli
 from silo.cli.logs.files import convert_command, diff_command, plot_command, print_file_info, stats_command
 from silo.cli.verbs import Listing
@@ -20,6 +19,7 @@ from silo.core.recording import RecordedElement, RecordedEntry, Recording, with_
 from silo.errors import LogNotFoundError
 from silo.files.bags.writer import write_bag
 from silo.files.silo.writer import write_silo
+from tests.stand_ins.saved import cut_in_two
 
 COMMANDS = [convert_command, diff_command, plot_command, stats_command]
 TICKS = 100
@@ -292,15 +292,7 @@ def test_a_data_set_is_made_of_several_logs(tmp_path, new_logger):
 )
 def test_who_reads_one_part_of_a_run_that_was_cut_is_told(tmp_path, monkeypatch, words):
     monkeypatch.chdir(tmp_path)
-    with silo.Logger("arm", folder=tmp_path / "logs", script=tmp_path / "none.yaml") as log:
-        q = log.array("q", 2)
-        log.start()
-        for tick in range(20):
-            q[:] = tick
-            log.collect()
-            if tick == 9:
-                log.set("q", divider=2, cut=True)
-        log.save()
+    cut_in_two(tmp_path / "logs")
     done = run(*words)
     assert done.exit_code == 0
     assert "warning: part 2 of run" in done.stderr

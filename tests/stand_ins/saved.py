@@ -2,6 +2,7 @@
 
 import numpy as np
 
+import silo
 from silo.core.elements import BufferType, Entry, LoggedEvent
 from silo.core.recording import RecordedElement, RecordedEntry, Recording
 from tests.stand_ins.fake_signals import START_NS
@@ -46,3 +47,16 @@ def twenty_seconds(seconds=0, number=1):
     events = tuple(LoggedEvent(kind, text, int(times[tick]), tick, int(times[tick])) for kind, text, tick in told)
     facts = {"frequency_hz": 400.0, "started_ns": begin_ns, "about": {"task": f"gait{number}", "operator": "ann"}}
     return Recording("robot", times, 8000, elements, events=events, **facts)
+
+
+def cut_in_two(folder):
+    """Save a run of 20 ticks that was cut after 10 of them."""
+    with silo.Logger("arm", folder=folder, script=folder / "none.yaml") as log:
+        q = log.array("q", 2)
+        log.start()
+        for tick in range(20):
+            q[:] = tick
+            log.collect()
+            if tick == 9:
+                log.set("q", divider=2, cut=True)
+        log.save()

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import silo
 from silo.analysis.log import Log
 from silo.core.elements import BufferType, Entry
 from silo.core.recording import Failures, RecordedElement, RecordedEntry, Recording
@@ -17,6 +16,7 @@ from silo_tui.model.table.fields import Field
 from silo_tui.screens.files.file_table import FileTableScreen
 from silo_tui.screens.plots.detail import FileDetailScreen
 from silo_tui.sessions.recorded import FileSession
+from tests.stand_ins.saved import cut_in_two
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -414,15 +414,7 @@ async def test_the_values_of_the_table_are_those_at_the_cursor(path, on_file):
 
 
 async def test_a_part_of_a_run_that_was_cut_is_opened_beside_the_others_and_says_so(tmp_path, on_file):
-    with silo.Logger("arm", folder=tmp_path, script=tmp_path / "none.yaml") as log:
-        q = log.array("q", 2)
-        log.start()
-        for tick in range(20):
-            q[:] = tick
-            log.collect()
-            if tick == 9:
-                log.set("q", divider=2, cut=True)
-        log.save()
+    cut_in_two(tmp_path)
     async with on_file(next(tmp_path.glob("*part1.silo"))) as screen:
         await screen.shows("part 1 of run")
         await screen.shows("in Python silo.open_log reads all")
