@@ -5,6 +5,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
@@ -444,6 +445,9 @@ class ElementsScreen(SiloScreen):
             words = "… being measured: all are shown until then"
         elif not len(rows.shown) and len(self.session.table):
             words = self._why_none()
+        elif line.value and len(by := np.flatnonzero(found.by_component(self.session.table, rows.marked))):
+            words = f"{len(by)} by a component: {self.session.short_name(self.session.table.names[by[0]])}"
+            words += " …" if len(by) > 1 else ""
         *above, last = words.split("\n")
         above += [last] if len(last) >= room else []
         notes.update("\n".join([*above, f"{'' if len(last) >= room else last:<{max(0, room)}}{count}"]))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.core.elements import Action, BufferType, ElementOptions, Table
+from silo.core.elements import Action, BufferType, ElementInfo, ElementOptions, Entry, Table
 from silo.settings.typed import apply_settings
 from silo_tui.model.table import filter as filters
 from silo_tui.model.table.fields import Field, parse_change, values_of
@@ -42,8 +42,6 @@ def test_no_text_makes_the_filter_fail(text):
 
 @given(st.text(alphabet='abdisuvun:=<>!*?[]"-/ 159.', max_size=20))
 def test_filter_terms_are_total_on_a_table(text):
-    from silo.core.elements import ElementInfo, ElementOptions, Entry
-
     state = TableState()
     state.load(Table(1, [ElementInfo("/log/a", "Nm", "scalar", (), (Entry("", "<f8"),), ElementOptions())]))
     assert filters.parse(text).mask(state, np.zeros(1, bool)).shape == (1,)
@@ -51,6 +49,25 @@ def test_filter_terms_are_total_on_a_table(text):
 
 def test_words_must_all_be_in_the_name(rows):
     assert shown(rows, "lf TORQUE") == [f"/log/legs/LF/{joint}/torque" for joint in ("HAA", "HFE", "KFE")]
+
+
+@pytest.mark.parametrize(
+    ("text", "passes", "by_component"),
+    [("LF torque", [True, True, False], [True, False, False]), ("torque", [True, True, True], [False] * 3),
+     ("-LF", [False, False, True], [False] * 3), ("~LF_H..$", [True, False, False], [True, False, False])],
+)  # fmt: skip
+def test_what_passes_by_the_name_of_a_component_alone_is_known(text, passes, by_component):
+    entries = (Entry("_LF_HAA", "<f8"), Entry("_RF_HAA", "<f8"))
+    named = [
+        ("joints/torque", entries),
+        ("legs/LF/torque", (Entry("", "<f8"),)),
+        ("legs/RF/torque", (Entry("", "<f8"),)),
+    ]
+    state, none = TableState(), np.zeros(3, bool)
+    state.load(Table(1, [ElementInfo(f"/log/{name}", "Nm", "vector", (), of, ElementOptions()) for name, of in named]))
+    found = filters.parse(text)
+    assert found.mask(state, none).tolist() == passes
+    assert found.by_component(state, none).tolist() == by_component
 
 
 def test_a_minus_excludes(rows):

@@ -6,6 +6,7 @@ from silo.conditions.standing import LimitStatus, LimitWord, TriggerStatus, Trig
 from silo.core.conditions import TriggerOptions
 from silo_tui.screens.lists.list_screen import ListScreen
 from silo_tui.settings.options import Settings
+from tests.stand_ins.fake_signals import scalar, vector
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -60,3 +61,14 @@ async def test_a_key_is_of_the_command_that_it_was_asked_for_wherever_the_cursor
         screen.app.screen_stack[-2].lines.move(0)
         await screen.press("f")
         assert screen.app.context.settings.keys == {"filter": "f"}
+
+
+async def test_a_row_that_is_found_by_a_component_is_told_while_one_types(new_fake, opened):
+    joints = vector("/log/joints/torque", "Nm", ("LF_KFE", "RF_KFE"))
+    async with opened(new_fake([joints, scalar("/log/legs/LF/torque", "Nm")])) as screen:
+        await screen.type("/LF torque")
+        await screen.shows("1 by a component: /joints/torque")
+        await screen.press("escape")
+        await screen.type("/legs")
+        await screen.shows("1 of 2")
+        assert "by a component" not in screen.text

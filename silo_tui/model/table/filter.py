@@ -14,6 +14,7 @@
 
 import re
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,6 +64,12 @@ class Filter:
         for condition in self.conditions:
             result &= condition.test(table, marked)
         return result
+
+    def by_component(self, table: TableState, marked: Mask) -> Mask:
+        """Return shape `(n,)`: the elements that pass by the name of a component alone, as `joints/torque` does LF."""
+        named = copy(table)
+        named.searched = [names[:1] for names in table.searched]
+        return self.mask(table, marked) & ~self.mask(named, marked)
 
     def blocked_by(self, table: TableState, marked: Mask) -> tuple[str, int] | None:
         """Return the term without which most elements would be left, and how many; None where no single one is it."""
