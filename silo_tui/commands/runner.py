@@ -304,8 +304,10 @@ async def view_shown(context: Context, name: str) -> str:
         raise RefusedError(str(error)) from error
     missing = await views.show(context, layout)
     rows = context.session.rows
-    if name in BY_NAME and not len(rows.shown) and not rows.filter.measured:  # the one before lets nothing of it pass
+    if name in BY_NAME and not len(rows.shown) and not rows.filter.measured:
+        before = " ".join(rows.filter.text.split()[:-1])
         missing = await views.show(context, BY_NAME[name].layout)
+        missing = "; ".join(filter(None, [f"of all: '{before}' lets nothing of it pass" if before else "", missing]))
     return "; ".join(filter(None, [f"view {name}", missing, *problems[:1]]))
 
 

@@ -77,6 +77,7 @@ async def test_a_view_of_what_is_filtered_or_of_all_where_that_has_nothing_of_it
         await screen.do("view")
         await screen.press("h")
         await screen.until(lambda: screen.session.rows.filter.text == "unit:degC")
+        await screen.shows("view hottest; of all: 'torque' lets nothing of it pass")
 
 
 async def test_the_tour_goes_on_as_its_steps_are_done(fake, opened):
