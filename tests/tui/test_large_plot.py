@@ -181,7 +181,7 @@ async def test_the_cursor_reads_the_peak_that_one_goes_to_and_the_lines_beside_i
 @pytest.mark.parametrize("is_held", [False, True])
 @pytest.mark.parametrize(
     ("command", "shown"),
-    [("mode_xy", "it needs two plots"), ("mode_spectrum", "Hz a line"), ("mode_histogram", "median")],
+    [("mode_xy", "it needs two plots"), ("mode_spectrum", "resolution"), ("mode_histogram", "median")],
 )
 async def test_each_way_of_drawing_is_there_at_once_from_the_plots(fake, opened, command, shown, is_held):
     async with opened(fake.run(20)) as screen:

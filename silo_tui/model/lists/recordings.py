@@ -118,5 +118,5 @@ def summary(found: Recordings) -> str:
     here, count = len(found.recordings), text.count(found.count)
     parts = [f"{count} saved" if here >= found.count else f"the newest {here} of {count} saved"]
     if found.disk_bytes:
-        parts.append(f"disk {1 - found.free_bytes / found.disk_bytes:.0%} of {size_text(found.disk_bytes)}")
+        parts.append(f"{size_text(found.free_bytes)} of {size_text(found.disk_bytes)} free")
     return " │ ".join(parts)

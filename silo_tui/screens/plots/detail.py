@@ -220,7 +220,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         whose = self._letter(self.plots.index(plots[0]))  # nothing where it is the only one
         notes = [f"{whose}peak {words[0]}", *words[1:]] if words else [f"{whose}no peak stands out"]
         rate = 1 / first.period_s
-        notes.append(f"{text.compact(step)} Hz a line")
+        notes.append(f"resolution {text.compact(step)} Hz")
         notes.append(f"{duration(first.seconds)} of {text.short(rate)} Hz, jitter {text.span(first.jitter_s, 2)}")
         if first.left_out:
             notes.append(first.left_out)
