@@ -149,7 +149,7 @@ class RunData:
         self.look_for_unheld()
         saved = self._saved_by_helper(chosen, name, str(where.resolve()) if folder else "")
         if saved is None:
-            why = "saved by the program"
+            why = "saved by the robot program"
             with self._life.lock:  # a start(), or close(), of another thread has the memory of this run go
                 self._life.check_open()
                 run = self._present.run or run

@@ -36,7 +36,7 @@ def test_the_list_names_files_types_span_and_why(bench, saved):
     assert saved[0].stem in lines[1]
     assert "silo, csv" in lines[1]
     assert "3.0 s" in lines[1]
-    assert "saved by the program" in lines[1]
+    assert "saved by the robot program" in lines[1]
     assert "walk" in lines[2]
     assert "2 recordings" in lines[3]
 

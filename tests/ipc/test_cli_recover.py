@@ -83,7 +83,7 @@ else:
 
 
 @pytest.mark.parametrize(
-    ("ends", "why"), [("killed", "program died"), ("saved", "saved by the program"), ("closed", "")]
+    ("ends", "why"), [("killed", "program died"), ("saved", "saved by the robot program"), ("closed", "")]
 )
 def test_what_was_saved_of_a_killed_program_is_named(
     ends: str, why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

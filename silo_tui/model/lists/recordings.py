@@ -91,7 +91,7 @@ def row(one: SavedRecording, name: str, width: int, now_s: float | None = None) 
         why = "not finished yet"
     span = text.span(one.span_s, 3) if one.span_s else "-"
     cells = (
-        name, text.clean(why), " ".join(file.type.name.lower() for file in one.files),
+        name, text.clean(why.removeprefix("saved ")), " ".join(file.type.name.lower() for file in one.files),
         begun_text(begun_ns(one), time.time() if now_s is None else now_s), span,
         "part" if one.unfinished else size_text(one.size_bytes), marks_text(one),
     )  # fmt: skip
