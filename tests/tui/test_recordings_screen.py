@@ -2,6 +2,7 @@
 
 import csv
 import os
+import re
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -84,7 +85,8 @@ async def test_the_list_says_why_when_how_long_how_large(opened, fake, logs, siz
         found = screen.text.splitlines()
         order = [next(place for place, line in enumerate(found) if words in line) for words in ("fall_3", "00006")]
         assert order == sorted(order)
-        assert "3 saved │ disk" in screen.text
+        assert re.search(r"3 saved │ [\d.]+ .?B of [\d.]+ .?B free", screen.text)
+        assert "by bob@lab" in screen.text
         assert all(len(line) <= size[0] for line in found)
 
 
