@@ -137,6 +137,8 @@ def test_with_a_damaged_line_of_the_table_all_other_elements_are_read(small, tmp
     found = {entry.name: entry.values.tolist() for e in damaged.elements for entry in e.entries}
     assert set(expected) - set(found) == {"/log/v_y"}
     assert all(repr(found[name]) == repr(expected[name]) for name in found)
+    number = small[: small.index(b"/log/v_y 4")].count(b"\n") + 1
+    assert any(text.startswith(f"line {number}, of the table, can't be read") for text in damaged.warnings)
 
 
 @pytest.mark.parametrize(("looping", "kept"), [(0, slice(0, 5)), (1, slice(1, 6))])

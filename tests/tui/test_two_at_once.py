@@ -8,7 +8,7 @@ import numpy as np
 from silo.core.arrays.columns import ColumnStore, HistoryColumns, NonFinite
 from silo.rpc.published import Event, EventKind
 from silo.state.requests import Unsaved
-from silo_tui.model.samples.held import HeldSource
+from silo_tui.model.samples.held import MOST_PIECES, HeldSource
 from silo_tui.model.samples.pinned import SLICES, PinnedSource, _ends_of
 
 SECOND = 10**9
@@ -97,3 +97,21 @@ def test_ends_of_columns_stand_within_their_column_in_the_order_of_the_curve():
     np.testing.assert_array_equal(values, [1.0, 3.0, 2.0, np.nan, np.inf, 1.0, 0.0])
     moved = HistoryColumns(("/log/x",), 10, 100, low[:, :2], high[:, :2], None, {0: 2**60})
     assert _ends_of(moved, 0)[1].tolist() == [2**60 + 1, 2**60 + 3, 2**60 + 2]
+
+
+def test_the_piece_that_is_farthest_is_let_go_never_the_picture_that_was_held():
+    closed: list[int] = []
+    held = object.__new__(HeldSource)
+
+    def piece(begin_ns):
+        pin = SimpleNamespace(close=lambda: closed.append(begin_ns))
+        return SimpleNamespace(begin_ns=begin_ns, pin=pin, reads=lambda one: one is pin)
+
+    held._pieces = [piece(begin_ns) for begin_ns in (0, *range(100, 100 + MOST_PIECES))]
+    held._pins, held.main = [each.pin for each in held._pieces], held._pieces[0]
+    held._forget_farthest(held._pieces[-1])
+    assert closed == [100]
+    assert [each.begin_ns for each in held._pieces] == [0, *range(101, 100 + MOST_PIECES)]
+    assert len(held._pins) == MOST_PIECES
+    held._forget_farthest(held._pieces[-1])
+    assert closed == [100]

@@ -3,6 +3,8 @@
 import os
 import threading
 
+import msgspec
+
 from silo.logger.serving.answers import robot_state
 from silo.state.replica import Replica
 
@@ -61,3 +63,20 @@ def test_a_generation_is_of_one_table_one_set_of_derived_signals_and_one_run(new
     assert generation(log._scripted.revision) == started
     log.derive("twice", "2 * x")
     assert generation(log._scripted.revision) > started
+
+
+def test_what_was_cut_off_and_stands_in_no_file_is_unsaved(new_logger) -> None:
+    log = new_logger("bot", frequency=100)
+    log.array("x")
+    log.start()
+    log.collect()
+    state = robot_state(log, "", -1)
+    replica = Replica(state)
+    assert not replica.status().saved
+    replica.mark_saved(log._present.path, 1)
+    assert replica.status().saved
+    replica.take(msgspec.structs.replace(state, table=None, cut_off=3))
+    assert not replica.status().saved
+    log.collect()
+    replica.take(msgspec.structs.replace(state, table=None))
+    assert not replica.status().saved

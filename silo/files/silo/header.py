@@ -141,7 +141,7 @@ def _table(
             try:
                 parsed = known[rest] = form.parse_line(rest)
             except ValueError as error:
-                warnings.append(f"line {number} of the table can't be read ({error}): '{line[:80]}'")
+                warnings.append(f"line {number}, of the table, can't be read ({error}): '{line[:80]}'")
         names.append(name)
         found.append(parsed)
     if not any(found):
