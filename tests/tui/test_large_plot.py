@@ -178,6 +178,33 @@ async def test_the_cursor_reads_the_peak_that_one_goes_to_and_the_lines_beside_i
         await screen.shows(f"A {told}")  # the first step leads to the highest peak
 
 
+async def test_a_spectrum_is_zoomed_by_its_frequencies_down_to_its_lines_and_back(fake, opened):
+    async with opened(fake.run(20)) as screen:
+        await open_large(screen)
+        await screen.press("tab", "tab")
+        await screen.until(lambda: large(screen)._peaks)
+        whole_hz, step_hz = large(screen)._top_hz, large(screen)._first.step_hz
+        assert whole_hz == pytest.approx(200, rel=0.01)
+        span_s, peak = large(screen).window.span_s, large(screen)._peaks[0]
+        for halved in range(1, 8):
+            await screen.press("plus")
+            await screen.until(lambda: large(screen)._top_hz == whole_hz / 2**halved)  # noqa: B023
+            assert large(screen)._peaks[0] == peak
+        assert large(screen)._first.step_hz == step_hz
+        assert large(screen).window.span_s == span_s
+        await screen.press("right")
+        await screen.shows(f"A {peak.frequency_hz:.4g}"[:5])
+        await screen.press("plus")
+        await screen.shows("Hz apart: a longer time has finer ones")
+        await screen.press("minus")
+        await screen.until(lambda: large(screen)._top_hz == whole_hz / 2**6)
+        assert large(screen).plot.cursor is None
+        await screen.do("all_held")
+        await screen.until(lambda: large(screen)._top_hz == whole_hz)
+        await screen.press("minus")
+        await screen.shows("that is the whole spectrum")
+
+
 @pytest.mark.parametrize("is_held", [False, True])
 @pytest.mark.parametrize(
     ("command", "shown"),

@@ -241,3 +241,24 @@ def test_amplitudes_stand_on_zero_and_decibels_on_the_least(way, lowest):
     plot = big_plot.of_spectra([Spectrum(np.linspace(1e3, 2e3, 90), 1.0)], [], way, SIZE, None)
     words = [float(word) for word in plot.left.values()]
     assert min(words) == 0.0 if way == "linear" else min(words) >= lowest
+
+
+@pytest.mark.parametrize("count", [90, 900])
+def test_a_spectrum_that_ends_before_the_other_is_drawn_no_farther(count):
+    slow, fast = Spectrum(np.ones(count), 1.0), Spectrum(np.full(3 * count, 0.5), 1.0)
+    plot = big_plot.of_spectra([slow, fast], [], "linear", SIZE, None)
+    cells = np.flatnonzero((plot.owners == 0).any(axis=0))
+    assert cells.max() == pytest.approx(SIZE[0] / 3, abs=1.5)
+    assert (plot.owners == 1).any(axis=0)[-3:].all()
+
+
+@pytest.mark.parametrize("count", [90, 4000])
+def test_of_a_spectrum_the_lower_frequencies_are_drawn_as_if_there_were_no_others(count):
+    lines = np.random.default_rng(1).random(count)
+    near = big_plot.of_spectra([Spectrum(lines, 1.0)], [], "linear", SIZE, None, count / 2)
+    assert near.below[-1] == f"{count // 2} Hz"
+    alone = big_plot.of_spectra([Spectrum(lines[: count // 2], 1.0)], [], "linear", SIZE, None)
+    assert np.mean(near.owners == alone.owners) > 0.95  # what the first line beyond it is, is seen between lines
+    assert big_plot.line_in(Spectrum(lines, 1.0), [], 30, count / 2, SIZE[0]).frequency_hz == pytest.approx(
+        count / 4, abs=count / SIZE[0]
+    )

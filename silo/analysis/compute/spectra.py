@@ -93,6 +93,11 @@ class Spectrum:
     amplitudes: Floats
     step_hz: float
 
+    @property
+    def top_hz(self) -> float:
+        """The frequency of its last line."""
+        return len(self.amplitudes) * self.step_hz
+
 
 def spectrum_of(piece: GaplessStretch, least: int = LEAST_SAMPLES) -> Spectrum:
     """Return the spectrum of a piece. Raises ValueError with what is missing where it is too short."""

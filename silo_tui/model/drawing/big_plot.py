@@ -53,14 +53,20 @@ def level_words(amplitude: float, way: str, unit: str) -> str:
 
 
 def of_spectra(
-    spectra: Sequence[Spectrum], peaks: Sequence[Peak], way: str, size: tuple[int, int], chosen: int | None
+    spectra: Sequence[Spectrum],
+    peaks: Sequence[Peak],
+    way: str,
+    size: tuple[int, int],
+    chosen: int | None,
+    top_hz: float = 0.0,
 ) -> BigPlot:
-    """Return amplitudes over frequency; the peaks of the first signal have numbers, the chosen one brackets.
+    """Return amplitudes over frequency, up to `top_hz` (0: all); the peaks of the first signal have numbers, the chosen
+    one brackets.
 
     A number that has no room beside one before it is left out: the chosen one comes first, then the highest.
     """
     width, height = size
-    top_hz = max(len(each.amplitudes) * each.step_hz for each in spectra)
+    top_hz = top_hz or max(each.top_hz for each in spectra)
     curves = [_curve(each, way, top_hz, 2 * width) for each in spectra]
     low = min(float(np.nanmin(curve[0])) for curve in curves)
     high = max(float(np.nanmax(curve[1])) for curve in curves)
@@ -113,15 +119,18 @@ def _curve(spectrum: Spectrum, way: str, top_hz: float, columns: int) -> tuple[F
     found = levels(np.append(spectrum.amplitudes, [peak.amplitude for peak in peaks]), way)
     values, tops = np.split(found, [len(spectrum.amplitudes)])
     step_hz = spectrum.step_hz
-    if len(values) < 2 * columns:
+    if min(len(values), top_hz / step_hz) < 2 * columns:
         at = (np.arange(columns) + 0.5) / columns * top_hz / step_hz - 1
         low = np.interp(at, np.arange(len(values)), values, right=np.nan)
         high = low.copy()
     else:
         ends = np.arange(columns) / columns * top_hz / step_hz
-        bins = reduce(values, bins_at(np.minimum(ends.astype(np.intp), len(values) - 1)))
-        low, high = bins.low, bins.high
+        inside = values[: math.ceil(top_hz / step_hz)]
+        bins = reduce(inside, bins_at(np.minimum(ends.astype(np.intp), len(inside) - 1)))
+        low, high = np.where(ends < len(values), (bins.low, bins.high), np.nan)  # another signal is faster
     for peak, top in zip(peaks, tops, strict=True):
+        if peak.frequency_hz > top_hz:
+            continue
         column = min(columns - 1, int(peak.frequency_hz / top_hz * columns))
         high[column] = np.fmax(high[column], top)
     return low, high

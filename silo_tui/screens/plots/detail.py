@@ -50,6 +50,9 @@ LEVELS = ("linear", "log", "dB")
 MAX_SERIES = 8
 DEBOUNCE_S = 0.15
 FEW_PEAKS = 6  # as many as two lines of 80 cells hold
+PEAKS_KNOWN = 64  # of which those are told that are drawn
+LEAST_LINES = 8  # of a spectrum that is looked at from near
+OF_SPECTRA = {"closer": "Closer", "wider": "Wider"}  # what is zoomed there is the axis of frequencies
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         self._peaks: Sequence[Peak] = ()
         self._peak: int | None = None
         self._top_hz = 0.0
+        self._halved = 0  # how often the upper half of the frequencies was left out
         self._first: Spectrum | None = None
         self.window, self.pause = monitor.window, monitor.pause
         self.stack = stack = self.new_stack(plots[:1])
@@ -209,8 +213,11 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             piece = longest_piece(*await self._samples(plotted))
             pieces.append(piece)
             spectra.append(await asyncio.to_thread(spectrum_of, piece))
-        unit, peaks = plots[0].element.unit, peaks_of(spectra[0], MOST_PEAKS if self.plot.beside else FEW_PEAKS)
-        drawn = big_plot.of_spectra(spectra, peaks, self.level, self.plot.plot_size, self._peak)
+        top_hz = max(each.top_hz for each in spectra) / 2**self._halved
+        peaks = [peak for peak in peaks_of(spectra[0], PEAKS_KNOWN) if peak.frequency_hz <= top_hz]
+        peaks = peaks[: MOST_PEAKS if self.plot.beside else FEW_PEAKS]
+        unit = plots[0].element.unit
+        drawn = big_plot.of_spectra(spectra, peaks, self.level, self.plot.plot_size, self._peak, top_hz)
         first, step = pieces[0], spectra[0].step_hz
         words = [
             f"{number}  {peak.frequency_hz:.{_decimals(step)}f} Hz  "
@@ -225,7 +232,6 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         if first.left_out:
             notes.append(first.left_out)
         notes.append(f"0 dB = 1 {unit}" if self.level == "dB" else f"unit {unit}")
-        top_hz = max(len(each.amplitudes) * each.step_hz for each in spectra)
         return Analysed(drawn, notes, f"Hann {len(first.values)} of {first.held}", peaks, top_hz, spectra[0])
 
     async def _pair(self) -> Analysed:
@@ -296,7 +302,8 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
 
     def label_now(self, command: Command) -> str:
         """Leave the cursor out where none is."""
-        return "" if command.id == "cursor_left" and self.mode not in CURSOR_MODES else super().label_now(command)
+        label = "" if command.id == "cursor_left" and self.mode not in CURSOR_MODES else super().label_now(command)
+        return OF_SPECTRA.get(command.id, label) if label and self.mode == "spectrum" else label
 
     def value_now(self, command_id: str) -> str:
         """Return how the plot is drawn."""
@@ -307,7 +314,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         self.line.say("")
         self._kind = ""
         self._peak = self.plot.cursor = None
-        self._peaks, self._first = (), None
+        self._peaks, self._first, self._halved = (), None, 0
         over_time = self.mode == MODES[0]
         self.stack.display, self.plot.display = over_time, not over_time
         self.show_between()
@@ -379,6 +386,27 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         peak = self._peaks[self._peak]
         level = big_plot.level_words(peak.amplitude, self.level, self.plots[0].element.unit)
         return f"{self._letter(0)}peak {self._peak + 1}: {text.short(peak.frequency_hz, 6)} Hz, {level}"
+
+    def _zoom(self, *, closer: bool) -> None:
+        """Zoom over time; in a spectrum its frequencies, of which the lower half is looked at."""
+        if self.mode != "spectrum" or self._first is None:
+            super()._zoom(closer=closer)
+        elif not closer and not self._halved:
+            self.say("that is the whole spectrum")
+        elif closer and self._top_hz / 2 < LEAST_LINES * self._first.step_hz:
+            self.say(f"its lines are {text.compact(self._first.step_hz)} Hz apart: a longer time has finer ones")
+        else:
+            self._look_at(self._halved + (1 if closer else -1))
+
+    def command_all_held(self) -> None:
+        if self.mode == "spectrum":
+            self._look_at(0)
+        super().command_all_held()
+
+    def _look_at(self, halved: int) -> None:
+        self._halved, self._peak, self.plot.cursor = halved, None, None
+        self.line.say("")
+        self.request_view()
 
     def _move_cursor(self, cells: int) -> None:
         if self.mode == MODES[0]:
