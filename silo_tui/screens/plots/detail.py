@@ -293,6 +293,8 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what a pause or a cursor asks for, and the way back where other keys leave it room."""
         found = super().mode_keys()
+        if self.mode == "spectrum":  # most of what moves lies in the first cells
+            found = (*found, ("closer", OF_SPECTRA["closer"]), ("wider", OF_SPECTRA["wider"]))
         known = any(each == "back" for each, _ in found) or self.size.width < 100
         return found if known else (*found, ("back", "Back"))
 
