@@ -309,7 +309,7 @@ class SiloApp(Guarded, App[None]):
             context.fail(event.text)
         elif event.kind not in QUIET_KINDS and not own:
             is_mark = event.kind is EventKind.MARKER and said_by(event.text) is None
-            told = f'marker "{event.text}"' if is_mark else session.table.shown(event.text)
+            told = f'marker "{event.text}"' if is_mark else session.told(event.text)
             context.hear(told + (f" ({event.by})" if event.by else ""))
         if event.kind is not EventKind.SAVING:
             context.table_changed()

@@ -169,6 +169,11 @@ class Session:
         prefix = self.status.prefix.rstrip("/")
         return name[len(prefix) :] if prefix and name.startswith(prefix + "/") else name
 
+    def told(self, words: str) -> str:
+        """Return what the robot told as it is shown: signals by their short names, files of its folder by theirs."""
+        folder = self.status.folder.rstrip("/")
+        return self.table.shown(words.replace(f"{folder}/", "") if folder else words)
+
     # ------------------------------------------------------------------------------------------------ commands
 
     async def attach(self, link: Link) -> None:

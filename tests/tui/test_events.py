@@ -177,6 +177,15 @@ async def test_signals_have_one_name_in_events_messages_and_plots(running, opene
         await screen.shows("1 of 4")
 
 
+async def test_files_in_the_folder_of_the_robot_are_told_by_their_names(running, opened):
+    running.happen("captured", "capture 3 of 'fall': /home/ann/logs/robot_fall_3.silo", running.now_ns)
+    async with opened(running) as screen:
+        running.publish(running.kinds.CAPTURED, "capture 4 of 'fall': /home/ann/logs/robot_fall_4.silo")
+        await screen.shows("capture 4 of 'fall': robot_fall_4.silo")
+        await screen.do("events")
+        await screen.shows("capture 3 of 'fall': robot_fall_3.silo")
+
+
 async def test_enter_goes_there_in_the_plots(running, opened):
     async with opened(running) as screen:
         await screen.plot("m")

@@ -92,7 +92,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
         return matches(one, self.asked, self.told(one))
 
     def told(self, one: LoggedEvent) -> str:
-        return words(one, self.session.table.shown)
+        return words(one, self.session.told)
 
     def head(self, width: int) -> str:
         return "  time                tick   what"

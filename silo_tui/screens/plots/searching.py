@@ -189,7 +189,7 @@ class MomentSearch:
             self.screen.say(f"{self._told(event)} at {self.screen.moment_words(event.at_ns)}")
 
     def _told(self, event: LoggedEvent) -> str:
-        return words(event, self.screen.session.table.shown)
+        return words(event, self.screen.session.told)
 
     def command_next_event(self) -> None:
         self._event(1)
