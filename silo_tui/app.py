@@ -104,6 +104,7 @@ class SiloApp(Guarded, App[None]):
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz, view)
         self.context.left = self._opener.quit
+        self.context.has_demo = lambda: self._opener.demo is not None
         self._rate_hz = rate_hz
         self._file = file  # shown instead of a logger
         self._thin_words = ""

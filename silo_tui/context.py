@@ -80,6 +80,7 @@ class Context:
         self._session: Session | None = None
         self._behind: Session | None = None  # the logger behind a file that was opened over it
         self.left: Callable[[], None] = lambda: None  # is called when the app is ended on purpose
+        self.has_demo: Callable[[], bool] = lambda: False  # whether the robot is one that ends with the app
         self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file
         self._flow_running = False
         self.told: deque[Message] = deque(maxlen=MOST_TOLD)  # all that was said, the newest last

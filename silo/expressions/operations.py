@@ -4,6 +4,7 @@ Truths follow Kleene: what is known decides where it can (`false and unknown` is
 NaN is unknown where it is compared.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -66,8 +67,8 @@ def as_truth(value: Value) -> Truth:
 
 def _nan_in(value: Any) -> Any:
     """Where there is a NaN, None if nowhere."""
-    if isinstance(value, float):
-        return None  # constants are numbers
+    if isinstance(value, float):  # of constants alone, as in 0 / 0
+        return np.True_ if math.isnan(value) else None
     found = np.isnan(value)
     return found if found.any() else None
 

@@ -395,7 +395,8 @@ async def leave(context: Context) -> None:
     fields, elements = context.session.table.pending_count if context.has_session else (0, 0)
     if fields:
         edits = f"{many(fields, 'pending edit')} in {many(elements, 'row')}"
-        body = f"{edits} would be lost. The logger goes on either way."
+        goes_on = "The demo ends with silo-tui" if context.has_demo() else "The logger goes on either way"
+        body = f"{edits} would be lost. {goes_on}."
         if not await confirmed(context.app, "Quit without applying?", body, "Quit"):
             return
         forget_edits(context)

@@ -144,6 +144,20 @@ def same(found, wanted):
     return (math.isnan(found) and math.isnan(wanted)) or found == wanted or math.isclose(found, wanted, rel_tol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("a < 0 / 0", None), ("0 / 0 == a", None), ("a < 1 / 0", True), ("not (a < 0 / 0)", None),
+     ("a < 1 or a < 0 / 0", True), ("a > 1 and a < 0 / 0", False)],
+)  # fmt: skip
+def test_of_a_constant_that_is_no_number_nobody_can_tell(text, value):
+    streams = {}
+    for source, divider in DIVIDERS.items():
+        places = [(at, n) for at, e in enumerate(ELEMENTS) if e.source == source for n in range(len(e.entries))]
+        streams[source] = Stream(divider, [(0, 10**9, dict.fromkeys(places, 0.0))])
+    _, found = evaluated(bind(text, CATALOGUE), streams, [])
+    assert same(float(found[0]), value)
+
+
 @settings(max_examples=examples(150))
 @given(expressions, recordings())
 def test_any_cut_into_batches_gives_what_a_judge_row_by_row_gives(text, recorded):

@@ -125,7 +125,7 @@ class TestWords:
         tried = replace(fake.try_trigger(FALL.options), fires=0, held=held, blind=blind)
         first = tried_lines(tried, 60, 20, "would have been violated", "beyond")[0]
         said, _, blind_words = says.partition("; ")
-        told = f"{said} in the last 60 s (all that is held); would have been violated 0 ×"
+        told = f"{said} in the last 60 s (all that is held), from its begin on: would have been violated 0 ×"
         assert first == told + (f"; {blind_words}" if blind_words else "")
 
 

@@ -1,5 +1,7 @@
 """Marks and events on the screen: M, E, lines in plots, find, jump there."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -20,6 +22,7 @@ from silo_tui.model.lists.happened import (
     matches,
     newest,
     of_last_run,
+    place_words,
     words,
 )
 from silo_tui.sessions.recorded import open_file
@@ -175,6 +178,15 @@ async def test_signals_have_one_name_in_events_messages_and_plots(running, opene
         await screen.shows("H /legs/LF/HAA/torque H 12 Nm")
         await screen.press("/", *"/log/legs", "enter")
         await screen.shows("1 of 4")
+
+
+@pytest.mark.parametrize("words", ["1:20:3", "4 000", "4000"])
+def test_a_filter_finds_a_moment_and_a_tick_as_they_are_read_and_typed(words):
+    stamp_ns = int(time.mktime((2026, 9, 21, 1, 20, 35, 0, 0, -1))) * SECOND
+    one = LoggedEvent("marker", "push", stamp_ns, 4000, stamp_ns, "ann", "run1", 1)
+    assert matches(one, words, place_words(one))
+    assert not matches(one, "1:21", place_words(one))
+    assert line(one, "push", 80, "robot").startswith("  01:20:35.000       4 000 M push")
 
 
 async def test_files_in_the_folder_of_the_robot_are_told_by_their_names(running, opened):

@@ -452,3 +452,23 @@ async def test_the_chosen_plot_stays_on_the_screen_when_the_table_between_cursor
         await screen.until(lambda: shown.between.display)
         stack = shown.stack  # it comes a moment after the table
         await screen.until(lambda: 0 < stack.first <= stack.chosen_panel < stack.first + stack.fitting)
+
+
+async def test_what_lies_between_two_cursors_is_written_alone(path, on_file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    async with on_file(path, (120, 40)) as screen:
+        await plot(screen, "torque")
+        await screen.do("export_plots")
+        await screen.shows("What is shown: .csv")
+        await screen.press("escape")
+        await screen.do("cursor_left", "cursor_b", "cursor_far_left")
+        window = screen.app.screen.window
+        begin_ns, end_ns = sorted((window.at_ns, window.other_ns))
+        await screen.do("export_plots")
+        await screen.shows("What lies between A and B: .csv")
+        await screen.press("enter")
+        await screen.shows("are in")
+        rows = [line.split(",")[0] for line in (tmp_path / "plots.csv").read_text().splitlines()[1:]]
+        times = screen.session.source.time_ns
+        assert list(map(int, rows)) == [at for at in times.tolist() if begin_ns <= at <= end_ns]
+        assert len(rows) > 10

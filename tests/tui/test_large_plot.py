@@ -193,7 +193,7 @@ async def test_a_spectrum_is_zoomed_by_its_frequencies_down_to_its_lines_and_bac
         assert large(screen)._first.step_hz == step_hz
         assert large(screen).window.span_s == span_s
         await screen.press("right")
-        await screen.shows(f"A {peak.frequency_hz:.4g}"[:5])
+        await screen.shows(f"A {peak.frequency_hz:.1f} Hz")
         await screen.press("plus")
         await screen.shows("Hz apart: a longer time has finer ones")
         await screen.press("minus")
@@ -219,6 +219,26 @@ async def test_each_way_of_drawing_is_there_at_once_from_the_plots(fake, opened,
             await screen.shows("all here")
         screen.app.screen.action_command(command)
         await screen.shows(shown)
+
+
+@pytest.mark.parametrize("mode", ["mode_spectrum", "mode_histogram"])
+async def test_what_is_computed_goes_on_with_the_robot_until_it_is_held(fake, opened, monkeypatch, mode):
+    monkeypatch.setattr("silo_tui.screens.plots.detail.LIVE_S", 0.05)
+    async with opened(fake.run(20)) as screen:
+        await open_large(screen)
+        screen.app.screen.action_command(mode)
+        drawn: list[object] = []
+        show = large(screen).plot.show
+        monkeypatch.setattr(large(screen).plot, "show", lambda *found: (drawn.append(found), show(*found)))
+        for count in range(2, 6):
+            await screen.until(lambda: fake.advance(0.1) or len(drawn) >= count)  # noqa: B023
+        await screen.press("space")
+        await screen.shows("all here")
+        before = len(drawn)
+        for _ in range(10):
+            fake.advance(0.1)
+            await screen.pilot.pause(0.1)
+        assert len(drawn) <= before + 1  # what is held is drawn, once
 
 
 async def test_the_key_that_led_here_says_that_this_is_it(fake, opened):

@@ -115,6 +115,14 @@ async def test_behind_a_dialog_one_sees_the_screen_that_it_is_about(opened, fake
         await screen.shows("/base/position")
 
 
+@pytest.mark.parametrize(("is_demo", "words"), [(True, "The demo ends with silo-tui"), (False, "goes on either way")])
+async def test_who_quits_without_applying_is_told_what_becomes_of_the_robot(opened, fake, is_demo, words):
+    async with opened(fake) as screen:
+        screen.app.context.has_demo = lambda: is_demo
+        await screen.press("t", "q")
+        await screen.shows(words)
+
+
 async def test_work_that_is_overtaken_before_it_began_leaves_no_warning(fake, opened):
     async with opened(fake) as screen:
         with warnings.catch_warnings(record=True) as told:

@@ -160,8 +160,8 @@ CASES = (
         (("k", "ann cid bob"), ("w", "ann bob cid"), ("t", "cid ann bob"), ("t", "bob ann cid")),
     ),
     Case(
-        "recordings", "fall saved died", ("robot -fall", "saved died"),
-        (("s", "saved died fall"), ("s", "fall died saved"), ("z", "died fall saved"), ("w", "died saved fall")),
+        "recordings", "fall op1 died", ("robot -fall", "op1 died"),
+        (("s", "op1 died fall"), ("s", "fall died op1"), ("z", "died fall op1"), ("w", "died op1 fall")),
         ("delete_recording", "fetch_recording"),
     ),
     Case(

@@ -201,7 +201,7 @@ def tried_lines(
     share = share_words(tried.held, tried.judged - tried.blind) if tried.held else ""
     last = f"in the last {text.short(held_s, 3)} s (all that is held)"
     if share and not tried.fires:  # it holds already, so that it begins to hold nowhere
-        first = f"{holds} {share} {last}; {verb} 0 ×{blind}"
+        first = f"{holds} {share} {last}, from its begin on: {verb} 0 ×{blind}"
     else:
         first = f"{verb} {tried.fires} × {last}{f'; {holds} {share}' if share else ''}{blind}"
     left, right = f"-{text.short(held_s, 3)} s ", " now"

@@ -137,10 +137,15 @@ def csv_text(events: Sequence[LoggedEvent]) -> str:
     return out.getvalue()
 
 
+def place_words(event: LoggedEvent) -> str:
+    """Return when it was: by the clock, its tick as it is read, and its tick as it is typed."""
+    tick = f"{event.tick:,}".replace(",", " ") if event.tick >= 0 else "-"
+    return f"{wall_clock(event.clock_ns, 3)}  {tick}  {event.tick}"
+
+
 def line(event: LoggedEvent, told: str, width: int, logger: str) -> str:
     """Return a line of the screen: time, tick, letter, what was told, who; `who` goes first where there is no room."""
-    clock = wall_clock(event.clock_ns, 3)
-    tick = f"{event.tick:,}".replace(",", " ") if event.tick >= 0 else "-"
+    clock, tick = place_words(event).split("  ")[:2]
     head = f"  {clock}  {tick:>10} {letter(event)} "
     who = text.clean(short_words(event.who) or logger)[: max(0, min(20, width // 4))]
     room = width - len(head) - len(who) - 4

@@ -41,7 +41,7 @@ class WritingPace:
 
 def head(width: int) -> str:
     """Return the titles of the columns."""
-    return _line(("", "running", "signals", "for", "rate", "budget", "parts", "lost"), width)
+    return _line(("", "running", "signals", "for", "rate", "written, of budget", "parts", "lost"), width)
 
 
 def row(

@@ -14,6 +14,7 @@ import numpy as np
 from textual.app import App
 
 from silo.core.arrays.values import as_floats, text_of
+from silo.core.quantities.writing import many
 from silo.errors import SiloError
 from silo.files.atomic import atomic_file
 from silo_tui.context import SiloScreen
@@ -29,9 +30,15 @@ FORMATS = (".csv", ".png", ".svg")
 
 
 def ask_export(
-    screen: SiloScreen, source: PlotSource, panels: Sequence[Panel], shown_ns: tuple[int, int], zero_ns: int
+    screen: SiloScreen,
+    source: PlotSource,
+    panels: Sequence[Panel],
+    shown_ns: tuple[int, int],
+    zero_ns: int,
+    *,
+    between: bool = False,
 ) -> None:
-    """Ask for a path and write what is shown there; what came of it is said."""
+    """Ask for a path and write what is shown there, or lies `between` two cursors; what came of it is said."""
 
     def write(given: str | None) -> None:
         if given:
@@ -48,7 +55,8 @@ def ask_export(
         except (SiloError, OSError) as error:
             screen.context.fail(str(error))
 
-    body = "What is shown: .csv has all samples, .png is drawn by matplotlib, .svg is the screen."
+    what = "What lies between A and B" if between else "What is shown"
+    body = f"{what}: .csv has all samples, .png is drawn by matplotlib, .svg is the screen."
     screen.app.push_screen(
         Prompt(
             "Write the plots to a file on this machine",
@@ -176,7 +184,7 @@ async def export(
             path = path.with_suffix(".svg")
             _write(path, picture(app).encode())
             return f"PNG needs matplotlib, which isn't installed here: the screen is in {path} instead"
-    return f"{count} samples of {len(plots)} signals are in {path}"
+    return f"{many(count, 'sample')} of {many(len(plots), 'signal')} {'is' if count == 1 else 'are'} in {path}"
 
 
 def picture(app: App[Any]) -> str:

@@ -7,6 +7,7 @@ worker when asked, never while keys are waiting.
 
 import asyncio
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -27,6 +28,7 @@ from silo.analysis.compute.spectra import (
 from silo.core.arrays.values import as_floats
 from silo.core.quantities.writing import duration, many
 from silo.errors import SiloError
+from silo.rpc.frames import Frame
 from silo_tui.actions import Command, key_of, key_text
 from silo_tui.modal import run_alone
 from silo_tui.model.drawing import big_plot
@@ -49,6 +51,8 @@ CURSOR_MODES = ("time", "spectrum")
 LEVELS = ("linear", "log", "dB")
 MAX_SERIES = 8
 DEBOUNCE_S = 0.15
+LIVE_S = 1.0  # so often what goes on is drawn again, or
+LIVE_SHARE = 0.25  # as often as that takes such a share of the time
 FEW_PEAKS = 6  # as many as two lines of 80 cells hold
 PEAKS_KNOWN = 64  # of which those are told that are drawn
 LEAST_LINES = 8  # of a spectrum that is looked at from near
@@ -87,6 +91,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         self._peaks: Sequence[Peak] = ()
         self._peak: int | None = None
         self._top_hz = 0.0
+        self._due_s = 0.0  # when what goes on is drawn again
         self._halved = 0  # how often the upper half of the frequencies was left out
         self._first: Spectrum | None = None
         self.window, self.pause = monitor.window, monitor.pause
@@ -138,6 +143,13 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             self._timer.stop()
         self._timer = self.set_timer(DEBOUNCE_S, self._begin)
 
+    def live_changed(self, frame: Frame) -> None:
+        """Show what comes: of other views than that over time all is computed anew, now and then."""
+        super().live_changed(frame)
+        if self.mode != MODES[0] and not self.window.paused and time.monotonic() >= self._due_s:
+            self._due_s = math.inf  # until it is drawn
+            self._begin()
+
     def more_is_here(self) -> None:
         """Tell it in the title too."""
         super().more_is_here()
@@ -173,6 +185,14 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         run_alone(self, "draw", self._draw)
 
     async def _draw(self) -> None:
+        begun_s = time.monotonic()
+        try:
+            await self._drawn()
+        finally:
+            now_s = time.monotonic()
+            self._due_s = now_s + max(LIVE_S, (now_s - begun_s) / LIVE_SHARE)
+
+    async def _drawn(self) -> None:
         ways = {"spectrum": self._spectrum, "x-y": self._pair, "histogram": self._histogram}
         if self.mode not in ways:
             return
@@ -341,7 +361,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         else:
             words = ["highest peak", *(f"peak {number}" for number in range(2, len(self._peaks) + 1))]
             choices = [
-                Choice(str(at), f"{word}, {text.short(peak.frequency_hz, 6)} Hz", "h" if at == 0 else str(at + 1))
+                Choice(str(at), f"{word}, {self._hz(peak)} Hz", "h" if at == 0 else str(at + 1))
                 for at, (word, peak) in enumerate(zip(words, self._peaks, strict=True))
             ]
             self.app.push_screen(Question("Find in the spectrum", "", choices), self._peak_chosen)
@@ -387,7 +407,7 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
             return ""
         peak = self._peaks[self._peak]
         level = big_plot.level_words(peak.amplitude, self.level, self.plots[0].element.unit)
-        return f"{self._letter(0)}peak {self._peak + 1}: {text.short(peak.frequency_hz, 6)} Hz, {level}"
+        return f"{self._letter(0)}peak {self._peak + 1}: {self._hz(peak)} Hz, {level}"
 
     def _zoom(self, *, closer: bool) -> None:
         """Zoom over time; in a spectrum its frequencies, of which the lower half is looked at."""
@@ -439,7 +459,11 @@ class DetailScreen(MonitorScreen, inherit_bindings=False):
         width = self.plot.plot_size[0]
         read = big_plot.line_in(self._first, self._peaks, min(self.plot.cursor, width - 1), self._top_hz, width)
         level = big_plot.level_words(read.amplitude, self.level, self.plots[0].element.unit)
-        return [f"A {text.short(read.frequency_hz, 6)} Hz, {level}"]
+        return [f"A {self._hz(read)} Hz, {level}"]
+
+    def _hz(self, peak: Peak) -> str:
+        """Return where it is, to the digits that the resolution has."""
+        return f"{peak.frequency_hz:.{_decimals(self._first.step_hz if self._first is not None else 1.0)}f}"
 
     def command_detail_swap(self) -> None:
         if len(self.plots) > 1:

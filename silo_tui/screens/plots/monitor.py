@@ -187,7 +187,9 @@ class MonitorScreen(PlotScreen):
 
     def command_export_plots(self) -> None:
         self.pause_here()
-        ask_export(self, self.source, self.stack.panels, self.shown_ns, self._zero_ns)
+        ends = sorted(each for each in (self.window.at_ns, self.window.other_ns) if each is not None)
+        shown_ns = (ends[0], ends[1] + 1) if len(ends) > 1 else self.shown_ns
+        ask_export(self, self.source, self.stack.panels, shown_ns, self._zero_ns, between=len(ends) > 1)
 
     # --------------------------------------------------------------------------------------------------- commands
 
