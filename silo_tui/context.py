@@ -461,8 +461,13 @@ class SiloScreen(Leaving[None]):
                 bar.show_instead(getattr(self.app.screen, "KEYS_HERE", "Enter Does it  Esc Closes"))
 
     def on_screen_resume(self) -> None:
-        """Show the keys of the screen again, but not above a line that is typed in; and news that came meanwhile."""
+        """Show the keys of the screen again, but not above a line that is typed in; and news that came meanwhile.
+
+        What was said long before may be over.
+        """
         self.update_keys()
+        for line in self.query(MessageLine):
+            line.read()
         self.show_news(self.context.news)
         if not isinstance(self.focused, Fleeting):
             for bar in self.query(KeyBar):

@@ -409,3 +409,16 @@ async def test_the_namespace_of_what_is_shown_stands_once_in_the_head_where_name
         await screen.shows("name in /legs ")
         await screen.shows("RH/KFE/windi…temperature")
         assert "/legs/" not in screen.text
+
+
+@pytest.mark.parametrize(("read_s", "stays"), [(0.0, False), (60.0, True)])
+async def test_what_was_said_long_before_is_gone_where_one_comes_back(fake, opened, monkeypatch, read_s, stays):
+    async with opened(fake) as screen:
+        screen.app.context.say("limits of x are set")
+        await screen.shows("limits of x are set")
+        screen.app.screen.action_command("events")
+        await screen.until(lambda: screen.app.screen.scope == "events", "the events")
+        monkeypatch.setattr("silo_tui.widgets.messages.READ_S", read_s)
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen.scope == "table", "the table")
+        await screen.until(lambda: ("limits of x are set" in screen.text) is stays)

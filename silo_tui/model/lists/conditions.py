@@ -12,6 +12,7 @@ from silo.core.quantities.writing import duration_text, many, share_words, size_
 from silo.errors import ExpressionError
 from silo_tui.model.words import text
 
+NOW = " now"  # the end of an axis of time
 IN_SPACE = "signal in "
 UNNAMED = "it stands in names of files"  # what a trigger has a name for
 MOST_PLOTS = 6  # of what a condition is about, at once
@@ -190,6 +191,12 @@ def options_of_fields(fields: dict[str, str], before: TriggerOptions) -> Trigger
     )  # fmt: skip
 
 
+def held_axis(tried: TriggerTried, width: int) -> tuple[str, int]:
+    """Return what stands before the axis of all that is held, and of how many cells that is; `NOW` stands behind it."""
+    left = f"-{text.short((tried.end_ns - tried.begin_ns) / 1e9, 3)} s "
+    return left, max(8, width - len(left) - len(NOW))
+
+
 def tried_lines(
     tried: TriggerTried, width: int, keep: int, verb: str = "would have fired", holds: str = "true"
 ) -> list[str]:
@@ -204,12 +211,11 @@ def tried_lines(
         first = f"{holds} {share} {last}, from its begin on: {verb} 0 ×{blind}"
     else:
         first = f"{verb} {tried.fires} × {last}{f'; {holds} {share}' if share else ''}{blind}"
-    left, right = f"-{text.short(held_s, 3)} s ", " now"
-    room = max(8, width - len(left) - len(right))
+    left, room = held_axis(tried, width)
     cells = ["·"] * room
     for time_ns in tried.time_ns:
         cells[min(int((time_ns - tried.begin_ns) / max(tried.end_ns - tried.begin_ns, 1) * room), room - 1)] = "│"
     size = f"each capture about {size_text(tried.capture_bytes)}"
     if keep:
         size += f"; disk keeps {keep} of them, {size_text(keep * tried.capture_bytes)}"
-    return [first, left + "".join(cells) + right, size]
+    return [first, left + "".join(cells) + NOW, size]

@@ -4,13 +4,14 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from silo.conditions.requests import TriggerTried
 from silo.core.conditions import SignalLimits, TriggerOptions
 from silo.errors import SiloError
 from silo.judging.checks import rule_of
 from silo_tui.model.drawing.columns import ColumnStore
 from silo_tui.model.drawing.plots import draw, plots_of
-from silo_tui.model.drawing.window import PlotWindow
-from silo_tui.model.lists.conditions import tried_lines
+from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
+from silo_tui.model.lists.conditions import NOW, held_axis, tried_lines
 from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
 from silo_tui.model.plots.limits import lines_of
 from silo_tui.screens.dialogs.form import Form, taken
@@ -29,7 +30,7 @@ HINTS = {
 }  # fmt: skip
 HELP = "type a number into LL, L, H or HH (empty: no such bound), or a time into stale: so long it may stay the same"
 STALE = "no bound: it is an alarm where it stays the same for so long"
-TREND_S, TREND_LINES, MARKS = 20.0, 4, 8  # the signal below: how long, how tall, and cells of bounds beside it
+TREND_LINES, MARKS = 4, 8  # the signal below: how tall, and cells of bounds beside it
 TAKES_AWAY = "no bound and nothing stale: Enter takes the limits of it away"
 
 
@@ -125,17 +126,20 @@ class LimitsDialog(Form[LimitsWish]):
         when = " or ".join(tests)
         wanted = TriggerOptions("new", f"({when}) and ({limits.when})" if limits.when else when)
         tried = await self._session.tried(wanted)
-        told = tried_lines(tried, self.told_width, 0, "would have been violated", "beyond")[:2]
-        return "\n".join([*told, *await self._trend(limits, shown)])
+        width = self.told_width - MARKS + len(NOW)
+        told = tried_lines(tried, width, 0, "would have been violated", "beyond")[:2]
+        return "\n".join([*told, *await self._trend(limits, shown, tried, width)])
 
-    async def _trend(self, limits: SignalLimits, shown: str) -> list[str]:
-        """Return the newest of the signal as lines of dots, each with the bounds that lie there, or beyond it."""
-        session, source, width = self._session, LiveSource(self._session), self.told_width - MARKS
+    async def _trend(self, limits: SignalLimits, shown: str, tried: TriggerTried, whole: int) -> list[str]:
+        """Return the signal as lines of dots below the axis of what was tried, each with the bounds that lie there, or
+        beyond it.
+        """
+        session, source, (left, width) = self._session, LiveSource(self._session), held_axis(tried, whole)
         names, short = (limits.name, shown), session.short_name
         plots = plots_of(session.table.elements)
         plotted = next((each for each in plots if {each.name, short(each.name).lstrip("/")} & {*names}), None)
-        window, end_ns = PlotWindow(TREND_S), source.end_ns
-        if plotted is None or not plotted.numeric or not end_ns or not source.is_live(plotted.element.name):
+        window, end_ns = PlotWindow((tried.end_ns - tried.begin_ns) / SECOND_NS), tried.end_ns
+        if plotted is None or not plotted.numeric or not window.span_ns or not source.is_live(plotted.element.name):
             return []
         store = ColumnStore([plotted.name], 2 * width, window.column_ns(2 * width))
         store.advance_to(end_ns // store.column_ns + 1)
@@ -147,7 +151,7 @@ class LimitsDialog(Form[LimitsWish]):
         beside = [""] * TREND_LINES
         for line in lines_of(limits.bounds, picture.axis, TREND_LINES):
             beside[line.line] += f" {line.mark}"
-        return [f"{row}{marks}" for row, marks in zip(picture.lines, beside, strict=True)]
+        return [f"{'':{len(left)}}{row}{marks}" for row, marks in zip(picture.lines, beside, strict=True)]
 
     @staticmethod
     def _inner(limits: SignalLimits, places: tuple[int, int]) -> float | None:
