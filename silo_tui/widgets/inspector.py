@@ -259,6 +259,9 @@ class Inspector(Guarded, Widget):
         if reading.why is not None:
             pane.append(f"{NOT_LIVE_TEXTS[reading.why]}\n", style=self._quiet)
         style = "" if self.session.fresh and self.session.running else self._quiet
+        table = self.session.table
+        for position, name in enumerate(table.entry_names(row)[:MAX_VALUES]):  # of the moment of its row
+            reading = reading.with_value(position, table.facts.detail(name, "value"))
         if len(element.entries) == 1:
             entry = element.entries[0]
             pane.append(entry_text(entry, float(reading.newest[0]), reading.texts.get(0), 30) + "\n", style=style)

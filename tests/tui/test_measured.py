@@ -442,3 +442,13 @@ async def test_an_order_by_name_leaves_the_cursor_on_its_element_and_one_by_valu
             await screen.press("o", "l")
             assert screen.session.rows.row == screen.session.table.row(TORQUE)
         assert screen.session.rows.position > 0
+
+
+async def test_the_inspector_has_the_value_of_its_row_where_statistics_stand_beside_it(fake, opened):
+    fake.run()
+    async with opened(fake, size=(160, 40)) as screen:
+        await screen.enter(f":goto {TORQUE}")
+        screen.app.screen.show_set("statistics")
+        fake.facts = {"value": {TORQUE: 1234.5}}
+        await screen.do("inspector")
+        await screen.until(lambda: screen.text.count("1234.5") == 2)  # in the row, and beside it
