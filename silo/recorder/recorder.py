@@ -362,8 +362,8 @@ class Recorder:
         elif names := ending(layout):
             shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
             self._tell_clients(
-                f"{len(names)} elements come to an end when their buffers are full ({shown}): set "
-                "buffer=looping to record them without end"
+                f"{len(names)} elements come to an end when their buffers are full ({shown}), those that "
+                "grow when there is no memory: set buffer=looping to record them without end"
             )
         self._happening = EventTail(drain.reader, since)
         begin = {**drain.begun_with, EVENTS_RING: since}

@@ -188,8 +188,8 @@ class EndlessRecordings:
             return ""
         shown = ", ".join(short[:5]) + (f" and {len(short) - 5} more" if len(short) > 5 else "")
         return (
-            f"{len(short)} of the elements are recorded only until their buffers are full ({shown}): "
-            "set buffer=looping, or action=both, to record them without end"
+            f"{len(short)} of the elements are recorded only until their buffers are full ({shown}), "
+            "those that grow until there is no memory: set buffer=looping, or action=both, to record them without end"
         )
 
     def _present(self) -> dict[str, Any]:

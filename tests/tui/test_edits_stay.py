@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from silo.core.elements import Table
+from silo.core.elements import BufferType, Table
 from silo_tui.model.table.changes import cost_of, groups_of
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.state import TableState
@@ -277,6 +277,8 @@ def test_how_long_is_held_is_told_of_what_is_edited(robot):
     now, after = (cost_of(table.elements, values, 400.0, {TORQUE}) for values in (table.server, table.values))
     assert (now.shortest, after.shortest) == (TORQUE, TORQUE)
     assert after.shortest_s == 20 * now.shortest_s == after.longest_s
+    table.edit([table.row(TORQUE)], Field.BUFFER, int(BufferType.GROWING))  # which holds all there is
+    assert cost_of(table.elements, table.values, 400.0, {TORQUE}).shortest == ""
 
 
 async def test_what_a_branch_costs_is_seen_at_once_in_a_small_terminal_too(fake, opened):

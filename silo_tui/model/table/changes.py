@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from silo.core.elements import Action, ElementInfo
+from silo.core.elements import Action, BufferType, ElementInfo
 from silo_tui.model.table.fields import Field, Ints
 
 ROW_BYTES = 16  # tick and time stamp of each row
@@ -115,6 +115,7 @@ def cost_of(
     rings = np.unique(values[:, on], axis=1)
     memory = float((sizes * buffers)[on].sum() + ROW_BYTES * rings[Field.SIZE].sum())
     meant = saved if held is None else saved & np.array([each.name in held for each in elements], np.bool_)
+    meant = meant & (values[Field.BUFFER] != int(BufferType.GROWING))  # which hold all there is
     held_s = np.where(meant, buffers / np.where(rate > 0, rate, np.inf), np.inf)
     at = int(np.argmin(held_s)) if meant.any() else -1
     return Cost(

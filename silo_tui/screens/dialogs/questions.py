@@ -323,6 +323,6 @@ def _held(cost: Cost) -> str:
 
 def _cost(lines: Text, title: str, amounts: Sequence[str], worse: bool, note: str = "", *, over: bool = False) -> None:
     old, new = amounts
-    lines.append(f"{title:<10}{old:>16}{new:>16} ")
+    lines.append(f"{title:<10}{old:>16} {new:>15} ")
     lines.append("!! " if over else "▲  " if worse else "   ", style="bold" if over else "")
     lines.append(f"{note}\n", style="bold" if over else "dim")
