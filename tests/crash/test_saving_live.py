@@ -132,9 +132,13 @@ def clients(request: pytest.FixtureRequest) -> Iterator[Callable[[Robot], Client
 
 
 def check_file(path: str, at_least: int, at_most: int) -> int:
-    """Everything in the file is cut at one tick, gapless, and each value at its own time; returns the ticks."""
+    """Everything in the file is cut at one tick, gapless, and each value at its own time; returns the ticks.
+
+    Where the computer is so busy that rings turn over while they are copied, that is told, of which.
+    """
     log = silo.open_log(path)
-    assert log.warnings == ()
+    overtaken = [text for text in log.warnings if text.endswith("were overwritten while the snapshot was taken")]
+    assert log.warnings == tuple(overtaken)
     ticks = log.recording.offset
     assert at_least <= ticks <= at_most
     np.testing.assert_array_equal(log.time_ns, np.arange(ticks) * 1_000_000)
@@ -145,10 +149,11 @@ def check_file(path: str, at_least: int, at_most: int) -> int:
         ("slow", min(LOOPING_SIZE, (ticks - 1) // 7 + 1), (ticks - 1) // 7 * 7),
     ):
         signal = log[name]
-        expected = last - np.arange(count)[::-1] * signal.divider
+        is_overtaken = any(f"/log/{name}" in text for text in overtaken)
+        assert 0 < len(signal) < count if is_overtaken else len(signal) == count
+        expected = last - np.arange(len(signal))[::-1] * signal.divider
         np.testing.assert_array_equal(signal.time_ns, expected * 1_000_000)
         columns = signal.values.reshape(len(signal), -1)
-        assert len(columns) == count
         assert (columns == expected[:, None]).all()
         assert {element.lost for element in log.recording.elements} == {0}
     return ticks
