@@ -5,7 +5,6 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
 from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
@@ -445,7 +444,7 @@ class ElementsScreen(SiloScreen):
             words = "… being measured: all are shown until then"
         elif not len(rows.shown) and len(self.session.table):
             words = self._why_none()
-        elif line.value and len(by := np.flatnonzero(found.by_component(self.session.table, rows.marked))):
+        elif line.value and (by := found.by_component(self.session.table, rows.marked, rows.shown.tolist())):
             words = f"{len(by)} by a component: {self.session.short_name(self.session.table.names[by[0]])}"
             words += " …" if len(by) > 1 else ""
         *above, last = words.split("\n")

@@ -420,8 +420,8 @@ def _windowed(
 
 
 def _warn(recording: "Recording") -> None:
-    alone = (recording.stretch.alone,) if recording.stretch is not None and recording.stretch.part else ()
-    for warning in (*recording.warnings, *alone):
+    alone = recording.stretch.alone if recording.stretch is not None else ""
+    for warning in filter(None, (*recording.warnings, alone)):
         click.echo(f"warning: {warning}", err=True)
 
 

@@ -105,9 +105,9 @@ def columns_of(events: Sequence[LoggedEvent], end: int, column_ns: int, width: i
 def matches(event: LoggedEvent, asked: str, told: str) -> bool:
     """Return whether a line that says `told` has all the words.
 
-    `-E` leaves a kind out, `M` is that kind, other words stand in the line or in what was written.
+    `-E` leaves a kind out, `M` is that kind, other words stand in the line, its tick or what was written.
     """
-    shown = f"{event.kind} {event.text} {told} {event.who}".casefold()
+    shown = f"{' '.join(_place(event))} {event.tick} {event.kind} {event.text} {told} {event.who}".casefold()
     for word in asked.split():
         without, name = (True, word[1:]) if word.startswith("-") and len(word) > 1 else (False, word)
         found = letter(event) == name if name in NAMES else name.casefold() in shown
@@ -137,15 +137,14 @@ def csv_text(events: Sequence[LoggedEvent]) -> str:
     return out.getvalue()
 
 
-def place_words(event: LoggedEvent) -> str:
-    """Return when it was: by the clock, its tick as it is read, and its tick as it is typed."""
-    tick = f"{event.tick:,}".replace(",", " ") if event.tick >= 0 else "-"
-    return f"{wall_clock(event.clock_ns, 3)}  {tick}  {event.tick}"
+def _place(event: LoggedEvent) -> tuple[str, str]:
+    """Return when it was: by the clock, and its tick."""
+    return wall_clock(event.clock_ns, 3), f"{event.tick:,}".replace(",", " ") if event.tick >= 0 else "-"
 
 
 def line(event: LoggedEvent, told: str, width: int, logger: str) -> str:
     """Return a line of the screen: time, tick, letter, what was told, who; `who` goes first where there is no room."""
-    clock, tick = place_words(event).split("  ")[:2]
+    clock, tick = _place(event)
     head = f"  {clock}  {tick:>10} {letter(event)} "
     who = text.clean(short_words(event.who) or logger)[: max(0, min(20, width // 4))]
     room = width - len(head) - len(who) - 4

@@ -13,7 +13,7 @@
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -65,11 +65,12 @@ class Filter:
             result &= condition.test(table, marked)
         return result
 
-    def by_component(self, table: TableState, marked: Mask) -> Mask:
-        """Return shape `(n,)`: the elements that pass by the name of a component alone, as `joints/torque` does LF."""
+    def by_component(self, table: TableState, marked: Mask, passing: Sequence[int]) -> list[int]:
+        """Return which of those that pass do so by the name of a component alone, as `joints/torque` does LF."""
         named = copy(table)
         named.searched = [names[:1] for names in table.searched]
-        return self.mask(table, marked) & ~self.mask(named, marked)
+        by_name = self.mask(named, marked)
+        return [row for row in passing if not by_name[row]]
 
     def blocked_by(self, table: TableState, marked: Mask) -> tuple[str, int] | None:
         """Return the term without which most elements would be left, and how many; None where no single one is it."""

@@ -17,7 +17,7 @@ from silo.files.atomic import atomic_file
 from silo_tui.actions import key_of
 from silo_tui.modal import run_alone, run_aside
 from silo_tui.model.lists.conditions import MOST_PLOTS, named_in
-from silo_tui.model.lists.happened import ORDERS, csv_text, in_time, letter, line, matches, place_words, words
+from silo_tui.model.lists.happened import ORDERS, csv_text, in_time, letter, line, matches, words
 from silo_tui.model.words.paths import typed_file
 from silo_tui.screens.dialogs.questions import Prompt
 from silo_tui.screens.lists.list_screen import ListScreen
@@ -89,7 +89,7 @@ class EventsScreen(ListScreen[LoggedEvent]):
         return shown
 
     def passes(self, one: LoggedEvent) -> bool:
-        return matches(one, self.asked, f"{place_words(one)} {self.told(one)}")
+        return matches(one, self.asked, self.told(one))
 
     def told(self, one: LoggedEvent) -> str:
         return words(one, self.session.told)
