@@ -243,6 +243,7 @@ NOTED = (MARKER, PARAMETER)  # what the program notes in its segment
 SEEN = ("triggered", "limit", "limit ended")  # kinds of what is seen in samples, and told once it is judged
 SEEN_LATE_NS = 60_000_000_000  # told so much after its tick by the logger's clock: that clock isn't the wall's
 DAMAGED = "damaged"  # that of one in place of lines of the event log that can't be read
+GOES_ON = "goes on after a cut: its ticks count from 0"  # what the start of a stretch says that isn't the first
 CUT = "cut"  # that of one with which a run goes on in another stretch
 UNHELD = "unheld"  # and of one that tells of an array that nobody but silo holds any more
 

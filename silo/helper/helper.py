@@ -25,7 +25,7 @@ from silo.control.authentication import Authentication
 from silo.control.denials import Denials
 from silo.control.server import ControlLock
 from silo.core.conditions import Conditions, Derived
-from silo.core.elements import FileType, State
+from silo.core.elements import GOES_ON, STARTED, FileType, State
 from silo.core.quantities.writing import many
 from silo.core.runtime import runtime_dir
 from silo.errors import ConnectionLostError, SiloError
@@ -366,7 +366,7 @@ def _tell_changes(events: EventNotifier, before: LoggerSnapshot, now: LoggerSnap
     stopped = now.robot.state is State.STOPPED
     if now.robot.segment != before.robot.segment and not (stopped and before.robot.state is State.STOPPED):
         if not events.is_started():  # a state may come behind the run that follows the one that it tells of
-            events.publish(EventKind.STARTED, "started", by=by, tick=0)
+            events.publish(EventKind.STARTED, GOES_ON if now.robot.begun_ns else STARTED, by=by, tick=0)
         if now.robot.saved:
             events.publish(EventKind.SAVED, now.robot.saved, by=by, tick=0)
         if stopped:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from silo.core.conditions import Conditions
-from silo.core.elements import FileType, LoggedEvent, SavedFile
+from silo.core.elements import STARTED, FileType, LoggedEvent, SavedFile
 from silo.core.runtime import is_at, open_own
 from silo.errors import StateError
 from silo.journal.holdings import Holdings, recording_holdings
@@ -80,7 +80,7 @@ def log_start(reader: RunReader) -> None:
 
 def _start(reader: RunReader) -> LoggedEvent:
     schema, stamp_ns = reader.schema, reader.stamp_of(0) if isinstance(reader, SegmentReader) else 0
-    return LoggedEvent("started", "started", schema.started_ns, 0, stamp_ns, schema.logger, schema.run)
+    return LoggedEvent(STARTED, schema.start_text, schema.started_ns, 0, stamp_ns, schema.logger, schema.run)
 
 
 def log_end(reader: RunReader, saved: str = "", log: Callable[..., object] | None = None) -> None:

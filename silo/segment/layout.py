@@ -24,7 +24,7 @@ from typing import TypeVar
 import msgspec
 
 from silo.core.conditions import NO_CONDITIONS, Conditions
-from silo.core.elements import BufferType, ElementInfo, ElementOptions, Entry
+from silo.core.elements import GOES_ON, STARTED, BufferType, ElementInfo, ElementOptions, Entry
 from silo.core.tuning.parameters import ParameterInfo
 
 MAGIC = int.from_bytes(b"SILOSEG1", "little")
@@ -195,6 +195,11 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True, rename={"conditio
     parameters: tuple[ParameterInfo, ...] = ()  # with their values at the start of the run
     parameter_changes: int = -1  # the word position of their changes, -1 where there are none
     cut: Cut | None = None  # where it goes on another run
+
+    @property
+    def start_text(self) -> str:
+        """What the event of its start says."""
+        return STARTED if self.cut is None else GOES_ON
 
 
 def page_up(size_bytes: int) -> int:

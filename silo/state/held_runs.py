@@ -172,9 +172,9 @@ def tell_left(reader: SegmentReader, events: EventNotifier) -> None:
 
 def tell_start(reader: SegmentReader, events: EventNotifier) -> None:
     """Tell that a run was started, if nobody did."""
-    run, begun_ns = reader.schema.run, reader.schema.started_ns
+    run, begun_ns, text = reader.schema.run, reader.schema.started_ns, reader.schema.start_text
     if not events.log.texts(EventKind.STARTED.value, run):
-        events.publish(EventKind.STARTED, "started", tick=0, stamp_ns=reader.stamp_of(0), run=run, time_ns=begun_ns)
+        events.publish(EventKind.STARTED, text, tick=0, stamp_ns=reader.stamp_of(0), run=run, time_ns=begun_ns)
     tell_cut(reader, events)
 
 

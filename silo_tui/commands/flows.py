@@ -183,7 +183,7 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     discard = Choice("discard", f"Discard all edits; {key_of('undo')} brings them back", "x")
     body = _what_changes(context, changes)
     if context.session.running:
-        told = "\nThe logger runs, and takes edits without losing a tick: Apply and go on."
+        told = "\nThe logger runs, and takes edits without losing a tick: Apply and go on. Its buffers begin empty."
         body.append(f"{told}{_watching_again(context.session)} {SPLIT}", style="bold")
         go_on = Choice("cut", "Apply and go on: no tick is lost, what it has is saved", "g")
         return await _ask_around(context, title, body, [go_on, keep], "stop, apply, start again", "a", [discard])
@@ -238,6 +238,7 @@ async def _carry_out(context: Context, *, around: bool, cut: bool, unsaved: Unsa
     context.say(
         f"applied to {many(applied.changed, 'element')}"
         + (", logging again" if around else ", it goes on" if cut else "")
+        + (f"; {key_of('undo')} wants back what was" if session.table.can_undo else "")
     )
     _warn(context, applied)
     return True

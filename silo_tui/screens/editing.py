@@ -15,6 +15,7 @@ from silo.settings.typed import ElementSettings, examples, read_settings
 from silo_tui.actions import BY_ID, Command, key_of
 from silo_tui.model.table.columns import STEADY
 from silo_tui.model.table.fields import Field, next_value, parse_change, phrase_for
+from silo_tui.model.table.state import APPLIED
 from silo_tui.model.words import text
 from silo_tui.model.words.command_line import BY_KEY, Spelled
 from silo_tui.screens.dialogs.questions import Choice, Question
@@ -268,8 +269,9 @@ class Editing(ElementsScreen):
         self.table_changed()
 
     def command_undo(self) -> None:
-        label = self.session.table.undo()
-        self._edited(f"undone: {label}" if label else "nothing to undo")
+        label = self.session.table.undo() or ""
+        again = f"; wanted back, not applied yet: {key_of('apply')}" if label.startswith(APPLIED) else ""
+        self._edited(f"undone: {label}{again}" if label else "nothing to undo")
 
     def command_redo(self) -> None:
         label = self.session.table.redo()

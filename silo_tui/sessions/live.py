@@ -294,7 +294,7 @@ class Session:
         RefusedError says why not; when somebody else changed the table meanwhile it was read again and the edits are
         rebased, so that the caller can show the conflicts or try again.
         """
-        edits, revision = self.table.edits(), self.table.revision
+        edits, kept, revision = self.table.edits(), self.table.kept(), self.table.revision
         try:
             applied = await self._link.call(lambda client: client.apply(edits, revision, cut=cut))
         except RefusedError as refused:
@@ -302,7 +302,7 @@ class Session:
                 await self.reload()
             raise
         await self.reload()
-        self.table.forget_history()
+        self.table.note_applied(kept)
         self._link.watch_again()
         return applied
 

@@ -193,7 +193,8 @@ class StatusBar(FittingLine):
             )
             add(5, f"  {text.short(rate)} Hz" if measured else f"  {nominal}", "")
         if wide:
-            add(1, f"  {text.count(status.before_ticks + session.ticks)} ticks", "")
+            before = f"{text.count(status.before_ticks)} + " if status.before_ticks else ""  # others count from a cut
+            add(1, f"  {before}{text.count(session.ticks)} ticks", "")
 
 
 def since_words(seconds: float | None) -> str:

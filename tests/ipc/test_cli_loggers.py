@@ -300,6 +300,7 @@ def test_ticks_are_of_the_whole_run_as_its_time_is(log: silo.Logger, command: Ru
     assert f"stopped, {whole} ticks" in command("stop", "--all").out
     assert f" {whole} " in command("ls").out
     assert f"{whole} ticks" in command("info", "arm").out
+    assert "started: goes on after a cut: its ticks count from 0" in command("events", "arm").out
 
 
 def test_a_file_that_is_called_as_a_logger_does_not_hide_it(

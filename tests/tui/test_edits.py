@@ -224,6 +224,41 @@ def test_a_second_edit_of_a_field_in_conflict_is_in_conflict_still():
     assert (change.old, change.theirs, change.new) == ("1", "7", "9")
 
 
+def test_undo_wants_back_what_was_before_it_was_applied():
+    state = fresh()
+    state.edit([1, 2], Field.DIVIDER, 5)
+    state.edit([2], Field.ENABLED, 0)
+    kept = state.kept()
+    applied = [
+        ElementOptions(divider=5 if row in {1, 2} else 1, enabled=row != 2) for row in range(COUNT)
+    ]
+    state.load(table(state.revision + 1, *applied))
+    state.note_applied(kept)
+    assert state.undo() == "what was applied to 2"
+    told = [(change.name, change.field, change.old, change.new, change.theirs) for change in state.changes()]
+    names = state.names
+    assert told == [
+        (names[1], "divider", "5", "1", None),
+        (names[2], "logging", "off", "on", None),
+        (names[2], "divider", "5", "1", None),
+    ]
+    assert state.undo() is None  # the edits before that are what was applied
+    state.redo()
+    assert state.pending_count == (0, 0)
+
+
+def test_what_somebody_else_set_since_it_was_applied_is_a_conflict_as_it_is_wanted_back():
+    state = fresh()
+    state.edit([1, 2], Field.DIVIDER, 5)
+    kept = state.kept()
+    state.load(table(2, *(ElementOptions(divider=5 if row in {1, 2} else 1) for row in range(COUNT))))
+    state.note_applied(kept)
+    state.load(table(3, *(ElementOptions(divider={1: 5, 2: 7}.get(row, 1)) for row in range(COUNT))))
+    state.undo()
+    told = [(change.name, change.old, change.new, change.theirs) for change in state.changes()]
+    assert told == [(state.names[1], "5", "1", None), (state.names[2], "5", "1", "7")]
+
+
 def test_a_bulk_edit_is_one_undo_step():
     state = fresh()
     state.edit([0, 1, 2], Field.DIVIDER, 5)

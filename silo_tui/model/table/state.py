@@ -22,6 +22,7 @@ from silo_tui.model.words.names import first_levels, without_prefix
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 FIELDS = len(Field)
+APPLIED = "what was applied"
 
 
 @dataclass(frozen=True)
@@ -302,8 +303,21 @@ class TableState:
         self.take_beyond(self._beyond)
         self.version += 1
 
-    def forget_history(self) -> None:
-        """Forget undo steps: what was applied in the logger isn't undone by taking back an edit."""
+    def note_applied(self, applied: Sequence[KeptEdit]) -> None:
+        """Have one undo step in the place of those before: to want back what the logger had before it was applied."""
+        self._forget_history()
+        known = [(edit, row) for edit in applied if (row := self.row(edit.name)) is not None]
+        known = [(edit, row) for edit, row in known if self._server[edit.field, row] == edit.new]
+        if not known:
+            return
+        rows: Rows = np.unique([row for _, row in known])
+        now, before = self._layer(rows), self._layer(rows)
+        for edit, row in known:
+            at = int(edit.field), int(np.searchsorted(rows, row))
+            before.edited[at], before.wanted[at], before.based_on[at] = True, edit.old, edit.new
+        self._undo.append(_Step(f"{APPLIED} to {len(rows)}", rows, before, now))
+
+    def _forget_history(self) -> None:
         self._undo.clear()
         self._redo.clear()
 
@@ -324,7 +338,7 @@ class TableState:
         self._edited, self._wanted, self._based_on = edited, wanted, based_on
         self.names = names
         self._row_of = {name: row for row, name in enumerate(names)}
-        self.forget_history()  # its steps speak of rows that are no more
+        self._forget_history()  # its steps speak of rows that are no more
 
     def _layer(self, rows: Rows) -> _Layer:
         return _Layer(self._edited[:, rows].copy(), self._wanted[:, rows].copy(), self._based_on[:, rows].copy())
