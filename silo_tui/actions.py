@@ -460,7 +460,8 @@ NOT_EDITED = "a saved file: nothing to edit"
 # what people call screens, where that isn't their scope
 PLACES = {
     "monitor": "plots", "scope": "scope", "detail": "large plot", "file_monitor": "plots of a file",
-    "file_detail": "large plot of a file", "loggers": "loggers", "response": "Bode plot",
+    "file_detail": "large plot of a file", "file": "table of a file", "file_events": "events of a file",
+    "loggers": "loggers", "response": "Bode plot",
 }  # fmt: skip
 TYPED_ON_FILES = ("goto", "unmark", "theme", "picture", "bode")
 # what commands of lists were called while each list had its own, for keys that users gave them; till 0.5
@@ -557,9 +558,13 @@ def edits_by(key: str, scope: str) -> bool:
 
 def why_no_use(key: str, scope: str) -> str:
     """Return why a key does nothing on a screen, and where it does something."""
-    if edits_by(key, scope):
-        return NOT_EDITED
     there = [command for command in commands_like(scope) if key in command.keys.split(",")]
+    scopes = dict.fromkeys(each for command in there for each in command.scopes)
+    near = [each for each in scopes if (each in FILE_SCOPES) == (scope in FILE_SCOPES)] or list(scopes)
+    places = [PLACES.get(each, each) for each in near]
+    where = f"it is a key of {', '.join(places[:3])}{' and others' * (len(places) > 3)}"
+    if edits_by(key, scope):
+        return f"{NOT_EDITED}; {key_text(key)} ({there[0].label}): {where}" if there else NOT_EDITED
     if not there:
         were = [
             each for each in COMMANDS if key in each.keys.split(",") and (scope in each.scopes or "any" in each.scopes)
@@ -567,9 +572,7 @@ def why_no_use(key: str, scope: str) -> str:
         if were:
             return f"{key_text(key)} was {were[0].label}: now {key_of(were[0].id)}"
         return f"{key_text(key)} is no key of silo-tui; {key_of('help')} shows those that are"
-    places = dict.fromkeys(PLACES.get(each, each) for command in there for each in command.scopes)
-    label, more = there[0].label, " and others" if len(places) > 3 else ""
-    return f"{key_text(key)} ({label}) has no use here: it is a key of {', '.join(list(places)[:3])}{more}"
+    return f"{key_text(key)} ({there[0].label}) has no use here: {where}"
 
 
 def footer_for(scope: str, *, read_only: bool = False) -> list[Command]:

@@ -229,9 +229,7 @@ def test_undo_wants_back_what_was_before_it_was_applied():
     state.edit([1, 2], Field.DIVIDER, 5)
     state.edit([2], Field.ENABLED, 0)
     kept = state.kept()
-    applied = [
-        ElementOptions(divider=5 if row in {1, 2} else 1, enabled=row != 2) for row in range(COUNT)
-    ]
+    applied = [ElementOptions(divider=5 if row in {1, 2} else 1, enabled=row != 2) for row in range(COUNT)]
     state.load(table(state.revision + 1, *applied))
     state.note_applied(kept)
     assert state.undo() == "what was applied to 2"

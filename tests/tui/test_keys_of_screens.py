@@ -184,7 +184,11 @@ def test_every_screen_is_held_against_the_law():
 
 
 def test_a_key_without_a_use_says_where_it_has_one():
-    assert why_no_use("V", "monitor") == "V (Range) has no use here: it is a key of table, file, triggers and others"
+    assert why_no_use("V", "monitor") == "V (Range) has no use here: it is a key of table, triggers, alarms and others"
+    assert why_no_use("w", "file") == (
+        "a saved file: nothing to edit; w (Write): it is a key of plots of a file, large plot of a file, "
+        "events of a file"
+    )
     assert why_no_use("Q", "table") == "Q is no key of silo-tui; ? shows those that are"
     assert why_no_use("backspace", "table").startswith("Backspace is no key")
     assert why_no_use("shift+f5", "table").startswith("⇧F5 is no key")

@@ -196,7 +196,7 @@ def farewell(log: Logger, types: Sequence[FileType], say: Callable[[str], None],
         return
     if types:
         saved = log.save(types)
-        say(f"logger '{name}' ended; {many(log.ticks, 'tick')} saved:")
+        say(f"logger '{name}' ended after {many(log.ticks, 'tick')}; what its buffers held is saved:")
         for file in saved:
             say(f"  {file.path} ({size_text(file.size_bytes)})")
         return
