@@ -173,15 +173,16 @@ class SiloApp(Guarded, App[None]):
             self.call_next(self.context.fail, words)  # from its own turn: what failed may be the screen it is told on
 
     def release(self) -> str:
-        """End what was started: the demo's process and the connection; return where what the demo logged is."""
-        demo = self._opener.demo
+        """End what was started: the demo's process and the connection; return how the logger that was open is left."""
+        demo, session = self._opener.demo, self.context.logger_session
+        words = flows.left_words(session) if session is not None and not self.context.has_demo() else ""
         if demo is not None:
             demo.stop()
         if self.context.has_session:
             self.context.keep_edits()
-            if (session := self.context.logger_session) is not None:
+            if session is not None:
                 session.close()
-        return demo.farewell if demo is not None else ""
+        return "\n".join(filter(None, [words, demo.farewell if demo is not None else ""]))
 
     # ---------------------------------------------------------------------------------------------------- timers
 

@@ -34,7 +34,7 @@ async def start_stop(context: Context) -> None:
         context.say(GONE)
         return
     if not session.running:
-        unsaved = await _start_over(context) if _is_unsaved(context) else Unsaved.REFUSE
+        unsaved = await _start_over(context) if _is_unsaved(context.session) else Unsaved.REFUSE
         if unsaved is None:
             return
         await session.start(unsaved)
@@ -69,7 +69,7 @@ async def restart(context: Context) -> None:
         if answer is None or (answer == "save" and not await _stop_and_save(context)):
             return
         unsaved = _decided(answer)
-    elif _is_unsaved(context):
+    elif _is_unsaved(context.session):
         unsaved = await _start_over(context)
     if unsaved is None:
         return
@@ -78,9 +78,9 @@ async def restart(context: Context) -> None:
     context.status_changed()
 
 
-def _is_unsaved(context: Context) -> bool:
+def _is_unsaved(session: Session) -> bool:
     """Return whether a new start would drop something."""
-    status = context.session.status
+    status = session.status
     return not status.saved and status.run_ticks > 0
 
 
@@ -118,7 +118,7 @@ async def _ask_around(
     """
     await context.session.refresh_status()  # it may have been saved, and gone on since
     choices = [*first]
-    if _is_unsaved(context):
+    if _is_unsaved(context.session):
         held = _held(context)
         choices += [Choice("save", f"Save, {steps}", "s"), Choice("drop", f"Drop {held}: {steps}", "D", loses=True)]
     else:
@@ -403,6 +403,22 @@ async def leave(context: Context) -> None:
         forget_edits(context)
     context.left()
     context.app.exit()
+
+
+def left_words(session: Session) -> str:
+    """Return how a logger is left as the app ends: what goes on without it, and what no file has."""
+    status, name = session.status, session.name
+    if session.link is None or not status.logger:
+        return ""
+    if session.dead:
+        saved = f": {', '.join(file.path for file in session.left_files)}" if session.left_files else ""
+        return f"{name} is dead{saved}"
+    if session.running:
+        recorded = f", {many(status.recorders, 'recording')} with it" if status.recorders else ""
+        return f"{name} logs on{recorded}"
+    if not _is_unsaved(session):
+        return f"{name} is stopped"
+    return f"{name} is stopped, and {many(status.run_ticks, 'tick')} stand in no file: `silo save {name}`"
 
 
 def forget_edits(context: Context) -> None:

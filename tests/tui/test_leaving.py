@@ -6,10 +6,13 @@ import threading
 import warnings
 
 import pytest
+from msgspec import structs
 from textual import events
 
 from silo.conditions.standing import TriggerStatus
 from silo.core.conditions import TriggerOptions, TriggerWord
+from silo.core.elements import State
+from silo_tui.commands.flows import left_words
 from silo_tui.screens.lists.recordings import RecordingsScreen
 from silo_tui.screens.lists.settings import SettingsScreen
 from silo_tui.screens.lists.triggers import TriggersScreen
@@ -121,6 +124,21 @@ async def test_who_quits_without_applying_is_told_what_becomes_of_the_robot(open
         screen.app.context.has_demo = lambda: is_demo
         await screen.press("t", "q")
         await screen.shows(words)
+
+
+async def test_who_leaves_is_told_in_the_terminal_how_the_robot_is_left(opened, fake):
+    async with opened(fake) as screen:
+        session = screen.session
+        name, status = session.name, session.status
+        session.take_status(structs.replace(status, state=State.RUNNING, recorders=2))
+        assert left_words(session) == f"{name} logs on, 2 recordings with it"
+        stopped = structs.replace(status, state=State.STOPPED, ticks=9, before_ticks=3, saved=False)
+        session.take_status(stopped)
+        assert left_words(session) == f"{name} is stopped, and 12 ticks stand in no file: `silo save {name}`"
+        session.take_status(structs.replace(stopped, saved=True))
+        assert screen.app.release() == f"{name} is stopped"
+        screen.app.context.has_demo = lambda: True  # which ends with the app, and says so itself
+        assert screen.app.release() == ""
 
 
 async def test_work_that_is_overtaken_before_it_began_leaves_no_warning(fake, opened):
