@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from msgspec import inspect
 
-from tests.golden import files, structs, words
+from tests.golden import files, keys, structs, words
 from tests.golden.__main__ import FOLDER
 
 KEPT = json.loads((FOLDER / "structs.json").read_text())
@@ -49,8 +49,10 @@ def test_a_sample_says_something_of_every_field(name) -> None:
     assert not defaults
 
 
-def test_every_word_of_the_help_is_as_it_was() -> None:
-    same((FOLDER / "help.txt").read_text(), "\n".join(words.told()), "help of before")
+@pytest.mark.parametrize("told", [words, keys])
+def test_every_word_of_the_help_and_every_key_is_as_it_was(told) -> None:
+    name = {words: "help.txt", keys: "keys.txt"}[told]
+    same((FOLDER / name).read_text(), "\n".join(told.told()), f"{name} of before")
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -4,14 +4,16 @@ import os
 import tempfile
 from pathlib import Path
 
-from tests.golden import files, structs, words
+from tests.golden import files, keys, structs, words
 
 FOLDER = Path(__file__).parents[1] / "data" / "golden"
 
 
 def main() -> None:
     """Replace what is compared; what only has to be read, `golden/read`, stays as it was written once."""
-    found = {"structs.json": structs.written().encode(), "help.txt": ("\n".join(words.told()) + "\n").encode()}
+    texts = {"help.txt": words.told(), "keys.txt": keys.told()}
+    found = {"structs.json": structs.written().encode()}
+    found |= {name: ("\n".join(lines) + "\n").encode() for name, lines in texts.items()}
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         found |= files.written()
