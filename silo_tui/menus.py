@@ -142,7 +142,10 @@ class MenuReader:
     def picture(self, screen: SiloScreen, width: int) -> Text:
         """Return the entries in columns: a letter, what it does or is now; in brackets what can't be done, and why."""
         meant = in_menu(self._menu, screen.scope)
-        entries = {key: commands[0] for key, commands in meant.items()}
+        entries: dict[str, Command] = {}
+        for key, commands in meant.items():
+            if commands[0] not in entries.values():  # one that has two letters here is shown with its first
+                entries[key] = commands[0]
         reasons = {key: self._why_not(screen, commands) for key, commands in meant.items()}
         of_all = {why[0] if why else "" for why in reasons.values()}  # one that all have is told once
         count = max(-(-len(entries) // MOST_ROWS), min(3, width // LEAST_COLUMN, len(entries)))

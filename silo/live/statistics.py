@@ -10,14 +10,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.core.arrays.columns import Floats
-from silo.core.arrays.running import RunningStatistics
-from silo.core.elements import BufferType, State
+from silo.core.arrays.running import RunningStatistics, move
+from silo.core.elements import BufferType, ElementInfo, State
 from silo.errors import SegmentError
 from silo.live.newest import NewestValues
 from silo.live.quantities import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
@@ -147,6 +147,31 @@ class Tally:
         sums = RunningStatistics(self.count)
         sums.since_ns = self.reader.last_time_ns
         return sums
+
+    def go_on(self, before: "Tally") -> list[tuple[slice, slice]]:
+        """Take over what was followed of the same run, as other signals were derived; return slots before and now.
+
+        Where a derived signal was changed or forgotten, all derived ones begin: they may be computed from it.
+        """
+        if before.reader.schema.run != self.reader.schema.run:
+            return []
+        derived = {each.name for each in self.reader.schema.conditions.derived}
+        if set(before.reader.schema.conditions.derived) <= set(self.reader.schema.conditions.derived):
+            derived = set()
+        known = {ring.number: ring for ring in before._rings}
+        kept = []
+        for place, ring in enumerate(self._rings):
+            one, infos = known.get(ring.number), self._infos(ring)
+            if one is not None and infos == before._infos(one) and not derived & {info.name for info in infos}:
+                self._rings[place] = replace(one, columns=ring.columns, slots=ring.slots)
+                kept.append((one.slots, ring.slots))
+        move(before, self, ("newest", "changed_ns", "bad_ns", "_changes", "_read", "_read_to_change"), kept)
+        self.skipped = before.skipped
+        return kept
+
+    def _infos(self, ring: _Ring) -> list[ElementInfo]:
+        elements = self.reader.schema.elements
+        return [elements[number].info for number in np.flatnonzero(self._ring_of == ring.number)]
 
     def _look_back(self, ring: _Ring) -> None:
         """Count changes of the oldest rows that are held: what froze before anybody asked has changed there."""
@@ -427,13 +452,16 @@ class Surveyor:
             self._tally.advance(now_s, [one.value.sums for one in self._askers.all()])
 
     def _follow_run(self) -> None:
-        """Go over to a new run; its statistics are its own. With other derived signals all of them begin anew."""
-        if not self._run.look() and self._tally is not None:
+        """Go over to a new run; its statistics are its own. With other derived signals those of the others go on."""
+        before = self._tally
+        if not self._run.look() and before is not None:
             return
         self._tally = Tally(self._run.reader) if self._run.reader is not None else None
         if self._tally is not None:
+            kept = self._tally.go_on(before) if before is not None else []
             for one in self._askers.all():
-                one.value.sums = self._tally.sums()
+                sums = one.value.sums
+                one.value.sums = sums.moved(self._tally.count, kept) if kept else self._tally.sums()
 
     def _let_go(self) -> None:
         self._tally = None

@@ -149,14 +149,3 @@ async def test_what_is_typed_as_a_whole_is_done_and_what_is_not_is_asked_for(fak
         assert not screen.app.screen.is_modal
         await screen.press("colon", *"derive cold", "enter")
         await screen.shows("Derive a signal on robot")
-
-
-async def test_that_statistics_begin_anew_with_another_signal_is_told_where_they_are_shown(fake, opened):
-    async with opened(fake.run()) as screen:
-        await screen.enter(":derive power imu/temperature * 2")
-        await screen.shows("is derived: imu/temperature * 2")
-        assert "begin anew" not in screen.text
-        screen.app.screen.show_set("statistics")
-        await screen.until(lambda: any("mean" in known for known in screen.session.table.facts.details.values()))
-        await screen.enter(":derive more imu/temperature * 3")
-        await screen.shows("statistics begin anew")

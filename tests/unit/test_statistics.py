@@ -1,10 +1,13 @@
 """Statistics of a survey: over every sample, whatever its type, and signs that follow from them."""
 
+import msgspec
 import numpy as np
 import pytest
 
 import silo
 from silo.core.arrays.running import RunningStatistics
+from silo.core.conditions import Derived
+from silo.journal.derived_rows import with_derived
 from silo.live.quantities import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
 from silo.live.requests import GetSurvey, Survey
 from silo.live.statistics import Surveyor, Tally
@@ -151,6 +154,56 @@ def test_statistics_begin_where_they_were_asked_for(robot):
     robot.tick(2)
     robot.advance()
     assert robot.of("/log/x", "max") == 2
+
+
+SQUARE = Derived("/log/square", "x * x")
+DOUBLE = Derived("/log/double", "2 * x")
+
+
+def test_statistics_go_on_as_signals_are_derived_and_begin_where_these_are_changed(robot):
+    followed = []
+
+    def over(*derived):
+        before = robot.tally
+        robot.tally = Tally(with_derived(SegmentReader(robot.log._present.path), derived))
+        kept = robot.tally.go_on(before)
+        robot.sums = robot.sums.moved(robot.tally.count, kept)
+        followed.append(len(kept))
+
+    def told(name, *quantities):
+        return [robot.of(name, quantity) for quantity in quantities]
+
+    values = [5.0, -2.0, 3.0, 7.0, np.nan, 1.0, 4.0]
+    for place, x in enumerate(values):
+        robot.tick(x, force=x)
+        if place % 2 == 0:
+            robot.advance(place)
+        if place == 2:
+            over(SQUARE)  # with a row that was not read yet
+        if place == 4:
+            over(SQUARE, DOUBLE)
+    robot.advance(9.0)
+    assert told("/log/x", "count", "bad", "min", "max", "mean") == [6, 1, -2, 7, 3]
+    assert told("/log/force", "count", "bad") == told("/log/x", "count", "bad")
+    assert robot.sums.since_ns == 0
+    assert told("/log/square", "count", "max") == [3, 49]  # 49, 1, 16: from where it was derived, on over the next
+    assert told("/log/double", "count", "min", "max") == [2, 2, 8]
+    over(msgspec.structs.replace(SQUARE, expression="x + x"), DOUBLE)
+    robot.tick(6.0)
+    robot.advance(10.0)
+    assert told("/log/x", "count", "max") == [7, 7]
+    assert told("/log/square", "count", "max") == [1, 12]
+    assert told("/log/double", "count") == [1]  # it may be computed from what was changed
+    over()
+    assert told("/log/x", "count") == [7]
+    assert followed[-1] == followed[0]
+
+
+def test_another_run_goes_on_nothing(robot):
+    robot.tick(1.0)
+    before = robot.tally
+    robot.log.restart()
+    assert Tally(SegmentReader(robot.log._present.path)).go_on(before) == []
 
 
 def test_sums_keep_their_digits_far_from_zero():

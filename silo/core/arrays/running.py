@@ -1,5 +1,7 @@
 """Statistics of many signals, added up block by block: whatever is added when, the digits are those of all at once."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from silo.core.arrays.columns import Floats
@@ -14,6 +16,16 @@ class RunningStatistics:
         self.number, self.bad = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._base = np.full(count, np.nan)  # sums of what is left of it lose no digits
         self._sum, self._squares = np.zeros(count), np.zeros(count)
+
+    def moved(self, count: int, kept: Sequence[tuple[slice, slice]]) -> "RunningStatistics":
+        """Return statistics of `count` signals that go on with these; `kept` are slots here, and where they are there.
+
+        Those of the other slots begin.
+        """
+        made = RunningStatistics(count)
+        made.since_ns = self.since_ns
+        move(self, made, ("low", "high", "number", "bad", "_base", "_sum", "_squares"), kept)
+        return made
 
     def add(self, slots: slice, block: Floats, *, all_finite: bool) -> None:
         """Add samples, shape `(n, number of slots)`."""
@@ -51,3 +63,10 @@ class RunningStatistics:
             if quantity == "mean":
                 return self._base + mean
             return np.sqrt(np.maximum(self._squares / self.number - mean * mean, 0.0))
+
+
+def move(before: object, after: object, names: Sequence[str], kept: Sequence[tuple[slice, slice]]) -> None:
+    """Copy the kept slots of the arrays of these names from one object to another."""
+    for name in names:
+        for here, there in kept:
+            getattr(after, name)[there] = getattr(before, name)[here]

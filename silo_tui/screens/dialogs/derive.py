@@ -65,7 +65,7 @@ async def ask_derived(context: Context, session: Session, one: Derived, *, is_wh
         return DeriveDialog(session, made or one, is_new=is_new, problem=problem)
 
     async def send(made: Derived) -> None:
-        said = await context.link.call(_deriving(made)) + _anew(session)
+        said = await context.link.call(_deriving(made))
         await session.reload()
         row = session.table.row(derived.named(session.table, made.name).name)
         if row is not None and not session.rows.move_to_row(row):
@@ -91,12 +91,5 @@ async def forget(context: Context, session: Session, rows: Sequence[int]) -> Non
     if not await confirmed(context.app, title, "\n".join(lines), "Delete", keep):
         return
     said = await context.link.call(lambda client: "; ".join([client._remove_derived(name) for name in names[::-1]]))
-    said += _anew(session)
     await session.reload()
     context.say(said)
-
-
-def _anew(session: Session) -> str:
-    """What becomes of statistics that are shown: they are of one set of signals."""
-    shown = any("mean" in known for known in session.table.facts.details.values())
-    return "; statistics begin anew" if shown else ""
