@@ -10,6 +10,7 @@ from silo.core.tuning.parameters import ParameterChange, ParameterInfo, Paramete
 from silo.errors import ElementError
 from silo_tui.keymap import in_menu
 from silo_tui.model.lists.parameters import BAR, history, range_bar, stepped, why_fixed
+from silo_tui.screens.plots.monitor import MonitorScreen
 from tests.stand_ins.fake_parameters import PARAMETERS
 
 HEIGHT, NAME, KP, FIXED = PARAMETERS
@@ -94,6 +95,19 @@ async def test_one_is_turned_typed_undone_and_set_again(fake, opened):
         await screen.until(lambda: values(fake)["height"] == 0.48)
         await screen.press("ctrl+r")
         await screen.until(lambda: values(fake)["height"] == 0.435)
+
+
+async def test_the_parameter_whose_plot_is_chosen_is_turned_there(fake, opened, monkeypatch):
+    fake.parameter_infos = [replace(HEIGHT, name="/log/imu/temperature")]
+    async with opened(fake) as screen:
+        await screen.enter(":goto imu/temperature")
+        await screen.do("monitor")
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
+        await screen.press("greater_than_sign")
+        await screen.until(lambda: values(fake)["temperature"] == 0.485)
+        await screen.shows("0.485 m: it holds")
+        await screen.press("less_than_sign")
+        await screen.until(lambda: values(fake)["temperature"] == 0.48)
 
 
 async def test_what_is_undone_before_its_answer_came_is_what_was_set_last(fake, opened):
