@@ -16,6 +16,7 @@ from silo_tui.model.table.cells import sign_of
 from silo_tui.model.table.facts import LIMIT_BITS
 from silo_tui.model.table.fields import Field
 from silo_tui.model.table.state import TableState
+from silo_tui.screens.dialogs.form import hints_with
 
 POWER = Derived("/log/power", "2 * imu/acceleration", "W")
 
@@ -85,6 +86,13 @@ def test_what_is_typed_is_told_as_it_would_be(table):
         derived.words_of(Derived("", "imu/temperature"), table)
     with pytest.raises(ElementError, match="is an element already"):
         derived.words_of(Derived("imu/temperature", "base/position_x"), table)
+
+
+def test_an_example_is_one_of_signals_that_are_logged(table):
+    hints = hints_with({"is": "{0} * {1}", "name": "a word"}, table)
+    assert hints["name"] == "a word"
+    assert derived.words_of(Derived("new", hints["is"]), table)[0].startswith("one number")
+    assert hints_with({"is": "{0} * {1}"}, TableState())["is"] == "a * a"
 
 
 def test_a_unit_that_follows_is_not_typed_again(table):

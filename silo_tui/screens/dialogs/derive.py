@@ -7,7 +7,7 @@ from silo.core.conditions import Derived
 from silo.core.quantities.writing import many
 from silo_tui.context import Context
 from silo_tui.model.table import derived
-from silo_tui.screens.dialogs.form import NUMBER, Form, taken
+from silo_tui.screens.dialogs.form import NUMBER, Form, hints_with, taken
 from silo_tui.screens.dialogs.questions import confirmed
 from silo_tui.sessions.live import Session
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from silo.client.client import Client
 
 LINES = (("name",), ("is",), ("unit",))
-HINTS = {"name": "e.g. power", "unit": "else as it follows", "is": "e.g. joints/torque * joints/velocity"}
+HINTS = {"name": "e.g. power", "unit": "else as it follows", "is": "e.g. {0} * {1}"}
 
 
 class DeriveDialog(Form[Derived]):
@@ -33,7 +33,8 @@ class DeriveDialog(Form[Derived]):
     def __init__(self, session: Session, one: Derived, *, is_new: bool, problem: str = "") -> None:
         name = session.short_name(one.name).lstrip("/")
         title = f"Derive a signal on {session.name}" if is_new else f"Derived signal {name} on {session.name}"
-        super().__init__(title, LINES, {"name": name, "unit": one.unit, "is": one.expression}, HINTS, problem)
+        values = {"name": name, "unit": one.unit, "is": one.expression}
+        super().__init__(title, LINES, values, hints_with(HINTS, session.table), problem)
         self._session = session
         self._start = "is" if name else "name"
 

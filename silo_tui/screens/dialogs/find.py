@@ -9,7 +9,7 @@ from silo.judging.checks import table_catalogue
 from silo_tui.model.lists.conditions import tried_lines
 from silo_tui.model.samples.find import WORDS, Search, What
 from silo_tui.model.table import derived
-from silo_tui.screens.dialogs.form import CONDITION, Form
+from silo_tui.screens.dialogs.form import CONDITION, Form, hints_with
 from silo_tui.screens.dialogs.questions import Choice, Question
 from silo_tui.sessions.live import Session
 
@@ -47,7 +47,7 @@ class ConditionDialog(Form[Search]):
     NEEDED: ClassVar = {"when": CONDITION}
 
     def __init__(self, session: Session, begun: str) -> None:
-        hints = {"when": "abs(joints/torque) > 20 and base/velocity < 0.1"}
+        hints = hints_with({"when": "abs({0}) > 20 and {1} < 0.1"}, session.table)
         super().__init__("Find where a condition turns true", (("when",),), {"when": begun}, hints)
         self._session = session
 

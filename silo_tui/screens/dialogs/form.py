@@ -20,11 +20,24 @@ from silo_tui.modal import Dialog, run_alone
 if TYPE_CHECKING:
     from silo.client.client import Client
     from silo_tui.context import Context
+    from silo_tui.model.table.state import TableState
 
 ResultT = TypeVar("ResultT")
 
 NUMBER = f"signals, numbers with units, + - * ** and a / with blanks, {' '.join(FUNCTIONS)}"
 CONDITION = f"the condition: signals, numbers with units, and or not, {' '.join(FUNCTIONS)}"
+
+
+def hints_with(hints: Mapping[str, str], table: "TableState") -> dict[str, str]:
+    """Return hints with names of numbers that are logged, in the place of `{0}` and `{1}`."""
+    numbers = (
+        table.shown(element.name + entry.suffix).lstrip("/")
+        for element in table.elements
+        for entry in element.entries
+        if entry.dtype[1:2] == "f"
+    )
+    first = next(numbers, "a")
+    return {name: hint.format(first, next(numbers, first)) for name, hint in hints.items()}
 
 
 class Form(Dialog[ResultT | None], Generic[ResultT]):

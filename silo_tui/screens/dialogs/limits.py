@@ -14,7 +14,7 @@ from silo_tui.model.drawing.window import SECOND_NS, PlotWindow
 from silo_tui.model.lists.conditions import NOW, held_axis, tried_lines
 from silo_tui.model.plots.limit_line import BOUNDS, fields_of, limits_of_fields
 from silo_tui.model.plots.limits import lines_of
-from silo_tui.screens.dialogs.form import Form, taken
+from silo_tui.screens.dialogs.form import Form, hints_with, taken
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.live_source import LiveSource
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 LINES = (("signal",), ("LL", "L"), ("H", "HH"), ("persist", "hyst"), ("stale", "when"))
 HINTS = {
-    "signal": "e.g. joints/torque", **BOUNDS,
+    "signal": "e.g. {0}", **BOUNDS,
     "persist": "samples in a row: 1", "hyst": "ends so far inside: 0", "stale": "the same for: 0.5s",
     "when": "a condition that must hold",
 }  # fmt: skip
@@ -83,7 +83,7 @@ class LimitsDialog(Form[LimitsWish]):
         """`name` is the whole name of the signal that is `shown`; without one it is to be typed."""
         title = f"Limits of {shown} on {session.name}" if shown else f"Limits of a signal on {session.name}"
         given = {"signal": shown, **(fields_of(limits) if limits is not None else {})}
-        super().__init__(title, LINES, given, HINTS, problem)
+        super().__init__(title, LINES, given, hints_with(HINTS, session.table), problem)
         self._session, self._shown, self._name, self._given = session, shown, name, limits
 
     def on_mount(self) -> None:

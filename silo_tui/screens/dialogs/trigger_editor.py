@@ -5,12 +5,12 @@ from typing import ClassVar
 from silo.core.conditions import TriggerOptions
 from silo_tui.context import Context
 from silo_tui.model.lists.conditions import UNNAMED, fields_of, options_of_fields, tried_lines
-from silo_tui.screens.dialogs.form import CONDITION, Form, taken, told
+from silo_tui.screens.dialogs.form import CONDITION, Form, hints_with, taken, told
 from silo_tui.sessions.live import Session
 
 LINES = (("name",), ("when",), ("rearm", "mode"), ("pre", "post"), ("persist", "holdoff"), ("save", "keep"))
 HINTS = {
-    "name": "a word for names of files", "when": "e.g. abs(base/roll) > 0.6 and controller/mode == STANCE",
+    "name": "a word for names of files", "when": "e.g. abs({0}) > 0.6 and {1} < 20",
     "rearm": "once 'when' was false", "pre": "5s", "post": "1s", "persist": "20ms", "holdoff": "10s",
     "mode": "normal or single, rising", "save": "silo csv bag", "keep": "newest so many, 0 all",
 }  # fmt: skip
@@ -27,7 +27,7 @@ class TriggerEditor(Form[TriggerOptions]):
 
     KEYS_HERE = "Enter Sets it  Tab Next field  Esc Back"
     AFTER_S = 0.5
-    NEEDED: ClassVar = {"name": UNNAMED, "when": f"{CONDITION}; abs(base/roll) > 0.6"}
+    NEEDED: ClassVar = {"name": UNNAMED, "when": CONDITION}
     ABOUT: ClassVar = {
         "name": "stands in names of its files: letters and digits",
         "when": "it fires as this turns true (see mode): signals, numbers with units, and or not",
@@ -44,7 +44,7 @@ class TriggerEditor(Form[TriggerOptions]):
     def __init__(self, session: Session, options: TriggerOptions, *, is_new: bool, problem: str = "") -> None:
         where = f"on {session.name}"
         title = f"New trigger {where}" if is_new else f"Trigger {options.name} {where}"
-        super().__init__(title, LINES, fields_of(options), HINTS, problem)
+        super().__init__(title, LINES, fields_of(options), hints_with(HINTS, session.table), problem)
         self._session = session
         self._options = options
         self._is_new = is_new
