@@ -424,9 +424,8 @@ class PlotScreen(SiloScreen):
             for plotted in self.stack.plots
         ]
         seconds = (b_ns - a_ns) / SECOND_NS
-        times = f"A {self.moment_words(a_ns)}   B {self.moment_words(b_ns)}   B-A {text.short(seconds, 6)} s"
         hertz = f"  {text.short(abs(1 / seconds))} Hz" if seconds else ""
-        times += hertz if len(times + hertz) + 2 <= self.size.width else ""
+        times = f"B-A {text.short(seconds, 6)} s{hertz}   A {self.moment_words(a_ns)}   B {self.moment_words(b_ns)}"
         self.between.show(times, facts, partly)
 
     def take_back(self) -> None:
